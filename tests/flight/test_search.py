@@ -142,7 +142,7 @@ def test_a_takeover_in_the_middle_of_a_decision_ends_a_search_for_good(
         finally:
             os.kill(guide, signal.SIGCONT)
         until(lambda: program.ended, 5.0)
-        assert "another has given a target" in field.events()
+        assert "another program has set a target" in field.events()
         time.sleep(8.0)
     assert field.commands() == sent
     assert notes_until_the_end(field)[-1].text == "0 of 1 found"

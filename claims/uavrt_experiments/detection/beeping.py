@@ -462,7 +462,7 @@ def main(arguments: Sequence[str]) -> None:
             sys.stdout.write(f"{what} {names_right(int(values[0]), what)}\n")
     elif kind == "live":
         for seed in range(1, 1 + int(values[0])):
-            named_count = named_live(3e6, 30.0, enr_db=float(values[1]), seed=seed)
+            named_count = named_live(3e6, 50.0, enr_db=float(values[1]), seed=seed)
             sys.stdout.write(f"{named_count} of 5\n")
     else:
         found = ghosts(float(values[0]), float(values[1]))

@@ -18,12 +18,7 @@ from uavrt.planning.detectability.detection_coverage import Coverage
 def write_maps(
     directory: Path, name: str, coverage: Coverage, path: Sequence[tuple[float, float]]
 ) -> list[Path]:
-    """Write a coverage map as GeoTIFF (probabilities) and PNG (picture).
-
-    The picture looks as in a report; without matplotlib it shows only the map's cells. `name`
-    is the file name without ending, and `path` the longitude and latitude of the flown path
-    [deg]. Raises `RecordingError` if they cannot be written.
-    """
+    """Write a coverage map as GeoTIFF (probabilities) and PNG (as in a report)."""
     ground = coverage.ground
     grid = PositionGrid(
         latitude_deg=ground.plane.latitude_deg,
@@ -54,11 +49,7 @@ def _picture(coverage: Coverage, path: Sequence[tuple[float, float]]) -> bytes:
 def write_silence(
     directory: Path, flight: Flight, maps: dict[int, SilentMap], tag_ids: Sequence[int]
 ) -> dict[int, list[Path]]:
-    """Write coverage maps of tags not found as GeoTIFF and PNG, and remove outdated ones.
-
-    `maps` come from `silent_maps`, by tag id. Files of the other tags in `tag_ids` are removed.
-    Raises `RecordingError` if they cannot be written.
-    """
+    """Write coverage maps of tags not found as GeoTIFF and PNG; remove outdated ones."""
     for tag_id in set(tag_ids) - set(maps):
         for ending in ("tif", "png"):
             (directory / f"{_map_name(tag_id)}.{ending}").unlink(missing_ok=True)

@@ -1,8 +1,4 @@
-"""Season statistics: flights, minutes, effort for each animal, batteries.
-
-They cover all flights in a folder. A flight that was recorded by both ground station and drone
-counts once, as do its batteries.
-"""
+"""Season statistics: flights, minutes, effort for each animal, batteries."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +16,7 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 from uavrt.flight.reading.outline import FlightOutline, read_outline
 
 CHANGED_PERCENT = 10
-"""Least rise of the charge that indicates a changed battery [percentage points]."""
+"""Minimum rise of the charge that indicates a changed battery [percentage points]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,10 +137,7 @@ def _animal(searched: Sequence[tuple[Tag, CopiesOfFlight]]) -> AnimalOfSeason:
 
 
 def _batteries(flights: Sequence[CopiesOfFlight]) -> tuple[int, float]:
-    """Number of batteries and charge used, over all vehicles.
-
-    Of a flight's copies, the one with most battery reports counts.
-    """
+    """Number of batteries and charge used, over all vehicles; a flight's copies count once."""
     before: dict[str | None, int] = {}
     put_in, used = 0, 0.0
     for flight in flights:

@@ -148,10 +148,7 @@ class Survey:
         return None if found is None else found.position
 
     def position_time_ns(self, tag_id: int) -> int | None:
-        """Time of a tag's position: end of its last bearing, or last pulse [ns, UTC].
-
-        For a moving tag it is the last time on its path.
-        """
+        """Time of a tag's position [ns, UTC]: end of its last bearing, pulse or path."""
         position = self.placed(tag_id)
         if position is not None and position.track:
             return position.track[-1].time_ns

@@ -44,12 +44,7 @@ which is imported when the command is called."""
 
 
 def make_app(*, summaries: bool = False, added: bool = False) -> App:
-    """Make the command line.
-
-    `summaries`: describe each command by its text in `COMMANDS`; otherwise by its own
-    docstring, for which its module must be imported. `added`: include the commands of
-    other packages, by entry points of the group ``uavrt.cli_commands`` (0.1 s).
-    """
+    """Make the command line; with `summaries` no command is imported, `added` are plug-ins."""
     made = App(
         name="uavrt",
         help=uavrt.__doc__,

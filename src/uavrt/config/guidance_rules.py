@@ -9,8 +9,7 @@ from uavrt.core.plugins import Registry
 
 PLANNER_GROUP = "uavrt.planners"
 PLANNER_NAMES = ("mi_rate",)
-"""Names of the planners in `uavrt.planning`; installed packages add further ones by entry
-point."""
+"""Names of the planners in `uavrt.planning`; installed packages may add others."""
 
 
 def guidance_faults(document: dict[str, Any]) -> Iterator[tuple[str, str]]:

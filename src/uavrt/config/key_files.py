@@ -11,11 +11,7 @@ REMEDY = "`(umask 077; openssl rand -hex 32 > FILE)` makes one"
 
 
 def read_key_file(path: str | Path, what: str, *, least: int, most: int) -> bytes:
-    """Read a secret key of `least` to `most` bytes from hexadecimal digits.
-
-    `what` names the file in messages. Raises `FormatError` for a pipe or a far too large file.
-    Raises `ConfigError` if it is missing, open to other users, or holds no such key.
-    """
+    """Read a secret key of hexadecimal digits that only its owner may read."""
     with os_errors_as(ConfigError, f"cannot read the {what} {path}", REMEDY):
         text = read_file(path, KEYS).decode("ascii", "replace")
         # Windows stores permissions elsewhere.

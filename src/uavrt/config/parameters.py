@@ -18,8 +18,7 @@ from uavrt.core.messages import Tag
 Kind = Literal["whole", "real", "switch", "choice"]
 
 SIGNIFICANT_DIGITS = 7
-"""Decimal digits of a float32, the type in which parameters are sent, so that 0.005 is shown as
-0.005."""
+"""Decimal digits of a float32, the type of sent parameters: 0.005 is shown as 0.005."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -240,11 +239,7 @@ def with_parameter(settings: Settings, name: str, value: float) -> Settings:
 def check_start(
     settings: Settings | None, center_frequency_hz: float | None, gain: float | None
 ) -> int | None:
-    """Check frequency and gain of a start or capture command; return the gain.
-
-    Raises `ConfigError` with the range if the radio does not support one of them. `settings` is
-    None for an unknown radio.
-    """
+    """Check frequency and gain of a start or capture command; return the gain."""
     if center_frequency_hz is not None:
         row = PARAMETERS["RADIO_FREQ_KHZ"]
         if not row.low <= center_frequency_hz / row.scale <= row.high:

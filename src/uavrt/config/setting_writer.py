@@ -25,11 +25,7 @@ _MOST_LINES = 200
 
 
 def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
-    """Write some settings and return the new text; a new file begins with all defaults.
-
-    Raises `ConfigError` if a value is not allowed, or the file has faults or cannot be written;
-    the file then stays as it was.
-    """
+    """Write some settings, if all are allowed, and return the new text."""
     target = Path(path)
     settings, text = changed_settings(target, changes)
     with os_errors_as(
@@ -50,7 +46,7 @@ def changed_settings(path: Path, changes: Changes) -> tuple[Settings, str]:
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise ConfigError(
-            f"cannot read the settings {path}: {reason}", remedy="Check the file"
+            f"cannot read the settings {path}: {reason}", remedy="Make it readable UTF-8 text"
         ) from error
     parse_settings(before.encode(), name=path.name)
     text = before
@@ -121,7 +117,7 @@ def _require_only(before: str, after: str, changes: Changes, path: Path) -> None
     if _without_empty(found) != _without_empty(wanted):
         names = ", ".join(f"[{table}] {key}" for table, key in changes)
         raise ConfigError(
-            f"{path.name} is written in a form in which {names} cannot be changed from here",
+            f"{names} cannot be changed by uavrt in the layout of {path.name}",
             remedy="Change it with an editor, or move the file away and start again",
         )
 

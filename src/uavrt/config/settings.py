@@ -26,10 +26,7 @@ class _Table:
 
 
 def is_ros_namespace(text: str) -> bool:
-    """True if ROS 2 accepts a text as a namespace: names of letters, digits and underscores.
-
-    Rules: design.ros2.org, "Topic and Service name mapping to DDS".
-    """
+    """True for a ROS 2 namespace: names of letters, digits and underscores."""
     named = re.fullmatch(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*", text)
     return text == "" or (named is not None and "__" not in text and len(text) <= 100)
 
@@ -92,21 +89,20 @@ class MavlinkSettings(_Table):
     position_rate_hz: Annotated[float, Interval(gt=0.0, le=250.0)] = 10.0
     """Rate of position messages requested from the autopilot [Hz]."""
     parameter_encoding: Literal["auto", "bytewise", "c_cast", "float"] = "auto"
-    """Encoding of whole numbers in parameters; auto: as the autopilot does it (PX4 bytewise,
-    ArduPilot cast), which is what most ground stations expect; float: all parameters are of
-    type float, which every ground station reads, MAVProxy with a PX4 included."""
+    """Encoding of whole numbers in parameters. auto: as the autopilot (PX4 bytewise, ArduPilot
+    cast), which most ground stations expect. float: all parameters are of type float, which
+    every ground station reads, also MAVProxy with a PX4."""
     named_values: NamedValuesName = "all"
     """SNR and count of each tag as NAMED_VALUE_FLOAT (``SNR_2``, ``CNT_2``), while another
     ground station than ours is connected; snr: SNR alone, for plots of one tag; off: none."""
     commanders: tuple[Annotated[int, Interval(ge=1, le=255)], ...] = ()
     """System ids of the ground stations that may command; empty: all."""
     first_commands: bool = True
-    """Only the first station that commands a flight, by MAVLink or ROS 2, may command it, until
-    it has been silent for 60 s or another uses a sealed command; false: all stations may
-    command."""
+    """true: only the first station that commands a flight, by MAVLink or ROS 2, may command it,
+    until it is silent for 60 s or another uses a sealed command. false: all stations may."""
     key_file: str | None = None
-    """File with a key of 32 or more hexadecimal digits, as on the ground station; then only
-    commands sealed with it are accepted, and other ground stations can only listen."""
+    """File with a key of 32 or more hexadecimal digits, as on the ground station. With a key,
+    only commands sealed with it are accepted; ground stations without it can only listen."""
     key_required: bool = True
     """If a key is set: true accepts only sealed commands; false also unsealed ones, from the
     first station that commands. A station with the key may command at any time."""
@@ -177,7 +173,7 @@ class DetectionSettings(_Table):
     """Half-width of the search around each tag's nominal frequency [Hz]."""
     operating_mode: OperatingModeName = "freqSearchSoftLock"
     """Frequency search after a detection: ``freqSearchSoftLock`` (search the window always),
-    ``freqSearchHardLock`` (once confirmed, ± 100 Hz around it for the rest of the flight),
+    ``freqSearchHardLock`` (± 100 Hz around a confirmed frequency for the rest of the flight),
     ``freqKnownHardLock`` (± 100 Hz around the nominal frequency), ``freqAllNeverLock`` (the
     whole channel, no track)."""
     workers: Annotated[int, Interval(ge=0, le=64)] = 0
@@ -191,7 +187,7 @@ class DetectionSettings(_Table):
     k: Annotated[int, Interval(ge=0, le=100)] = 0
     """Number of pulses summed for one decision, for all tags; 0: as in each tag's entry."""
     false_alarm_probability: Annotated[float, Interval(ge=0.0, le=0.5)] = 0.0
-    """False groups in each decision interval, for all tags; 0: as in each tag's entry."""
+    """Probability of a false group per decision, for all tags; 0: as in each tag's entry."""
 
     @property
     def worker_count(self) -> int:
@@ -253,8 +249,7 @@ class GuidanceSettings(_Table):
     enabled: bool = False
     """Accept motion orders, each confirmed by the operator, over a link with a key."""
     may_take_off: bool = False
-    """Take off when an operator orders and confirms it, once a pilot has armed; uavrt never
-    arms."""
+    """Take off when an operator confirms the order and a pilot has armed; uavrt never arms."""
     lowest_m: Annotated[float, Interval(ge=5.0, le=500.0)] = 20.0
     """Minimum height above ground [m]; without terrain, ground is level with home."""
     highest_m: Annotated[float, Interval(ge=10.0, le=500.0)] = 120.0
@@ -267,8 +262,7 @@ class GuidanceSettings(_Table):
     """Maximum airspeed [m/s]. Headwind reduces ground speed; in wind close to this speed the
     drone only flies home."""
     wind_m_s: Annotated[float, Interval(ge=0.0, le=30.0)] = 8.0
-    """Worst expected wind [m/s], as headwind on the way home; used where the autopilot reports
-    no wind."""
+    """Worst expected headwind on the way home [m/s], for an autopilot that reports no wind."""
     return_height_m: Annotated[float, Interval(ge=0.0, le=500.0)] = 60.0
     """Height to which the autopilot climbs before it returns [m]: RTL_RETURN_ALT of PX4,
     RTL_ALT of ArduPilot."""
@@ -293,8 +287,8 @@ class GuidanceSettings(_Table):
     headings: Annotated[int, Interval(ge=8, le=16)] = 12
     """Number of headings in a turn on PX4; ArduPilot turns by one command."""
     link_lost: Literal["hold", "return", "go on"] = "hold"
-    """Action after 5 s without the station that confirmed the order; ``hold``: and return after
-    return_after_s."""
+    """Action after 5 s without contact to the station that confirmed the order; ``hold`` also
+    returns after return_after_s."""
     return_after_s: Annotated[float, Interval(ge=0.0, le=3600.0)] = 60.0
     """Time of holding before the return [s]."""
     unwatched_channels: tuple[Annotated[int, Interval(ge=5, le=18)], ...] = ()

@@ -29,8 +29,7 @@ def replacing(path: Path, *, sync: bool = True) -> Iterator[Path]:
 
     A link's target is replaced, not the link. `path`: in an existing directory. `sync`: False
     for files that may be lost in a power cut and are written too often to wait for the disk.
-    Raises `OSError` if the disk is full, read-only or access is denied; the old file is
-    unchanged.
+    Raises `OSError` if the disk is full or read-only; the old file is unchanged.
     """
     path = path.resolve()
     part = path.with_name(f".{path.name}.{secrets.token_hex(6)}{PART}")
@@ -50,10 +49,7 @@ def replacing(path: Path, *, sync: bool = True) -> Iterator[Path]:
 def write_atomically(
     path: Path, content: str | bytes, *, sync: bool = True, mode: int = 0o644
 ) -> None:
-    """Replace a file's content with text (UTF-8) or bytes; write to a device directly.
-
-    `mode`: permissions; a secret file is never readable by others, not even briefly.
-    """
+    """Replace a file's content with text (UTF-8) or bytes; write to a device directly."""
     data = content.encode() if isinstance(content, str) else content
     if path.exists() and not path.is_file():
         path.write_bytes(data)

@@ -158,8 +158,8 @@ class CommandField:
     high: float = inf
     """Smallest and largest value that the ground sends and the drone accepts, in `values`."""
     member: str | None = "values"
-    """Member of `uavrt.core.messages.Command` with the number: `values`, or one of its own, in
-    which 0 becomes None. None: the drone ignores the number."""
+    """Member of `uavrt.core.messages.Command` that holds the number: `values`, or a separate
+    member, where 0 becomes None. None: the drone ignores the number."""
     from_g2: bool = False
     """True if the field is missing in the protocol versions before G2."""
 

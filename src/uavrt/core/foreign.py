@@ -85,11 +85,7 @@ TRACK = Limit(what="an autopilot's log", bytes=2_000_000_000)
 
 
 def read_file(path: str | os.PathLike[str], limit: Limit) -> bytes:
-    """Read a whole file from outside.
-
-    Raises `OSError`, or `FormatError` if it is too large, mostly sparse, or an endless pipe or
-    device.
-    """
+    """Read a whole file from outside; refuses sparse, endless and too large ones."""
     handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_NONBLOCK", 0))
     with os.fdopen(handle, "rb") as file:
         about = os.fstat(handle)
@@ -129,11 +125,7 @@ def require_plain_file(path: str | os.PathLike[str], mode: int | None = None) ->
 
 
 def open_zip(path: Path, limit: Limit) -> "ZipFile":
-    """Open a zip file; its members are stored or deflated.
-
-    Raises `OSError`, or `ValueError` if it is not a zip file or exceeds the limit, or the
-    errors of `zipfile`.
-    """
+    """Open a zip file; its members must be stored or deflated."""
     from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
 
     size = size_of(path)
@@ -161,10 +153,7 @@ _GZIP_BITS = 31
 
 
 def unpack(pieces: Iterable[bytes], most: int) -> bytes:
-    """Unpack gzip data; returns at most a little more than `most` bytes.
-
-    Raises `zlib.error` or `EOFError` if they are damaged or incomplete.
-    """
+    """Unpack gzip data; returns at most a little more than `most` bytes."""
     content = bytearray()
     unpacker = zlib.decompressobj(_GZIP_BITS)
     for piece in pieces:
@@ -234,11 +223,7 @@ def decode_record(content: bytes | str | msgspec.Raw, kind: type[T]) -> T:
 
 
 def read_xml(text: str, limit: Limit, root: str) -> ET.Element:
-    """Parse XML from outside, starting at the element `root` if it exists.
-
-    The XML declaration is skipped, because the text is decoded already. Raises `ValueError` for
-    entities or beyond the limit, `xml.etree.ElementTree.ParseError` if it is not XML.
-    """
+    """Parse XML from outside, starting at the element `root`; refuses entities."""
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise ValueError("the content declares XML entities, which are not allowed")
     if len(text) > limit.bytes:
@@ -264,11 +249,7 @@ _TOML_MARK = re.compile(r"[\[\]{}=]|[\w-]+(?:[ \t]*\.[ \t]*[\w-]+)*")
 
 
 def check_toml(text: str, limit: Limit) -> None:
-    """Raise `ValueError` for TOML text that `tomllib` would take minutes to parse.
-
-    The parser's time increases with the square of the parts of a dotted key, its stack with
-    each level of brackets.
-    """
+    """Raise `ValueError` for TOML text that `tomllib` would take minutes to parse."""
     if len(text) > limit.bytes:
         raise ValueError(f"{len(text):,} characters are too many for {limit.what}")
     bare = _TOML_QUIET.sub(lambda found: "" if found[0][0] == "#" else "x", text)

@@ -60,11 +60,7 @@ class Logger:
         self.log(logging.WARNING, event, **facts)
 
     def seldom(self, count: int, event: str, **facts: Any) -> None:
-        """Log the first, second, fourth, eighth … of equal events that may be frequent.
-
-        `count`: number of these events including this one; it is logged, too. `event`: text of
-        the event. `**facts`: values of this event.
-        """
+        """Log the first, second, fourth, eighth … of equal events; `count` includes this."""
         if count.bit_count() == 1:
             self.log(logging.WARNING, event, times=count, **facts)
 
@@ -97,11 +93,7 @@ class Logger:
 
 
 def _takes_more(stream: TextIO) -> bool:
-    """True if a line can be written without blocking.
-
-    A terminal that was stopped (Ctrl-S) or a pipe without a reader would otherwise stop the
-    supervisor, and with it every process.
-    """
+    """True if a line can be written without blocking, as to a stopped terminal (Ctrl-S)."""
     try:
         poll = select.poll()
         poll.register(stream.fileno(), select.POLLOUT)

@@ -25,6 +25,7 @@ DetectionStatus = Literal["subthreshold", "detected", "confirmed", "integrated"]
 track. *integrated*: found after the flight in all its data; never in flight or over radio."""
 
 _SAME_SENDER_HZ = 300.0
+_SAME_RATE = 0.01
 """Maximum frequency difference of two measurements of one sender [Hz]."""
 _KILOHERTZ_FROM_HZ = 995.0
 
@@ -243,13 +244,12 @@ class Beep:
     level_db: float
     """Median level of the pulses above the noise in 94 Hz [dB]."""
     tag_ids: tuple[int, ...] = ()
-    """Ids of tags that the sender may be, likeliest first; for an image, those of its
-    original."""
+    """Ids of tags that the sender may be, likeliest first; an image has its original's ids."""
     offsets_hz: tuple[float, ...] = ()
     """Difference of the sender's frequency from that listed for each tag in `tag_ids` [Hz]."""
     image_of_hz: float | None = None
     reason: str = ""
-    """Reason why the sender may be no animal, or meaning of a different rate."""
+    """Reason why the sender may be no animal, or what else it may mean."""
 
     def __post_init__(self) -> None:
         """Raise `ValueError` for impossible values; they may come from radio or files."""
@@ -270,8 +270,17 @@ class Beep:
 
     def same_as(self, other: "Beep") -> bool:
         """True if this and another measurement are of the same sender."""
-        near = abs(self.frequency_hz - other.frequency_hz) < _SAME_SENDER_HZ
-        return near and self.kind is other.kind
+        return self._near(other) and self.kind is other.kind
+
+    def replaced_by(self, other: "Beep") -> bool:
+        """True if another measurement of a sender decides whether I and Q are swapped."""
+        mirrored = self.kind is BeepKind.MIRRORED
+        decided = mirrored is not (other.kind is BeepKind.MIRRORED)
+        at_one_rate = abs(self.interval_s - other.interval_s) < _SAME_RATE * self.interval_s
+        return decided and at_one_rate and self._near(other)
+
+    def _near(self, other: "Beep") -> bool:
+        return abs(self.frequency_hz - other.frequency_hz) < _SAME_SENDER_HZ
 
     @property
     def odd(self) -> bool:
@@ -283,15 +292,16 @@ class Beep:
     @property
     def meaning(self) -> str:
         """Sentence for the operator on what the sender may be."""
-        reason = f", {self.reason}" if self.reason else ""
+        mirrored = [self.reason] if self._maybe_mirrored else []
+        reason = f", {self.reason}" if self.reason and not mirrored else ""
         match self.kind:
             case BeepKind.OFF_LABEL | BeepKind.LISTED if self.tag_ids:
-                return " or ".join(self._names())
+                return " or ".join([*self._names(), *mirrored])
             case BeepKind.OTHER_RATE:
                 first = f"tag {self.tag_ids[0]} at another rate{reason}"
-                return " or ".join([first, *self._names()[1:]])
+                return " or ".join([first, *self._names()[1:], *mirrored])
             case BeepKind.MIRRORED:
-                return f"tag {self.tag_ids[0]} mirrored at the centre"
+                return f"tag {self.tag_ids[0]} mirrored at the centre: I and Q are swapped"
             case BeepKind.IMAGE:
                 of = f"an image of {(self.image_of_hz or 0.0) / 1e6:.6f} MHz"
                 return of + (f" (tag {self.tag_ids[0]})" if self.tag_ids else "")
@@ -302,7 +312,18 @@ class Beep:
     @property
     def advice(self) -> str:
         """Sentence for the operator on what to do about the sender; empty if nothing."""
+        if self._maybe_mirrored:
+            return "? A second tag shows which"
         return _ADVICE.get(self.kind, "")
+
+    @property
+    def ambiguous(self) -> bool:
+        """True if the sender may be one of several tags, or a tag at its mirror frequency."""
+        return len(self.tag_ids) > 1 or self._maybe_mirrored
+
+    @property
+    def _maybe_mirrored(self) -> bool:
+        return self.reason.endswith(_SWAPPED)
 
     def __str__(self) -> str:
         """Write the sender as a line for the operator."""
@@ -321,10 +342,18 @@ class Beep:
         ]
 
 
+_SWAPPED = " mirrored (I and Q swapped)"
+
+
+def mirrored_reason(tag_id: int) -> str:
+    """Text for `Beep.reason` of a sender that may be this tag at its mirror frequency."""
+    return f"tag {tag_id}{_SWAPPED}"
+
+
 _ADVICE = {
     BeepKind.OFF_LABEL: "? List it at this frequency",
     BeepKind.OTHER_RATE: "? List this interval",
-    BeepKind.MIRRORED: ": I and Q are swapped. Swap them in the radio's program or format",
+    BeepKind.MIRRORED: ". Swap them in the radio's program or format",
     BeepKind.IMAGE: ", made in the receiver. Reduce its gain",
 }
 
@@ -334,7 +363,14 @@ def _distance(hz: float) -> str:
 
 
 def keep_beep(known: list[Beep], new: Beep) -> bool:
-    """Store a measurement of a sender, drop older ones; return whether the sender is new."""
+    """Store a measurement of a sender, drop older ones; return whether the sender is new.
+
+    If a second tag shows that I and Q are swapped, this replaces the ambiguous measurements.
+    """
+    replaced = [one for one in known if one.replaced_by(new)]
+    if replaced and new.ambiguous:
+        return False
+    known[:] = [one for one in known if one not in replaced]
     for place, other in enumerate(known):
         if other.same_as(new):
             known[place] = new
@@ -385,8 +421,8 @@ class Delivered:
 
     time_ns: int
     store: int
-    """Number of that store (`uavrt.link.tunnel.own_messages.private`); 0: the pulses were sent
-    once, without receipt."""
+    """Number of the store that received the pulses (`uavrt.link.tunnel.own_messages.private`);
+    0: they were sent once, without receipt."""
     pulses: tuple[PulseKey, ...]
 
 
@@ -485,8 +521,7 @@ class Command:
 
     name: CommandName
     request_id: int
-    """Number of the request; a retry has the same one, so it is answered but not carried out
-    again."""
+    """Number of the request; a retry has the same, so that it is not carried out again."""
     tag: Tag | None = None
     center_frequency_hz: float | None = None
     """Radio frequency chosen on the ground [Hz]; None: computed from the tags."""
@@ -622,8 +657,7 @@ class FoundTag:
 class Course:
     """A drone's report to other drones: its position, leg and tags.
 
-    While it flies a leg, no other drone may use the straight line from its position to its
-    goal.
+    While it flies, no other drone may use the straight line from its position to its goal.
     """
 
     sequence: int
@@ -854,7 +888,7 @@ class ChannelBlock:
     negative ones."""
     center_frequency_hz: float
     samples: "NDArray[np.complex64]"
-    """(n,) complex64 samples, never overwritten; a tone keeps the amplitude it has in the
+    """(n,) complex64 samples, never overwritten; a tone has the same amplitude as in the
     radio."""
     sample_index: int
     """Index of the first sample of this channel since the start, including lost samples."""

@@ -30,7 +30,7 @@ BATCH_S = 0.44
 """Maximum time for which samples are collected before the search continues [s]. Five blocks of
 87.4 ms are 0.437 s; a pulse is reported at least 0.04 s after its end."""
 _FIRST_STEP = 0.7639
-"""Share of a step after which the first step is searched: three blocks suffice for noise."""
+"""Share of its samples from which a step may begin: three blocks, for a noise estimate."""
 
 
 class PulseDetector:
@@ -209,9 +209,9 @@ class PulseDetector:
         return self._clean + fresh
 
     def samples_to_wait(self) -> int:
-        """Number of samples to add before the next step, counting the longest block twice.
+        """Number of samples that can be added before blocks must be checked on arrival.
 
-        0: each block must be checked on arrival.
+        0: the next block must be checked.
         """
         if self._intake.stale_blocks or self._buffer.empty or self._buffer.holes:
             return 0

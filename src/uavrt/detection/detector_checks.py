@@ -8,10 +8,7 @@ from uavrt.dsp.plan import widest_window_hz
 
 
 def check_searchable(tag: Tag, rate_hz: float, center_hz: float, window_hz: float) -> None:
-    """Raise `ConfigError` for a tag that cannot be searched for.
-
-    `window_hz`: half-width of the search; infinite: the whole channel.
-    """
+    """Raise `ConfigError` for a tag that cannot be searched in ± `window_hz`."""
     if not rate_hz > 0.0 or not math.isfinite(rate_hz):
         raise ConfigError(
             f"the sample rate of {rate_hz} Hz is not positive", remedy="Give a positive rate"

@@ -35,7 +35,7 @@ class _Member:
     detector: PulseDetector
     taken: int = 0
     due: int = 0
-    """Number of samples at the next step, with the longest block counted twice; 0: none."""
+    """Number of samples in the stream after which blocks must be checked; 0: each must."""
 
 
 @dataclass(slots=True, eq=False)

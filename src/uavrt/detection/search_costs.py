@@ -38,7 +38,7 @@ class CostTuning:
     together: int = 4
     """Number of equal detectors measured together."""
     dear_weight: float = 10.0
-    """Minimum cost of a tag that is measured separately [typical tags]."""
+    """Minimum cost of a tag that is measured separately [multiples of a typical tag's cost]."""
     received_enr: float = 40.0
     """Energy of a received tag's pulses over the noise density (ENR), not in decibels."""
     code_share: float = 2e-4
@@ -56,11 +56,7 @@ def search_cost(
     *,
     settings: DetectionSettings | None = None,
 ) -> float:
-    """Measure the cost of searching for tags.
-
-    `cpu_s`: processor time used so far [s]. Returns the processor cores needed in real time
-    while one tag of each kind is received; 0.0 for lists too cheap to matter.
-    """
+    """Measure the cores needed to search for tags; 0.0 for lists too cheap to matter."""
     codes = sum(tag.coded for tag in tags)
     tags = [tag for tag in tags if not tag.coded]
     settings = DetectionSettings() if settings is None else settings

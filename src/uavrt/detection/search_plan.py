@@ -1,7 +1,4 @@
-"""Plan the search for a list of tags: radio frequency, channels, cost.
-
-Used by the drone at the start of a flight, and by `uavrt tags check`.
-"""
+"""Plan the search for a list of tags: radio frequency, channels, cost."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -43,11 +40,8 @@ def plan_search(
 ) -> SearchPlan:
     """Choose the radio's frequency for a list of tags, and refuse what cannot be searched.
 
-    `cpu_s`: returns processor time used so far [s], to measure the cost of a long list.
-    `center_frequency_hz`: frequency of the radio [Hz], which leaves out tags out of its range;
-    None: the tuner chooses. `spare_cores`: processor cores for the detectors. Raises
-    `TunerError`: no frequency serves all tags, or they need more than the spare cores. Raises
-    `ConfigError`: a tag, or the search window around it, does not fit its channel.
+    With `center_frequency_hz`, tags out of its range are left out. `cpu_s` returns processor
+    time used so far [s], to measure the cost of a long list.
     """
     warnings: tuple[str, ...] = ()
     if center_frequency_hz is None:

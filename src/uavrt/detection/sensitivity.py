@@ -48,10 +48,7 @@ SENSITIVITY = SensitivityTuning()
 
 
 def group_threshold(tag: Tag, *, frequency_window_hz: float, sample_rate_hz: float) -> float:
-    """Minimum sum of K cells of a group at the tag's first rate [noise powers].
-
-    `frequency_window_hz`: half-width of the search, limited by the sample rate.
-    """
+    """Minimum sum of K cells of a group at the tag's first rate [noise powers]."""
     hop_s = tag.pulse_width_s / HOPS_PER_PULSE
     reach_s = jitter_reach(tag.interval_jitter_s, hop_s) * hop_s
     return threshold(

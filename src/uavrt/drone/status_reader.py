@@ -48,11 +48,7 @@ def _never() -> None:
 
 
 class StatusReader:
-    """Reads the records of the supervisor's status socket.
-
-    `timeout_s`: longest wait for the socket to open [s]. `check`: called while waiting; raises
-    an error if a program has ended. Raises `UavrtError` if the socket does not open in time.
-    """
+    """Reads the records of the supervisor's status socket, once it opens in time."""
 
     def __init__(
         self, path: Path, timeout_s: float = 0.0, check: Callable[[], None] = _never

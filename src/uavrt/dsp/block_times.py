@@ -1,7 +1,7 @@
 """Compute the times of a stream's samples from the times of its blocks.
 
-The nominal rate is used only within a block: over an hour a crystal errs by 180 ms at 50 ppm,
-and gaps and corrections of the clock add to it.
+The nominal rate is used only within a block. Over an hour a crystal that is off by 50 ppm errs
+by 180 ms, and gaps and clock corrections add to this.
 """
 
 from bisect import bisect_right
@@ -31,10 +31,7 @@ class BlockTimes:
         return self._times_ns[0] if self._times_ns else 0
 
     def add(self, index: int, time_ns: int) -> None:
-        """Add the time of the next block's first sample.
-
-        `index`: index of that sample, counting lost ones. `time_ns`: UTC.
-        """
+        """Add the UTC and index, counting lost ones, of the next block's first sample."""
         if self._indices and abs(time_ns - self.time_ns(index)) < _LEAST_STEP_NS:
             return
         self._indices.append(index)
@@ -54,10 +51,7 @@ class BlockTimes:
         return np.asarray(begin_s[at] + ahead / self._rate_hz, np.float64)
 
     def index(self, time_ns: int) -> float:
-        """Index of the sample at a time; the first of two if the clock was set back.
-
-        Raises `ValueError` before the first block.
-        """
+        """Index of the sample at a time; the first of two if the clock was set back."""
         for at, first in enumerate(self._indices):
             index = first + (time_ns - self._times_ns[at]) / self._ns_per_sample
             if at + 1 == len(self._indices) or index < self._indices[at + 1]:

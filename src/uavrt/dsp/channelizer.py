@@ -159,10 +159,7 @@ class Channelizer:
     def _outputs(
         self, rows: int, pieces: list[tuple[int, int, NDArray[np.complex64]]]
     ) -> NDArray[np.complex64]:
-        """Compute the outputs of all channels in use, shape (channels in use, rows).
-
-        `pieces`: first and last output of each, and its samples from the oldest needed on.
-        """
+        """Compute the outputs of all channels in use, shape (channels in use, rows)."""
         native = kernels()
         if native is not None:
             out = np.empty((len(self.in_use), rows), np.complex64)
@@ -187,7 +184,7 @@ class Channelizer:
         return out
 
     def _fold_rows(self, samples: NDArray[np.complex64], folded: NDArray[np.float32]) -> None:
-        """Fold samples into the rows of `folded`; the first is the oldest that row 0 needs."""
+        """Fold samples, from the oldest that row 0 needs, into the rows of `folded`."""
         floats = samples.view(np.float32)
         group = WINDOWS_PER_PASS if self.hop == self.channels else 1
         grouped = len(folded) // group * group
@@ -197,10 +194,7 @@ class Channelizer:
     def _fold(
         self, floats: NDArray[np.float32], folded: NDArray[np.float32], group: int
     ) -> None:
-        """Weight the windows and add them up modulo M; `group` windows as one long row.
-
-        Consecutive windows can be joined if H = M, because then they begin M samples apart.
-        """
+        """Weight the windows and add them up modulo M; `group` windows as one long row."""
         if len(folded) == 0:
             return
         width = group * 2 * self.channels

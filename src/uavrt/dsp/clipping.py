@@ -11,7 +11,7 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 
 CLIPPED_AMPLITUDE = 0.99
 """Minimum amplitude of a clipped sample [full scales]; the last code of 8 bits is 0.992."""
-_COMPUTED_AMPLITUDE = 2.0
+COMPUTED_AMPLITUDE = 2.0
 """Amplitude exceeded only by computed samples [full scales]; a radio's filters reach less."""
 _STRETCH_S = 0.5e-3
 """Duration of one examined piece of samples [s]; a pulse of 15 ms has thirty."""
@@ -76,7 +76,7 @@ class Clipping:
             return
         some = block.samples[: count * length].view(np.float32).reshape(count, 2 * length)
         some = some[:, : 2 * min(length, _LEAST_SAMPLES)]
-        if self._has_full_scale and float(some.max()) > _COMPUTED_AMPLITUDE:
+        if self._has_full_scale and float(some.max()) > COMPUTED_AMPLITUDE:
             self._has_full_scale, self.clipped_s = False, 0.0
             self.times, self._new = ClippedTimes(), []
         if not self._has_full_scale:

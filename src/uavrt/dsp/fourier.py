@@ -22,11 +22,7 @@ Transform = Callable[..., NDArray[np.complex64]]
 def transform_columns(
     values: NDArray[np.complex64], out: NDArray[np.complex64] | None = None
 ) -> NDArray[np.complex64]:
-    """Fourier transform of each column, shape (n, columns).
-
-    `values` (n, columns): in any memory order; contiguous columns are not copied first. `out`
-    (n, columns): memory for the result, which saves an allocation; may stay unused.
-    """
+    """Fourier transform of each column, shape (n, columns); `out` saves an allocation."""
     return column_transform()(values, out)
 
 

@@ -1,4 +1,4 @@
-"""Detect poor input from its samples: wrong format, gain too low, a tag on the DC line."""
+"""Detect poor input from its samples: wrong format, wrong gain, a tag on the DC line."""
 
 from collections.abc import Iterable, Iterator
 from typing import Final
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from uavrt.core.messages import IQBlock, Tag
 from uavrt.core.units import ns_from_s
+from uavrt.dsp.clipping import CLIPPED_AMPLITUDE, COMPUTED_AMPLITUDE
 
 _EVERY_NS: Final = ns_from_s(1.0)
 _EXAMINED_SAMPLES: Final = 8192
@@ -21,6 +22,8 @@ _EMPTY_MIDDLE: Final = 0.25
 """Amplitude below which noise has values, but a wrong format has none [full scales]."""
 _UNEQUAL_RATIO: Final = 4.0
 """Ratio of the powers of I and Q above which the input is wrong; no radio produces it."""
+_CLIPPED_SHARE: Final = 0.05
+"""Maximum share of values at the converter's limits; noise that clips so often is distorted."""
 _ON_DC_HZ: Final = 300.0
 _DC_RATIO: Final = 30.0
 """Minimum power of a disturbing DC line over the noise in the same bandwidth."""
@@ -28,6 +31,8 @@ _DC_RATIO: Final = 30.0
 WRONG_FORMAT: Final = "Wrong sample format? Values are not those of noise"
 UNEQUAL: Final = "I and Q differ in power: wrong format, or half is dead"
 GAIN_TOO_LOW: Final = "Gain too low: noise is below a converter's step"
+
+GAIN_TOO_HIGH: Final = "Gain too high: samples are at the converter's limits"
 
 
 class InputCheck:
@@ -72,11 +77,20 @@ class InputCheck:
             yield UNEQUAL
         elif _most_common(parts[:, 0]) > _SAME_LEVEL:
             yield GAIN_TOO_LOW
+        elif _clipped_share(parts) > _CLIPPED_SHARE:
+            yield GAIN_TOO_HIGH
         mean = samples.mean()
         noise = float(np.mean(np.abs(samples - mean) ** 2)) / len(samples)
         if self._on_dc and abs(mean) ** 2 > _DC_RATIO * noise:
             ids = ", ".join(map(str, self._on_dc[:5]))
             yield f"Tag {ids} lies on the radio's DC line: tune 10 kHz away"
+
+
+def _clipped_share(parts: NDArray[np.float32]) -> float:
+    """Share of values at full scale; 0 for computed samples, which have no full scale."""
+    size = np.abs(parts)
+    computed = float(size.max()) > COMPUTED_AMPLITUDE
+    return 0.0 if computed else float(np.mean(size >= CLIPPED_AMPLITUDE))
 
 
 def _most_common(values: NDArray[np.float32]) -> float:

@@ -58,10 +58,7 @@ class BandPlan:
 
 
 def plan_band(sample_rate_hz: float, *, reach_hz: float, mode: Mode = "default") -> BandPlan:
-    """Choose decimation and channels; the usable span reaches `reach_hz` if possible.
-
-    `reach_hz`: largest distance of a frequency from the radio's centre [Hz].
-    """
+    """Choose decimation and channels; the usable span reaches `reach_hz` if possible."""
     factor = choose_decimation(sample_rate_hz=sample_rate_hz, reach_hz=reach_hz, mode=mode)
     one = sample_rate_hz <= ONE_CHANNEL_RATE_HZ
     band_rate_hz = sample_rate_hz / factor
@@ -79,10 +76,7 @@ def plan_band(sample_rate_hz: float, *, reach_hz: float, mode: Mode = "default")
 
 
 def widest_window_hz(offset_hz: float, channel_rate_hz: float) -> float:
-    """Widest half-width of the search around a frequency in a channel [Hz].
-
-    `offset_hz`: distance of the frequency from the channel's centre [Hz].
-    """
+    """Widest half-width of the search around a frequency in a channel [Hz]."""
     return max(DEFAULT_WINDOW_HZ, SEARCHED_FRACTION * channel_rate_hz - abs(offset_hz))
 
 
@@ -127,8 +121,8 @@ def channel_center_hz(
 ) -> float:
     """Absolute frequency of a channel's centre [Hz].
 
-    The first half of the channels lies at and above the radio's centre, the rest below it; of
-    an even number, the middle one is the negative Nyquist frequency.
+    The first half of the channels lies at and above the radio's centre, the rest below. If the
+    number is even, the middle channel is at the negative Nyquist frequency.
     """
     signed = channel if 2 * channel < channel_count else channel - channel_count
     return center_frequency_hz + signed * spacing_hz
@@ -148,11 +142,7 @@ def outside_span(
 
 
 def usable_half_span_hz(*, band_rate_hz: float, decimated: bool, mode: Mode) -> float:
-    """Maximum distance of a tag from the radio's centre [Hz].
-
-    It is the clean span of the decimator; without decimation, the radio's own filter limits it.
-    The compatible mode takes the whole band with its aliases, as the original does.
-    """
+    """Maximum distance of a tag from the radio's centre [Hz]: the decimator's clean span."""
     if mode == "compatible":
         return band_rate_hz / 2
     return band_rate_hz * (CLEAN_FRACTION if decimated else UNDECIMATED_FRACTION)
@@ -165,10 +155,7 @@ def widest_half_span_hz(sample_rate_hz: float) -> float:
 
 
 def choose_decimation(*, sample_rate_hz: float, reach_hz: float, mode: Mode) -> int:
-    """Largest decimation whose usable span reaches `reach_hz` from the centre.
-
-    `mode`: the compatible mode never widens the band for a tag.
-    """
+    """Largest decimation whose usable span reaches `reach_hz` from the centre."""
     largest = int(sample_rate_hz / NARROWEST_BAND_HZ + 1e-9)
     largest = min(max(largest, 1), HIGHEST_FACTOR)
     if mode == "compatible":

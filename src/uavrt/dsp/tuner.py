@@ -119,9 +119,8 @@ def compatible_cost(
 ) -> CompatibleCost:
     """Cost of candidate radio frequencies by the original's tuner.
 
-    Let d be a tag's distance from its channel's edge, rounded to 1 Hz, and w half a shoulder
-    (7.5 % of the channel). A tag costs ``|w / d - 1|`` where d < w, else nothing. `tags_hz`
-    (tags,); `centers_hz` (candidates,).
+    A tag at d from its channel's edge costs ``|w / d - 1|`` where d < w, half a shoulder (7.5 %
+    of the channel), else nothing.
     """
     offsets = tags_hz - centers_hz[:, None]
     channels = _nearest_channels(offsets, spacing_hz, channel_count)
@@ -173,11 +172,7 @@ def compatible_candidates(tags: Floats, spacing: float, channel_count: int) -> F
 def _candidates(
     tags: Floats, spacing: float, low: float, high: float, dc_guard: float, image_guard: float
 ) -> Floats:
-    """Frequencies in [low, high] among which the best choice lies [whole Hz].
-
-    A grid, and the points where a cost has its kinks: tags on a channel centre (the mean offset
-    is piecewise linear), at the edge of a guard, at the start of a shoulder.
-    """
+    """Grid and kinks of a cost in [low, high], among which the best choice lies [whole Hz]."""
     steps = np.arange(np.floor((low - tags[0]) / spacing), (high - tags[0]) / spacing + 2)
     flat = spacing * FLAT_FRACTION / 2
     kinks = [

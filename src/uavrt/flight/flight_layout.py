@@ -104,10 +104,7 @@ class FlightLayout:
 def new_flight_directory(
     directory: Path, start_time_ns: int, is_taken: Callable[[Path], bool] = Path.exists
 ) -> Path:
-    """Path for a new flight directory, ``flight_log_<UTC>``.
-
-    A further flight with the same time gets ``_2``, ``_3`` …
-    """
+    """Path for a new flight directory, ``flight_log_<UTC>``, with ``_2`` … if taken."""
     path = directory / f"flight_log_{flight_stamp(start_time_ns)}"
     number = 2
     while is_taken(path):
@@ -130,10 +127,7 @@ def require_writable(directory: Path) -> None:
 
 
 def stamp_of(flight: str) -> Stamp:
-    """Size and modification time of a flight's database and its write-ahead log.
-
-    Paths are text because each display of the list checks thousands of flights.
-    """
+    """Size and modification time of a flight's database and its write-ahead log."""
     size, changed = 0, 0
     for path in (f"{flight}/flight.sqlite", f"{flight}/flight.sqlite-wal"):
         try:

@@ -2,10 +2,10 @@
 
 A pulse is *recorded* when `FlightRecorder.commit` returns. SQLite in WAL mode keeps every
 committed record through ``kill -9``. In a flight that is received or flown, each commit also
-reaches the disk (``synchronous=FULL``, one fsync), and the write-ahead log is checkpointed at a
-size of `WAL_BYTES`. Elsewhere a checkpoint every `CHECKPOINT_S` does both. The text log is a
-second copy. While the disk is full or read-only, records wait in memory, and every commit tries
-again.
+reaches the disk (``synchronous=FULL``, one fsync). The write-ahead log is then checkpointed at
+a size of `WAL_BYTES`. Other flights reach the disk by a checkpoint every `CHECKPOINT_S`. The
+text log is a second copy. While the disk is full or read-only, records wait in memory, and
+every commit tries again.
 """
 
 import itertools
@@ -94,10 +94,7 @@ class FlightRecorder:
 
     @classmethod
     def create(cls, info: FlightInfo, settings: Settings | None = None) -> "FlightRecorder":
-        """Begin a flight in `info.directory`, with its folders, configurations and database.
-
-        Raises `RecordingError` if the directory cannot be written or already contains a flight.
-        """
+        """Begin a flight in `info.directory`, with its folders, configurations and database."""
         recorder = cls(Path(info.directory))
         if recorder.layout.database.exists():
             raise RecordingError(
@@ -110,11 +107,7 @@ class FlightRecorder:
 
     @classmethod
     def reopen(cls, directory: str | Path, *, durable: bool = False) -> "FlightRecorder":
-        """Continue a flight after a kill or a power cut, without lost or duplicate records.
-
-        With `durable` each commit waits for the disk. Raises `RecordingError` if there is no
-        flight, or the directory cannot be written.
-        """
+        """Continue a flight after a kill or a power cut, without lost or duplicate records."""
         recorder = cls(Path(directory), durable=durable)
         if not recorder.layout.database.exists():
             raise RecordingError(
@@ -130,12 +123,7 @@ class FlightRecorder:
     def open(
         cls, info: FlightInfo, settings: Settings | None = None, *, durable: bool = False
     ) -> "FlightRecorder":
-        """Begin a flight, or continue an existing one; never fails.
-
-        On a full disk records wait in memory, and every commit reports this and tries again. A
-        damaged database is renamed, and a new one starts with the pulses of the text log. With
-        `durable` each commit waits for the disk.
-        """
+        """Begin a flight, or continue an existing one; never fails, even on a full disk."""
         recorder = cls(Path(info.directory), durable=durable)
         recorder._origin, recorder._begun = (info, settings), False
         with suppress(RecordingError):
@@ -187,12 +175,7 @@ class FlightRecorder:
         self._add(self._others, [(schema.INSERT_NOTE, (time_ns, text))])
 
     def commit(self, *, pulses_only: bool = False) -> None:
-        """Commit all waiting records; a kill afterwards loses none of them.
-
-        With `pulses_only` these are only pulses with their poses and deliveries, so that later
-        commits write fewer half-full pages. Raises `RecordingError` if the disk is full or
-        cannot be written; the records then wait in memory for the next commit.
-        """
+        """Commit all waiting records, or only pulses; after an error they wait in memory."""
         try:
             if not self._begun:
                 self._begin()
@@ -227,10 +210,7 @@ class FlightRecorder:
         return full or gone or not os.access(root, os.W_OK)
 
     def close(self) -> None:
-        """Commit, checkpoint the write-ahead log and close, even if the commit fails.
-
-        Raises `RecordingError` if the commit failed.
-        """
+        """Commit, checkpoint the write-ahead log and close, even if the commit fails."""
         try:
             self.commit()
             self.database.fold_all()

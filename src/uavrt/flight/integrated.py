@@ -149,11 +149,7 @@ def write_integrated(
     pulses: Iterable[PulsePose],
     folds: Sequence[FlightFold] = (),
 ) -> Path:
-    """Write the results of some tags into a flight's folder; other tags' results stay.
-
-    Returns the folder. Raises `RecordingError` if the folder cannot be written, and
-    `FormatError` if existing results cannot be read.
-    """
+    """Write the results of some tags into a flight's folder; other tags' results stay."""
     judged = {one.tag_id for one in verdicts}
     old_verdicts, old_pulses = read_integrated(flight)
     kept = [one for one in old_verdicts if one.tag_id not in judged]

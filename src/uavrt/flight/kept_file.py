@@ -20,12 +20,7 @@ R = TypeVar("R")
 
 
 class KeptFile(Generic[R]):
-    """A record stored as readable JSON in one file.
-
-    The directory of `path` is made on demand. `kind` is the record's type, and `name` its name
-    in the log. With `sync` each `keep` waits for the disk; otherwise a power cut may lose half
-    a minute of changes.
-    """
+    """A record stored as readable JSON in one file; `sync` waits for the disk."""
 
     def __init__(self, path: Path, kind: type[R], name: str, *, sync: bool = True) -> None:
         self.path = path

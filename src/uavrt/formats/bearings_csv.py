@@ -80,7 +80,7 @@ def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
 
 def _row(cells: list[str]) -> BearingRow:
     if len(cells) < _COLUMNS:
-        raise ValueError(f"the line has {len(cells)} columns")
+        raise ValueError(f"the line has {len(cells)} columns, not {_COLUMNS}")
     return BearingRow(
         tag_id=whole(cells[0]),
         parent_file=cells[1],
@@ -137,12 +137,7 @@ def _sigma_deg(cell: str) -> float | None:
 
 
 def write_bearing_file(path: str | os.PathLike[str], rows: Iterable[BearingRow]) -> None:
-    """Write a bearings.csv completely or not at all.
-
-    Existing lines of the written tags and parent files are replaced; others are unchanged.
-    Raises `FormatError` if the existing file is not a bearings.csv or a name contains a comma,
-    and `RecordingError` if it cannot be written.
-    """
+    """Replace the lines of the written tags and parent files in a bearings.csv."""
     new = list(rows)
     for row in new:
         require_plain_name(row.parent_file)

@@ -9,10 +9,7 @@ FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
 
 
 class TableWriter:
-    """Writes rows of a CSV file; cells that begin like a formula get an apostrophe.
-
-    `stream` must be opened with ``newline=""``.
-    """
+    """Writes rows of a CSV file; cells that begin like a formula get an apostrophe."""
 
     def __init__(self, stream: TextIO) -> None:
         self._writer = csv.writer(stream, lineterminator="\n")
@@ -47,10 +44,7 @@ def text_of_cell(cell: str) -> str:
 
 
 def csv_cells(line: str) -> list[str]:
-    """Split one CSV line into cells; an unclosed quote reaches to the line's end.
-
-    Raises `ValueError` for a carriage return, or a cell above 131 072 characters.
-    """
+    """Split one CSV line into cells; an unclosed quote reaches to the line's end."""
     try:
         return next(csv.reader([line]), [])
     except csv.Error as error:

@@ -10,11 +10,7 @@ log = get_logger()
 
 
 class DamagedLines:
-    """Collects the unreadable lines of one file.
-
-    `remedy` is the advice in the error for a file of another kind. `warn` receives a sentence
-    about the skipped lines; by default they are logged.
-    """
+    """Collects the unreadable lines of one file; reports them to `warn` or the log."""
 
     def __init__(
         self, name: str, remedy: str, warn: Callable[[str], None] | None = None

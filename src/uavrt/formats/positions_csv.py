@@ -38,7 +38,7 @@ def read_position_file(path: str | os.PathLike[str]) -> tuple[PositionRow, ...]:
             continue
         try:
             if not 4 <= len(cells) <= 8:
-                raise ValueError(f"the line has {len(cells)} columns")
+                raise ValueError(f"the line has {len(cells)} columns, not 4 to 8")
             cells += [""] * (8 - len(cells))
             mle, rmr, mest = (place_or_none(cells[i], cells[i + 1]) for i in (2, 4, 6))
             tag_id = whole(cells[0])

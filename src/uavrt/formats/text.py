@@ -23,11 +23,7 @@ _GZIP = b"\x1f\x8b"
 
 
 def read_lines(path: str | os.PathLike[str]) -> list[str]:
-    """Read the lines of a text file without their ends, byte order mark and NULs.
-
-    Files packed with gzip, such as SensorGnome's, are unpacked. Raises `FormatError` if the
-    file is unreadable, no text, or hundreds of megabytes.
-    """
+    """Read the lines of a text file, also gzipped, without ends, byte order mark and NULs."""
     name = os.fspath(path)
     try:
         content = read_file(path, TEXT_LOG)
@@ -87,13 +83,7 @@ def parsed_rows(
     cells: Callable[[str], list[str]] = _parted,
     names: Callable[[Sequence[str]], list[str]] = lower_names,
 ) -> list[T]:
-    """Parse the rows of a table with a heading; each row has its cells in the order of
-    `columns`.
-
-    A last row that cannot be parsed was cut off while being written, and is left out. `cells`
-    splits a line, and `names` reads the heading's column names. Raises `FormatError` if the
-    file is unreadable, with a wrong row's number.
-    """
+    """Parse the rows of a table with a heading; a last row that was cut off is left out."""
     lines, places, rows = read_lines(path), list[int](), list[T]()
     for number, line in enumerate(lines, start=1):
         found = cells(line)
@@ -125,10 +115,7 @@ def separator_of(lines: Sequence[str]) -> str:
 
 
 def with_commas(lines: Sequence[str]) -> list[str]:
-    """Convert lines to commas between cells, and points in decimals.
-
-    Spreadsheets of many countries write semicolons or tabs, and decimal commas.
-    """
+    """Convert lines of a spreadsheet to commas between cells, and points in decimals."""
     separator = separator_of(lines)
     if separator == ",":
         return list(lines)
@@ -173,11 +160,7 @@ def place_or_none(latitude_cell: str, longitude_cell: str) -> tuple[float, float
 
 
 def seconds_ns(cell: str) -> int:
-    """Convert seconds since 1970, as text, to nanoseconds without rounding; raises
-    `ValueError`.
-
-    A float of today's seconds resolves only 240 ns, so decimals are read as digits.
-    """
+    """Convert seconds since 1970, as text, to nanoseconds without rounding."""
     before, point, after = cell.partition(".")
     if point and before.isdigit() and after.isdigit():
         value = int(before) * NANOSECONDS_PER_SECOND + int(after[:9].ljust(9, "0"))

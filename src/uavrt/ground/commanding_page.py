@@ -8,11 +8,8 @@ from uavrt.core.errors import CommandRefused
 class Commander:
     """Allows commands from one page; the others watch until one of them takes over.
 
-    A page sends its name when it connects and with each request. Scripts send no name and may
-    always command. The first connected page commands and keeps command when it is reloaded.
-    Once it has disconnected, the next page that sends a command takes over.
-
-    `page`: name of the page that commanded before a restart in flight.
+    Scripts may always command. The first connected page keeps command when it is reloaded. Once
+    it has disconnected, the next page that sends a command takes over.
     """
 
     def __init__(self, page: str | None = None) -> None:

@@ -11,8 +11,7 @@ from uavrt.localization.estimates.flight_estimates import HeardInTurn
 
 ESTIMATE_LEAST_S = 0.4
 ESTIMATE_SHARE = 8.0
-"""Minimum pause after an estimate, in multiples of its duration; 8 uses at most 11 % of a
-core."""
+"""Minimum pause after an estimate, in multiples of its duration; 8: at most 11 % of a core."""
 ESTIMATE_SHARE_OF_SEVERAL = 20.0
 """Minimum pause after an estimate while several vehicles are served, in multiples of its
 duration. Only one vehicle computes at a time, so 20 uses 5 % of a core in all."""
@@ -22,11 +21,7 @@ computed [s]."""
 
 
 class EstimateLoop:
-    """Repeats the estimates of one vehicle's current flight.
-
-    `companions`: returns the other vehicles' estimates. `estimating`: lock held while
-    computing, so that one vehicle computes at a time.
-    """
+    """Repeats the estimates of one vehicle's current flight, one vehicle at a time."""
 
     def __init__(
         self,

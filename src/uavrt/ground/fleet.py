@@ -26,18 +26,14 @@ from uavrt.link.mavlink.discovery import GCS_SYSTEM_ID, STATION_SYSTEM_ID
 from uavrt.link.mavlink.sending.signing import Signing
 
 MOST_VEHICLES = 16
-"""Most vehicles served; heartbeats and poses of more would overload any radio."""
+"""Maximum number of vehicles served; heartbeats and poses of more would overload any radio."""
 REPORT_S, REPORT_DELAY_S = 1.0, 0.05
 """Interval of the reports to each drone about the other drones [s], and longest delay of a
 changed report [s]."""
 
 
 class Fleet:
-    """The sessions of all vehicles; `run` serves them until cancelled.
-
-    `on_event`: called with each event of any vehicle, before the pages get it.
-    `also`: called in the disk thread with each pulse that is stored.
-    """
+    """The sessions of all vehicles; `run` serves them until cancelled."""
 
     def __init__(
         self,

@@ -6,8 +6,8 @@ from typing import Any
 import msgspec
 
 QUEUE = 4000
-"""Most records queued for a slow browser: 80 s at 50 records a second. Beyond that it must
-reload."""
+"""Maximum number of records queued for a slow browser: 80 s at 50 records a second. Beyond that
+it must reload."""
 
 
 class Hub:

@@ -27,10 +27,7 @@ POSE_SEND_NS = 190_000_000
 
 
 class Reception:
-    """Passes each event to the parts of the station that use it.
-
-    `on_course`: called with each course that the drone reports.
-    """
+    """Passes each event to the parts of the station that use it."""
 
     def __init__(
         self,

@@ -1,8 +1,4 @@
-"""One vehicle's session behind the page: link, state, commands, estimates, storage.
-
-Browsers store no data. Received data is stored first, and then sent to every browser.
-`uavrt.ground.web.server` serves the session by HTTP and WebSocket.
-"""
+"""One vehicle's session behind the page: link, state, commands, estimates, storage."""
 
 import asyncio
 import contextlib

@@ -55,16 +55,12 @@ class StationSettings:
     """Tag file; None: the last used."""
     start: bool = False
     further_vehicles: tuple[int, ...] = ()
-    """System numbers of vehicles to serve in addition to the first and to those of the last
-    run."""
+    """System numbers of vehicles to serve beside the first and those of the last run."""
     keys: LinkKeys = NO_KEYS
 
 
 class Station:
-    """The ground station without a page; `PageStation` adds one.
-
-    `show`: called with a dictionary for each event; ``event`` has the event's name.
-    """
+    """The ground station without a page; `show` gets each event as a dictionary."""
 
     def __init__(
         self, settings: StationSettings, show: Callable[[dict[str, Any]], None]
@@ -166,11 +162,7 @@ class Station:
             await asyncio.sleep(START_RETRY_S / 10)
 
     async def _upload(self, session: GroundSession, link: GroundLink) -> bool:
-        """Send the tags; False if the drone detects already and nothing is to be started.
-
-        A restarted station that finds its own tags in use continues as if it had started
-        detection. Detection started by another station goes on, and its pulses are received.
-        """
+        """Send the tags; False if the drone detects already and nothing is to be started."""
         tags = session.vehicle.store.chosen_tags
         try:
             await session.commands.send_tags_by(link)

@@ -20,11 +20,7 @@ def energy_of(hover_w: float | None) -> EnergyModel:
 
 
 class EnergyLearning:
-    """Power estimate of one drone, updated over all its orders.
-
-    `hover_w`: see `energy_of`. `battery_wh`: capacity of the full battery [Wh]; None: nothing
-    is learned.
-    """
+    """Power estimate of one drone, updated over all its orders if the battery is known."""
 
     def __init__(self, hover_w: float | None, battery_wh: float | None) -> None:
         self.energy = energy_of(hover_w)
@@ -37,10 +33,7 @@ class EnergyLearning:
         self._predicted_wh = 0.0
 
     def learn(self, now: VehicleNow) -> VehicleNow:
-        """Add the present battery reading; return the vehicle's state with the learned power.
-
-        Updates only while an order is flown: then the drone is in the air.
-        """
+        """Add a battery reading in flight; return the state with the learned power."""
         if self._battery_wh is not None and now.began and now.battery_percent is not None:
             self._read(now, now.battery_percent, self._battery_wh)
         else:

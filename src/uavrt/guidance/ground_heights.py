@@ -1,8 +1,4 @@
-"""Heights of the ground around home, from an elevation map. Pure.
-
-Commands use heights above home; the map gives the height of the ground relative to home. If map
-and autopilot disagree on home's height, one of them is wrong.
-"""
+"""Heights of the ground around home, and relative to home, from an elevation map. Pure."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,11 +19,7 @@ _MOST_SQUARES = 300
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GroundAround:
-    """Heights of the ground around home, on a grid.
-
-    `above_home_m` gives the highest of the four corners around a position, which is never less
-    than the ground between them.
-    """
+    """Heights of the ground around home: the highest of four grid corners."""
 
     home_amsl_m: float
     """Height of home above sea level by the map [m]."""

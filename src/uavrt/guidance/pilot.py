@@ -1,8 +1,4 @@
-"""Fly an order step by step: each motion is requested when the one before is done. Pure.
-
-`uavrt.guidance.control.authority` decides on each request. A refused request is dropped: the
-next one follows from the vehicle's state then.
-"""
+"""Fly an order step by step: each motion is requested when the one before is done. Pure."""
 
 from collections.abc import Sequence
 from math import atan2, cos, degrees, radians
@@ -58,10 +54,7 @@ def _waits(step: Step, now: VehicleNow) -> bool:
 
 
 class Pilot:
-    """Flies one order.
-
-    `plan`: its steps. `waits`: True to wait for further steps by `redirect` at the end.
-    """
+    """Flies the steps of one order; with `waits` further ones come by `redirect`."""
 
     def __init__(
         self, order: Order, plan: Plan, limits: Limits, *, waits: bool = False

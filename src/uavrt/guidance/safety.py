@@ -138,9 +138,9 @@ class SafetyLimits:
     frozen_m: float = 2.5
     stopped_s: float = 1.0
     turn_made_up_s: float = 6.0
-    """Time to stop and reverse a turn in progress at a command [s]."""
+    """Time to stop and reverse a turn that was in progress when a command was sent [s]."""
     report_delay_s: float = 0.3
-    """Time after a command during which a reported setpoint may be older than it [s]."""
+    """Time after a command in which a reported setpoint may be older than the command [s]."""
     # A heading that follows the course turns by this angle in this time [s, °]. After a new
     # target near the old one ArduCopter 4.7 swung by 38° beyond the bearing, 0.4 s behind it.
     course_follow_s: float = 1.0

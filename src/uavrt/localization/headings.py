@@ -47,11 +47,7 @@ class Headings:
     def gain_db(
         self, pattern: AntennaPattern, bearing_deg: NDArray[np.float64], elevation_deg: float
     ) -> NDArray[np.float64]:
-        """Gain (n, b) [dB relative to boresight] towards bearings (b,) at one elevation.
-
-        `bearing_deg` (b,): directions over ground.
-        `elevation_deg`: elevation of the tag seen from the drone, negative below it.
-        """
+        """Gain (n, b) [dB relative to boresight] towards bearings (b,) at one elevation."""
         if self.axes is None and elevation_deg == 0.0:
             return pattern.gain_db(bearing_deg[None, :] - self.yaw_deg[:, None])
         bearing, elevation = np.radians(bearing_deg), np.radians(elevation_deg)

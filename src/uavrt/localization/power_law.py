@@ -56,13 +56,8 @@ def power_tables(
 ) -> PowerTables:
     """Tabulate log p(power given level), first of received pulses, then of missed pulses.
 
-    `matched_power` (n,): mean power of the pulses at their known time, over the noise power;
-    noise included.
-    `missed_below` (m,): upper limit of each missed pulse's power.
-    `folds`: number of pulses summed in each value.
-    `fadings_db`: standard deviations of the fading, one table each.
-    `spread_db`: largest front-to-back ratio of the antenna's gain [dB].
-    Returns: n + m rows. Each law includes a share of outliers that is independent of the level.
+    `matched_power` (n,): over the noise power, noise included. `missed_below` (m,): upper
+    limits. `folds`: number of pulses summed in each value. Returns n + m rows.
     """
     strongest = 10.0 * np.log10(max(10.0, matched_power.max(initial=1.0)))
     highest = 10.0 * np.ceil((strongest + 15.0) / 10.0)

@@ -90,7 +90,7 @@ class FlightTuning:
     """Standard deviation, in each direction, of the error that all positions of a flight share
     [m]. Single-frequency GNSS is off by 1.5 to 3 m for minutes."""
     gain_pulses: int = 6
-    """Number of pulses on each side that show a change of the receiver's gain."""
+    """Number of pulses before and after a change of the receiver's gain that show it."""
     gain_step_db: float = 3.0
     """Smallest step of the noise that is a change of gain [dB]; smaller ones move little."""
     steady_noise_db: float = 2.0

@@ -46,7 +46,7 @@ class Circle:
     def path_distance_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Least distance from the circle of straight paths [m]; 0 if they cross it."""
+        """Shortest distance from the circle of straight paths [m]; 0 if they cross it."""
         off = _off_segment_m(self.east_m, self.north_m, start_m, (east_m, north_m))
         return np.asarray(np.maximum(off - self.radius_m, 0.0))
 
@@ -58,7 +58,7 @@ class Circle:
     def path_depth_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Least distance from the edge on paths inside the circle [m]; 0 or less outside."""
+        """Shortest distance from the edge on paths inside the circle [m]; 0 or less outside."""
         start = self.depth_m(*np.array([start_m]).T)
         return np.asarray(np.minimum(self.depth_m(east_m, north_m), start))
 
@@ -160,7 +160,7 @@ class Polygon:
     def path_distance_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Least distance from the outline of straight paths [m]; 0 if they cross it."""
+        """Shortest distance from the outline of straight paths [m]; 0 if they cross it."""
         edge = self._edge_distance_m(start_m, east_m, north_m)
         start = self.contains(*np.array([start_m]).T)
         return np.asarray(np.where(self.contains(east_m, north_m) | start, 0.0, edge))
@@ -173,7 +173,7 @@ class Polygon:
     def path_depth_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Least distance from the edge on paths inside the outline [m]; 0 if they leave it."""
+        """Shortest distance of paths inside the outline from its edge [m]; 0: they leave it."""
         edge = self._edge_distance_m(start_m, east_m, north_m)
         start = self.contains(*np.array([start_m]).T)
         return np.asarray(np.where(self.contains(east_m, north_m) & start, edge, 0.0))
@@ -181,7 +181,7 @@ class Polygon:
     def _edge_distance_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Least distance of straight paths from the outline's edge [m]; 0 if they cross it."""
+        """Shortest distance of straight paths from the outline [m]; 0 if they cross it."""
         end = (east_m, north_m)
         off = [segment_distance_m(start_m, end, side) for side in self._sides]
         return np.asarray(np.min(off, axis=0))
@@ -204,7 +204,7 @@ def _off_segment_m(x: float | _Floats, y: float | _Floats, a: _Place, b: _Place)
 
 
 def segment_distance_m(start: _Place, end: _Place, side: tuple[_Place, _Place]) -> _Floats:
-    """Least distance of straight paths from a line segment [m]; 0 if they cross it."""
+    """Shortest distance of straight paths from a line segment [m]; 0 if they cross it."""
     a, b = side
     ends = _off_segment_m(*end, a, b), _off_segment_m(*start, a, b)
     corners = _off_segment_m(*a, start, end), _off_segment_m(*b, start, end)
@@ -262,7 +262,7 @@ class SearchArea:
     straight_home: bool = False
     """True if the straight return from any position must avoid the excluded areas, too."""
     lowest_m: float = 20.0
-    """Least height above the ground beneath [m]."""
+    """Minimum height above the ground beneath [m]."""
     highest_m: float = 120.0
     ground: Ground = flat_ground
     ground_home: Ground | None = None
@@ -324,10 +324,7 @@ class SearchArea:
     def _entered_areas(
         self, x: _Floats, y: _Floats, start_m: tuple[float, float]
     ) -> list[tuple[int, str]]:
-        """Numbers of legs that enter an excluded area, each with the reason.
-
-        A drone blown into the margin by a gust may leave the margin, but not come closer.
-        """
+        """Numbers of legs that enter an excluded area, each with the reason."""
         found: list[tuple[int, str]] = []
         here = np.array([start_m]).T
         for zone in self.excluded:
@@ -433,11 +430,7 @@ def _close_points(east_m: _Floats, north_m: _Floats) -> tuple[_Floats, _Floats]:
 
 
 def check_reach(area: SearchArea, farthest_m: float) -> None:
-    """Reject an unreachable search before anything moves.
-
-    `farthest_m`: reach from home, including the return and the reserve. Raises `PlanError`: the
-        whole area is beyond the battery's reach.
-    """
+    """Raise `PlanError` for an area that lies wholly beyond `farthest_m` from home."""
     corners = np.array(area.search.corners)
     if area.search.contains(*np.array([area.home_m]).T).all():
         return
@@ -462,10 +455,7 @@ def _distance_m(point: _Floats, a: _Floats, b: _Floats) -> float:
 def survey_lines(
     polygon: Polygon, spacing_m: float, *, most: int | None = None
 ) -> list[tuple[float, float]]:
-    """Corners of parallel lines over a polygon, back and forth along its longer side.
-
-    Raises `PlanError`: the spacing is not positive, or there are more lines than `most`.
-    """
+    """Corners of parallel lines over a polygon, back and forth along its longer side."""
     if not spacing_m > 0.0:
         raise PlanError(
             f"the line spacing of {spacing_m:g} m is not positive",

@@ -34,9 +34,6 @@ def divided(
 
     Each tag in turn goes to the drone that would finish it first (list scheduling). Then single
     tags move to other rounds while that shortens the longest round or the total.
-
-    `stay_s`: time at each tag.
-    `owners`: previous drone of each tag; another takes it only if that saves enough time.
     """
     rounds = _Rounds(starts, east_m, north_m, speed_m_s, stay_s, owners)
     tours: list[list[int]] = [[] for _ in starts]

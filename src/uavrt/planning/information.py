@@ -208,9 +208,9 @@ def _heard_nats(prior: TagPrior, some: Hypotheses, heard: _Pulses) -> _Floats:
 def minus_quarter_squares(scaled: _Singles, whole: _Singles) -> _Singles:
     """(legs, hypotheses, hypotheses) -¼ (distance² - difference of w²) of all pairs.
 
-    Inputs are s (legs, samples, hypotheses) and w (legs, hypotheses): -¼ (|s_i - s_j|² - (w_i -
-    w_j)²). With q = |s|² - w² it is ½ (s_i · s_j - w_i w_j) - ¼ q_i - ¼ q_j, so that one matrix
-    product computes it.
+    For s (legs, samples, hypotheses) and w (legs, hypotheses) it is -¼ (|s_i - s_j|² - (w_i -
+    w_j)²). This equals ½ (s_i · s_j - w_i w_j) - ¼ q_i - ¼ q_j with q = |s|² - w², so that one
+    matrix product computes it.
     """
     quarter = np.einsum("csp,csp->cp", scaled, scaled)
     quarter -= whole * whole

@@ -17,10 +17,7 @@ _Real = NDArray[np.floating[Any]]
 class KeepAway:
     """Distance that paths keep from every tag, found or still searched for.
 
-    `radius_m`: least distance over ground.
-    `probability`: probability that a path keeps it, for each tag.
     `margin`: factor on the radius when planning, as an animal may move.
-    `hypotheses`: number drawn of each tag.
     """
 
     radius_m: float = 50.0

@@ -49,7 +49,7 @@ class Search:
             prior = belief.prior
             if not (np.isfinite(prior.level_db) and np.isfinite(prior.level_sigma_db)):
                 raise PlanError(
-                    f"tag {belief.tag_id} has no strength",
+                    f"the signal strength expected of tag {belief.tag_id} is missing",
                     remedy="Give its level_db and level_sigma_db, wide if unknown",
                 )
         area = self.settings.area

@@ -17,12 +17,7 @@ def tags_by_drone(
     *,
     speed_m_s: float,
 ) -> dict[int, list[int]]:
-    """Located tags of each drone in the order of its round.
-
-    `found`: tags that need no more searching.
-    `starts`: start of each drone's round, by number.
-    `owners`: previous drone of each tag, by number.
-    """
+    """Located tags, still searched, of each drone in the order of its round."""
     known = [one for tag_id, one in beliefs.items() if tag_id not in found and _is_known(one)]
     drones = list(starts)
     if not known:

@@ -8,7 +8,7 @@ class PlanningTuning:
     """Limits and steps of areas, coverage, division of tags, energy and range."""
 
     least_area_m2: float = 100.0
-    """Least size of a search area [m²]."""
+    """Minimum size of a search area [m²]."""
     listed_corners: int = 3
     """Largest number of corners outside the fence that an error lists."""
     path_step_m: float = 5.0
@@ -43,7 +43,7 @@ class PlanningTuning:
     """Step between distances in the table of levels [m]."""
 
     drones_step_s: float = 1.0
-    """Least remaining time of another drone's path that is sampled [s]."""
+    """Minimum remaining time of another drone's path that is sampled [s]."""
     drones_samples: int = 8
     """Number of samples along another drone's planned path."""
 

@@ -134,8 +134,7 @@ class ByteJoiner:
         """Get the complete samples before the next gap.
 
         Returns (samples, lost_before, realigned): a copy, shape (n,), with zeros for non-finite
-        values; number of samples lost before the first; number of corrections of the alignment
-        so far.
+        values; the number of samples lost before these; the number of realignments so far.
         """
         data = b"".join(self._parts)
         skip = misalignment(data)

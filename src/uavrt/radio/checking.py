@@ -23,12 +23,7 @@ _FREQUENCY_HZ: Final = 150e6
 
 
 def check_device(settings: RadioSettings) -> str:
-    """Receive samples for three seconds; return a sentence with the results if the radio works.
-
-    Raises `RadioError` if the radio is missing, cannot be opened, or does not deliver samples
-    at its rate; `RadioAmbiguous` if several radios match the settings; `ConfigError` for
-    invalid settings.
-    """
+    """Receive samples for three seconds; return a sentence with the results if all is well."""
     if (several := ambiguous_radios(settings)) is not None:
         raise RadioAmbiguous(several[0], remedy=several[1])
     row = RADIOS.get(settings.kind)

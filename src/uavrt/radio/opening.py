@@ -60,11 +60,7 @@ _SUFFIXES: dict[str, str] = {
 def open_radio(
     settings: RadioSettings, center_frequency_hz: float, *, clock: Clock | None = None
 ) -> SampleSource:
-    """Start the configured radio, tuned to a frequency [Hz].
-
-    Raises `RadioMissing` if its program or driver is not installed, `ConfigError` for an
-    unsupported setting.
-    """
+    """Start the configured radio, tuned to a frequency [Hz]."""
     if settings.kind in PROGRAMS:
         return ProgramSource(settings, center_frequency_hz, clock=clock)
     if settings.kind in OPENERS:
@@ -104,12 +100,7 @@ def open_stream(
 def open_channel(
     address: str, *, sample_rate_hz: float | None, center_frequency_hz: float | None
 ) -> ChannelDatagramSource:
-    """Receive one channel from the original channelizer, or from ours.
-
-    `address`: ``udp://127.0.0.1:20090``. `sample_rate_hz`: rate of the channel; None: the
-    original's 3750 Hz. `center_frequency_hz`: of the channel. Raises `FormatError` without a
-    frequency, `ConfigError` or `RadioError` for an address that is invalid or in use.
-    """
+    """Receive one channel by UDP from the original channelizer, or from ours."""
     return ChannelDatagramSource(
         address,
         sample_rate_hz=3750.0 if sample_rate_hz is None else sample_rate_hz,

@@ -39,12 +39,7 @@ def block_length(sample_rate_hz: float, block_s: float = BLOCK_S) -> int:
 
 
 class StreamSource(LiveSource):
-    """Live samples from a file descriptor: stdin, a pipe or a socket.
-
-    `descriptor`: not closed by `close`. `start_time_ns`: time of the first sample [ns, UTC];
-    times then follow from the nominal rate. `block_s`: length of a block [s]. `name`: for
-    errors. Raises `FormatError` for an impossible rate.
-    """
+    """Live samples from a file descriptor, which `close` leaves open."""
 
     MAY_BE_SLOW = True
     RATE_REMEDY = "Check --sample-rate, and what slows the program before the pipe down"
@@ -133,11 +128,7 @@ class StreamSource(LiveSource):
         return self._filled < len(self._bytes)
 
     def _register(self, count: int) -> None:
-        """Register bytes that have arrived.
-
-        Bytes waiting in the pipe count as arrived, so that a slow reader does not look like a
-        late radio. A full pipe shows nothing, because the writer is waiting.
-        """
+        """Register bytes that have arrived, also those waiting in a pipe that is not full."""
         size = self._format.bytes_per_sample
         lost = self._reported_lost()
         if lost:

@@ -13,20 +13,14 @@ DEAD_S = 1.0
 
 
 class SampleCheck:
-    """Checks every block of the decimated band by its power: 20 µs for 87 ms of samples.
-
-    `name`: of the source, for errors.
-    """
+    """Checks every block of the decimated band by its power: 20 µs for 87 ms of samples."""
 
     def __init__(self, name: str) -> None:
         self._name = name
         self._dead_s = 0.0
 
     def look(self, block: IQBlock) -> None:
-        """Check one block of samples.
-
-        Raises `RadioGarbled` if it cannot be samples, `RadioStalled` if all are zero.
-        """
+        """Check one block: `RadioGarbled` if not samples, `RadioStalled` if all are zero."""
         values = block.samples.view(np.float32)
         if values.size == 0:
             return

@@ -1,7 +1,4 @@
-"""Interface of all sources of samples: real, replayed or simulated.
-
-Code that processes samples does not depend on the kind of source.
-"""
+"""Interface of all sources of samples: real, replayed or simulated."""
 
 from typing import Protocol
 

@@ -35,12 +35,7 @@ def parse_udp_address(text: str) -> tuple[str, int]:
 
 
 def listen(host: str, port: int) -> list[socket.socket]:
-    """Open a receiving socket for each address of a host name.
-
-    ``localhost`` may be ``::1`` for the sender (netcat) and 127.0.0.1 here; datagrams to the
-    other address would be lost. Raises `RadioError` if the port is in use, or the address
-    belongs to another computer.
-    """
+    """Open a receiving socket for each address of a host name, such as both of localhost."""
     places = set(_host_addresses(host, port))
     if host == "localhost":
         places |= {

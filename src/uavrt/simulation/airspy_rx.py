@@ -182,11 +182,7 @@ def _gain(given: dict[str, str]) -> int:
 
 
 class Transmission:
-    """The stream of samples from the simulated receiver to the reader.
-
-    `write`: takes bytes; blocks while the reader is busy, raises OSError when it has gone.
-    `clock`: paces the samples. `report`: gets lines for the terminal.
-    """
+    """The stream of samples from the simulated receiver to the reader."""
 
     def __init__(
         self,
@@ -251,11 +247,7 @@ class Transmission:
         return index + lost
 
     def _enqueue(self, block: bytes) -> bool:
-        """Queue a buffer; False if the reader made no room for the duration of the queue.
-
-        The wait also covers a pause of this program, which must not lose samples: a real
-        radio's buffers would have been read one by one meanwhile.
-        """
+        """Queue a buffer; False if the reader made no room for the duration of the queue."""
         try:
             self._buffers.put(block, timeout=self._buffers_s)
         except queue.Full:

@@ -59,13 +59,9 @@ def simulate_to_directory(
     sample_rate_hz: float | None = None,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> SimulatedRecording:
-    """Record a scenario from its start.
+    """Record a scenario from its start into an empty directory, which is made.
 
-    `directory`: created if missing; must be empty. `duration_s`: length [s]; by default the
-    scenario's. `sample_format`: little-endian pairs of float32, or of int16 with full scale
-    32767. `sample_rate_hz`: by default the scenario's. `on_progress`: called with the number of
-    samples written and their total. Raises `ConfigError` unless length and rate are positive,
-    `RecordingError` if the directory cannot be written, is not empty, or has too little space.
+    `on_progress` gets the number of samples written and their total.
     """
     duration_s = scenario.duration_s if duration_s is None else duration_s
     scenario = replace(scenario, duration_s=duration_s)

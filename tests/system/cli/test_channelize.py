@@ -226,7 +226,7 @@ def test_a_file_gives_the_samples_of_the_originals_formula(
         (["--channels", "101"], "channel 101"),
         (["--channels", "x"], "not numbers"),
         (["--channels", "-3", "--ports", "thesis"], "second"),
-        (["--sample-rate", "250e3"], "make 66 channels of 3787.88"),
+        (["--sample-rate", "250e3"], "give 66 channels of 3787.88"),
         (["--sample-rate", "374e3"], "--mode default"),
         (["--sample-rate", "2.5e6"], "3e6"),
         (["--host", "no.such.host.invalid"], "no.such.host.invalid"),

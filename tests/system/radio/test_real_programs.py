@@ -115,7 +115,7 @@ def test_the_rates_of_the_radio_that_is_there_are_named(
     RadioWorld(tmp_path, kind).write("rates", rates)
     lines = doctor(tmp_path, default_radio(kind, sample_rate_hz=3e6), ("works",), rates=rates)
     assert lines["works"][0] == (
-        f"!! radio        {RADIOS[kind].title}: it does not take 3000000 samples a second. "
+        f"!! radio        {RADIOS[kind].title}: 3000000 samples a second are not supported. "
         "Set [radio] sample_rate_hz to 2500000 or 10000000"
     )
 

@@ -328,7 +328,7 @@ def test_facts_are_written_as_they_are_read(tmp_path: Path) -> None:
     [
         ("pilot = 'x'", "Choose from operator"),
         ("operator = 3", "not text"),
-        ("=", "Correct it"),
+        ("=", "Correct the file"),
     ],
 )
 def test_a_wrong_report_toml_is_told(tmp_path: Path, text: str, says: str) -> None:

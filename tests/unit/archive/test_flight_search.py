@@ -57,7 +57,7 @@ def test_rows_of_nothing_are_refused(tmp_path: Path) -> None:
     place = tmp_path / RECORDINGS
     pq.write_table(pq.read_table(place).take([0] * 300_000), place, compression="zstd")
     for question in (lambda: find_flights(tmp_path), lambda: ask(tmp_path, QUESTIONS["list"])):
-        with pytest.raises(FormatError, match="holds 300,000 rows without columns"):
+        with pytest.raises(FormatError, match="damaged: 300,000 rows without columns"):
             question()
 
 

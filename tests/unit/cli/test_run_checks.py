@@ -18,7 +18,7 @@ def settings(**mavlink: Any) -> Settings:
 @pytest.mark.parametrize(
     ("mavlink", "words"),
     [
-        ({"address": "udp:14540"}, "not the address of a link"),
+        ({"address": "udp:14540"}, "not a link address"),
         ({"key_file": "/nowhere/key"}, "cannot read the key file"),
         ({"signing_key_file": "/nowhere/key"}, "cannot read the signing key"),
     ],

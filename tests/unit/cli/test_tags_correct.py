@@ -7,7 +7,7 @@ import pytest
 
 from uavrt.cli.signals.tags import correct
 from uavrt.config.tags.tag_files import read_tags, write_tags
-from uavrt.core.messages import Beep, BeepKind, Tag
+from uavrt.core.messages import Beep, BeepKind, Tag, mirrored_reason
 from uavrt.flight.flight_recorder import FlightRecorder
 from uavrt.flight.reading.flight_reader import read_beeps
 
@@ -44,6 +44,14 @@ def flight(tmp_path: Path) -> Path:
             frequency_hz=148_900_000.0, interval_s=1.5, tag_ids=(2, 4), offsets_hz=(1.0, 2.0)
         )
     )
+    recorder.write(
+        made.beep(
+            frequency_hz=OTHER.frequency_hz - 6000.0,
+            tag_ids=(4,),
+            offsets_hz=(-6000.0,),
+            reason=mirrored_reason(4),
+        )
+    )
     recorder.close()
     return directory
 
@@ -53,6 +61,7 @@ def test_the_newest_measurement_of_each_sender_is_read_back(flight: Path) -> Non
     assert [(one.kind, one.pulses, one.tag_ids) for one in beeps] == [
         (BeepKind.LISTED, 12, (4,)),
         (BeepKind.OFF_LABEL, 12, (2, 4)),
+        (BeepKind.OFF_LABEL, 12, (4,)),
         (BeepKind.OFF_LABEL, 30, (2,)),
     ]
 
@@ -66,6 +75,7 @@ def test_a_flight_corrects_the_labels_of_a_list_and_says_what_was_listed(
     said = capsys.readouterr().out
     assert "tag 2: 148.710640 MHz, was 148.710000 MHz" in said
     assert "not corrected: 20 dB at 148.900000 MHz" in said
+    assert "tag 4, 6.0 kHz below its label or tag 4 mirrored (I and Q swapped)?" in said
     assert [one.frequency_hz for one in read_tags(better)] == [148_710_640.0, 148_760_000.0]
     assert read_tags(tags) == (TAG, OTHER)
 

@@ -141,6 +141,10 @@ def names(*trains: Train, tags: tuple[Tag, ...]) -> list[Beep]:
     return name_trains(trains, tags, 500.0)
 
 
+def mirror_names(*trains: Train, tags: tuple[Tag, ...]) -> list[Beep]:
+    return name_trains(trains, tags, 500.0, center_hz=CENTER_HZ)
+
+
 def test_where_two_listed_tags_could_be_meant_both_are_named_the_nearer_first() -> None:
     (one,) = names(train(CENTER_HZ + 2500.0, 1.254), tags=(TAG, OTHER))
     assert one.tag_ids == (4, 2)
@@ -219,6 +223,62 @@ def test_the_same_error_of_all_tags_is_the_receivers() -> None:
     assert "+50.0 ppm off their labels: the receiver's own error" in words_of_beeps(found)[-1]
 
 
+def test_i_and_q_are_not_swapped_if_a_tag_is_at_its_label_or_all_share_an_error() -> None:
+    near, far = (
+        replace(TAG, frequency_hz=CENTER_HZ + 3000.0),
+        replace(OTHER, frequency_hz=CENTER_HZ + 40_000.0),
+    )
+    here = train(far.frequency_hz, 1.27, first_s=0.9)
+    for at_hz, kind in ((3000.0, BeepKind.OFF_LABEL), (9000.0, BeepKind.UNLISTED)):
+        tag = replace(TAG, frequency_hz=CENTER_HZ + at_hz)
+        one, _ = mirror_names(train(CENTER_HZ - at_hz, 1.254), here, tags=(tag, far))
+        assert (one.kind, one.reason) == (kind, "")
+    # Both 6 kHz below their labels: the receiver is off, though one is where its mirror is.
+    found = mirror_names(
+        train(CENTER_HZ - 3000.0, 1.254),
+        train(far.frequency_hz - 6000.0, 1.27),
+        tags=(near, far),
+    )
+    assert [(one.kind, one.reason) for one in found] == [(BeepKind.OFF_LABEL, "")] * 2
+
+
+def test_some_mirror_frequencies_fit_by_chance_in_a_list_of_one_interval() -> None:
+    tags = tuple(
+        replace(TAG, tag_id=2 + n, frequency_hz=CENTER_HZ + at_hz)
+        for n, at_hz in enumerate((-8000.0, 5800.0, 0.0, -3000.0))
+    )
+    # All are 2.2 kHz above their labels, which may also be another's label.
+    found = mirror_names(
+        *(
+            train(tag.frequency_hz + 2200.0, 1.254, first_s=0.1 + 0.2 * tag.tag_id)
+            for tag in tags
+        ),
+        tags=tags,
+    )
+    assert {(one.kind, one.reason) for one in found} == {(BeepKind.OFF_LABEL, "")}
+
+
+def test_two_tags_side_by_side_may_be_mirrored_or_the_receiver_off() -> None:
+    tags = tuple(
+        replace(TAG, tag_id=n, frequency_hz=CENTER_HZ + hz, pulse_intervals_s=(interval_s,))
+        for n, hz, interval_s in ((2, 3000.0, 1.254), (4, 3050.0, 0.9))
+    )
+    found = mirror_names(
+        train(CENTER_HZ - 3000.0, 1.254), train(CENTER_HZ - 3050.0, 0.9), tags=tags
+    )
+    assert [one.kind for one in found] == [BeepKind.OFF_LABEL] * 2
+    assert all("mirrored (I and Q swapped)" in str(one) for one in found)
+    assert shared_offset_ppm(found) is not None
+
+
+def test_one_tag_at_anothers_frequency_has_another_rate_or_is_mirrored() -> None:
+    far = replace(OTHER, frequency_hz=CENTER_HZ - 8000.0, pulse_intervals_s=(0.9,))
+    tag = replace(TAG, frequency_hz=CENTER_HZ + 8000.0)
+    (one,) = mirror_names(train(CENTER_HZ - 8000.0, 1.254), tags=(tag, far))
+    assert one.kind is BeepKind.OTHER_RATE
+    assert one.meaning == "tag 4 at another rate or tag 2 mirrored (I and Q swapped)"
+
+
 def test_a_sender_of_data_bursts_is_no_animal() -> None:
     rng = np.random.default_rng(8)
     samples = samples_of(scene(duration_s=30.0))
@@ -289,6 +349,13 @@ def test_a_live_search_of_the_tags_band_pauses_only_if_the_band_is_wide(
     due = "".join("x" if search.due(band, band)[1] else " " for _ in range(600))
     assert due.startswith("x" * 60)
     assert max(map(len, due.split("x"))) == pause
+
+
+def test_a_live_search_of_the_rest_begins_with_twenty_intervals_of_2_s() -> None:
+    search = BeepSearch([TAG], 500.0, Receiver(CENTER_HZ, 3e6), live=True)
+    block, band = (IQBlock(np.zeros(hz, np.complex64), 0, 0, float(hz)) for hz in (8, 4))
+    due = "".join("x" if search.due(block, band)[0] else " " for _ in range(540))
+    assert due == "x" * 40 + " " * 480 + "x" * 20
 
 
 def test_a_live_stream_names_each_beeper_once_while_it_runs() -> None:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.core.messages import BeepKind, IQBlock
-from uavrt.dsp.input_check import GAIN_TOO_LOW, UNEQUAL, WRONG_FORMAT, InputCheck
+from uavrt.core.messages import Beep, BeepKind, IQBlock, keep_beep, mirrored_reason
+from uavrt.dsp.input_check import GAIN_TOO_HIGH, GAIN_TOO_LOW, UNEQUAL, WRONG_FORMAT, InputCheck
 from uavrt_experiments.detection.beeping import (
     CENTER_HZ,
     Beeper,
@@ -71,10 +71,16 @@ def with_line(samples: Samples) -> Samples:
         (lambda x: words_as_bytes(x * np.float32(0.3)), UNEQUAL),
         (lambda x: x.real.astype(np.complex64), UNEQUAL),
         (lambda x: stepped(x * np.float32(0.05), 128.0), GAIN_TOO_LOW),
+        (lambda x: stepped(x * np.float32(15.0), 128.0), GAIN_TOO_HIGH),
+        (lambda x: stepped(x * np.float32(15.0), 32_768.0), GAIN_TOO_HIGH),
     ],
 )
 def test_each_fault_is_reported_once(spoil: Callable[[Samples], Samples], fault: str) -> None:
     assert found(spoil(noise(0.05))) == [fault]
+
+
+def test_computed_samples_beyond_full_scale_are_no_fault() -> None:
+    assert found(noise(1.0)) == []
 
 
 @pytest.mark.parametrize("sigma", [0.02, 0.1, 0.4])
@@ -95,15 +101,73 @@ def scene(enr_db: float = 22.0) -> Scene:
     return Scene(duration_s=60.0, sample_rate_hz=RATE_HZ, seed=3, beepers=(beeper,))
 
 
-def test_a_tag_on_the_other_side_of_the_centre_means_that_i_and_q_are_swapped() -> None:
-    far = replace(scene().beepers[0], offset_hz=8000.0)
-    swapped = [
-        replace(block, samples=block.samples.conj())
-        for block in blocks_of(replace(scene(), beepers=(far,)))
+def swapped(*tags: tuple[float, float]) -> list[Beep]:
+    """Identify tags of (offset [Hz], interval [s]) in samples with I and Q swapped."""
+    beepers = tuple(
+        replace(
+            scene().beepers[0], offset_hz=hz, starts_s=regular(60.0, interval_s, 0.4 + at_s)
+        )
+        for at_s, (hz, interval_s) in enumerate(tags)
+    )
+    listed = [
+        made.tag(2 + n, CENTER_HZ + hz, interval_s) for n, (hz, interval_s) in enumerate(tags)
     ]
-    (one,) = searched_blocks(swapped, [made.tag(2, CENTER_HZ + 8000.0, 1.254)], 500.0)
+    wrong = (
+        replace(block, samples=block.samples.conj())
+        for block in blocks_of(replace(scene(), beepers=beepers))
+    )
+    return sorted(searched_blocks(wrong, listed, 500.0), key=lambda one: one.tag_ids)
+
+
+def test_a_tag_on_the_other_side_of_the_centre_means_that_i_and_q_are_swapped() -> None:
+    (one,) = swapped((8000.0, 1.254))
     assert (one.kind, one.tag_ids) == (BeepKind.MIRRORED, (2,))
-    assert "I and Q are swapped" in str(one)
+    assert "tag 2 mirrored at the centre: I and Q are swapped. Swap them" in str(one)
+
+
+@pytest.mark.parametrize(
+    "tags",
+    [
+        ((2000.0, 1.254), (3500.0, 1.27)),  # each within reach of a wrong label
+        ((3000.0, 1.254), (-8000.0, 1.254)),  # each fits the other's label, 5 kHz away
+        ((3000.0, 1.254), (-3000.0, 0.9)),  # each at the other's frequency
+    ],
+)
+def test_two_tags_on_the_other_side_mean_that_i_and_q_are_swapped(
+    tags: tuple[tuple[float, float], ...],
+) -> None:
+    found = swapped(*tags)
+    assert [(one.kind, one.tag_ids) for one in found] == [
+        (BeepKind.MIRRORED, (2,)),
+        (BeepKind.MIRRORED, (3,)),
+    ]
+
+
+def test_one_tag_near_the_centre_may_be_off_its_label_or_mirrored() -> None:
+    (one,) = swapped((3000.0, 1.254))
+    assert (one.kind, one.tag_ids) == (BeepKind.OFF_LABEL, (2,))
+    both = "tag 2, 6.0 kHz below its label or tag 2 mirrored (I and Q swapped)"
+    assert f"{both}? A second tag shows which" in str(one)
+    (listed,) = swapped((100.0, 1.254))
+    assert listed.kind is BeepKind.LISTED
+
+
+def test_a_second_tag_replaces_what_a_live_stream_named_before() -> None:
+    def beep(kind: BeepKind, away_hz: float) -> Beep:
+        return made.beep(
+            kind, frequency_hz=CENTER_HZ + away_hz, tag_ids=(2,), offsets_hz=(6e3,)
+        )
+
+    known = [beep(BeepKind.OFF_LABEL, 3000.0), beep(BeepKind.OFF_LABEL, 4000.0)]
+    mirrored = beep(BeepKind.MIRRORED, 3005.0)
+    assert keep_beep(known, mirrored)
+    assert known == [beep(BeepKind.OFF_LABEL, 4000.0), mirrored]
+    assert not keep_beep(known, mirrored)
+    single = replace(beep(BeepKind.OFF_LABEL, 3005.0), reason=mirrored_reason(2))
+    assert not keep_beep(known, single), "of a part of an archive in which one tag beeps"
+    assert known[1] == mirrored
+    assert keep_beep(known, beep(BeepKind.LISTED, 3005.0))
+    assert [one.kind for one in known] == [BeepKind.OFF_LABEL, BeepKind.LISTED]
 
 
 def test_a_tag_on_the_other_side_is_unlisted_while_the_listed_one_beeps() -> None:

@@ -207,7 +207,7 @@ def test_what_was_confirmed_once_cannot_be_confirmed_again() -> None:
     flown.authority.stop(flown.time_s)
     with pytest.raises(CommandRefused, match="not the proposed one"):
         flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
-    with pytest.raises(CommandRefused, match="used before"):
+    with pytest.raises(CommandRefused, match="an earlier nonce"):
         flown.authority.offer(1, 77, flown.time_s)
 
 

@@ -88,7 +88,7 @@ def at_rest(flavour: Flavour) -> Flown:
         ),
         (Flown, fly_and_return_the_mode, "the mode has changed"),
         (Flown, change_mode, "the mode has changed to R"),
-        (at_rest, give_target, "another has given a target"),
+        (at_rest, give_target, "another program has set a target"),
         (at_rest, partial(turn_and_back, by_deg=-120.0), "another turns the drone"),
         (at_rest, partial(turn_and_back, by_deg=40.0), "another turns the drone"),
     ],
@@ -133,7 +133,7 @@ def test_the_first_target_that_another_gives_is_anothers_too(
     flown.run(0.3)
     flown.authority.planner_alive(flown.time_s)
     if when == "offered":
-        with pytest.raises(CommandRefused, match="another has given a target"):
+        with pytest.raises(CommandRefused, match="another program has set a target"):
             flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
     assert flown.authority.standing is Standing.OUT
     with pytest.raises(CommandRefused):

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from until import until_async as until
 
+from uavrt.config.settings import MavlinkSettings
 from uavrt.core.commands import Generation, SystemState
 from uavrt.core.earth.attitude import euler_deg
 from uavrt.core.errors import CommandRefused, ConfigError, LinkError
@@ -151,7 +152,7 @@ def test_a_gap_below_the_floor_is_refused() -> None:
         attitude=lambda s: None, position=lambda s: None, tunnel=lambda p, q: None
     )
     with pytest.raises(ConfigError, match=r"0\.012"):
-        Connection(handlers, lambda: 0, gap_s=0.005)
+        Connection(handlers, lambda: 0, MavlinkSettings(tunnel_gap_s=0.005))
 
 
 async def test_more_pulses_than_memory_keeps_without_a_station_come_from_the_disk(

@@ -259,7 +259,7 @@ def test_it_returns_when_the_energy_for_the_way_home_and_the_reserve_is_reached(
 
 def test_a_tag_without_any_strength_and_a_start_underground_are_refused() -> None:
     unknown = replace(PRIOR, level_sigma_db=float("nan"))
-    with pytest.raises(PlanError, match="tag 1 has no strength"):
+    with pytest.raises(PlanError, match="signal strength expected of tag 1 is missing"):
         search_with("mi_rate", prior=unknown).check(START)
     with pytest.raises(PlanError, match="comes below 20 m"):
         search_with("mi_rate").check(replace(START, height_m=3.0))

@@ -325,7 +325,7 @@ def test_a_stop_after_a_stall_waits_for_what_the_pilot_did_meanwhile(
     link.run(3.0)
     assert len(link.motions) == sent
     assert link.flown.vehicle.target == pilots
-    assert link.states[-1].text == "another has given a target"
+    assert link.states[-1].text == "another program has set a target"
 
 
 def test_a_stop_that_cannot_be_commanded_says_that_it_flies_on(link: Link) -> None:

@@ -201,7 +201,7 @@ async def test_a_receiver_that_falls_silent_is_named_and_pulses_go_on_without_a_
         (PoseSettings(source="fixed"), "latitude_deg, longitude_deg, heading_deg"),
         (replace(MAST, heading_deg=None), "needs heading_deg"),
         (PoseSettings(source="nmea"), "needs pose.address"),
-        (PoseSettings(source="nmea", address="COM3"), "not the address of a link"),
+        (PoseSettings(source="nmea", address="COM3"), "not a link address"),
         (PoseSettings(source="gpsd", address="nonsense"), "not HOST:PORT"),
     ],
 )

@@ -158,7 +158,7 @@ def test_a_pilot_who_flies_back_to_the_target_of_before_is_noticed_after_a_stall
     before = link.motions[-1]
     wished_until_sent(link, flight_to(link, 160.0))
     stalled(link, 0.95, with_time=with_time, pilot=lambda: link.flown.vehicle.command(before))
-    assert link.states[-1].text == "another has given a target"
+    assert link.states[-1].text == "another program has set a target"
     link.run(2.0)
     assert len(link.motions) == 2
 

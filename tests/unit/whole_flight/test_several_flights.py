@@ -182,7 +182,7 @@ def test_flights_that_cannot_be_judged_together_are_named(
         run(first, first)
     other = replace(flown[1], tag=replace(flown[1].tag, frequency_hz=149.1e6))
     (strange,) = on_disk([other], tmp_path / "strange")
-    with pytest.raises(UsageError, match=r"tag 2 is another one in .*strange"):
+    with pytest.raises(UsageError, match=r"tag 2 has another frequency.*strange"):
         run(first, strange)
     renamed = replace(flown[1], tag=replace(flown[1].tag, tag_id=8))
     (unlisted,) = on_disk([renamed], tmp_path / "unlisted")

@@ -21,13 +21,10 @@ from uavrt.flight.reading.outline import FlightOutline, read_outline
 def copies_of(
     found: Found, recordings: Ledger[RecordingRow], flights: Ledger[FlightRow], output: Path
 ) -> dict[Path, Path]:
-    """Choose one copy per flight; returns the chosen directory for each other copy's directory.
+    """Choose the copy with most to search of each flight; returns it for each other copy.
 
-    The copy with more to search is chosen: recordings, recorded channels, pulses. Among equals,
-    an earlier run's choice stays. Two flights that have samples but no pulses are never copies.
-    Copies are recognised as in a season's summary.
-    `recordings` and `flights` are finished rows, also of flights that are not reachable now.
-    Outlines of the flights are saved in `output` for the next run.
+    Among equals, an earlier run's choice stays. Flights with samples but no pulses are never
+    copies.
     """
     known = {row.path: row for row in flights.rows if flights.of(row.path) is row}
     listed = {

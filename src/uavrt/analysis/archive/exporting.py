@@ -221,11 +221,7 @@ def _geoparquet(archive: Path, table: str, flights: list[str] | None, directory:
 
 
 def with_points(rows: "pa.Table") -> "pa.Table":
-    """Add a column `geometry` of points, and the metadata of GeoParquet 1.1.
-
-    `rows` have latitude_deg and longitude_deg. Without `crs`, coordinates are longitude and
-    latitude of WGS 84 (https://geoparquet.org/releases/v1.1.0/).
-    """
+    """Add a column `geometry` of points on WGS 84, and the metadata of GeoParquet 1.1."""
     import pyarrow as pa
 
     longitude, latitude = (

@@ -308,11 +308,7 @@ def _recording(file: Path) -> Recording:
 
 
 def read_manifest(path: Path) -> dict[Path, Recording]:
-    """Read a manifest of recordings: CSV with the columns of `MANIFEST_COLUMNS`.
-
-    Relative paths start at the manifest's folder, and empty cells are unknown values. Raises
-    `FormatError` if it cannot be read, or with the number of a wrong line.
-    """
+    """Read a manifest of recordings: CSV with the columns of `MANIFEST_COLUMNS`."""
     remedy = f"A line has {', '.join(MANIFEST_COLUMNS)}; only path must be there"
     found: dict[Path, Recording] = {}
     try:

@@ -53,11 +53,7 @@ class MapSize:
 
 
 def read_places(path: Path, spacing_m: float) -> tuple[TangentPlane, list[tuple[float, float]]]:
-    """Read the path of a flight plan; for an area, the lines of its survey.
-
-    Returns the tangent plane, and east and north of each corner in it [m]. Raises `FormatError`
-    if the file holds neither, and `PlanError` if the area cannot be surveyed.
-    """
+    """Read the path of a flight plan, or survey lines of an area, as metres in a plane."""
     text = read_text(path, SHAPES)
     places = path_in(text, str(path))
     if places:
@@ -76,12 +72,7 @@ def corners_of_path(places: _Places) -> tuple[TangentPlane, list[tuple[float, fl
 def corners_over_area(
     outline: _Places, spacing_m: float, *, most: int | None = None
 ) -> tuple[TangentPlane, list[tuple[float, float]]]:
-    """Lay survey lines over an outline given as latitudes and longitudes [deg]; returns as
-    `read_places`.
-
-    `spacing_m` is the distance between lines, and `most` the largest number of lines. Raises
-    `PlanError` if the area cannot be surveyed, or needs more lines.
-    """
+    """Lay survey lines over an outline [deg]; at most `most`, else `PlanError`."""
     plane, corners = corners_of_path(outline)
     area = Polygon(corners=tuple(corners), name="area")
     return plane, survey_lines(area, spacing_m, most=most)

@@ -40,12 +40,7 @@ def flight_coverage(
     listened: Sequence[Stretch] = (),
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> Coverage:
-    """Probability that a flight detected a tag at each position, by pulse groups or by the
-    whole flight.
-
-    Times outside of `listened` count as not received, where given. `searched` gives the
-    settings of a whole-flight search. Raises `UsageError` if the flight is too long.
-    """
+    """Probability that a flight detected a tag at each position, by groups or as a whole."""
     way, limitations = flown_path(area, flight, tag, noise, listened)
     window_hz = frequency_window_hz(flight)
     if whole_flight and searched is not None:
@@ -92,11 +87,7 @@ def flown_path(
     noise: FlightNoise | None,
     listened: Sequence[Stretch] = (),
 ) -> tuple[AntennaPath, tuple[str, ...]]:
-    """Positions and heights above ground at which a flight could receive a tag, one for each
-    pulse interval.
-
-    If the times with samples are known, only these are used.
-    """
+    """Positions and heights above ground at which a flight could receive a tag, by interval."""
     poses = PoseColumns.of(antenna_poses(flight))
     begin = max(int(poses.time_ns[0]), flight.info.start_time_ns)
     interval_ns = tag.pulse_intervals_s[0] * NANOSECONDS_PER_SECOND

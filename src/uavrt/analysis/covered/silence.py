@@ -37,7 +37,7 @@ from uavrt.planning.detectability.link_budget import LinkBudget
 
 LEVEL_SIGMA_DB = 3.0
 SURE = 0.9
-"""Least detection probability at which silence is evidence of absence."""
+"""Minimum detection probability at which silence is evidence of absence."""
 _MARGIN_M = 2000.0
 _FINEST_M = 20.0
 _CELLS = 120
@@ -125,12 +125,7 @@ class ListenedFlight:
         cell_m: float | None = None,
         verdicts: Sequence[IntegratedVerdict] | None = None,
     ) -> "ListenedFlight":
-        """Make a map's grid around a flight, by default of 120 cells, and read its noise.
-
-        Stored whole-flight results are read unless `verdicts` are given. Raises
-        `RecordingError` without poses, `FormatError` for damaged elevation files or results,
-        and `UsageError` if the map would be too large.
-        """
+        """Make a map's grid around a flight, by default of 120 cells, and read its noise."""
         plane, east, north = flight_plane(flight)
         if cell_m is None:
             extent = max(float(np.ptp(east)), float(np.ptp(north))) + 2.0 * margin_m
@@ -165,10 +160,7 @@ class ListenedFlight:
         level_sigma_db: float = LEVEL_SIGMA_DB,
         on_pulse: Callable[[int, int], None] | None = None,
     ) -> SilentMap:
-        """Map where a tag would have been detected, by default with the flight's antenna.
-
-        Raises `UsageError` if the flight is too long, or the antenna is unknown.
-        """
+        """Map where a tag would have been detected, by default with the flight's antenna."""
         verdict = next((one for one in self.verdicts if one.tag_id == tag.tag_id), None)
         searched = None if verdict is None else verdict.searched
         named = antenna or _own_antenna(self.flight, searched)
@@ -282,12 +274,8 @@ def silent_map(
 ) -> SilentMap:
     """Map where a flight would have detected a tag, with the link budget of `uavrt coverage`.
 
-    `directory` has the flight, its noise and stored results. `tag_power_dbm` is the tag's
-    radiated power. Without `elevation` the ground is level. `antenna` is a pattern's name; the
-    default is the flight's. `on_pulse` receives the number of computed pulses, and the total.
-    Raises `UsageError` for a tag that the flight does not list, an unknown antenna, or too long
-    a flight; `RecordingError` without poses; `FormatError` for damaged elevation files or
-    results.
+    Without `elevation` the ground is level; without `antenna` the flight's is used. `on_pulse`
+    receives the number of computed pulses, and the total.
     """
     tag = next((one for one in flight.info.tags if one.tag_id == tag_id), None)
     if tag is None:
@@ -309,11 +297,7 @@ def silent_maps(
     elevation: Elevation | None,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> dict[int, SilentMap]:
-    """Coverage maps of the tags that the flight just analysed does not show, by tag.
-
-    These are the maps of `uavrt coverage FLIGHT`, made before the verdicts are saved. Tags that
-    were or may have been received have none. Parameters and errors are as in `silent_map`.
-    """
+    """Coverage maps, by tag, of the tags that the flight just analysed does not show."""
     silent = [
         (tag, one)
         for tag, one in zip(tags, verdicts, strict=True)
@@ -348,11 +332,7 @@ def _budget(tag: Tag, tag_power_dbm: float) -> LinkBudget:
 def sure_within_m(
     coverage: Coverage, east_m: NDArray[np.float64], north_m: NDArray[np.float64]
 ) -> float | None:
-    """Distance from a path within which a tag is detected with .9 or more everywhere [m].
-
-    None means nowhere. Terrain of unknown height counts as not detected, and the map's extent
-    is the maximum. `east_m` and `north_m` (n,) are the path in the map's plane.
-    """
+    """Distance from a path within which p ≥ 0.9 everywhere [m]; None means nowhere."""
     from scipy.spatial import KDTree
 
     ground = coverage.ground

@@ -58,10 +58,7 @@ class Recorded:
         return MONOPOLE if self.log.kind in WITHOUT_HEADINGS else USUAL_ANTENNA
 
     def turning(self) -> str:
-        """Name of the directional antenna for bearings; RA-23K for a log that names none.
-
-        Raises `UsageError` if the antenna is a whip or unknown.
-        """
+        """Name of the directional antenna for bearings; RA-23K for a log that names none."""
         if self.flight is None:
             return USUAL_ANTENNA
         if self.antenna == MONOPOLE:
@@ -115,11 +112,8 @@ def read_bearings(
 ) -> list[TagBearing]:
     """Estimate the bearings of flights or pulse logs that share one antenna.
 
-    `*paths` are flight directories or logs of any known format. The method ``pattern_ml`` first
-    corrects the antenna pattern by all turns, also those of past flights.
-    `warn` receives a sentence on the flights that contributed to the pattern, if more than one.
-    Raises `FormatError` for a file of another kind, and `UsageError` if no pulse has a pose or
-    the method or antenna is unknown.
+    The method ``pattern_ml`` first corrects the antenna pattern by all turns, also those of
+    past flights; `warn` receives a sentence on the flights that contributed.
     """
     return bearings_together([read_recorded(path) for path in paths], how or ReadAs(), warn)
 
@@ -157,7 +151,7 @@ def bearings_together(
 
 
 MOST_PAST_FLIGHTS = 6
-"""Most past flights read to learn a pattern; each takes as long as the flight itself."""
+"""Maximum number of past flights read to learn a pattern; each takes a flight's time."""
 ENOUGH_TURNS = 12
 """Number of turns above which a learnt antenna pattern hardly improves."""
 
@@ -171,10 +165,7 @@ def past_turns(
 ) -> list[list[HeardInTurn]]:
     """Pulses of turns in the same drone's past flights with the same antenna.
 
-    Flights in the same folder are read, newest first, until there are enough turns. Unreadable
-    flights and those of other drones are skipped.
-    `offset_deg` is the boresight, clockwise from the heading in the poses [deg]. Flights in
-    `excluded` are skipped, since the caller has their turns already.
+    Flights in the same folder are read, newest first, until there are enough turns.
     """
     place = Path(flight.info.directory).resolve()
     names = {Path(one.info.directory).resolve().name for one in excluded}
@@ -224,12 +215,7 @@ def check_bearing_method(method: str) -> None:
 
 
 def learnt_antenna(recorded: Recorded, antenna: str, offset_deg: float = 0.0) -> AntennaPattern:
-    """Correct an antenna pattern by the turns of a flight or log, to include the airframe's
-    effect.
-
-    `offset_deg` is the antenna's direction, clockwise from the heading in the poses [deg].
-    Raises `UsageError` for fewer than three turns in which a tag was received.
-    """
+    """Correct an antenna pattern by at least three turns, to include the airframe's effect."""
     turns = heard_in_turns(recorded.heard(antenna), offset_deg)
     if len(turns) < FLIGHT.least_turns:
         raise UsageError(

@@ -41,11 +41,7 @@ def basis_in_words(position: Position) -> str:
 
 
 def remarks_of(position: Position) -> tuple[str, ...]:
-    """Remarks printed next to a position's circles.
-
-    For a moving tag they state the time of its single position. The remark is omitted if the
-    path itself is the result: by strength, or on request.
-    """
+    """Remarks printed next to a position's circles, such as the time of a moving tag's."""
     walks = any(one.name == "walk" for one in position.cautions)
     if not position.track or not walks or position.method == "track":
         return position.remarks

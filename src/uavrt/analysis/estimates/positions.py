@@ -49,12 +49,11 @@ from uavrt.localization.results import Bearing, Position, PositionMethod
 _BEARING_COLUMNS = 10
 _SAME_PLACE_M = 30.0
 _SAME_BEARING_SIGMAS = 3.0
-"""Difference below which two bearings are of the same turn [standard deviations], even from two
-programs."""
+"""Difference below which two bearings are of one turn [standard deviations]."""
 _USUAL_SIGMA_DEG = 6.0
 """Standard deviation assumed for a bearing that has none [deg]."""
 _FIRST_LINES = 100
-"""Most lines read to recognise a file's format; comments may come first."""
+"""Maximum number of lines read to recognise a file's format; comments may come first."""
 
 
 def read_positions(
@@ -283,11 +282,7 @@ def _positions_of_turns(
     over: FlightGround | None,
     warn: Callable[[str], None],
 ) -> list[TagPosition]:
-    """Estimate positions from bearings and signal strengths; a tag without either gets the
-    reason.
-
-    `standing` has logs of a whip antenna at a fixed position, which give no bearing.
-    """
+    """Estimate positions from bearings and strengths; a tag without either gets the reason."""
     usable = [one for one in logs if one.usable]
     if len(usable) < len(logs):
         warn(NO_BEARINGS_FROM_THESE)
@@ -333,10 +328,7 @@ def check_position_method(method: str) -> None:
 
 
 def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
-    """Column count of a bearings.csv (10 or 11) or positions.csv (up to 8); 0 for other files.
-
-    Both kinds begin with a number and a file name, unlike any pulse log.
-    """
+    """Column count of a bearings.csv (10 or 11) or positions.csv (up to 8); 0 for others."""
     if not Path(path).is_file():
         return 0
     every = with_commas(read_lines(path)[:_FIRST_LINES])
@@ -403,10 +395,7 @@ def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosi
 
 
 def _without_copies(logs: Sequence[Recorded], warn: Callable[[str], None]) -> list[Recorded]:
-    """Remove pulses that another log of the same flight also has.
-
-    One pulse at two positions was received by two drones; both records stay.
-    """
+    """Remove pulses that another log of the same flight also has at the same position."""
     heard = [set(map(_place_and_time, one.log.pulse_poses)) for one in logs]
     kept: list[int] = []
     for number in sorted(range(len(logs)), key=lambda one: len(heard[one]), reverse=True):

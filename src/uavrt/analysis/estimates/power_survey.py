@@ -1,9 +1,4 @@
-"""Locate a tag from signal strength alone, in surveys with a monopole.
-
-Without a directional antenna there are no bearings. Received pulses along the flight, and
-expected ones that were missed, give a position. The strongest signal is reported separately
-(`uavrt.localization.position.levels.strongest`).
-"""
+"""Locate a tag from signal strength alone, in surveys with a monopole."""
 
 from contextlib import suppress
 from dataclasses import dataclass

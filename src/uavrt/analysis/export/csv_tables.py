@@ -68,10 +68,7 @@ def track_csv(survey: Survey) -> str:
 
 
 def bearing_rows(survey: Survey, parent_file: str) -> list[BearingRow]:
-    """Rows of bearings for the original system's ``bearings.csv``.
-
-    Turns without a clear direction are left out, since the format has no column to mark them.
-    """
+    """Rows of bearings for the original's ``bearings.csv``, without ambiguous turns."""
     known = (one for one in survey.bearings if one.bearing.accepted)
     return [_bearing_row(one, survey, parent_file) for one in known]
 
@@ -153,11 +150,7 @@ def marks_csv(survey: Survey) -> str:
 
 
 def movebank_csv(survey: Survey) -> str:
-    """Write positions as events in the terms of Movebank's attribute dictionary.
-
-    A resting tag has one event, at the end of its last bearing. A moving tag has one for each
-    time on its path. Movebank recognises the column names at the upload.
-    """
+    """Write positions as events of Movebank, one for a resting tag, a path for a moving one."""
     events = [
         (one.tag_id, one.position, place)
         for one in survey.positions

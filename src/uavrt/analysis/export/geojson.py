@@ -197,9 +197,7 @@ def path_properties(survey: Survey) -> list[tuple[TrackPoint, Properties]]:
 
 
 def strongest_properties(signal: TagSignal) -> list[tuple[StrongestSignal, Properties]]:
-    """Place and attributes of a tag's strongest signal, over all heights and for each height
-    layer.
-    """
+    """Place and attributes of a tag's strongest signal, over all heights and for each layer."""
     found: list[tuple[StrongestSignal, HeightBand | None]] = []
     if signal.strongest is not None:
         found.append((signal.strongest, None))

@@ -23,11 +23,7 @@ _GONE = "(NEW.geom ISNULL OR ST_IsEmpty(NEW.geom))"
 def add_index(
     database: sqlite3.Connection, table: str, boxes: Sequence[tuple[float, float, float, float]]
 ) -> None:
-    """Build the spatial index of a layer; features are numbered from 1 in the order of `boxes`.
-
-    `table` has the geometry in ``geom`` and the key ``fid``. A box is west, east, south and
-    north [deg].
-    """
+    """Build the spatial index of a layer; a box is west, east, south and north [deg]."""
     tree = f"rtree_{table}_geom"
     database.execute(f"CREATE VIRTUAL TABLE {tree} USING rtree(id, minx, maxx, miny, maxy)")
     database.executemany(

@@ -1,8 +1,4 @@
-"""Write styles of GeoPackage layers into the table ``layer_styles``, which QGIS reads.
-
-Each style is a QML document with one symbol. Layers with times follow QGIS's temporal
-controller.
-"""
+"""Write QML styles of GeoPackage layers into the table ``layer_styles``, which QGIS reads."""
 
 import sqlite3
 from xml.sax.saxutils import quoteattr

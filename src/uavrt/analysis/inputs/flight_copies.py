@@ -17,13 +17,13 @@ from uavrt.core.errors import FormatError
 from uavrt.flight.reading.outline import FlightOutline, read_pulse_levels
 
 SAME_PULSES = 0.5
-"""Least share of the shorter record's pulses in the longer; a station may connect late."""
+"""Minimum share of the shorter record's pulses in the longer; a station may connect late."""
 _SAME_NS = 500_000
 """Tolerance of pulse starts [ns]: a start received over the link has lost its nanoseconds."""
 SAME_LEVEL_DB = 0.1
 """Largest level difference of one pulse in two copies [dB]; two drones differ by about 5 dB."""
 SAME_SPAN = 0.9
-"""Least time overlap of two records of one flight without pulses, as a share of the longer."""
+"""Minimum overlap of two records of a flight without pulses, as a share of the longer."""
 _PROBES = 32
 """Number of a flight's pulses that are searched for in all other flights. If a quarter of the
 pulses agree, one pair of records in 850 shares fewer than two of them."""
@@ -127,11 +127,7 @@ def _alike_by_pulses(pulses: Mapping[int, _Pulses]) -> Iterator[tuple[int, int]]
 
 
 def _alike_by_times(outlines: Sequence[FlightOutline]) -> Iterator[tuple[int, int]]:
-    """Pairs of records, at least one without pulses, whose times allow them to be one flight.
-
-    Two records of drones are copies only if they began in the same nanosecond, since many drone
-    clocks start in 1970.
-    """
+    """Pairs of records, at least one without pulses, whose times allow one flight."""
     by_start: dict[int, list[int]] = defaultdict(list)
     ground: list[int] = []
     drones: list[int] = []
@@ -172,10 +168,7 @@ def _is_same(
 
 
 def _share_pulses(one: _Pulses, other: _Pulses) -> bool:
-    """True if two records share enough pulses: same tag, starts within half a millisecond.
-
-    Times are compared without rounding, since pulses could all lie on a rounding edge.
-    """
+    """True if two records share enough pulses: same tag, starts within half a millisecond."""
     common = same = 0
     for tag_id in np.intersect1d(one.tag_id, other.tag_id):
         mine, theirs = one.tag_id == tag_id, other.tag_id == tag_id
@@ -192,12 +185,7 @@ def _share_pulses(one: _Pulses, other: _Pulses) -> bool:
 
 
 def _are_two(one: FlightOutline, other: FlightOutline) -> bool:
-    """True if one recorder wrote both records as separate flights.
-
-    Recordings of drones are the same only if they began in the same nanosecond. Recordings of
-    ground stations are distinguished by folder. So flights of a clock that restarts in 1970 are
-    not merged.
-    """
+    """True if one recorder wrote both as separate flights, even if its clock restarts."""
     if (one.pulses and other.pulses) or one.info.start_time_ns == other.info.start_time_ns:
         return False
     same_folder = one.directory.parent == other.directory.parent

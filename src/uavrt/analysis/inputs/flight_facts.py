@@ -89,7 +89,9 @@ def read_facts(path: Path) -> Facts:
         check_toml(text, SETTINGS)
         fields = tomllib.loads(text)
     except (OSError, ValueError) as error:
-        raise ConfigError(f"{path} cannot be read: {error}", remedy="Correct it") from error
+        raise ConfigError(
+            f"{path} cannot be read: {error}", remedy="Correct the file"
+        ) from error
     return _judged(fields, path)
 
 
@@ -114,7 +116,8 @@ def _judged(entries: dict[str, Any], path: Path) -> Facts:
             )
         if not isinstance(text, str) or len(text) > MOST_LETTERS or not text.isprintable():
             raise ConfigError(
-                f"{path}: {name} is not text", remedy=f"Quote up to {MOST_LETTERS} letters"
+                f"{path}: {name} is not text",
+                remedy=f"Write at most {MOST_LETTERS} letters in quotation marks",
             )
     found = Facts(**entries)
     try:

@@ -45,10 +45,7 @@ def _settings_in(text: str) -> Settings:
 
 
 def antenna_poses(flight: Flight) -> list[Pose]:
-    """Convert the vehicle's poses to those of the antenna, using its mounting in the settings.
-
-    Raises `FormatError` if the settings are damaged, or if no pose has an attitude.
-    """
+    """Convert the vehicle's poses to those of the antenna, by its mounting in the settings."""
     mounting = Mounting.from_settings((flight_settings(flight) or Settings()).antenna)
     posed = [one for one in flight.poses if is_attitude(one.quaternion_wxyz)]
     if flight.poses and not posed:
@@ -65,11 +62,7 @@ def antenna_is_recorded(flight: Flight) -> bool:
 
 
 def flight_antenna(flight: Flight) -> str:
-    """Name of the antenna pattern in the flight's settings; RA-23K where not recorded.
-
-    Raises `UsageError` for a pattern unknown on this computer, and `FormatError` for damaged
-    settings.
-    """
+    """Name of the antenna pattern in the flight's settings; RA-23K where not recorded."""
     settings = flight_settings(flight)
     named = USUAL_ANTENNA if settings is None else settings.bearings.antenna
     if named != MONOPOLE and named not in PATTERNS:

@@ -38,11 +38,8 @@ class _Candidate:
 def bursts_of_pulses(pulse_poses: Sequence[PulsePose], tags: Sequence[Tag]) -> list[PulsePose]:
     """Find the bursts of listed codes among pulses, whose tag numbers are ignored.
 
-    A pulse that several antennas of a station received counts once, where it is strongest. Each
-    pulse belongs to one burst at most: the one whose gaps fit best. If the gaps of several tags
-    fit, the interval to other bursts decides; if unclear, the burst lists the other ids.
-    A burst is confirmed if another of its tag lies whole burst intervals away.
-    Raises `UsageError` if no tag in `tags` has a code.
+    Each pulse belongs to the burst whose gaps fit best, or the interval to other bursts. A
+    burst is confirmed if another of its tag lies whole burst intervals away.
     """
     coded = [tag for tag in tags if tag.coded]
     if not coded:

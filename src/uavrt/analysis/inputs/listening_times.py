@@ -1,8 +1,4 @@
-"""Find the times at which a flight has samples for a tag.
-
-Coverage excludes times without samples. The ring buffer of a channel overwrites its beginning,
-a full card ends it, and a recording may be shorter than the flight.
-"""
+"""Find the times at which a flight has samples for a tag; coverage excludes all others."""
 
 from collections.abc import Sequence
 

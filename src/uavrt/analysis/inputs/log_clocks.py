@@ -14,24 +14,21 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 _APART_S = 1800.0
 """Longest pause between logs of one survey [s]; a battery is changed in less."""
 _CLOCKS_SINCE_NS = 946_684_800 * NANOSECONDS_PER_SECOND
-"""1 January 2000: earlier times come from a clock that was never set."""
+"""Earliest time from a clock that was set [ns since 1970]: 1 January 2000."""
 _SAME_PULSE_S = 0.1
 """Longest time between the records of one pulse in two logs [s]."""
 _LEAST_PULSES = 20
-"""Least number of a tag's pulses in both logs for a comparison of their clocks."""
+"""Minimum number of a tag's pulses in both logs for a comparison of their clocks."""
 _LEAST_ALIKE = 0.5
-"""Least share of simultaneous pulses in two logs whose clocks agree."""
+"""Minimum share of simultaneous pulses in two logs whose clocks agree."""
 _SAME_INTERVAL = 0.03
 """Largest relative difference between two measurements of one tag's interval."""
 _LEAST_REGULAR = 0.8
-"""Least share of regular intervals in a log; false pulses make them irregular."""
+"""Minimum share of regular intervals in a log; false pulses make them irregular."""
 
 
 def clock_doubts(logs: Sequence[tuple[str | Path, Sequence[int]]]) -> list[str]:
-    """Warnings about logs whose clock was never set, or is far from all others.
-
-    `logs` has the name and the times [ns, UTC] of each log.
-    """
+    """Warnings about logs whose clock was never set, or is far from all others."""
     spans = [(path, min(times), max(times)) for path, times in logs if times]
     doubts = []
     for number, (path, first_ns, last_ns) in enumerate(spans):
@@ -57,11 +54,7 @@ def clock_doubts(logs: Sequence[tuple[str | Path, Sequence[int]]]) -> list[str]:
 
 
 def pulse_doubts(logs: Sequence[tuple[str | Path, Mapping[int, Sequence[int]]]]) -> list[str]:
-    """Warnings about pairs of logs that have one tag's pulses at different times.
-
-    This finds wrong clocks in logs that overlap, such as those of a mast that records all day.
-    `logs` has the name of each log, and its pulse times [ns, UTC] by tag.
-    """
+    """Warnings about pairs of logs that have one tag's pulses at different times."""
     trains = [
         (path, {key: np.sort(np.array(times, np.int64)) for key, times in pulses.items()})
         for path, pulses in logs

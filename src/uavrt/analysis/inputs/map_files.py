@@ -27,7 +27,7 @@ _MOST_CREDIT = 4000
 MAP_QUERY_S = 0.7
 """Longest duration of a database query on a map [s]; a tile takes a millisecond."""
 _MOST_FACTS = 500
-"""Most rows read from an MBTiles file's metadata; the specification has fourteen."""
+"""Maximum number of rows read from an MBTiles file's metadata; 14 are specified."""
 _MOST_ZOOM = 30
 _MOST_LONGITUDE = 180.1
 _EARTH = "-180,-85,180,85"
@@ -72,7 +72,8 @@ class MapFile:
                 else _mbtiles_tile(self.path, z, x, y)
             )
         except _DAMAGED as error:
-            raise FormatError(f"{self.path.name} cannot be read: {error}") from error
+            text = f"{self.path.name} cannot be read: {error}"
+            raise FormatError(text, remedy="Download it again") from error
 
     def covers(self, west: float, south: float, east: float, north: float) -> bool:
         """True if the file's bounds contain an area."""

@@ -46,11 +46,7 @@ class FlightSoFar:
         self._heard: dict[int, _Heard] = {}
 
     def search(self, tag: Tag) -> IntegratedTag | None:
-        """Search all samples recorded so far for one tag; None if there are too few or no new
-        ones.
-
-        Raises `FormatError` if the flight's database cannot be read.
-        """
+        """Search all samples recorded so far for one tag; None if too few or no new ones."""
         channel = channel_of(kept_channels(self._directory), tag)
         if channel is None:
             return None

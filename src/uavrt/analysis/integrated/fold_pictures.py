@@ -17,11 +17,7 @@ _ROWS: Final = 32
 
 
 def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> list[Path]:
-    """Write a picture of each tag's fold, named ``tag_2_fold.png``, and return the files.
-
-    Raises `UsageError` if matplotlib is not installed, and `RecordingError` if they cannot be
-    written.
-    """
+    """Write a picture of each tag's fold, named ``tag_2_fold.png``; returns the files."""
     from uavrt.analysis.report.fold_page import draw_fold
     from uavrt.analysis.report.style import TAG_COLORS, new_figure, styled
 
@@ -46,11 +42,7 @@ def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> li
 
 
 def fold_of(one: IntegratedTag) -> FlightFold:
-    """Fold a flight at a tag's interval, with energies weighted as in the search.
-
-    The search excludes pulses that are strong enough to be detected singly. The fold includes
-    them with a limited energy, as in `train_pulses`.
-    """
+    """Fold a flight at a tag's interval; energies are limited and weighted as in the search."""
     energies, pulses = one.energies, one.pulses
     row = int(np.argmin(np.abs(energies.offsets_hz - pulses.offset_hz)))
     columns = max(8, round(pulses.interval_s / energies.slot_s))

@@ -44,10 +44,7 @@ def save_integrated(
 ) -> Path:
     """Write a flight's whole-flight results and pulses into its folder ``integrated/``.
 
-    Pulses that the flight's own log has are left out, so nothing is counted twice. `silent` has
-    coverage maps of tags not found, by tag id; their summaries are saved.
-    Returns the folder. Raises `RecordingError` if it cannot be written, and `FormatError` if
-    existing results cannot be read.
+    Pulses that the flight's own log has are left out. `silent` has maps of tags not found.
     """
     pulses: list[PulsePose] = []
     verdicts = []
@@ -63,10 +60,7 @@ def save_integrated(
 def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
     """Pulses of a tag found by whole-flight analysis, without those detected in flight.
 
-    A slot gives a pulse if the tag was at that rate and the slot's energy is significant: noise
-    reaches it in at most one slot of twenty (`slots_of`). `snr_db` is this energy above the
-    mean of noise, and up to 2 dB too great if the jitter allows a choice. Score, group and
-    noise density are unknown.
+    Noise reaches the energy of a slot with a pulse in at most one slot of twenty (`slots_of`).
     """
     if not result.found:
         return []

@@ -34,7 +34,7 @@ class SlotRecord:
     time_ns: int
     energy: float
     at_rate: bool
-    """True while the tag was at this rate."""
+    """True if the tag used the train's rate at this time."""
     stands_out: bool
     """True if noise alone reaches the slot's energy in at most one slot of twenty."""
 

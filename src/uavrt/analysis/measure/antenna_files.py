@@ -22,11 +22,7 @@ _WIDEST_GAP_DEG = 45.0
 
 
 def antenna_named(text: str) -> str:
-    """Name of a known antenna pattern; a pattern file is read and registered under its name.
-
-    Raises `FormatError` for a file without a pattern, and `UsageError` for an unknown name or a
-    file with a built-in name.
-    """
+    """Name of a known antenna pattern; a pattern file is read and registered."""
     if text in PATTERNS:
         return text
     path = Path(text)

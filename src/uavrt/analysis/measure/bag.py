@@ -1,8 +1,4 @@
-"""Export a flight as a rosbag2 recording, as if recorded live by ROS 2.
-
-It has the messages, types and bytes of the gateway's topics, in MCAP, which ``ros2 bag play``
-and Foxglove open. Small chunks and an index make seeking fast in a large flight.
-"""
+"""Export a flight as a rosbag2 recording in MCAP, as if recorded live by ROS 2."""
 
 import heapq
 import json
@@ -80,8 +76,6 @@ def export_bag(
 
     Playing a recording must not command a drone, so orders are under `RECORDED` unless
     `as_sent`. Pulses from ``uavrt integrate`` are under `HINDSIGHT`.
-    Raises `FormatError` if there is no flight or it is damaged, and `UsageError` without the
-    extra ``uavrt[analysis]`` or if `target` cannot be made.
     """
     flight = read_flight(flight_directory)
     _, integrated = read_integrated(flight_directory)
@@ -118,11 +112,7 @@ def export_bag(
 
 
 def write_mcap(path: Path, entries: Iterable[Entry]) -> tuple[str, Counter[str]]:
-    """Write messages in order of time into one MCAP file.
-
-    Returns rosbag2's description of the file, which is also inside it, and the number of
-    messages by topic. Raises `UsageError` without the extra ``uavrt[analysis]``.
-    """
+    """Write messages into one MCAP file; returns rosbag2's description and message counts."""
     with needs_extra("analysis", "MCAP"):
         from mcap.writer import CompressionType, Writer
     counts: Counter[str] = Counter()

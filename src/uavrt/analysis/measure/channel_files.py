@@ -1,8 +1,4 @@
-"""Split a band into channels and send them as the original system's datagrams.
-
-This is the engine of ``uavrt channelize``. It replaces ``airspy_channelize 375000 100`` between
-the original's programs: ``airspy_rx | csdr | netcat`` before it, detectors after it.
-"""
+"""Split a band into channels and send them as the original system's datagrams."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -36,13 +32,10 @@ class ChannelizeSummary:
 def plan_channels(
     source: SampleSource, channels: Sequence[int], mode: Literal["default", "compatible"]
 ) -> FrontEnd:
-    """Set up the filters of the requested channels.
+    """Set up the filters of the requested channels: the original's numbers, all if none.
 
-    `channels` are the original's numbers, 1 the centre; negative also uses the second port;
-    none means all. `mode` selects the original's filter bank (3750 S/s), or one twice
-    oversampled without aliases (7500 S/s).
-    Raises `ConfigError` for a channel outside this band, or a rate unfit for the compatible
-    mode; `TunerError` for a channel beyond the alias-free span.
+    Negative numbers also use the second port. `mode` selects the original's filter bank (3750
+    S/s), or one twice oversampled without aliases (7500 S/s).
     """
     rate_hz, center_hz = source.sample_rate_hz, source.center_frequency_hz
     whole = FrontEnd(
@@ -76,10 +69,10 @@ def _check_compatible(front_end: FrontEnd) -> None:
     if count == ORIGINAL_CHANNELS and math.isclose(rate_hz, ORIGINAL_CHANNEL_RATE_HZ):
         return
     raise ConfigError(
-        f"{plan.sample_rate_hz:g} samples a second make {count} channels of {rate_hz:g}, not "
-        f"the original's {ORIGINAL_CHANNELS} of {ORIGINAL_CHANNEL_RATE_HZ:g}",
-        remedy="Take 375e3, 750e3, 1.5e6, 3e6 or 6e6 samples a second; or, for detectors that "
-        "take rate and centre as options, --mode default",
+        f"{plan.sample_rate_hz:g} samples a second give {count} channels of {rate_hz:g} Hz; "
+        f"the original's detectors need {ORIGINAL_CHANNELS} of {ORIGINAL_CHANNEL_RATE_HZ:g} Hz",
+        remedy="Use 375e3, 750e3, 1.5e6, 3e6 or 6e6 samples a second; or --mode default, for "
+        "detectors with options for rate and centre",
     )
 
 
@@ -90,7 +83,7 @@ def ports_of(
     second = {abs(channel) - 1 for channel in channels if channel < 0}
     if second and scheme == "thesis":
         raise ConfigError(
-            "the thesis's layout has no second port for a channel",
+            "--ports thesis gives each channel one port; a channel with a minus needs a second",
             remedy="Leave the minus out, or use --ports current",
         )
     return {
@@ -114,11 +107,8 @@ def channelize(
 ) -> ChannelizeSummary:
     """Send channels until the source ends or the run is stopped.
 
-    `front_end` comes from `plan_channels`; the caller closes `source` and `sender`. A file is
-    played at `speed` times real time, since a fast sender overflows the listener's buffer; 0
-    means no limit. A live band is never ahead of time.
-    `pause` waits for a number of seconds (`time.sleep`). `should_stop` is called at least four
-    times a second. `summary` is updated while running.
+    A file is played at `speed` times real time, since a fast sender overflows the listener's
+    buffer; 0 means no limit. `summary` is updated while running.
     """
     summary = ChannelizeSummary() if summary is None else summary
     begun_s: float | None = None

@@ -25,17 +25,17 @@ _WIDTH_S: Final = 0.0025
 """Length of the pulse detection filter [s]: a coded tag's usual pulse width. Others are up to
 7.5 ms wide."""
 _REACH_S: Final = 0.009
-"""Distance to which a pulse's energy is compared with its surroundings [s]; gaps are longer."""
+"""Time around a pulse with which its energy is compared [s]; gaps between pulses are longer."""
 _WIDTH_STEPS_PER_S: Final = 2000.0
 """Rounding of measured pulse widths [1/s]: steps of 0.5 ms, as in specifications."""
 _LEAST: Final = 30.0
-"""Least ratio of a coded pulse's energy to the noise's mean energy: 15 dB."""
+"""Minimum ratio of a coded pulse's energy to the noise's mean energy: 15 dB."""
 _PEAKED: Final = 4.0
-"""Least ratio of a coded pulse's energy at its frequency to the median within 1 kHz."""
+"""Minimum ratio of a coded pulse's energy at its frequency to the median within 1 kHz."""
 _OFF_BEAT_S: Final = 0.008
 """Largest deviation of a burst's time from whole burst intervals [s]."""
 _MOST_LOST: Final = 4
-"""Most burst intervals that the shortest time between two received bursts may contain."""
+"""Maximum number of burst intervals in the shortest time between two received bursts."""
 _WINDOW_HZ: Final = 1000.0
 
 
@@ -91,12 +91,7 @@ def find_codes(
 def _code(
     middles_s: NDArray[np.float64], widths_s: NDArray[np.float64], frequency_hz: float
 ) -> MeasuredCode | None:
-    """Measure a code from bursts with the same gaps, one per row; None without a regular
-    interval.
-
-    A pulse's middle is measured more accurately than its start. The n-th pulses of all bursts
-    are equally long.
-    """
+    """Measure a code from bursts with equal gaps, one per row; None if not regular."""
     beat = _beat(middles_s[:, 0])
     if beat is None:
         return None
@@ -113,10 +108,7 @@ def _code(
 
 
 def _beat(starts_s: NDArray[np.float64]) -> Beat | None:
-    """Fit the longest burst interval that divides all times between bursts.
-
-    If every second burst is lost, the shortest time between two is more than one interval.
-    """
+    """Fit the longest burst interval that divides all times between bursts."""
     shortest_s = float(np.diff(starts_s).min())
     for part in range(1, _MOST_LOST + 1):
         if shortest_s / part < TRAINS.burst_gap_s:
@@ -183,11 +175,7 @@ class BurstPulses:
 def _pulses(
     energies: NDArray[np.float32], cells: Cells
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Measure middle and width [s] of each pulse in the filter's output.
-
-    Behind the filter, the amplitude of a rectangular pulse rises and falls linearly. It passes
-    half of its height when the pulse fills half of the filter.
-    """
+    """Measure middle and width [s] of each pulse at half height in the filter's output."""
     amplitude = np.sqrt(np.pad(energies.astype(np.float64), 1))
     reach = round(_REACH_S / cells.column_s)
     around = np.lib.stride_tricks.sliding_window_view(np.pad(amplitude, reach), 2 * reach + 1)

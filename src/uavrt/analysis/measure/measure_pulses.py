@@ -25,7 +25,7 @@ SAME_RATE: Final = 0.004
 NEAR_RATE: Final = 0.05
 """Largest relative difference between the intervals of two pulse series that may be joined."""
 SIGNIFICANT: Final = 4.0
-"""Drift above which it is removed before the jitter is computed [standard deviations]."""
+"""Smallest drift that is removed before the jitter is computed [standard deviations]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,11 +45,7 @@ class PulseWindow:
 def measure_pulses(
     beats: Sequence[FoundBeat], windows: Sequence[PulseWindow], frequency_hz: float
 ) -> MeasuredTag:
-    """Measure frequency, width and intervals of a tag, with uncertainties.
-
-    `windows` are in order of time, at least `INTERVALS.fewest_pulses`; `beats` are the pulse
-    series of the first pass. `frequency_hz` is the reference of the windows' offsets.
-    """
+    """Measure frequency, width and intervals of a tag, with uncertainties."""
     fits = [
         fit_pulse(
             w.samples, sample_rate_hz=w.sample_rate_hz, frequency_hz=w.offset_hz + w.apart_hz
@@ -207,10 +203,7 @@ def _line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float,
 
 
 def _enr(fit: FittedPulse, window: PulseWindow) -> float:
-    """Pulse energy over noise density, from the noise within 600 Hz before the pulse.
-
-    The noise is the spectrum's median, since a nearby carrier fills some of its bins.
-    """
+    """Pulse energy over noise density, from the noise within 600 Hz before the pulse."""
     rate_hz = window.sample_rate_hz
     quiet = without_carriers(without_impulses(window.samples, rate_hz))
     quiet = quiet[: max(32, round((fit.start_s - 0.003) * rate_hz))]

@@ -38,14 +38,14 @@ WINDOW_HZ: Final = 2000.0
 MARGIN_S: Final = 0.100
 """Time cut out before and after a pulse's middle [s]; the outer halves contain only noise."""
 _MOST_SUSPECTS: Final = 8
-"""Most frequencies that are searched for coded tags; each takes 2 % of a core."""
+"""Maximum number of frequencies that are searched for coded tags; each takes 2 % of a core."""
 _SUSPECTS_APART_HZ: Final = 500.0
 _CODE_HZ: Final = 1000.0
-"""Frequency difference to a coded tag below which other short pulses are its own [Hz]."""
+"""Frequency difference to a coded tag below which short pulses count as the tag's [Hz]."""
 _SAME_INTERVAL_S: Final = 0.002
 """Difference in interval below which a beeping signal is part of a coded tag's bursts [s]."""
 _LEAST_ALIKE: Final = 0.6
-"""Least share of a signal's pulses that agree in width and frequency; else it is doubtful."""
+"""Minimum share of a signal's pulses that agree in width and frequency; else it is doubtful."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,14 +85,10 @@ def measure_tags(
     on_progress: Callable[[float], None] | None = None,
     on_fault: Callable[[UavrtError], None] | None = None,
 ) -> Measurement:
-    """Find and measure all tags in a recording.
+    """Find and measure all tags in a recording, which `open_source` opens twice.
 
-    `open_source` opens the recording, and is called twice. `frequency_hz` and `window_hz` are
-    the middle and half-width of the search; None means the whole band. `on_progress` receives
-    the completed part, 0 to 1.
-    `on_fault` receives once the reason why the recording cannot be read to its end; the part
-    before is measured. Without `on_fault` that error is raised.
-    Raises `UsageError` if no tag was found, and `UavrtError` if the recording cannot be read.
+    Without `frequency_hz` and `window_hz` the whole band is searched. `on_fault` receives the
+    reason why a recording cannot be read to its end; without it, that error is raised.
     """
     if not window_hz > 0.0:
         raise ConfigError(
@@ -213,11 +209,7 @@ def _search(
     frequency_hz: float | None,
     window_hz: float,
 ) -> tuple[Points, int, float]:
-    """Search the whole band, or a part, for pulses; frequencies are relative to the band's
-    centre.
-
-    Returns the pulses, their time reference [ns], and the duration of the samples.
-    """
+    """Search the band, or a part; returns pulses, time reference [ns], duration [s]."""
     rate_hz = source.sample_rate_hz
     if frequency_hz is None:
         low_hz, high_hz = -rate_hz / 2, rate_hz / 2

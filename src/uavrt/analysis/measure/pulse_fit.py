@@ -22,7 +22,7 @@ IMPULSE_RATIO: Final = 30.0
 reaches it once in a million samples. At a pulse's edge, one side is as strong as the sample."""
 MOST_CARRIERS: Final = 4
 CARRIER_RATIO: Final = 30.0
-"""Least ratio of a steady carrier's peak to the median of the spectrum."""
+"""Minimum ratio of a steady carrier's peak to the median of the spectrum."""
 SHORTEST_S: Final = 0.004
 LONGEST_S: Final = 0.080
 TURNS: Final = 3
@@ -45,11 +45,7 @@ class FittedPulse:
 def fit_pulse(
     samples: NDArray[np.complex64], *, sample_rate_hz: float, frequency_hz: float
 ) -> FittedPulse:
-    """Fit the strongest pulse in some samples.
-
-    `samples` (n,) contain the pulse in their middle half; the outer quarters hold only noise.
-    `frequency_hz` is the approximate carrier, to a fifth of a pulse's bandwidth.
-    """
+    """Fit the strongest pulse in the middle half of samples; the outer quarters hold noise."""
     shortest = max(2, round(SHORTEST_S * sample_rate_hz))
     longest = min(samples.size, round(LONGEST_S * sample_rate_hz))
     samples = without_carriers(without_impulses(samples, sample_rate_hz))
@@ -92,11 +88,7 @@ def without_impulses(
 
 
 def without_carriers(samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
-    """Subtract steady carriers, estimated in the outer quarters of the samples.
-
-    The pulse lies in the middle half, so it does not affect the estimate. Each carrier is the
-    peak of the remaining spectrum, fitted by least squares.
-    """
+    """Subtract steady carriers, estimated in the outer quarters of the samples."""
     count = samples.size
     outer = np.ones(count)
     outer[count // 4 : count - count // 4] = 0.0
@@ -166,11 +158,7 @@ def _frequency(pulse: NDArray[np.complex64], rate_hz: float, near_hz: float) -> 
 
 
 def _between(running: NDArray[np.complex128], first: int, last: int) -> tuple[float, float]:
-    """Interpolate both edges to a fraction of a sample.
-
-    A sample at the edge of a pulse has that part of the amplitude that the pulse covers. Each
-    edge is shifted until the summed amplitude agrees with that inside the pulse.
-    """
+    """Interpolate both edges to a fraction of a sample, by the edge samples' amplitudes."""
     length = last - first
     inset = max(1, length // 8)
     inside = running[last - inset] - running[first + inset]

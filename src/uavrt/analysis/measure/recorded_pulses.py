@@ -1,8 +1,4 @@
-"""Run the detectors over any source of samples: the engine of ``uavrt detect``.
-
-One front end and one detector for each tag run in one thread. They do what the flight's
-processes do, without the sockets between.
-"""
+"""Run the detectors over any source of samples, in one thread, as ``uavrt detect`` does."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -40,15 +36,9 @@ def _coded_detector() -> "type[CodedDetector]":
 class DetectionChain:
     """Converts blocks of radio samples into pulses of all listed tags.
 
-    `sample_rate_hz` and `center_frequency_hz` describe the blocks. `frequency_window_hz` is the
-    half-width of the search around each tag's nominal frequency, the whole channel at most.
-    `operating_modes` has the mode by tag number; the default is the soft lock. No pulse is
-    reported in the absolute ranges `excluded_hz`, bounds included.
-    `on_channel` receives each block of a channel before the detectors; its samples are finite.
-    `on_band` receives each block of the radio, and its decimation to the band of the tags, if
-    all samples are finite.
-    Raises `ConfigError` without tags or for an invalid window, `TunerError` for tags outside
-    the span of the samples. Raises `UsageError` if this sample rate allows no channels.
+    `frequency_window_hz` is the half-width of the search, the whole channel at most. No pulse
+    is reported in the absolute ranges `excluded_hz`. `on_channel` receives each block of a
+    channel before the detectors, `on_band` each block of the radio and its decimation.
     """
 
     def __init__(
@@ -285,14 +275,9 @@ def detect(
 ) -> DetectionSummary:
     """Find the pulses of tags in all samples of a source, which the caller closes.
 
-    `write` receives pulses as soon as they are found. `frequency_window_hz`, `operating_modes`,
-    `excluded_hz`, `on_channel` and `on_band` are those of `DetectionChain`. `on_reports`
-    receives reports on searches without a pulse, possibly none.
-    `should_stop` and `on_reports` are called at least twice a second; a true result of
-    `should_stop` ends the run. `on_progress` receives the completed and total samples.
-    `summary` is updated while running, so that it is available after an error.
-    Raises `UavrtError` if the source failed, or the tags do not fit it; earlier pulses were
-    written.
+    `write` receives pulses as soon as they are found, `on_reports` searches without a pulse;
+    the other settings are those of `DetectionChain`. `should_stop` is called at least twice a
+    second. `summary` is updated while running, so that it is available after an error.
     """
     summary = DetectionSummary() if summary is None else summary
     chain = DetectionChain(

@@ -1,8 +1,4 @@
-"""Search a flight's recording again, and give the pulses that flight's poses.
-
-The result is an ordinary flight directory. Use it for tags that were added later, another
-frequency window, or a better detector.
-"""
+"""Search a flight's recording again, and write a flight of the pulses with its poses."""
 
 import shutil
 from collections.abc import Sequence
@@ -21,14 +17,7 @@ from uavrt.radio.source import SampleSource
 
 
 class FlightWriter:
-    """Writes a new flight of pulses found again in a recording, with the poses of the old
-    flight.
-
-    `flight` is the flight whose recording `source` is searched again. `directory` is the
-    output; None makes a new directory next to the old flight's. `searched` has window and
-    operating mode for the new flight's settings.
-    Raises `RecordingError` if the place cannot be written, or already contains a flight.
-    """
+    """Writes a flight of pulses found again in a recording, with the poses of the old one."""
 
     def __init__(
         self,
@@ -102,11 +91,7 @@ class FlightWriter:
 
 
 def posed_in(flight: Flight, pulses: Sequence[Pulse]) -> tuple[PulsePose, ...]:
-    """Give pulses the antenna's poses of a flight, in order of time and tag.
-
-    A pulse outside of the flight has no pose. `flight` has the vehicle's poses and the
-    antenna's mounting.
-    """
+    """Give pulses the antenna's poses of a flight, in order of time and tag."""
     settings = flight_settings(flight)
     attacher = _attacher_of(flight, AntennaSettings() if settings is None else settings.antenna)
     for pulse in pulses:

@@ -64,7 +64,7 @@ class SwitchedArray:
         return _METHODS[self.kind]
 
     def steering(self, frequency_hz: float) -> Steering:
-        """Response of each antenna to a wave from each direction."""
+        """Complex responses of the antennas to a wave, as a function of its direction."""
         size = self.size_m * frequency_hz / SPEED_OF_LIGHT_M_S
         if self.kind == "circle":
             return circle_steering(self.schedule.positions, size)
@@ -110,13 +110,7 @@ def switched_bearings(
     *,
     offset_deg: float = 0.0,
 ) -> list[TagBearing]:
-    """Estimate one bearing for each tag and position where it was received.
-
-    `pulse_poses` have the antenna's pose, else they are skipped. `offset_deg` is the antenna's
-    direction, clockwise from the heading in the poses [deg].
-    Raises `FormatError` if the recording cannot be read or does not describe its antennas, and
-    `UsageError` if no pulse has a pose or lies in the recording.
-    """
+    """Estimate one bearing for each tag and position where it was received with a pose."""
     array = read_switched_array(recording)
     placed = sorted(
         (one for one in pulse_poses if one.pose is not None),

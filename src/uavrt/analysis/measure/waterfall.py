@@ -19,7 +19,7 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 COLUMNS: Final = 1024
 """Number of spectrogram columns, about as many as a picture has pixels across."""
 TRACE_POINTS: Final = 1 << 21
-"""Most points in a level trace: 5.8 h for a 20 ms pulse before pairs are joined; 8 MiB."""
+"""Maximum number of points in a level trace; then pairs are joined: 5.8 h of 20 ms pulses."""
 
 _MOST_OFF: Final = 0.75
 """Largest time error of a spectrum frame, as a share of half a pulse."""
@@ -39,10 +39,7 @@ class MaximumHold:
         return self._values[: -(-self._end // self.frames_per_column)]
 
     def put(self, first: int, frames: NDArray[np.float32]) -> None:
-        """Add consecutive frames of shape (n, rows), the first of number `first`.
-
-        Frames that are never added stay zero.
-        """
+        """Add consecutive frames of shape (n, rows); frames that are never added stay zero."""
         if not len(frames):
             return
         self._end = max(self._end, first + len(frames))
@@ -56,12 +53,7 @@ class MaximumHold:
 
 
 class Waterfall:
-    """Spectrogram around one tag's frequency, and the strongest level at each time.
-
-    `offset_hz` is the tag's frequency relative to the channel's centre. `half_width_hz` is the
-    displayed range on either side, limited by the channel. `pulse_width_s` sets the Hann window
-    to one and a half pulses, so that it covers a whole pulse.
-    """
+    """Spectrogram around one tag's frequency, and the strongest level at each time."""
 
     def __init__(
         self,

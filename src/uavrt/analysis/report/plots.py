@@ -33,9 +33,9 @@ STYLES: Final[dict[DetectionStatus, tuple[str, str, str]]] = {
 }
 """Colour, marker shape and legend text of each pulse status."""
 CIRCLED: Final = 40
-"""Most pulses that are circled in a waterfall; more would hide the picture."""
+"""Maximum number of pulses that are circled in a waterfall; more would hide the picture."""
 TICKED: Final = 400
-"""Most pulses that are ticked singly above a waterfall; more would touch."""
+"""Maximum number of pulses that are ticked singly above a waterfall; more would touch."""
 RASTER_ROWS: Final = 700
 LEAST_DB: Final = 6.0
 LEAST_HZ: Final = 20.0
@@ -43,12 +43,7 @@ LOWEST_SPAN_DB: Final = 15.0
 
 
 class DetectionPlots:
-    """Collects the data for plots during a detection run, in almost constant memory.
-
-    `directory` is created if missing. `frequency_window_hz` is the half-width of the search,
-    drawn with a margin. Raises `UsageError` without matplotlib, and `RecordingError` if the
-    directory cannot be made.
-    """
+    """Collects the data for plots during a detection run, in almost constant memory."""
 
     def __init__(
         self, directory: Path, tags: Sequence[Tag], *, frequency_window_hz: float = 500.0
@@ -87,10 +82,7 @@ class DetectionPlots:
             self._pulses[pulse.tag_id].append(pulse)
 
     def write(self) -> list[Path]:
-        """Draw the pictures of every tag that has samples, and return their files.
-
-        Raises `RecordingError` if they cannot be written.
-        """
+        """Draw the pictures of every tag that has samples, and return their files."""
         written = []
         for tag in self._tags:
             known = self._waterfalls.get(tag.tag_id)

@@ -330,7 +330,7 @@ def draw_strongest(chart: LocalMap, loudest: StrongestSignal) -> None:
 
 
 _MOST_LABELS = 4
-"""Most graticule labels along a side of the map; more would overlap."""
+"""Maximum number of graticule labels along a side of the map; more would overlap."""
 
 
 def nice_below(value: float) -> float:

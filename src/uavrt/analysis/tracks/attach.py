@@ -31,13 +31,13 @@ SEARCH_S = 120.0
 STEP_S = 1.0
 FINE_S = 0.05
 CLEAR = 1.15
-"""Least ratio between the misfit of any clock offset 5 s away and that of the best."""
+"""Minimum ratio between the misfit of any clock offset 5 s away and that of the best."""
 _ELSEWHERE_S = 5.0
 MOST_HEADING_SIGMA_DEG = 3.0
 """Largest heading error from an uncertain clock offset [deg]; a turn's own is a few degrees."""
 _LEAST_PULSES = 12
 _LEAST_SHARE = 0.25
-"""Least share of pulses that a track must cover; below it may be another flight's."""
+"""Minimum share of pulses that a track must cover; below it may be another flight's."""
 _MOST_LOST = 0.2
 """Largest share of coverable pulses that an offset may leave without a pose. Without a limit,
 an offset that drops misfits would win."""
@@ -65,7 +65,7 @@ class ClockOffset:
     """Standard deviation by a jackknife over eighths of the flight [s]; None for a given
     offset."""
     heading_sigma_deg: float | None = None
-    """Heading error caused by this uncertainty at the flown turn rate [deg]."""
+    """Heading error caused by the offset's error at the flown turn rate [deg]."""
 
 
 def attach_poses(
@@ -76,10 +76,8 @@ def attach_poses(
 ) -> list[PulsePose]:
     """Give each pulse the antenna's pose by the track; None where the track has none.
 
-    Poses that pulses already have are replaced. `offset_s` is added to the track's times, and
-    `antenna` is the antenna's mounting on the vehicle. While the log says landed or disarmed,
-    the height is set to 0, despite barometer drift. This distinguishes turns of a carried drone
-    from turns in flight.
+    While the log says landed or disarmed, the height is set to 0, despite barometer drift. This
+    distinguishes turns of a carried drone from turns in flight.
     """
     ring = PoseRing(antenna, capacity=max(1, len(track.attitudes), len(track.positions)))
     shifted = track.shifted(ns_from_s(offset_s))
@@ -118,16 +116,14 @@ def estimate_offset(
 ) -> ClockOffset:
     """Estimate the offset between the clocks of a track and a log of pulses.
 
-    If the pulses have poses, even coarse ones, headings and positions are matched. Without,
-    SNR along the track is matched with the antenna's pattern and the distance, at the best
-    position of each tag. A lone turn at a constant rate cannot separate offset from bearing;
-    starts, stops and several turns can.
-    Raises `UsageError` if the logs share too little: fewer than 12 pulses, or a quarter
-    of them. It is also raised if two offsets fit nearly as well, or the uncertainty moves the
-    headings of a turn by more than `MOST_HEADING_SIGMA_DEG`.
+    If the pulses have poses, even coarse ones, headings and positions are matched; otherwise
+    SNR with pattern and distance. A lone turn at a constant rate cannot separate offset from
+    bearing; starts, stops and several turns can. Raises `UsageError` if the offset is
+    uncertain.
     """
     if len(track.attitudes) < 2 or len(track.positions) < 2:
-        raise UsageError("the track is empty", remedy="Give another log")
+        text = "the track has fewer than two positions or attitudes"
+        raise UsageError(text, remedy="Give the log of the whole flight")
     common = _Common(pulse_poses, track)
     misfit: Callable[..., float]
     if len(common.posed) >= _LEAST_PULSES:
@@ -180,11 +176,7 @@ def estimate_offset(
 def _sigma_s(
     misfit: Callable[..., float], offsets_s: _Floats, covered: NDArray[np.bool_]
 ) -> float:
-    """Standard deviation of the best offset by a jackknife over consecutive eighths [s].
-
-    Errors of neighbouring pulses are correlated, so whole time spans are left out (Künsch 1989,
-    The jackknife and the bootstrap for general stationary observations).
-    """
+    """Standard deviation of the best offset by a jackknife over consecutive eighths [s]."""
     counted = np.cumsum(covered) - 1
     part_of = np.where(covered, counted * _PARTS // int(np.count_nonzero(covered)), -1)
     best = []
@@ -207,10 +199,7 @@ class _TagOnTrack:
     antenna: str
 
     def squares(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """(places,) sum of squared SNR residuals for a tag at each place [dB²].
-
-        The model is antenna pattern and distance; the level is fitted.
-        """
+        """(places,) sum of squared SNR residuals for a tag at each place [dB²]."""
         towards_e = east_m[:, None] - self.east_m[None, :]
         towards_n = north_m[:, None] - self.north_m[None, :]
         bearing = np.degrees(np.arctan2(towards_e, towards_n))
@@ -222,10 +211,7 @@ class _TagOnTrack:
         return np.asarray(np.minimum(spread**2, 100.0).sum(axis=1))
 
     def least(self, start: tuple[float, float], middle: tuple[float, float]) -> float:
-        """Least sum of squared residuals near a position, on ever finer grids of positions.
-
-        The first grid is as wide as the polar grid's cells at that distance from its `middle`.
-        """
+        """Smallest sum of squared residuals near a position, on ever finer grids."""
         (east, north), best = start, np.inf
         half_m = _ROUND_CELL_M + _ROUND_CELL * math.dist(start, middle)
         steps = np.linspace(-1.0, 1.0, 9)
@@ -304,12 +290,7 @@ class _Common:
     def power_misfit(
         self, offset_s: float, antenna: str, keep: NDArray[np.bool_] | None = None
     ) -> float:
-        """Mean squared SNR residual [dB²] at a clock offset; each tag's position and level are
-        fitted.
-
-        Power falls with the square of the distance. Candidate positions are a polar grid around
-        the path.
-        """
+        """Mean squared SNR residual [dB²] at a clock offset, with each tag's place fitted."""
         heard = self._heard(offset_s, antenna, keep)
         if heard is None:
             return np.nan
@@ -317,12 +298,7 @@ class _Common:
         return total / sum(len(one.snr_db) for one in heard.values())
 
     def sharper_misfit(self, offset_s: float, antenna: str) -> Callable[..., float]:
-        """Make a function like `power_misfit` for nearby offsets, with positions to the metre.
-
-        The cells of the polar grid are tens of metres wide, but a turn's bearing is more
-        accurate. Without this step, the best offset would be one that turns all bearings to a
-        cell's middle.
-        """
+        """Make a function like `power_misfit` for nearby offsets, with positions to a metre."""
         heard = self._heard(offset_s, antenna) or {}
         cells = [int(np.argmin(one.squares(*self._grid))) for one in heard.values()]
         starts = {
@@ -364,11 +340,7 @@ class _Common:
         return found
 
     def require_cover(self, offsets_s: _Floats, *, posed: bool) -> None:
-        """Exclude offsets at which the track covers far fewer pulses than at the best.
-
-        Raises `UsageError` if even the best covers too few to distinguish an offset from
-        chance.
-        """
+        """Exclude offsets at which the track covers far fewer pulses than at the best."""
         times_s = self._posed_s if posed else self.time_s
         most = max(int(np.count_nonzero(self.covered(one, posed=posed))) for one in offsets_s)
         remedy = "Check that they are from the same flight, or give --clock-offset"

@@ -22,13 +22,7 @@ def flight_of_track(
     offset_s: float = 0.0,
     yaw_offset_deg: float = 0.0,
 ) -> Flight:
-    """Make a flight of a track, with five antenna poses a second.
-
-    `tags` are the tags searched for, and `name` is the flight's name in messages. `offset_s` is
-    the lead of the samples' clock [s], and is added to the track's times. `yaw_offset_deg` is
-    the antenna's boresight, clockwise from the nose. Raises `UsageError` if the track has no
-    poses.
-    """
+    """Make a flight of a track, with five antenna poses a second; `offset_s` is added."""
     if len(track.attitudes) < 2 or len(track.positions) < 2:
         raise UsageError(f"{name} is an empty track", remedy="Give another log")
     poses = _poses(track.shifted(ns_from_s(offset_s)), yaw_offset_deg)

@@ -13,11 +13,7 @@ from uavrt.formats.tracks.ulog import read_ulog
 
 
 def read_track(path: Path) -> VehicleTrack:
-    """Read a track of any known kind, recognised by its content.
-
-    Raises `FormatError` for an unknown kind, or a track without attitude or position, and
-    `UsageError` if a required package is not installed.
-    """
+    """Read a track of any known kind, recognised by its content."""
     with os_errors_as(FormatError, f"cannot read {path}", "Check the name"):
         require_plain_file(path)
         with path.open("rb") as file:

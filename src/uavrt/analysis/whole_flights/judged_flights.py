@@ -43,7 +43,7 @@ LEAST_PART = 0.05
 """Minimum probability of a separate possible position that is listed."""
 _LOOK_S = 0.5
 _MOST_CHANNELS = 8
-"""Most channels kept in memory at once; ten minutes of one are 36 MB."""
+"""Maximum number of channels kept in memory at once; ten minutes of one are 36 MB."""
 
 Channel = tuple[NDArray[np.complex64], NDArray[np.bool_], int]
 
@@ -107,11 +107,7 @@ class JudgeAs:
 def integrate_flight(
     flight: Flight, source: SampleSource, tags: Sequence[Tag], how: JudgeAs
 ) -> list[IntegratedTag]:
-    """Search a whole flight for each tag in its recording, which the caller closes.
-
-    Raises `ConfigError` without tags, `RecordingError` for too short or all-zero a recording or
-    a flight without poses, and `UsageError` if recording and poses are of different times.
-    """
+    """Search a whole flight for each tag in its recording, which the caller closes."""
     if not tags:
         raise ConfigError("there are no tags to search for", remedy="Name a tag file")
     if len(flight.poses) < 2:
@@ -278,10 +274,7 @@ def channel_samples(
     on_progress: Callable[[int, int | None], None] | None,
     on_fault: Callable[[str], None] | None = None,
 ) -> dict[int, Channel]:
-    """Read a whole recording into the samples of the channels in use.
-
-    With `on_fault`, a damaged recording is used up to the fault, which `on_fault` receives.
-    """
+    """Read a recording into the samples of the used channels, up to a fault if `on_fault`."""
     blocks: dict[int, list[tuple[NDArray[np.complex64], int]]] = {
         channel: [] for channel in front_end.plan.channels_in_use
     }

@@ -75,11 +75,7 @@ def channel_of(channels: Iterable[KeptChannel], tag: Tag) -> KeptChannel | None:
 def integrate_kept(flight: Flight, tags: Sequence[Tag], how: JudgeAs) -> list[IntegratedTag]:
     """Search a whole flight for each tag, in the radio channels that it recorded.
 
-    Channels are read one at a time to save memory. Files of one channel are joined; missing
-    samples between them are gaps. Unreadable files are noted as limitations of the result.
-    `flight` needs its present place in `info.directory`. Raises `ConfigError` without tags,
-    `RecordingError` without poses or enough samples, and `UsageError` if samples and poses are
-    of different times.
+    Missing samples between files are gaps; unreadable files are noted as limitations.
     """
     unread: list[str] = []
     channels = kept_channels(Path(flight.info.directory), unread.append)

@@ -44,7 +44,7 @@ MOST_APART_M = 2000.0
 _TOGETHER = 0.5
 """Share of the false-alarm probability used for the decision on all flights together."""
 _LISTED = 0.9
-"""Least probability that a flight's pulse train is the tag's, for its pulses to be listed."""
+"""Minimum probability that a flight's pulse train is the tag's, for its pulses to be listed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -92,10 +92,9 @@ def common_tags(flights: Sequence[Flight], listed: Sequence[Tag] | None = None) 
         for flight, tags in zip(flights[1:], own[1:], strict=True):
             if _nature(tags[tag_id]) != _nature(first):
                 raise UsageError(
-                    f"tag {tag_id} is another one in {flight.info.directory} than in "
-                    f"{flights[0].info.directory}: frequency, pulse width, intervals "
-                    "or gaps differ",
-                    remedy="Name the tag file that holds for all with --tags",
+                    f"tag {tag_id} has another frequency, pulse width, interval or gap in "
+                    f"{flight.info.directory} than in {flights[0].info.directory}",
+                    remedy="Name one tag file for all flights with --tags",
                 )
     return [own[0][tag_id] for tag_id in ids]
 
@@ -115,11 +114,8 @@ def judge_together(
 ) -> TagOfFlights:
     """Decide whether several flights together show a tag, and where it is.
 
-    `judged` has each flight's own result at `share_alone`. `false_alarm_probability` is that of
-    the joint decision for this tag. With `moves` the tag may be at another position in each
-    flight. `elevation` is the terrain used for the single flights.
-    Raises `ConfigError` for fewer than two flights, and `UsageError` if they are too far apart
-    for one position.
+    `judged` has each flight's own result at `share_alone`. With `moves` the tag may be at
+    another position in each flight.
     """
     if len(flights) < 2:
         raise ConfigError("only one flight was given", remedy="Name two or more flights")

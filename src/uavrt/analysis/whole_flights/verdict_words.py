@@ -49,12 +49,7 @@ def where_in_words(
     parts: Sequence[IntegratedPart],
     flown: str = "the flight",
 ) -> list[str]:
-    """Sentence on a tag's position: one position, one of several, or a direction.
-
-    `place` has coordinates and radii, and bearing and arcs from the middle of the flight.
-    `parts` are the possible positions, most likely first. `flown` is a phrase for the path,
-    after "middle of".
-    """
+    """Sentence on a tag's position: one position, the likeliest of several, or a direction."""
     if len(parts) > 1:
         return [
             f"in one of {len(parts)} places that {flown} cannot distinguish:",

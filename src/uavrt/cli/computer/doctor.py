@@ -55,11 +55,11 @@ def doctor(
     """
     settings = settings_from(config)
     if fix and not autopilot:
-        raise UsageError("--fix has no effect without --autopilot")
+        raise UsageError("--fix has no effect without --autopilot", remedy="Add --autopilot")
     if mavlink is not None:
         parse_address(mavlink)
     if port is not None and not autopilot:
-        raise UsageError("--port has no effect without --autopilot")
+        raise UsageError("--port has no effect without --autopilot", remedy="Add --autopilot")
     if flight and mavlink is not None:
         raise UsageError(
             "--flight checks the running system over its own link, so --mavlink has no effect",

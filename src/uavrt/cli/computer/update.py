@@ -158,10 +158,7 @@ def _watch(
 
 
 class _Reading:
-    """Reader of a service's records, which reconnects after a restart.
-
-    Reports of another version are ignored: after a failed restart, the old one still runs.
-    """
+    """Reader of a service's records of one version, which reconnects after a restart."""
 
     def __init__(self, path: Path, version: Path) -> None:
         self._path, self._version = path, version

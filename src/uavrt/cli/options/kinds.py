@@ -13,12 +13,7 @@ from cyclopts import Parameter
 
 @dataclass(frozen=True, slots=True)
 class Between:
-    """Validator of finite numbers within limits.
-
-    `least`, `most`: smallest and largest allowed value.
-    `above`: limit that the value must exceed.
-    `unit`: unit shown in the message.
-    """
+    """Validator of finite numbers within limits; `above` must be exceeded."""
 
     least: float | None = None
     most: float | None = None
@@ -71,8 +66,7 @@ Hertz = Annotated[float, Parameter(validator=Between(above=0, unit="Hz"))]
 TagFrequency = Annotated[float, Parameter(validator=Between(least=20e6, most=1e9, unit="Hz"))]
 """Tag frequency [Hz], with the limits of tag files; rejects megahertz typed by mistake."""
 PulseWidth = Annotated[float, Parameter(validator=Between(least=1e-3, most=1, unit="s"))]
-"""Pulse width of a tag [s], with the limits of tag files; rejects milliseconds typed by
-mistake."""
+"""Pulse width [s] within the limits of tag files; rejects milliseconds given by mistake."""
 Interval = Annotated[float, Parameter(validator=Between(above=0, most=60, unit="s"))]
 """Interval between a tag's pulses [s], with the limits of tag files."""
 HertzOrZero = Annotated[float, Parameter(validator=Between(least=0, unit="Hz"))]
@@ -93,8 +87,6 @@ Decibels = Annotated[float, Parameter(validator=Between(least=-200, most=200, un
 NoiseFigure = Annotated[float, Parameter(validator=Between(least=0, most=60, unit="dB"))]
 """Receiver noise above the thermal noise [dB], zero included."""
 MetresOfError = Annotated[float, Parameter(validator=Between(least=0, unit="m"))]
-Factor = Annotated[float, Parameter(validator=Between(above=0))]
-"""Positive ratio, such as simulated time to real time."""
 TagIds = tuple[Annotated[int, Parameter(validator=Between(least=1, most=0xFFFF_FFFF))], ...]
 """Ids of tags, limited to the four bytes that the radio protocol has for one."""
 Share = Annotated[float, Parameter(validator=Between(least=0, most=1))]

@@ -235,7 +235,6 @@ def _report(summary: "BatchSummary", output: Path) -> None:
         pulses += f", {sum(known_s) / 3600.0:.1f} h"
         if unknown := len(rows) - len(known_s):
             pulses += f" and {unknown} of unknown length"
-    outside = sum(bool(row.tags_outside) for row in rows)
     print(
         f"{counted(summary.done_now, 'recording')} done now, {summary.done_before} before; "
         f"{pulses}, "
@@ -251,12 +250,20 @@ def _report(summary: "BatchSummary", output: Path) -> None:
     if summary.copies:
         directories = counted(summary.copies, "flight")
         print(f"{directories} skipped: copies of flights that are there", file=sys.stderr)
-    if outside:
-        print(
-            f"{counted(outside, 'recording')} without the tags outside of its band "
-            "(tags_outside in recordings.parquet)",
-            file=sys.stderr,
-        )
+    noted = {
+        "tags_outside": (
+            sum(bool(row.tags_outside) for row in rows),
+            "without the tags outside of its band",
+        ),
+        "beeps": (sum(bool(row.beeps) for row in rows), "with signals unlike the tag list"),
+        "input_faults": (sum(bool(row.input_faults) for row in rows), "with poor samples"),
+    }
+    for column, (count, what) in noted.items():
+        if count:
+            print(
+                f"{counted(count, 'recording')} {what} ({column} in recordings.parquet)",
+                file=sys.stderr,
+            )
     if summary.kept:
         print(f"earlier results kept, not reachable now: {summary.kept}", file=sys.stderr)
     if summary.stopped:

@@ -133,10 +133,7 @@ def sentence_of_flights(one: "TagOfFlights", silent: "Sequence[SilentMap | None]
 def record_of_flights(
     one: "TagOfFlights", silences: "Sequence[SilenceRecord | None]"
 ) -> dict[str, Any]:
-    """JSON record of several flights' result for a tag.
-
-    Interval and frequency are from the flight with the strongest evidence, pulses from all.
-    """
+    """JSON record of several flights' result for a tag, from the strongest, with all pulses."""
     from uavrt.analysis.integrated.integrated_records import PlaceRecord
 
     each = [

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from uavrt.localization.results import Position
 
 _MOST_POINTS = 12
-"""Most points of a path printed as text; --json prints all."""
+"""Maximum number of points of a path printed as text; --json prints all."""
 
 
 def localize(

@@ -10,19 +10,12 @@ from uavrt.core.errors import ConfigError, os_errors_as
 
 
 def print_json(value: object, *, indent: int = 0) -> None:
-    """Print a value as JSON; numbers that are not finite become null (RFC 8259, section 6).
-
-    `indent`: spaces per level; 0 prints one line.
-    """
+    """Print a value as JSON; numbers that are not finite become null (RFC 8259, section 6)."""
     print(msgspec.json.format(msgspec.json.encode(value), indent=indent).decode())
 
 
 def keep_inputs(output: str | Path, inputs: Iterable[str | Path | None]) -> None:
-    """Raise `ConfigError` if an output is one of the inputs, which opening would empty.
-
-    For a SigMF recording, both of its files are protected. Inputs that are no paths are
-    skipped.
-    """
+    """Raise `ConfigError` if an output is one of the inputs, which opening would empty."""
     target = Path(output)
     if not target.is_file():
         return

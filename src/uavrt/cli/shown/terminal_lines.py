@@ -12,20 +12,13 @@ import threading
 from typing import TextIO
 
 MOST_WAITING = 100_000
-"""Most lines queued: three hours of 10 pulses a second, some 20 MB."""
+"""Maximum number of lines queued: three hours of 10 pulses a second, some 20 MB."""
 LAST_S = 1.0
 """Longest wait for queued lines when the program ends [s]."""
 
 
 class TerminalLines:
-    """Prints lines in order, in a separate thread.
-
-    It stops printing when the reader has closed the pipe, and drops lines beyond the limit.
-    Lines not printed are counted.
-
-    `stream`: output; standard output by default.
-    `most`: most queued lines.
-    """
+    """Prints lines in order, in a separate thread; drops and counts those beyond the limit."""
 
     def __init__(self, stream: TextIO | None = None, *, most: int = MOST_WAITING) -> None:
         self._stream = sys.stdout if stream is None else stream

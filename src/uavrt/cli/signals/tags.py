@@ -123,8 +123,9 @@ def correct(
     """Correct a tag list by what flights have measured; the old values are printed.
 
     Tags that are off their label, or have drifted by 100 Hz, are listed where they were found.
-    A pulse train that may be of two listed tags corrects neither. If all tags of a flight are
-    off by the same ppm, the receiver is: the ppm are printed, and no frequency is corrected.
+    A pulse train that may be of two listed tags, or of a mirrored one, corrects none. If all
+    tags of a flight are off by the same ppm, the receiver is: the ppm are printed, and no
+    frequency is corrected.
 
     Parameters
     ----------
@@ -157,7 +158,7 @@ def correct(
         for line in shared_offset_in_words(found):
             print(f"{flight}: {line}")
         for beep in found:
-            if len(beep.tag_ids) > 1:
+            if beep.ambiguous:
                 print(f"not corrected: {beep}")
             elif beep.kind in MEASURED and beep.tag_ids and beep.tag_ids[0] in listed:
                 key = beep.tag_ids[0], beep.kind

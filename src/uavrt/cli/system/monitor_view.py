@@ -43,8 +43,7 @@ class Heard:
 
     pulses: int = 0
     recorded_ns: int = 0
-    """Start of the last pulse recorded before the monitor started [ns, UTC]; 0 if there is
-    none."""
+    """Start of the last pulse recorded before the monitor started [ns, UTC]; 0: none."""
     last: Pulse | None = None
     last_s: float | None = None
     times_s: deque[float] = field(default_factory=deque)

@@ -32,15 +32,8 @@ def run_both(
 ) -> int:
     """Run the supervisor and the page until the supervisor ends; return its exit status.
 
-    Ctrl-C reaches both from the terminal; SIGINT and SIGTERM to this process are passed on. The
-    flight continues if the page ends first. If this process is killed, both continue.
-
-    `supervisor`: complete command line of the supervisor.
-    `address`: MAVLink address by which the page reaches the drone side.
-    `settings`: settings of the drone side. The page uses its flights, to show their samples,
-    and its keys.
-    `port`: TCP port of the page.
-    `browser`: open the page in a browser.
+    SIGINT and SIGTERM to this process are passed on. If the page ends first, or this process is
+    killed, the flight continues.
     """
     if not has_page():
         raise ConfigError(

@@ -21,11 +21,7 @@ def start_detection(
     center_frequency_hz: float | None = None,
     gain: int | None = None,
 ) -> str:
-    """Upload tags and start detection; return the flight's directory.
-
-    Raises `CommandRefused` with the reason in the wrong state; `ConfigError` for an invalid
-    frequency or gain; `UavrtError` without an answer.
-    """
+    """Upload tags and start detection; return the flight's directory."""
     check_start(None, center_frequency_hz, gain)
     _ask(reader, "start_tags", 1)
     for number, tag in enumerate(tags):

@@ -83,13 +83,7 @@ def _listed(tag: Tag, one: TagCorrection) -> str:
 
 
 def corrected_interval(tag: Tag, interval_s: float, jitter_s: float) -> Tag:
-    """Replace a tag's nearest listed interval by the measured one.
-
-    An interval unlike those listed becomes the second interval, or replaces it.
-
-    `interval_s`: measured interval.
-    `jitter_s`: standard deviation of the pulse times about it.
-    """
+    """Replace a tag's nearest listed interval by the measured one, or set the second."""
     listed = list(tag.pulse_intervals_s)
     nearest = min(range(len(listed)), key=lambda place: abs(listed[place] - interval_s))
     allowed_s = max(tag.interval_uncertainty_s, 0.02 * listed[nearest])
@@ -124,11 +118,7 @@ def standing_corrections(corrections: Iterable[TagCorrection]) -> list[TagCorrec
 
 
 def shared_offset_ppm(found: Iterable[Beep]) -> float | None:
-    """Common frequency offset of the tags, due to the receiver [ppm]; or None.
-
-    Two tags, or three of four, must agree. Trains that may be of two tags, or of another rate,
-    are ignored.
-    """
+    """Common frequency offset of two tags, or three of four [ppm]; None if they disagree."""
     off = {
         one.tag_ids: 1e6 * one.offsets_hz[0] / (one.frequency_hz - one.offsets_hz[0])
         for one in found
@@ -163,13 +153,9 @@ def words_of_beeps(found: Sequence[Beep]) -> list[str]:
 def correction_of(
     tag: Tag, beep: Beep, time_ns: int, found: Sequence[Beep] = ()
 ) -> TagCorrection | None:
-    """Correction of a tag by a measured sender that may be the tag; None if nothing differs.
+    """Correction of a tag's frequency, or else interval, by a sender; None if none differs.
 
-    Frequency and interval are corrected one after the other: called again with the corrected
-    tag, this returns the next correction.
-
-    `found`: all senders of the flight. A common offset is the receiver's error, so only tags
-    that are farther off are corrected.
+    A common offset of all senders in `found` is the receiver's error and is not corrected.
     """
     other_rate = beep.kind is BeepKind.OTHER_RATE
     if tag.coded or beep.kind not in MEASURED:

@@ -34,7 +34,7 @@ _NUMBER = re.compile(
 
 
 def parse_tag_info(text: str, faults: list[Fault]) -> list[TagDraft]:
-    """Read the lines; report each line without eight numbers in `faults`."""
+    """Read the tags of the file's lines; report lines without eight numbers in `faults`."""
     drafts: list[TagDraft] = []
     for line, written in enumerate(text.split("\n"), start=1):
         content = written.split("#", 1)[0].strip()

@@ -25,8 +25,7 @@ MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ = 20e6, 1e9
 MAX_INTERVAL_MS = 60_000.0
 MIN_PULSE_WIDTH_MS, MAX_PULSE_WIDTH_MS = 1.0, 1_000.0
 SHORTEST_LIKELY_MS = 60.0
-"""Interval below which a number is assumed to be in seconds, if it does not fit the pulse
-[ms]."""
+"""Interval [ms] below which a number that does not fit the pulse is taken as seconds."""
 MAX_K = 100
 MAX_FALSE_ALARM_PROBABILITY = 0.5  # as TagTracker's
 MAX_ID = 2**32 - 1  # uint32 on the wire
@@ -93,11 +92,7 @@ def _tag(draft: TagDraft) -> Tag:
 
 
 def usual_uncertainty_ms(shortest_ms: float, width_ms: float, k: int) -> float:
-    """Interval uncertainty for a list without one [ms]: 60 ms, or as much as can be searched.
-
-    At most a tenth of the interval, and small enough to predict the last of K pulses within an
-    interval (see `_fault_of_group`).
-    """
+    """Interval uncertainty for a list without one [ms]: 60 ms, or as much as is searchable."""
     room_ms = 0.5 * (shortest_ms - 2.0 * width_ms)
     most_ms = min(0.1 * shortest_ms, shortest_ms / max(k - 1, 1), room_ms)
     return math.floor(1e3 * min(USUAL_UNCERTAINTY_MS, most_ms)) / 1e3

@@ -24,11 +24,7 @@ class Node:
 
 
 def read_yaml(text: str, faults: list[Fault]) -> list[Node]:
-    """Read the documents of a text, usually one; faults are added to `faults`.
-
-    Reading stops at the first line that is not YAML; documents before it are returned.
-    Raises `UsageError`: PyYAML is not installed, as on a drone without a page.
-    """
+    """Read the documents of a text up to a faulty line; faults are added to `faults`."""
     with needs_extra(
         "ground",
         "a list in YAML",

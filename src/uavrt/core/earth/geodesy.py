@@ -112,15 +112,14 @@ def distance_m(
 
 
 def geodetic_of_epsg(epsg: int, easting_m: float, northing_m: float) -> tuple[float, float]:
-    """Latitude and longitude [°] of coordinates in EPSG 32601–32660, 32701–32760 or 4326.
-
-    Raises `ValueError` for another coordinate system, or a position outside it.
-    """
+    """Latitude and longitude [°] of coordinates in EPSG 32601–32660, 32701–32760 or 4326."""
     if epsg == 4326:
         lat, lon = northing_m, easting_m
     elif 1 <= epsg - 32600 <= 60 or 1 <= epsg - 32700 <= 60:
         if not (abs(easting_m - _FALSE_EASTING) < 1e6 and abs(northing_m) < 1.1e7):
-            raise ValueError(f"{easting_m}, {northing_m} is not a position in a UTM zone")
+            raise ValueError(
+                f"easting {easting_m}, northing {northing_m} are not in a UTM zone"
+            )
         south = epsg > 32700
         lat, lon = _inverse_utm(easting_m, northing_m - (_FALSE_NORTHING if south else 0.0))
         lon += 6.0 * (epsg % 100) - 183.0

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from uavrt.core.messages import Health
 
 ARMED, LANDED = "autopilot_armed", "autopilot_landed"
-"""Names of the counters in health reports that hold these two states of the autopilot."""
+"""Names of the counters in health reports for the autopilot's armed and landed states."""
 GROUND_STATION = "ground station"
 """Process name in the ground station's own health reports."""
 EVER_NS = 2**62
@@ -16,11 +16,7 @@ Reports = Iterable[tuple[int, bool]]
 
 
 def spans_on_ground(armed: Reports, landed: Reports) -> tuple[tuple[int, int], ...]:
-    """Start and end of each time span on the ground [ns]: disarmed, or landed.
-
-    Empty without a report of flying, as in a test on a turntable. A state is valid until the
-    next report. `armed`, `landed`: in any order.
-    """
+    """Start and end of each time span on the ground [ns]: disarmed, or landed."""
     reports = [(time, "armed", state) for time, state in armed]
     reports += [(time, "landed", state) for time, state in landed]
     now: dict[str, bool] = {}
@@ -52,10 +48,7 @@ class GroundStates:
         self._reports: list[tuple[int, bool | None, bool | None]] = []
 
     def add(self, time_ns: int, armed: float | None, landed: float | None) -> bool:
-        """Add a report of both states; returns False if neither has changed.
-
-        `armed`, `landed`: 0 for no; None if not reported.
-        """
+        """Add a report of both states (0: no, None: not reported); False if unchanged."""
         now = (None if armed is None else bool(armed), None if landed is None else bool(landed))
         last = self._reports[-1][1:] if self._reports else (None, None)
         if now == last:

@@ -18,10 +18,7 @@ _SKYLAKE = {"avx512f", "avx512cd", "avx512bw", "avx512dq", "avx512vl"}
 def blas_environment(
     given: Mapping[str, str] = os.environ, cpuinfo: Path = Path("/proc/cpuinfo")
 ) -> dict[str, str]:
-    """Environment variables to set for a process; variables that are already set are omitted.
-
-    `given`: the present environment. `cpuinfo`: Linux's description of the processor.
-    """
+    """Environment variables to set for a process, unless they are in `given`."""
     wanted = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL")}
     try:
         with cpuinfo.open(encoding="ascii", errors="replace") as lines:

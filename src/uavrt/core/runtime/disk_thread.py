@@ -38,12 +38,7 @@ def at_once(job: Callable[[], T], then: Callable[[T], None]) -> bool:
 
 
 class DiskThread:
-    """Runs disk jobs for an asyncio loop; must be started in the loop.
-
-    The thread is a daemon, so that a stalled disk does not prevent the process from ending.
-    `most` limits the waiting jobs. With `early`, jobs run in the caller until the thread is
-    started.
-    """
+    """Runs disk jobs for an asyncio loop in a daemon thread; must be started in the loop."""
 
     def __init__(self, most: int = MOST_JOBS, *, early: bool = False) -> None:
         self._most, self._early = most, early
@@ -125,11 +120,7 @@ class DiskThread:
 
 
 class DiskBatches(Generic[T, R]):
-    """Collects items in the loop, and writes them in the disk thread batch by batch.
-
-    `write` writes a batch in the thread. `then` receives each batch and the result of `write`,
-    in the loop.
-    """
+    """Collects items in the loop; `write` runs in the thread, then `then` in the loop."""
 
     def __init__(
         self,

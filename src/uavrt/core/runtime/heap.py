@@ -21,9 +21,8 @@ _MOST_BLOCKS = 40_000
 def fill_pools() -> list[object]:
     """Fill the free slots between Python's objects, before a process is forked.
 
-    Otherwise new objects use these slots first, and each makes an inherited memory page
-    private: ten pages a minute, for hours. Once filled, new objects stay together. Takes 10 ms
-    and 0.4 MB, once. Returns the filling objects, which must be kept.
+    Otherwise new objects make inherited memory pages private, ten a minute. Returns the filling
+    objects, which must be kept.
     """
     kept: list[object] = [None] * _MOST_BLOCKS  # allocated whole: growing uses free slots
     used = 0
@@ -45,9 +44,7 @@ def fill_pools() -> list[object]:
 def heap_as_it_grows() -> None:
     """Undo a setting of Dask's nanny for its workers: return freed memory at once.
 
-    With MALLOC_TRIM_THRESHOLD_ at 64 KiB, each temporary array maps its pages again, which
-    makes detection 1.7 times slower. The new values are those that malloc itself reaches for a
-    program with large arrays (mallopt(3)). Without the nanny nothing is changed.
+    With it each temporary array maps its pages again: 1.7 times slower (mallopt(3)).
     """
     if "MALLOC_TRIM_THRESHOLD_" in os.environ and _mallopt is not None:
         _mallopt(_M_MMAP_THRESHOLD, 32 << 20)
@@ -57,9 +54,7 @@ def heap_as_it_grows() -> None:
 def heap_of_short_arrays() -> None:
     """Return large arrays of any thread to the system as soon as they are freed.
 
-    A search computes in threads, one for each order. By default each thread's heap keeps the
-    memory of its peak, with ten thousand hypotheses. One heap for all threads, and arrays of
-    256 KiB or more outside of it, avoid this (mallopt(3)).
+    By default each thread's heap keeps the memory of its peak (mallopt(3)).
     """
     if _mallopt is not None:
         _mallopt(_M_ARENA_MAX, 1)
@@ -91,14 +86,8 @@ _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
 class HeapKeeper:
     """Trims the heap periodically, by default three times a minute.
 
-    A busy moment (blocks after a stall, a long search) leaves holes in the heap that glibc
-    keeps unless they lie at its end. Receiver and detector grew by 2 MB each in half an hour.
-
-    Python also keeps holes: up to 2000 unused tuples of each length up to 19, which only a full
-    collection frees. A generator converted to a tuple four times a second uses 160 kB in eight
-    minutes.
-
-    `period_s`: time between two trims [s].
+    A busy moment leaves holes in the heap that glibc keeps unless they lie at its end. Python
+    also keeps up to 2000 unused tuples of each length, which only a full collection frees.
     """
 
     def __init__(self, now_s: float, *, period_s: float = TRIM_PERIOD_S) -> None:

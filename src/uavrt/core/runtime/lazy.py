@@ -11,12 +11,7 @@ from typing import Any
 
 
 def lazily(package: str, where: Mapping[str, str]) -> tuple[list[str], Callable[[str], Any]]:
-    """Create ``__all__`` and ``__getattr__`` of a package.
-
-    `package`: its ``__name__``. `where`: names by module, relative to the package or from
-    ``uavrt`` on. Returns the names, and a function that imports a name's module and stores the
-    name in the package.
-    """
+    """Create ``__all__`` and ``__getattr__`` of a package, from names by module."""
     module_of = {name: module for module, names in where.items() for name in names.split()}
 
     def get(name: str) -> Any:

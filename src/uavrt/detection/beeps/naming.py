@@ -4,11 +4,17 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from uavrt.config.tags.tag_corrections import LEAST_UNCERTAINTY, keeps_interval
-from uavrt.core.messages import Beep, BeepKind, Tag
+from uavrt.config.tags.tag_corrections import (
+    LEAST_UNCERTAINTY,
+    keeps_interval,
+    shared_offset_ppm,
+)
+from uavrt.core.messages import Beep, BeepKind, Tag, mirrored_reason
 from uavrt.core.units import ns_from_s
 from uavrt.detection.beeps.beep_trains import Train
 from uavrt.detection.beeps.tuning import NAMING
+
+_MAYBE_MIRRORED = (BeepKind.OFF_LABEL, BeepKind.OTHER_RATE, BeepKind.UNLISTED)
 
 
 def name_trains(
@@ -25,17 +31,11 @@ def name_trains(
     swapped.
     """
     named = [_name(train, tags, frequency_window_hz, start_ns) for train in trains]
-    listed_ids = {
-        tag_id for one in named if one.kind is BeepKind.LISTED for tag_id in one.tag_ids
-    }
+    listed_ids = _listed_ids(named)
     finished = [_finished(one, listed_ids, named) for one in named]
     if center_hz is None:
         return finished
-    silent = [tag for tag in tags if tag.tag_id not in listed_ids]
-    return [
-        _mirrored(one, train, silent, frequency_window_hz, center_hz)
-        for one, train in zip(finished, trains, strict=True)
-    ]
+    return _with_mirrored(finished, trains, tags, frequency_window_hz, center_hz)
 
 
 def _name(train: Train, tags: Sequence[Tag], window_hz: float, start_ns: int) -> Beep:
@@ -102,23 +102,71 @@ def _finished(one: Beep, listed_ids: set[int], named: Sequence[Beep]) -> Beep:
     return one
 
 
-def _mirrored(
-    one: Beep, train: Train, silent: Sequence[Tag], window_hz: float, center_hz: float
-) -> Beep:
-    """Recognise a tag at the mirror frequency about the radio's centre (I and Q swapped)."""
-    if one.kind is not BeepKind.UNLISTED:
-        return one
+def _with_mirrored(
+    found: list[Beep],
+    trains: Sequence[Train],
+    tags: Sequence[Tag],
+    window_hz: float,
+    center_hz: float,
+) -> list[Beep]:
+    """Recognise tags at the mirror frequency about the radio's centre (I and Q swapped).
+
+    I and Q are not swapped if a tag beeps at its own frequency, or if tags share an error of
+    the receiver, unless these trains may be of mirrored tags, too; nor if many tags are off
+    their labels, since some mirror frequencies then fit by chance. A train that may also be of
+    a tag off its label, or at another rate, needs a second one to be certain.
+    """
+    there = [
+        _mirrored_tags(one, train, tags, window_hz, center_hz)
+        for one, train in zip(found, trains, strict=True)
+    ]
+    shared = shared_offset_ppm(found) is not None
+    plain = (BeepKind.LISTED, BeepKind.OFF_LABEL) if shared else (BeepKind.LISTED,)
+    if any(
+        one.kind in plain and one.tag_ids and not near
+        for one, near in zip(found, there, strict=True)
+    ):
+        return found
+    listed_ids = _listed_ids(found)
+    pairs = [
+        (one, near[0] if near and _is_mirrored(one, near[0], center_hz, listed_ids) else None)
+        for one, near in zip(found, there, strict=True)
+    ]
+    count = len({tag.tag_id for _, tag in pairs if tag})
+    others = sum(one.kind is BeepKind.OFF_LABEL and not tag for one, tag in pairs)
+    if count < NAMING.least_mirrored * (count + others):
+        return found
+    alone = any(tag and one.kind is BeepKind.UNLISTED for one, tag in pairs)
+    certain = alone or (count > 1 and not shared)
+    return [_as_mirrored(one, tag, certain=certain) if tag else one for one, tag in pairs]
+
+
+def _mirrored_tags(
+    one: Beep, train: Train, tags: Sequence[Tag], window_hz: float, center_hz: float
+) -> list[Tag]:
     there = replace(train, frequency_hz=2.0 * center_hz - train.frequency_hz)
-    near = [
-        tag
-        for tag in _within(there, silent, window_hz + NAMING.edge_hz)
-        if _fits(train.interval_s, tag, train)
-    ][:1]
-    if not near:
-        return one
-    ids = tuple(tag.tag_id for tag in near)
-    away_hz = tuple(one.frequency_hz - tag.frequency_hz for tag in near)
-    return replace(one, kind=BeepKind.MIRRORED, tag_ids=ids, offsets_hz=away_hz)
+    near = _within(there, tags, window_hz + NAMING.edge_hz)
+    return [tag for tag in near if _fits(one.interval_s, tag, train)]
+
+
+def _is_mirrored(one: Beep, tag: Tag, center_hz: float, listed_ids: set[int]) -> bool:
+    """True if a silent tag's mirror frequency explains a train far better than its label."""
+    away_hz = abs(one.frequency_hz - tag.frequency_hz)
+    off_hz = abs(2.0 * center_hz - one.frequency_hz - tag.frequency_hz)
+    silent = one.kind in _MAYBE_MIRRORED and tag.tag_id not in listed_ids
+    return silent and off_hz <= NAMING.mirror_share * away_hz
+
+
+def _as_mirrored(one: Beep, tag: Tag, *, certain: bool) -> Beep:
+    if not certain:
+        return replace(one, reason=one.reason or mirrored_reason(tag.tag_id))
+    away_hz = (one.frequency_hz - tag.frequency_hz,)
+    ids = (tag.tag_id,)
+    return replace(one, kind=BeepKind.MIRRORED, tag_ids=ids, offsets_hz=away_hz, reason="")
+
+
+def _listed_ids(named: Sequence[Beep]) -> set[int]:
+    return {tag_id for one in named if one.kind is BeepKind.LISTED for tag_id in one.tag_ids}
 
 
 def _twice(interval_s: float, tag: Tag) -> str:

@@ -129,6 +129,11 @@ class NamingTuning:
     """Error of a train's frequency, and of the edge of a window [Hz]."""
     code_hz: float = 1000.0
     """Maximum distance of a coded tag's pulses from its nominal frequency [Hz]."""
+    mirror_share: float = 0.25
+    """Maximum distance of a mirrored tag from its mirror frequency, as a share of the distance
+    from its label; drift and an uncertain label are a few hundred hertz."""
+    least_mirrored: float = 0.75
+    """Minimum share of mirrored trains among these and the tags off their labels."""
     interval_ratios: tuple[float, ...] = (2.0, 1 / 2, 1 / 3)
     """Possible ratios of the listed to the measured interval: twice for a mortality signal at
     double rate, a half or a third if every second pulse, or two of three, are missed."""
@@ -168,8 +173,9 @@ class ListeningTuning:
     """Maximum time per period in which a wide band of the tags is searched [s]."""
     whole_band_s: tuple[float, float, float] = (20.0, 20.0, 300.0)
     """Search of the radio's wider band: first time, time per period, period [s]."""
-    whole_band_live_s: tuple[float, float, float] = (20.0, 20.0, 540.0)
-    """Search of the wider band of a live stream: first time, time per period, period [s]."""
+    whole_band_live_s: tuple[float, float, float] = (40.0, 20.0, 540.0)
+    """Search of the wider band of a live stream: first time, time per period, period [s].
+    Of pulses of 15 dB every 2 s, 40 s surely contain `live_pulses` that are found."""
     live_cells: int = 4_000_000
     """Maximum number of cells searched at once in flight: 0.7 s at 3 MS/s, in 15 MiB."""
     recent_s: float = 300.0

@@ -9,7 +9,7 @@ from uavrt.core.messages import Pulse, SearchReport, Tag
 from uavrt.core.units import db_from_power, ns_from_s
 from uavrt.detection.coded.code_judging import Burst
 from uavrt.detection.coded.code_tracks import Tracks
-from uavrt.detection.coded.identity import Sighting
+from uavrt.detection.coded.identity import MeasuredBurst, Sighting
 from uavrt.detection.coded.slot_cells import Cells
 from uavrt.detection.coded.tuning import IDENTITY
 from uavrt.detection.reporting import report_every_s
@@ -17,10 +17,7 @@ from uavrt.detection.signal.sample_buffer import Counters
 
 
 class BurstReporter:
-    """Makes one record for each burst of a tag.
-
-    `tracks`: predictions of bursts; confirmed bursts are added.
-    """
+    """Makes one record for each burst of a tag; confirmed ones are added to `tracks`."""
 
     def __init__(
         self,
@@ -52,24 +49,19 @@ class BurstReporter:
     def burst(
         self,
         tag: Tag,
+        measured: MeasuredBurst,
         *,
-        start_ns: int,
-        starts_ns: list[int],
-        energies: NDArray[np.float64],
-        offset_hz: float,
-        noise: float,
-        row: int,
-        score: float,
         confirmed: bool,
         others: tuple[int, ...],
     ) -> None:
         """Report a burst, unless it was reported before."""
+        start_ns, energies = measured.start_ns, measured.energies
         reported = self._burst_times_ns[tag.tag_id]
         if any(abs(start_ns - other) < ns_from_s(IDENTITY.same_burst_s) for other in reported):
             return
         reported.append(start_ns)
         del reported[:-64]
-        track = self._tracks.add(tag.tag_id, start_ns, row) if confirmed else None
+        track = self._tracks.add(tag.tag_id, start_ns, measured.row) if confirmed else None
         interval_s = tag.pulse_intervals_s[0] if track is None else track.interval_s
         error_s = tag.interval_uncertainty_s if track is None else track.error_s
         self._sequence[tag.tag_id] += 1
@@ -81,22 +73,22 @@ class BurstReporter:
         self._pulses.append(
             Pulse(
                 tag_id=tag.tag_id,
-                frequency_hz=self._center_frequency_hz + offset_hz,
+                frequency_hz=self._center_frequency_hz + measured.offset_hz,
                 start_time_ns=start_ns,
                 end_time_ns=start_ns + length_ns,
                 snr_db=snr_db,
                 group_snr_db=snr_db,
-                score=score,
+                score=measured.score,
                 group_index=1,
                 group_sequence=self._sequence[tag.tag_id],
-                noise_psd=noise / self._sample_rate_hz,
+                noise_psd=measured.noise / self._sample_rate_hz,
                 detection_status="confirmed" if confirmed else "detected",
                 confirmed=confirmed,
                 rate=1,
                 predicted_next_start_ns=next_ns - ns_from_s(error_s),
                 predicted_next_end_ns=next_ns + ns_from_s(error_s) + length_ns,
                 also_possible_tag_ids=others,
-                burst_starts_ns=tuple(starts_ns),
+                burst_starts_ns=tuple(measured.starts_ns),
                 burst_snrs_db=tuple(db_from_power(float(one)) for one in energies),
             )
         )
@@ -129,10 +121,7 @@ def sighting_of(
     tags: Mapping[int, Tag],
     required: float,
 ) -> Sighting:
-    """Measure a burst: its time, frequency, energies.
-
-    `time_ns`: gives a column's time. `tags`: by id. `required`: needed log-likelihood ratio.
-    """
+    """Measure a burst: its time, frequency, energies."""
     good = burst.good
     tag = burst.book.tags[burst.code]
     columns = burst.columns[good]
@@ -160,10 +149,7 @@ def sighting_of(
 
 
 def _offsets(cells: Cells, row: int, columns: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Offset of the pulses from the columns of their largest cells [columns].
-
-    The filter of a rectangular pulse decays linearly: amplitudes on both sides give the offset.
-    """
+    """Offset of the pulses from the columns of their largest cells [columns]."""
     at = columns - cells.recent_from
     reach = max(1, cells.pulse // 3)
     left = np.sqrt(cells.recent[row, np.maximum(at - reach, 0)])

@@ -29,10 +29,7 @@ class Evidence:
 
 
 def required_evidence(foreign_per_hour: float, false_per_hour: float) -> float:
-    """Log-likelihood ratio required of a listed code's burst.
-
-    `false_per_hour`: allowed false identifications per code [1/h].
-    """
+    """Log-likelihood ratio required of a listed code's burst, for a rate of errors [1/h]."""
     return math.log(LIKELIHOOD.alignments * foreign_per_hour / false_per_hour)
 
 
@@ -43,11 +40,7 @@ def evidence(
     foreign_per_hour: float,
     bursts: int = 1,
 ) -> Evidence:
-    """Compare the listed code with noise and with unlisted codes.
-
-    `energies` (n, pulses): sums over the bursts [noise energies]. `usable` (n, pulses): True
-    without another burst there. `bursts`: number of bursts summed.
-    """
+    """Compare the listed code with noise and with unlisted codes."""
     x = np.sqrt(np.maximum(energies.astype(np.float64), 0.25))
     noise = math.log(2.0) - math.lgamma(bursts) + (2 * bursts - 1) * np.log(x) - x * x
     hit = min(0.1, LIKELIHOOD.least_hit + 4.0 * foreign_per_hour / 3600.0 * LIKELIHOOD.place_s)
@@ -91,10 +84,7 @@ def evidence(
 
 
 def evidence_in_step(alone: NDArray[np.float64], usable: NDArray[np.bool_]) -> float:
-    """Log-likelihood ratio of bursts in step against one unlisted code's, also in step.
-
-    `alone` (bursts, pulses): as in `Evidence`.
-    """
+    """Log-likelihood ratio of bursts in step against one unlisted code's, also in step."""
     places = alone.sum(axis=0)[usable.any(axis=0)]
     return float(places.min()) - (len(places) - 1) * math.log(LIKELIHOOD.coincidence)
 
@@ -102,10 +92,7 @@ def evidence_in_step(alone: NDArray[np.float64], usable: NDArray[np.bool_]) -> f
 def evidence_of_sums(
     energies: NDArray[np.float64], *, foreign_per_hour: float, in_step: float
 ) -> NDArray[np.float64]:
-    """Log-likelihood ratio against unlisted codes of bursts that are found only together.
-
-    `energies` (n, bursts, pulses). `in_step`: chance of an unlisted tag with this interval.
-    """
+    """Log-likelihood ratio of bursts found only together, against unlisted codes."""
     # Either one unlisted tag is in step by chance, or pulses of several tags are.
     by_one, by_several = (
         evidence(

@@ -1,7 +1,7 @@
 """Sum several bursts of a code to find those too weak to find singly.
 
-A seed is a single burst that stands out slightly. It waits until the following bursts have
-arrived; then the best sum of three, and of K bursts, that includes it is examined.
+A seed is a single burst slightly above the noise. It waits until the following bursts have
+arrived. Then the best sums of three bursts and of K bursts that include the seed are examined.
 """
 
 import math
@@ -34,7 +34,7 @@ class Found:
     total: float
     interval: float
     unlisted: float
-    """Log-likelihood ratio against unlisted codes that are in step by chance."""
+    """Log-likelihood ratio against unlisted codes with the same burst interval by chance."""
     also_possible: tuple[int, ...] = ()
 
 
@@ -72,10 +72,7 @@ class Waiting:
 
 
 class Folds:
-    """Sums several bursts of the codes with equal numbers of pulses.
-
-    `kept_s`: duration for which energy cells are stored [s].
-    """
+    """Sums several bursts of codes with equal numbers of pulses; stores cells for `kept_s`."""
 
     def __init__(
         self,
@@ -123,10 +120,7 @@ class Folds:
             waiting.add(own, ends)
 
     def complete(self, whole: int, *, foreign_per_hour: float, last: bool) -> list[Found]:
-        """Compute the sums around seeds whose later bursts have all arrived.
-
-        `whole`: column before which all bursts are complete.
-        """
+        """Compute the sums around seeds whose later bursts arrived before column `whole`."""
         hits: list[Found] = []
         for bursts, waiting in self._waiting.items():
             seeds = waiting.due(math.inf if last else whole)

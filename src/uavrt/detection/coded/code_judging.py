@@ -1,8 +1,8 @@
 """Decide if a sum of cells is a burst, and which of several codes sent it.
 
-The pulses of a burst come from one tag within a quarter of a second: they are equally strong
-(`evidence`), each is where its cell is largest, and each is as short as a pulse. Signals within
-a stronger burst are explained by it; codes are distinguished by pulses that they do not share.
+The pulses of a burst come from one tag within a quarter of a second. So they are equally strong
+(`evidence`), each is as short as a pulse, and each is where its cell is largest. A stronger
+burst explains all signals within it. Pulses that two codes do not share distinguish the codes.
 """
 
 from dataclasses import dataclass, field, replace
@@ -69,10 +69,7 @@ def measure(
     *,
     prior: float = 0.0,
 ) -> list[Burst]:
-    """Measure the pulses of seeds among the recent cells; drop seeds that are no burst.
-
-    `seeds` (n, 5): with all pulses among the recent cells. `prior`: log odds of a burst now.
-    """
+    """Measure the pulses of seeds among the recent cells; drop seeds that are no burst."""
     if not len(seeds):
         return []
     seeds = _centred(cells, book, seeds)
@@ -185,11 +182,7 @@ def _finely(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[n
 def _off_place(
     cells: Cells, rows: NDArray[np.int32], at: NDArray[np.intp]
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
-    """Find pulses that deviate from their expected time, unlike the burst's other pulses.
-
-    Also returns the energies at their maxima, within a pulse width and at near frequencies:
-    only the strongest row shows the true position.
-    """
+    """Find pulses off their expected time, unlike the burst's others; and their energies."""
     around = cells.recent.copy()
     for apart in range(1, cells.rows_of_a_bin + 1):
         np.maximum(around[apart:], cells.recent[:-apart], out=around[apart:])
@@ -286,10 +279,7 @@ class AcceptedBursts:
 
 
 class Overlaps:
-    """Overlap of possible bursts with accepted bursts, and the remaining pulses.
-
-    `guard`: columns on either side of a pulse that belong to it.
-    """
+    """Overlap of possible bursts with accepted ones, and the remaining pulses."""
 
     def __init__(self, claims: list[Burst], guard: int) -> None:
         shape = len(claims), max((len(one.columns) for one in claims), default=0)
@@ -324,7 +314,7 @@ class Overlaps:
         self.count: list[int] = self.pulses.sum(axis=1).tolist()
         """(claims,) number of overlapped pulses."""
         self.alone: list[int] = alone.sum(axis=1).tolist()
-        """(claims,) number of good pulses that remain."""
+        """(claims,) number of good pulses that are not overlapped."""
         self.weakest: list[float] = (
             np.where(alone, self._energies, np.inf).min(axis=1, initial=np.inf).tolist()
         )
@@ -357,12 +347,7 @@ def decide(
     before: int,
     foreign_per_hour: float,
 ) -> tuple[list[Burst], int]:
-    """Accept the bursts that together explain the pulses best.
-
-    The likeliest comes first; then each is removed on trial to see whether the others explain
-    more: a third code may share pulses with two interleaved bursts. `claims`: weighed; each
-    sent burst has several versions and codes. `accepted_bursts`: previously accepted bursts.
-    """
+    """Accept the bursts that together explain the pulses best, each removed on trial."""
     without: frozenset[int] = frozenset()
     best, lost = _greedy(claims, accepted_bursts, limits, before, foreign_per_hour, without)
     for _ in range(SHAPE.most_swaps):

@@ -10,11 +10,7 @@ from uavrt.detection.coded.tuning import IDENTITY
 
 @dataclass(slots=True)
 class BurstTrack:
-    """Prediction of an identified tag's bursts.
-
-    `time_ns`: start of its newest burst. `row`: frequency, as a row of the cells. `interval_s`,
-    `error_s`: interval from burst to burst, and its uncertainty.
-    """
+    """Prediction of an identified tag's bursts; `row` is its frequency in the cells."""
 
     tag: Tag
     time_ns: int

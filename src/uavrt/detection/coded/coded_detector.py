@@ -1,7 +1,4 @@
-"""Detect coded tags: samples of a channel in, one record for each burst out.
-
-Handles all codes of a channel together (docs/explanation/coded-tags.md).
-"""
+"""Detect coded tags: samples of a channel in, one record for each burst out."""
 
 import bisect
 import math
@@ -25,7 +22,7 @@ from uavrt.detection.coded.code_judging import (
 )
 from uavrt.detection.coded.code_tracks import Tracks
 from uavrt.detection.coded.foreign_bursts import Foreign
-from uavrt.detection.coded.identity import Sightings
+from uavrt.detection.coded.identity import MeasuredBurst, Sightings
 from uavrt.detection.coded.limits import limit, sum_limit
 from uavrt.detection.coded.slot_cells import CLIP, STEP, Cells
 from uavrt.detection.coded.sums import FIELDS, CodeBook, find_seeds, make_code_book
@@ -37,12 +34,7 @@ from uavrt.detection.signal.signal_cleaning import Cleaner
 
 
 class CodedDetector:
-    """Finds the bursts of coded tags in the samples of a channel.
-
-    `center_frequency_hz`: absolute frequency of the channel's centre. `frequency_window_hz`:
-    half-width of the search around the tags' frequencies. Raises `ConfigError`: a tag is
-    outside of the channel, or a value is invalid.
-    """
+    """Finds the bursts of coded tags in the samples of a channel."""
 
     def __init__(
         self,
@@ -157,10 +149,7 @@ class CodedDetector:
         self._stamps: tuple[list[int], list[int]] = ([], [])
 
     def process(self, samples: NDArray[np.complex64], time_ns: int) -> list[Pulse]:
-        """Process a block of samples; return a record for each burst since the last call.
-
-        `time_ns`: time at the antenna of the first sample [ns, UTC].
-        """
+        """Process a block of samples; return a record for each burst since the last call."""
         samples = np.ascontiguousarray(samples, np.complex64)
         if len(samples):
             after = self._clean + self._cleaner.margin
@@ -284,13 +273,15 @@ class CodedDetector:
             starts_ns = [self._time_ns(float(column)) for column in columns]
             self._reporter.burst(
                 found.tag,
-                start_ns=starts_ns[0],
-                starts_ns=starts_ns,
-                energies=np.maximum(energies - 1.0, 0.05),
-                offset_hz=float(self._cells.offsets_hz[found.row]),
-                noise=float(self._cells.noise[found.row]),
-                row=found.row,
-                score=found.score,
+                MeasuredBurst(
+                    start_ns=starts_ns[0],
+                    starts_ns=starts_ns,
+                    energies=np.maximum(energies - 1.0, 0.05),
+                    offset_hz=float(self._cells.offsets_hz[found.row]),
+                    noise=float(self._cells.noise[found.row]),
+                    row=found.row,
+                    score=found.score,
+                ),
                 confirmed=found.unlisted >= required and not found.also_possible,
                 others=found.also_possible,
             )
@@ -327,18 +318,8 @@ class CodedDetector:
                 )
         now_ns = self._time_ns(sure)
         for sighting, tag, others in self._sightings.identify(new, now_ns, last=last):
-            self._reporter.burst(
-                tag,
-                start_ns=sighting.start_ns,
-                starts_ns=sighting.starts_ns,
-                energies=sighting.energies,
-                offset_hz=sighting.offset_hz,
-                noise=sighting.noise,
-                row=sighting.row,
-                score=sighting.score,
-                confirmed=sighting.tag_id is not None,
-                others=others,
-            )
+            confirmed = sighting.tag_id is not None
+            self._reporter.burst(tag, sighting, confirmed=confirmed, others=others)
         self._claims = [one for one in self._claims if one.column >= sure]
         self._ahead = [one for one in accepted if one.column >= sure]
 

@@ -12,10 +12,7 @@ from uavrt.detection.coded.tuning import FOREIGN
 
 
 class Foreign:
-    """Counts bursts that no listed code explains.
-
-    `span`: columns of the longest listed burst. `guard`: columns around a pulse.
-    """
+    """Counts bursts that no listed code explains, by the longest listed `span`."""
 
     def __init__(self, cells: Cells, span: int, guard: int) -> None:
         self._cells, self._span, self._guard = cells, span, guard
@@ -32,10 +29,7 @@ class Foreign:
         return FOREIGN.least_per_hour + 3600.0 * self._count / received_s
 
     def note(self, explained: Sequence[Burst], upto: int) -> None:
-        """Find the foreign pulses among the recent cells; count their bursts before `upto`.
-
-        `explained`: bursts of listed codes.
-        """
+        """Find the foreign pulses among the recent cells; count their bursts before `upto`."""
         cells = self._cells
         loudest = cells.recent.max(axis=0)
         reach = 2 * cells.pulse
@@ -62,7 +56,7 @@ class Foreign:
         return int((near & (np.abs(self._rows - row) <= FOREIGN.rows)).sum()) >= 3
 
     def about(self, burst: Burst) -> float:
-        """Rate of foreign bursts around a burst [1/h]: averaged, or from within its length."""
+        """Rate of foreign bursts around a burst [1/h]; above average if one is in its span."""
         near = self._columns >= burst.columns[0] - self._span
         near &= self._columns <= burst.columns[-1] + self._span
         near &= np.abs(self._rows - burst.row) <= self._cells.rows_of_a_bin

@@ -1,8 +1,8 @@
 """Identify the sender of a burst from the bursts before and after it.
 
 A code and a burst interval define a tag; tags with the same code are distinguished by their
-intervals alone. A burst that may be of an unlisted code is the listed tag's if other bursts are
-in step and the joint evidence suffices.
+intervals alone. A burst that may be of an unlisted code is the listed tag's if other bursts lie
+whole burst intervals away and the joint evidence suffices.
 """
 
 import math
@@ -18,7 +18,7 @@ from uavrt.detection.coded.code_evidence import evidence_in_step
 from uavrt.detection.coded.tuning import IDENTITY
 
 _TRIED = math.log(IDENTITY.steps)
-"""Log of the number of ranges of steps that are tried, because the best is used."""
+"""Log of the number of tries of which the best is used; subtracted from its likelihood."""
 
 
 def in_step(
@@ -28,11 +28,7 @@ def in_step(
     timing_s: float,
     most: int = IDENTITY.steps,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
-    """Find bursts at whole multiples of the burst interval before and after a burst.
-
-    `tag`: gives the interval. Returns (expected_s, gains, which), each (2 most,): expected
-    times; log odds that a burst found there is the tag's, 0 for none; the nearest other burst.
-    """
+    """Find bursts at whole multiples of the burst interval before and after a burst."""
     steps = np.concatenate((np.arange(-most, 0), np.arange(1, most + 1)))
     interval_s = tag.pulse_intervals_s[0]
     expected_s: NDArray[np.float64] = np.asarray(at_s + steps * interval_s, np.float64)
@@ -53,11 +49,7 @@ def likeliest(
     searched_s: tuple[float, float],
     timing_s: float,
 ) -> list[int]:
-    """Decide which of several tags sent a burst, from their burst intervals.
-
-    `others_s`: times of the other bursts that each tag may have sent. `searched_s`: start and
-    end of the search. Returns indices of possible tags, the likeliest first.
-    """
+    """Decide from their burst intervals which tags sent a burst, the likeliest first."""
     scores = []
     for tag, times_s in zip(tags, others_s, strict=True):
         expected_s, gains, _ = in_step(at_s, times_s, tag, timing_s)
@@ -72,13 +64,9 @@ def likeliest(
 
 
 @dataclass(slots=True, kw_only=True)
-class Sighting:
-    """A burst found singly, until its sender is identified."""
+class MeasuredBurst:
+    """Time, frequency and strength of a burst."""
 
-    tags: tuple[Tag, ...]
-    """Tags that may have sent the burst, the likeliest first."""
-    hit: tuple[int, ...]
-    """Ids of tags whose bursts overlap too many pulses of this burst."""
     start_ns: int
     starts_ns: list[int]
     """Start times of the received pulses [ns]."""
@@ -88,6 +76,16 @@ class Sighting:
     noise: float
     row: int
     score: float
+
+
+@dataclass(slots=True, kw_only=True)
+class Sighting(MeasuredBurst):
+    """A burst found singly, until its sender is identified."""
+
+    tags: tuple[Tag, ...]
+    """Tags that may have sent the burst, the likeliest first."""
+    hit: tuple[int, ...]
+    """Ids of tags whose bursts overlap too many pulses of this burst."""
     alone: NDArray[np.float64]
     """Log-likelihood ratio of each pulse of the code against noise or another burst's pulse."""
     good: NDArray[np.bool_]
@@ -123,11 +121,7 @@ class Sightings:
     def identify(
         self, new: Sequence[Sighting], now_ns: int, *, last: bool
     ) -> list[tuple[Sighting, Tag, tuple[int, ...]]]:
-        """Add new bursts; return those to be reported, with their senders.
-
-        `now_ns`: time up to which bursts were searched. Each comes with the ids of other
-        possible tags; `Sighting.tag_id` is set if it is confirmed.
-        """
+        """Add new bursts; return those to be reported, with sender and other possible ids."""
         self._begun_ns = self._begun_ns or now_ns
         concerned = self._waiting
         for tag in {tag for one in new for tag in one.tags}:

@@ -1,8 +1,8 @@
 """Required sums for a given number of false identifications per hour and code.
 
-The sum of n cells of noise has Erlang's distribution. Of the sums tried in an hour only some
-are independent, a number that was measured (docs/explanation/coded-tags.md). Several bursts are
-tested by their sum of Rayleigh amplitudes; its tail is that of Lugannani and Rice (1980).
+The sum of n cells of noise has Erlang's distribution. Only some of the sums tried in an
+hour are independent; their number was measured (docs/explanation/coded-tags.md). Several bursts
+are tested by their sum of Rayleigh amplitudes, with the tail by Lugannani and Rice (1980).
 """
 
 import math
@@ -30,10 +30,7 @@ def tests_per_hour(tag: Tag, *, bandwidth_hz: float, bursts: int) -> float:
 def sum_limit(
     tag: Tag, *, bandwidth_hz: float, bursts: int, pulses: int, false_per_hour: float
 ) -> float:
-    """Minimum sum of cells that identifies a tag [noise energies].
-
-    `pulses`: number of cells in the sum. `false_per_hour`: allowed identifications from noise.
-    """
+    """Minimum sum of cells that identifies a tag [noise energies]."""
     share = _share(bursts)
     tests = tests_per_hour(tag, bandwidth_hz=bandwidth_hz, bursts=bursts)
     return limit(pulses, tests, share * false_per_hour)

@@ -17,11 +17,7 @@ from uavrt.detection.coded.tuning import REFINE
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refined:
-    """Refined times and energies of several bursts.
-
-    `energies` (bursts, pulses) [noise energies]: a hidden pulse has the usual energy of noise;
-    a pulse outside of the stored samples has 0.
-    """
+    """Refined times and energies (bursts, pulses) of several bursts [noise energies]."""
 
     begins: NDArray[np.float64]
     columns: NDArray[np.float64]
@@ -31,10 +27,7 @@ class Refined:
 def refine(
     cells: Cells, tag: Tag, *, row: int, part: float, begins: NDArray[np.float64], most: float
 ) -> Refined:
-    """Find the largest sum at positions between the cells.
-
-    `part`: stretch of all gaps [shares of the tolerance]. `most`: limit on a pulse's energy.
-    """
+    """Find the largest sum at positions between the cells."""
     starts_s = np.concatenate(((0.0,), np.cumsum(tag.gaps_s)))
     parts = 1.0 + GAP_TOLERANCE_S * (part + np.array(REFINE.stretches)) / starts_s[-1]
     offsets = starts_s * parts[:, None] / cells.column_s
@@ -62,10 +55,7 @@ def refine(
 def _prefix(
     cells: Cells, row: int, firsts: NDArray[np.int64]
 ) -> tuple[NDArray[np.bool_], NDArray[np.complex128]]:
-    """Cumulative sums of samples from some columns on, at a row's frequency and both sides.
-
-    Shape (turns, bursts, pulses, n + 1); the flags mark pulses with all samples.
-    """
+    """Cumulative sums of samples (turns, bursts, pulses, n + 1), and which are complete."""
     count = 2 * REFINE.margin_columns * cells.hop + cells.length + 1
     first = (firsts - cells.base) * cells.hop
     within = (first >= 0) & (first + count <= (cells.end - cells.base) * cells.hop)
@@ -84,10 +74,7 @@ def _prefix(
 def _energies(
     cells: Cells, sums: NDArray[np.complex128], at: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Energies of pulses that begin between samples.
-
-    Shape (turns, moves, stretches, bursts, pulses).
-    """
+    """Energies (turns, moves, stretches, bursts, pulses) of pulses between samples."""
     begin = np.clip(at * cells.hop, 0.0, sums.shape[-1] - 2 - cells.length)
     low = np.floor(begin).astype(np.int64)
     over = begin - low

@@ -22,10 +22,7 @@ UNIT = 16.0
 
 
 class Cells:
-    """Computes and stores the energy cells of one channel.
-
-    `kept_s`, `recent_s`: durations for which cells are stored as bytes, and in full precision.
-    """
+    """Computes and stores the energy cells of one channel."""
 
     def __init__(
         self,
@@ -79,10 +76,7 @@ class Cells:
         return self.end - self.recent.shape[1]
 
     def push(self, samples: NDArray[np.complex64]) -> int:
-        """Add samples and compute the complete columns; return their number.
-
-        `samples` (n,): from the first sample of column `end` on.
-        """
+        """Add samples and compute the complete columns; return their number."""
         count = (len(samples) - self.length) // self.hop + 1
         if count <= 0:
             return 0

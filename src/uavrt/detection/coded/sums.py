@@ -62,11 +62,7 @@ def make_code_book(tags: tuple[Tag, ...], column_s: float) -> CodeBook:
 def find_seeds(
     cells: Cells, book: CodeBook, first: int, count: int, *, clip: int, level: int
 ) -> NDArray[np.int32]:
-    """Find the sums of bursts that reach a level.
-
-    `first`, `count`: first column and number of columns at which the bursts start. `clip`:
-    largest cell that counts. Returns (seeds, 5): code, row, stretch, column, sum.
-    """
+    """Sums of bursts that reach a level: (n, 5) code, row, stretch, column, sum."""
     at = first - cells.base
     if at < SUMS.apart_columns:
         count, at = count - (SUMS.apart_columns - at), SUMS.apart_columns
@@ -124,12 +120,7 @@ def fold(
     steps: int,
     clip: int,
 ) -> NDArray[np.int32]:
-    """Sum the bursts around seeds at the burst interval.
-
-    `bursts`: number of consecutive bursts, including the seed. `reach`: largest error of the
-    interval [columns]. `steps`: number of intervals tried on either side. Returns (n, 3): sum,
-    index of the interval (from -steps), position of the first burst (0: the seed).
-    """
+    """Sum bursts around seeds at the interval; returns (n, 3) sum, interval, position."""
     own = np.ascontiguousarray(seeds, np.int32).copy()
     own[:, 3] -= cells.base
     out = np.zeros((len(own), 3), np.int32)

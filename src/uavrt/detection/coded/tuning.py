@@ -18,7 +18,7 @@ class CellTuning:
     noise_pieces: int = 25
     """Number of pieces of samples whose medians give the noise: 10 s."""
     least_rise: float = 0.85
-    """Minimum noise as a share of the newest estimate; a rise must not look like bursts."""
+    """Minimum noise as a share of the newest estimate, so that rising noise is no burst."""
     kept_s: float = 130.0
     """Duration for which cells are stored, to sum several bursts [s]."""
     step_s: float = 0.4
@@ -49,7 +49,7 @@ class SumTuning:
     columns_per_step: float = 2.0
     """Shift of the last burst from one tried interval to the next [columns]."""
     few_bursts: int = 3
-    """Number of bursts in the shorter of the two sums."""
+    """Number of bursts in the shorter sum of bursts."""
     examined_share: float = 0.88
     """Share of the minimum sum above which a sum is refined."""
     clear_lead: float = 20.0
@@ -96,7 +96,7 @@ class LimitTuning:
     per_refinement: float = 14.0
     """Number of independent sums in a refinement."""
     expected_false: float = 1e-6
-    """Probability of noise in a cell where a burst of an identified tag is expected."""
+    """Probability that noise reaches the limit in a cell where a known tag's burst is due."""
     expected_log: float = 6.0
     """Log odds of an identified tag's burst at its expected time against any other time."""
     least_energy: float = 0.25
@@ -148,7 +148,7 @@ class ShapeTuning:
     beside_amplitude: float = 0.6
     """Maximum amplitude next to a pulse's end, relative to the pulse, without noise."""
     end_widths: tuple[float, float] = (1.2, 3.2)
-    """Distances at which a pulse must have ended, at one of the two [pulse widths]."""
+    """Distances from a pulse, at one of which its energy must have ended [pulse widths]."""
     aside_s: float = 0.75e-3
     """Maximum deviation of a strong pulse from its expected time in the burst [s]. At 20 dB the
     flanks of a code matched one whose gaps differ by 4.5 ms in total."""
@@ -174,7 +174,7 @@ class ShapeTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdentityTuning:
-    """Constants for identifying a tag by bursts in step, and predicting its next burst."""
+    """Constants for identifying a tag by its burst interval, and predicting its next burst."""
 
     steps: int = 8
     """Number of intervals, before and after, over which bursts are compared."""
@@ -195,7 +195,7 @@ class IdentityTuning:
     own_error: float = 5e-6
     """Relative error of a measured interval: a crystal's drift with temperature."""
     same_burst_s: float = 0.02
-    """Maximum difference between the start times of one burst [s]."""
+    """Maximum difference between the start times in two reports of one burst [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -74,7 +74,7 @@ class AnchorSearch(RateSearch):
         return self.own_margin * self.null.factor(self.threshold)
 
     def begin_at(self, column: int) -> None:
-        """Begin in mid-stream; the first column gets this number."""
+        """Begin in mid-stream; `column` is the number of the first column."""
         super().begin_at(column)
         self.pushed = column
 
@@ -95,10 +95,7 @@ class AnchorSearch(RateSearch):
         return self.rows * self.width
 
     def move_to(self, memory: NDArray[np.float32], base: int, *, empty: bool = False) -> None:
-        """Move the ring buffer into `memory` (n,), from index `base` on.
-
-        Its beginning is repeated behind its end, to make every stretch of a row contiguous.
-        """
+        """Move the ring buffer into `memory` (n,); its beginning is repeated at its end."""
         cells = memory[base : base + self.size].reshape(self.rows, self.width)
         if len(self.cells):
             cells[:] = self.cells
@@ -171,10 +168,7 @@ class AnchorSearch(RateSearch):
     def collect(
         self, tested: "_Tested", part: slice, least: float, shorter: int = 0
     ) -> list[Candidate]:
-        """Make candidates of the tested anchors in `part`, all of this search.
-
-        `least`: minimum sum of a candidate. `shorter`: reduction of the intervals [columns].
-        """
+        """Make candidates of the tested anchors in `part`, all of this search."""
         best, level = tested.best[part], tested.level[part]
         cells, power = tested.cells[part], tested.power[part]
         hits = np.flatnonzero(best >= least)
@@ -196,11 +190,7 @@ class AnchorSearch(RateSearch):
     def candidates(
         self, due: "_Due", hits: list[tuple[int, float, float, int]], shorter: int = 0
     ) -> list[Candidate]:
-        """Make candidates of the anchors that the compiled kernel found above the threshold.
-
-        `hits`: their indices, best sums, strengths, and intervals, shortened by `shorter`
-        columns.
-        """
+        """Make candidates of the anchors that the compiled kernel found above the threshold."""
         hits = sorted(hits, key=lambda hit: -hit[2])[: GROUPS.candidates_at_once]
         which, score, strength, interval = zip(*hits, strict=True)
         place = np.array([due.places[index] for index in which])
@@ -264,12 +254,7 @@ class _Tested:
 def search_together(
     searches: Sequence[AnchorSearch], power: NDArray[np.float32], noise: NDArray[np.float32]
 ) -> list[list[Candidate]]:
-    """Add new columns to several searches; test every hypothesis that they complete.
-
-    `searches`: with equal rows, K, reach, number of intervals and number of `fresh` columns
-    after these; their ring buffers share one memory. `power` (searches, rows, columns): at most
-    one piece of columns. Returns the candidates of each search, best first.
-    """
+    """Add columns to several alike searches; return the candidates of each, best first."""
     if kernels() is not None:
         return [
             _search_by_kernel(search, columns, level)

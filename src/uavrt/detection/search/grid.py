@@ -1,8 +1,8 @@
 """The time-frequency grid of the search: a spectrogram of windows one pulse long.
 
 For a rectangular pulse the matched filter bank is the discrete-time Fourier transform of each
-window. The hop is an eighth of a pulse and the rows a quarter of a bin apart, at any sample
-rate; half of each, as in the original, costs 1.0 dB.
+window. At any sample rate the hop is an eighth of a pulse, and rows are a quarter of a bin
+apart. Hops of half a pulse and rows half a bin apart, as in the original, cost 1.0 dB.
 
 The columns of a row are contiguous in memory, because an anchor reads about fifty of them.
 Shifted maxima are taken over all rows as one long row, without the margins.
@@ -42,9 +42,9 @@ class Grid:
     `halves`: `half_transforms`, instead of the matrix, where rows lie symmetrically around the
     tag and the narrow band was shifted to put the tag at zero.
     `turn_hz`: frequency by which the narrow band is shifted down after the filter [Hz].
-    `pairs`: the filter for the compiled kernel: real and imaginary parts of its taps, each
-    twice, as float32 (2, 2 × taps), filled up to a multiple of eight taps; and the phase of
-    each output of a row against the first, as complex64.
+    `pairs`: the filter for the compiled kernel. The first array has the real and imaginary
+    parts of its taps, each twice, as float32 (2, 2 × taps), filled up to a multiple of eight
+    taps. The second has the phase of each output of a row against the first, as complex64.
     """
 
     sample_rate_hz: float
@@ -79,11 +79,7 @@ class Grid:
         return (start + (self.decimation - 1) / 2.0) / self.hop
 
     def power(self, samples: NDArray[np.complex64]) -> NDArray[np.float32]:
-        """Power of every cell, shape (columns, rows), each row contiguous in memory.
-
-        `samples` (n,): contiguous narrow-band samples. In noise the mean power is that of one
-        channel sample; for a pulse it is ENR + 1 times as much.
-        """
+        """Power of every cell (columns, rows), in units of a channel sample's in noise."""
         hop = self.hop // self.decimation
         count = max(0, (len(samples) - self.length) // hop + 1)
         result = np.empty((self.rows, count), np.float32)
@@ -149,9 +145,7 @@ def power_by_halves(
     """Compute rows at ± f together, with a quarter of the multiplications, all real.
 
     Around a window's middle, let e(n) = x(n) + x(-n) and o(n) = x(n) - x(-n). The transform at
-    ± f is A ∓ jB, with A the sum of e cos and B that of o sin. `parts` (2, tags, samples): real
-    and imaginary parts. `power` (tags, rows, columns): the result from column `first` on.
-    `take`: allocates arrays by name and shape.
+    ± f is A ∓ jB, with A the sum of e cos and B that of o sin.
     """
     assert grid.halves is not None
     cosines, sines = grid.halves
@@ -253,10 +247,7 @@ class Spectrogram:
         return band.reshape(-1)
 
     def _turned(self, row: int, count: int) -> NDArray[np.complex64]:
-        """Factors that shift the tag to zero for each row of outputs, shape (count, 1).
-
-        The shift within a row of outputs is in the filter.
-        """
+        """Factors (count, 1) that shift the tag to zero for each row of outputs."""
         grid = self.grid
         turns = grid.turn_hz * OUTPUTS_PER_ROW * grid.decimation / grid.sample_rate_hz
         if count > len(self._turns):
@@ -269,11 +260,7 @@ class Spectrogram:
 def make_grid(
     *, sample_rate_hz: float, pulse_width_s: float, offset_hz: float, half_width_hz: float
 ) -> Grid:
-    """Make the grid around one tag.
-
-    `offset_hz`: middle of the search from the centre of the channel [Hz]. `half_width_hz`:
-    half-width of the search [Hz]; infinite or large: the whole channel.
-    """
+    """Make the grid around one tag; an infinite `half_width_hz` is the whole channel."""
     nyquist_hz = sample_rate_hz / 2.0
     samples = pulse_width_s * sample_rate_hz
     circular = half_width_hz >= nyquist_hz
@@ -347,12 +334,8 @@ def half_transforms(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Cosines and sines of the rows from the tag's frequency up, shared by all tags.
 
-    Returns (cosines, sines): (rows, length - length
-
-    2), for the pairs of samples from the middle outwards, an odd window's middle last; (rows,
-    length
-
-    2).
+    Returns cosines (rows, length - length // 2), for the pairs of samples from the middle
+    outwards, an odd window's middle last; and sines (rows, length // 2).
     """
     half = length // 2
     away = np.arange(half) + (1.0 if length % 2 else 0.5)
@@ -367,11 +350,7 @@ def half_transforms(
 def _band_filter(
     *, sample_rate_hz: float, decimation: int, offset_hz: float, pass_hz: float
 ) -> NDArray[np.complex128]:
-    """Band-pass around the tag with aliases outside of ± `pass_hz`, shape (odd,).
-
-    Kaiser window by Kaiser's formulas. The samples stay at their frequency, folded by the
-    decimation; the rows of the transform are folded alike.
-    """
+    """Band-pass around the tag with aliases outside of ± `pass_hz`, shape (odd,)."""
     stop_hz = sample_rate_hz / decimation - pass_hz
     width = max(stop_hz - pass_hz, 0.02 * sample_rate_hz / decimation) / sample_rate_hz
     side = math.ceil((GRID.stopband_db - 7.95) / (2.285 * 2.0 * math.pi * width) / 2.0)
@@ -387,19 +366,13 @@ def _band_filter(
 def _windows(
     samples: NDArray[np.complex64], first: int, shape: tuple[int, int], step: int
 ) -> NDArray[np.complex64]:
-    """View of overlapping windows of contiguous samples, without a copy.
-
-    Much faster than `numpy.lib.stride_tricks.as_strided`, and checks that they fit the buffer.
-    """
+    """View of overlapping windows of contiguous samples, without a copy."""
     size = samples.itemsize
     return np.ndarray(shape, np.complex64, samples, first * size, (step * size, size))
 
 
 def sliding_maximum(power: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
-    """Maximum over ± `reach` columns, for columns where all of these exist.
-
-    Returns (columns - 2 * reach, rows). The work grows with the logarithm of `reach`.
-    """
+    """Maximum over ± `reach` columns, for the columns - 2 * reach with all of these."""
     columns, rows = power.shape
     side_by_side = power.T.flags.c_contiguous
     # As one long row: values that cross into the next row are cut off with the margins.

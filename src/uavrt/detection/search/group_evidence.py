@@ -2,9 +2,10 @@
 
 For speed the search takes the best cell for each pulse, but the best cells do not give the best
 sum. In noise of known power a cell of power P is exp(-E) I0(2 sqrt(E P)) times as likely with a
-pulse of ENR E as without. The product over K pulses, averaged over each pulse's time and summed
-over the lattices and frequencies around a candidate, is a Bayes factor. In noise its mean is
-the number of lattices summed, so the chance of exceeding a bound falls as the bound's inverse.
+pulse of ENR E as without. The product over K pulses is averaged over each pulse's time and
+summed over the lattices (evenly spaced pulse times) and frequencies around a candidate: a Bayes
+factor. In noise its mean is the number of lattices summed, so the chance of exceeding a bound
+falls as the bound's inverse.
 """
 
 import math
@@ -86,10 +87,8 @@ class Evidence:
     ) -> float:
         """Log-likelihood ratio of a candidate's pulses to noise, summed over nearby parameters.
 
-        `starts` (K,): index of the first sample of each pulse; missing samples count neither
-        for nor against it. `level` (K,): noise power of a sample, common or per pulse.
-        `strength`: ENR of a pulse, not in decibels. The ratio is a density over the lattice's
-        middle and ends [pulse widths] and over frequency [bins].
+        Missing samples after `starts` (K,) count neither way. `level` (K,): noise power of a
+        sample.
         """
         side, step = self._side, self._step
         window, table = self._grid.window, _ratios(round(strength, 2))
@@ -132,10 +131,7 @@ def _kernel(side: int, sigma: float) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=8)
 def _lattices(k: int, side: int) -> NDArray[np.intp]:
-    """Position of each pulse for each lattice around the candidate, shape (K, lattices).
-
-    Each lattice is shifted as a whole, and its two ends are shifted against each other.
-    """
+    """Position of each pulse for each lattice around the candidate, shape (K, lattices)."""
     middle, turn = np.meshgrid(np.arange(-side, side + 1), np.arange(-side, side + 1))
     inside = np.abs(middle) + np.abs(turn) <= side
     middle, turn = middle[inside], turn[inside]

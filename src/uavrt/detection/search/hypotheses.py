@@ -2,9 +2,9 @@
 
 A hypothesis is a row, an anchor cell, the anchor's number among the K pulses, and an interval.
 Its statistic is the anchor's power plus, for each other pulse, the largest power within the
-jitter around its expected time; all relative to the row's noise and none above a limit. A sum
-of K terms that reaches T has a term that reaches T/K, so only cells above T/K need be anchors:
-a few in a second of noise at K = 3. The work is linear in K.
+jitter around its expected time. All powers are relative to the row's noise and limited. If a
+sum of K terms reaches T, one term reaches T/K. So only cells above T/K need be anchors: at K =
+3 a few in a second of noise. The work is linear in K.
 """
 
 import math
@@ -45,11 +45,7 @@ def best_first(found: list[Candidate]) -> list[Candidate]:
 class RateSearch(ABC):
     """Search of one rate over a sliding range of columns; two classes implement it.
 
-    `uncertainty_s`, `jitter_s`: bounds of the interval's constant error and of each pulse's
-    own.
-
-    `first_threshold`, `first_columns`: threshold for this number of first columns. It may be
-    lower, since few groups can have begun in the first decision interval.
+    `first_threshold` may be lower, since few groups can have begun in the first columns.
     """
 
     def __init__(
@@ -118,16 +114,12 @@ class RateSearch(ABC):
         return self.threshold == self._steady_threshold
 
     def begin_at(self, column: int) -> None:
-        """Begin in mid-stream; the first column gets this number."""
+        """Begin in mid-stream; `column` is the number of the first column."""
         self.columns = column + self.reach
         self._first_columns = 0
 
     def push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
-        """Add new columns and test every hypothesis that they complete.
-
-        `noise` (rows,): noise power of each row. Returns candidates, best first; several may be
-        equal.
-        """
+        """Add new columns, test every hypothesis that they complete; returns the best first."""
         found: list[Candidate] = []
         for first in range(0, len(power), self.piece):
             found += self._push(power[first : first + self.piece].T, noise)
@@ -142,25 +134,18 @@ class RateSearch(ABC):
 
     @abstractmethod
     def _push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
-        """Add at most one piece of columns, shape (rows, columns)."""
+        """Add power (rows, columns) and noise; at most `piece` columns."""
 
 
 def jitter_reach(jitter_s: float, hop_s: float) -> int:
-    """Number of columns to search on either side of an expected pulse.
-
-    Two pulses both off by the full bound are rare, and a pulse a little beyond still shows by
-    its flank: 0.7 of the bound loses less than the smaller search gains.
-    """
+    """Number of columns to search on either side of an expected pulse: 0.7 of the bound."""
     return max(1, math.ceil(0.7 * jitter_s / hop_s - 0.25))
 
 
 def interval_grid(
     *, interval_s: float, uncertainty_s: float, hop_s: float, k: int, reach: int
 ) -> NDArray[np.float64]:
-    """Intervals to try [columns].
-
-    Between two, no pulse moves by more than the jitter's reach, or half a column.
-    """
+    """Intervals to try [columns]; between two, no pulse moves by more than it may."""
     middle = interval_s / hop_s
     if k == 1:
         return np.array([middle])

@@ -11,10 +11,7 @@ from uavrt.detection.search.tuning import GROUPS
 
 
 class KnownPulses:
-    """Pulses of confirmed tracks and of groups just found, and the candidates they explain.
-
-    While a tag is received, they explain nearly all candidates.
-    """
+    """Pulses of confirmed tracks and of new groups, and the candidates they explain."""
 
     def __init__(self, grid: Grid, pulses: list[Measured]) -> None:
         self._grid = grid
@@ -28,10 +25,7 @@ class KnownPulses:
         *,
         reach: int,
     ) -> NDArray[np.bool_]:
-        """Find the candidates that contain a known pulse or its leakage.
-
-        `strength` (candidates,): sums of powers. `reach`: columns of jitter on either side.
-        """
+        """Find the candidates that contain a known pulse or its leakage."""
         grid = self._grid
         bin_hz = grid.sample_rate_hz / grid.window
         near = (reach + 1) * grid.hop + 0.75 * grid.window

@@ -140,10 +140,7 @@ class Leveller:
         first: int,
         whole: NDArray[np.bool_] | None = None,
     ) -> None:
-        """Divide new columns (rows, columns) by their level, in place.
-
-        `noise` (rows,): noise at a level of one. `whole` (columns,): True without lost samples.
-        """
+        """Divide new columns (rows, columns) by their level, in place."""
         level_together([self], power[np.newaxis], [noise], [first], [whole])
 
     def _keep_steady(
@@ -263,10 +260,7 @@ class Leveller:
     def _follow(
         self, both: NDArray[np.float32], weights: NDArray[np.float32], past: int
     ) -> _Followed:
-        """Levels of the present slots, for the search and for measuring.
-
-        A rise among the newest slots may be a strong pulse: only the search counts it as noise.
-        """
+        """Levels of the present slots, for the search and for measuring."""
         if kernels() is not None:
             return self._follow_by_kernel(both, weights, past)
         common = np.maximum(self._common(both), np.float32(LEVEL.least_level))
@@ -373,11 +367,7 @@ def _sums(values: NDArray[np.float32]) -> NDArray[np.float64]:
 def _longest(
     common: NDArray[np.float32], weights: NDArray[np.float32], scale: float
 ) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]:
-    """Mean over the longest stretch before each slot that agrees with all shorter stretches.
-
-    Returns (mean, begin, least), each (slots,): the mean; the first slot of the stretch; the
-    largest of the agreeing means less their errors.
-    """
+    """Mean over the longest stretch before each slot that agrees with all shorter ones."""
     sums, total = _sums(common * weights), _sums(weights)
     end = np.arange(1, len(common) + 1)
     mean, first = np.asarray(common, np.float64), end - 1
@@ -424,9 +414,7 @@ def _segments(
     """Split the bands where their levels differ, and widen the stronger side by one band.
 
     The likeliest split comes first: fitting two means of exponentials instead of one raises the
-    log-likelihood by the sum of cells × ln(mean). `ratio` (bands, slots): mean of each band
-    over the common level. `n` (slots,): number of slots in each mean. `circular`: the last band
-    is adjacent to the first. Returns (bands, slots): the mean of each band's segment.
+    log-likelihood by the sum of cells × ln(mean).
     """
     count, slots = ratio.shape
     sums = np.concatenate((np.zeros((1, slots)), np.cumsum(np.maximum(ratio, 1e-9), axis=0)))

@@ -1,8 +1,8 @@
 """Search for groups of nine pulses or more: try every cell as the last pulse.
 
 With such K one cell in ten exceeds T/K, so anchors would not narrow the search. The maximum
-over the jitter is computed once for all cells, and of the past only columns that may contain a
-pulse are read: 0.3 of the time for K = 40.
+over the jitter is computed once for all cells. Only past columns that may contain a pulse are
+read, which takes 0.3 of the time for K = 40.
 """
 
 import math
@@ -29,7 +29,7 @@ class LongSearch(RateSearch):
         self._searched = 0
 
     def begin_at(self, column: int) -> None:
-        """Begin in mid-stream; the first column gets this number."""
+        """Begin in mid-stream; `column` is the number of the first column."""
         super().begin_at(column)
         self._searched = self.columns
 
@@ -76,10 +76,7 @@ class LongSearch(RateSearch):
         )
 
     def _search_dense(self, noise: NDArray[np.float32]) -> list[Candidate]:
-        """Try every cell as the last pulse with every interval.
-
-        Only columns that may contain a pulse are read: a third at K = 40.
-        """
+        """Try every cell as the last pulse with every interval, reading only likely columns."""
         done, upto = self._searched, self.columns
         self._searched = upto
         if upto <= done:

@@ -51,9 +51,9 @@ def _noise_near_edge(
 ) -> NDArray[np.float32]:
     """Estimate the noise of rows where the spectrum is steep.
 
-    At a corner, the median of both sides is the lowest of the flat side: 2 to 3.5 times the
-    nominal false alarms. If one side is flat and includes the row, only that side is used; on
-    the slope itself, the nearest rows. `around` (steep, 2 × reach + 1): the rows on both sides.
+    At an edge the median of both sides is too low and gives 2 to 3.5 times the nominal false
+    alarms. If one side is flat and includes the row, the median of that side is used; on a
+    slope, that of the nearest rows. `around` (steep, 2 × reach + 1): the rows on both sides.
     """
     windows = noise[around]
     reach = windows.shape[1] // 2
@@ -71,11 +71,7 @@ def _noise_near_edge(
 
 
 class RowNoise:
-    """Tracks the noise power of each row.
-
-    `independent_per_s`: independent cells of a row per second, the inverse of the pulse width.
-    `circular`: the last row is adjacent to the first.
-    """
+    """Tracks the noise power of each row, from some independent cells per second."""
 
     def __init__(self, *, column_s: float, independent_per_s: float, circular: bool) -> None:
         self._column_s = column_s
@@ -157,7 +153,7 @@ class RowNoise:
         return False
 
     def _settle(self) -> None:
-        """Replace each row's estimate by the median around it, unless the row stands out."""
+        """Replace each row's estimate by the median around it unless they differ too much."""
         assert self._long is not None
         reach = self._reach(len(self._long))
         windows = self._long.take(_neighbours(len(self._long), reach, self._mode))
@@ -231,10 +227,7 @@ class RowNoise:
 
 
 def update_together(noises: Sequence[RowNoise], power: NDArray[np.float32]) -> None:
-    """Run `RowNoise.update` for several bands with equal rows.
-
-    `power` (noises, columns, rows): new columns, at least one.
-    """
+    """Run `RowNoise.update` for several bands with equal rows; `power` (n, columns, rows)."""
     long = np.stack([noise._long for noise in noises if noise._long is not None])
     exceeding = np.stack([n._exceeding for n in noises if n._exceeding is not None])
     mean, kept = _truncated(power, long)

@@ -20,10 +20,10 @@ other pulses, and reduction of the tag's interval [columns]."""
 
 
 class NullLattices:
-    """Counts the groups of one search on lattices that no tag has.
+    """Counts the groups of one search at intervals that no tag has.
 
     `lows` (places, k - 1): columns from an anchor, as each of the K pulses, to the range of
-    each other pulse. `expected_per_column`: groups of white noise on one lattice at
+    each other pulse. `expected_per_column`: groups of white noise at one interval and
     `NULL.counted_share` of the threshold. `threshold`, `limit`: of a sum, of a cell in it.
     """
 
@@ -53,10 +53,7 @@ class NullLattices:
         """Rise of the threshold by counted groups [noise powers], including chance."""
 
     def count(self, columns: int, test: Test | None) -> None:
-        """Count the groups that new columns complete, and adjust the threshold.
-
-        `test`: tests for a group at a shorter interval; None if there are no anchors.
-        """
+        """Count the groups that new columns complete, and adjust the threshold."""
         seen = 0 if test is None else sum(test(*lattice) for lattice in self._lattices)
         tolerated = NULL.tolerated_coloured_ratio if self.coloured else NULL.tolerated_ratio
         awaited = tolerated * NULL.lattices * columns * self._white_per_column

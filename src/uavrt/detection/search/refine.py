@@ -93,12 +93,9 @@ class Refiner:
         climb: bool = False,
         spread: float = math.inf,
     ) -> list[Measured] | None:
-        """Find pulses of one common frequency near expected starts.
+        """Find pulses of one common frequency near expected starts; None without the samples.
 
-        `starts` (pulses,): expected index of the first sample of each, searched ± `half_width`.
-        `offset_hz`, `half_band_hz`: middle and half-width of the frequencies searched. `climb`:
-        follow a peak beyond these limits. `spread`: standard deviation of the starts [samples],
-        by which peaks are weighted. Returns None if the samples are not available.
+        `climb`: follow a peak beyond the limits. `spread`: deviation of the starts [samples].
         """
         window, buffer = self._window, self._buffer
         lead = math.ceil(half_width)
@@ -150,11 +147,7 @@ class Refiner:
         *,
         spread: float,
     ) -> Measured | None:
-        """Find a pulse with missing samples in its middle, where its phase breaks.
-
-        Parameters as in `search`. Returns the pulse at the given frequency, since its own
-        cannot be measured, with its power reduced by the gain from the free phase.
-        """
+        """Find a pulse with missing samples in its middle, where its phase breaks."""
         window, buffer = self._window, self._buffer
         lead = math.ceil(half_width)
         length = window + 2 * lead + 1
@@ -205,12 +198,7 @@ class Refiner:
         half_band_hz: float,
         frequencies: int,
     ) -> tuple[NDArray[np.float64] | None, NDArray[np.int64]]:
-        """Matched-filter power of pulses at many start times and some frequencies.
-
-        `first` (pulses,): first start of each pulse. Returns (power, shift): (pulses,
-        frequencies, count), or None if fewer samples are stored than needed for one pulse;
-        (pulses,), number of samples by which each start was moved to available samples.
-        """
+        """Matched-filter power (pulses, frequencies, starts), and shifts of the starts."""
         length = self._window + count - 1
         latest = self.upto - length
         if latest < self._buffer.start:
@@ -288,11 +276,7 @@ class Refiner:
 
     @contextmanager
     def without(self, pulses: Sequence[Measured]) -> Iterator[None]:
-        """Remove known pulses from the samples within this context.
-
-        Each is subtracted with the best-fitting amplitude at its time and frequency. A start
-        off by half a sample leaves 4e-5 of a 20 ms pulse at 3750 S/s.
-        """
+        """Remove known pulses from the samples within this context, as best fitted."""
         buffer = self._buffer
         before = []
         for pulse in pulses:
@@ -329,10 +313,7 @@ class Refiner:
         return pulse.power / max(mean, 0.05)
 
     def is_impulse(self, pulse: Measured, floor: float) -> bool:
-        """True if the energy of a pulse is in a quarter of its window, or in many rows.
-
-        `floor`: mean power of a sample without pulses, used if larger than around the pulse.
-        """
+        """True if a pulse's energy is in a quarter of its window, or in many rows."""
         if not self._looks_like_impulse(pulse, floor):
             return False
         around = self._floor_around(pulse)
@@ -379,11 +360,7 @@ class Refiner:
         )
 
     def strongest(self, pulse: Measured) -> tuple[float, float]:
-        """Frequency and power of the strongest row in the whole channel at a pulse's time.
-
-        Windows half a pulse earlier and later are included: the leakage of a strong pulse cut
-        by them is as large as that of the whole. Power is in units of the noise at the pulse.
-        """
+        """Frequency and power of the strongest row in the whole channel at a pulse's time."""
         window, buffer = self._window, self._buffer
         half = window // 2
         size = 2 * window

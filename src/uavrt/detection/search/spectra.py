@@ -45,11 +45,7 @@ def push_together(
     stretches: Sequence[NDArray[np.complex64]],
     workspace: Workspace,
 ) -> NDArray[np.float32]:
-    """Add channel samples to several spectrograms, each from index `needed` on.
-
-    `spectrograms`: with the same `halves` and the same number of unused samples. `stretches`:
-    of equal length. Returns the new columns' power (spectrograms, rows, columns).
-    """
+    """Add equal stretches to several spectrograms; return the new columns' power."""
     grid = spectrograms[0].grid
     count = columns_ahead(spectrograms[0], len(stretches[0]))
     used = count * (grid.hop // grid.decimation)

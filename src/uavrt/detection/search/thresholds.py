@@ -17,8 +17,8 @@ from uavrt.detection.search.tuning import GROUPS, THRESHOLDS
 def decision_interval_s(tag: Tag, rate: int = 1) -> float:
     """Time between decisions of the original detector [s]; false-alarm rates refer to it.
 
-    With hops of half a pulse at 3750 S/s a segment has K (N + M) + J + 1 columns. Of these, 2
-    (K M + J) are used again: 3.567 s for the thesis's tag at K = 3.
+    With hops of half a pulse at 3750 S/s a segment has K (N + M) + J + 1 columns, of which
+    2 (K M + J) are used again. For the thesis's tag the interval is 3.567 s at K = 3.
     """
     k = tag.k
     window = math.ceil(tag.pulse_width_s * THRESHOLDS.original_rate_hz - 1e-9)
@@ -42,11 +42,7 @@ def decision_span_s(tag: Tag, rate: int = 1) -> float:
 
 
 def begun_within_s(tag: Tag, rate: int = 1) -> float:
-    """Duration in which a group of the first decision can begin [s].
-
-    The original's steps are whole columns, which for tags with small uncertainties round away
-    up to a millisecond per pulse; from K = 60 on nothing would be left.
-    """
+    """Duration in which a group of the first decision can begin [s]."""
     interval_s = tag.pulse_intervals_s[rate - 1]
     begun_s = decision_span_s(tag, rate) - (tag.k - 1) * interval_s
     return max(begun_s, THRESHOLDS.least_begun * interval_s)
@@ -96,10 +92,7 @@ def effective_hypotheses(
     uncertainty_s: float,
     reach_s: float,
 ) -> float:
-    """Effective number of independent hypotheses.
-
-    `bandwidth_hz`, `time_s`: band and duration in which the anchor may be.
-    """
+    """Effective number of independent hypotheses, for an anchor within band and time."""
     cells = max(1.0, (bandwidth_hz + 1.0 / pulse_width_s) * time_s)
     width_s = pulse_width_s / 2.0 + reach_s
     intervals = 1.0 + (k - 1) * uncertainty_s / width_s if k > 1 else 1.0
@@ -129,18 +122,16 @@ def threshold(*, k: int, hypotheses: float, spread: float, expected_false: float
 def young_margin(threshold: float, noise_error: float) -> float:
     """Factor on a threshold while the noise estimate is less accurate than usual.
 
-    A tail falls as exp(-T), so an error s of the scale multiplies the false alarms by exp((T
-    s)^2 / 2); a factor 1 + T s^2 / 2 compensates. The tables include the usual error.
+    The tail of noise falls as exp(-T). So an error s of its scale multiplies the false alarms
+    by exp((T s)^2 / 2), and the factor 1 + T s^2 / 2 compensates for this. The tables include
+    the usual error.
     """
     more = max(0.0, noise_error**2 - THRESHOLDS.noise_error**2)
     return 1.0 + 0.5 * threshold * more
 
 
 def weakest_enr_db(k: int, threshold: float) -> float:
-    """ENR of K equal pulses whose sum reaches a threshold in nine groups of ten [dB].
-
-    A pulse's cell has mean 1 + E and variance 1 + 2 E; their sum is approximated as normal.
-    """
+    """ENR of K equal pulses whose sum reaches a threshold in nine groups of ten [dB]."""
     # With x = 1 + 2 E: K (x + 1) / 2 - z sqrt(K x) = threshold, a square equation in sqrt(x).
     half = THRESHOLDS.nine_of_ten / math.sqrt(k)
     root = half + math.sqrt(max(0.0, half**2 + 2.0 * threshold / k - 1.0))

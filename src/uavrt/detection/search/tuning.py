@@ -56,7 +56,7 @@ class NoiseTuning:
     """Ratio of one side's spread to a row's error up to which that side counts as flat."""
     hum_sigmas: float = 0.5
     """Excess over the median at which a row's own noise is used between lines of hum [standard
-    deviations]: 3 to 5 % more noise than the median, which gave 3.4 times the false groups."""
+    deviations]: 3 to 5 % more noise. With the median there were 3.4 times the false groups."""
     usual_threshold: float = 25.0
     """Typical threshold of a group, for the effect of uncertain noise [noise powers]."""
 
@@ -120,8 +120,8 @@ class GroupTuning:
     piece_s: float = 0.46
     """Longest piece of columns searched at once [s]; a detector's pieces are of 0.44 s."""
     measured_columns: int = 4
-    """Number of columns, half a pulse width, that must follow the last pulse of a group: a
-    strong one begins with a flank at the limit, 3 dB below its top."""
+    """Number of columns, half a pulse width, that must follow the last pulse of a group. The
+    flank of a strong pulse reaches the cell limit before the pulse's maximum."""
     score_digits: int = 4
     """Number of decimal places of a score that count. Strong groups share one score because
     cells are limited before the sum; rounding must not choose between them."""
@@ -137,7 +137,7 @@ class GroupTuning:
     same_bins: float = 1.5
     """Frequency difference below which a known pulse explains another [bins]."""
     leak_share: float = 0.2
-    """Minimum leakage of a known pulse that explains a candidate, as a share of it."""
+    """Minimum leakage of a known pulse that explains a candidate [share of its strength]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -227,7 +227,7 @@ class EvidenceTuning:
     tested_k: int = 3
     """K of the groups that are tested."""
     factor_log: float = -3.7
-    """Log of the number of noise groups at a bound of one per lattice, calibrated at K = 3."""
+    """Log of the noise groups at a bound of one per set of pulse times, calibrated at K = 3."""
     slope: float = 1.2
     """Exponent of the inverse bound in the tail of noise, calibrated."""
 

@@ -64,11 +64,7 @@ class Intake:
     def admit(
         self, samples: NDArray[np.complex64], time_ns: int, *, after: int
     ) -> Literal["taken", "refused", "later", "earlier"]:
-        """Add a block at the position of its time.
-
-        `after`: first index at which a gap can still be filled. Returns ``later`` or
-        ``earlier`` if the block was not added, because it begins another stream.
-        """
+        """Add a block at the position of its time; ``later``, ``earlier``: another stream."""
         buffer, counters = self.buffer, self._counters
         if not buffer.empty:
             late_s = buffer.deviation_ns(time_ns) * 1e-9

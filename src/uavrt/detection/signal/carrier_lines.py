@@ -42,10 +42,7 @@ class LineCanceller:
         return max(self._length, round(CARRIERS.fit_s * self._rate))
 
     def find(self, before: NDArray[np.complex64], samples: NDArray[np.complex64]) -> None:
-        """Find carriers in the newest samples.
-
-        `before`: stored earlier samples, as `subtract` left them.
-        """
+        """Find carriers in the newest samples and in the stored ones `before`."""
         past = before if self._past is None else self._past
         newest = np.concatenate((past, samples))[-self._length :]
         if len(newest) < self._length:
@@ -123,10 +120,7 @@ class LineCanceller:
         return np.asarray(np.median(powers, axis=0) > 0.3 * powers.mean(axis=0))
 
     def subtract(self, before: NDArray[np.complex64], samples: NDArray[np.complex64]) -> None:
-        """Remove the carriers from new samples, in place.
-
-        `before`: stored earlier samples. `samples` (n,): those after the last call's.
-        """
+        """Remove carriers in place from new samples (n,), which follow those `before`."""
         if not self.frequencies_hz.size:
             self._past = None
             return
@@ -154,11 +148,7 @@ class LineCanceller:
 
 
 class _Waves:
-    """Sinusoids at given frequencies whose amplitudes follow polynomials.
-
-    All are fitted together by conjugate gradients, since neighbours share a part of their
-    power: a few products of small matrices. Within a block an amplitude is linear.
-    """
+    """Sinusoids at given frequencies whose amplitudes follow polynomials, fitted jointly."""
 
     def __init__(
         self,
@@ -218,11 +208,7 @@ def _window(length: int) -> NDArray[np.float32]:
 
 @lru_cache(maxsize=8)
 def _polynomials(count: int, degree: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Make orthonormal polynomials over a number of blocks.
-
-    Returns (values, changes), both (count, degree + 1): at the blocks' centres, and from block
-    to block.
-    """
+    """Make orthonormal polynomials over blocks: values and changes (count, degree + 1)."""
     at = (2.0 * np.arange(count) + 1.0) / count - 1.0
     legendre = np.polynomial.legendre
     values, mixed = np.linalg.qr(legendre.legvander(at, degree))

@@ -17,12 +17,7 @@ def apart_hz(one_hz: float, two_hz: float, sample_rate_hz: float) -> float:
 def in_channel_hz(
     offset_hz: float, *, nominal_hz: float, sample_rate_hz: float, margin_hz: float = 0.0
 ) -> float:
-    """Choose one of the aliases of a track's frequency, from the channel's centre [Hz].
-
-    `offset_hz`: the track's frequency, maybe beyond the edges. `margin_hz`: distance beyond an
-    edge up to which it stays unchanged. Returns the alias in (-Fs/2, Fs/2], or the one less
-    than 500 Hz from the nominal frequency, even across an edge.
-    """
+    """Choose one of the aliases of a track's frequency, from the channel's centre [Hz]."""
     miss_hz = apart_hz(offset_hz, nominal_hz, sample_rate_hz)
     if abs(miss_hz) < CHANNEL.usual_error_hz:
         return nominal_hz + miss_hz

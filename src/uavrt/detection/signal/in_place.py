@@ -14,11 +14,7 @@ class Surroundings:
         """Newest samples before they were filtered; None: the filter has not changed them."""
 
     def of(self, before: Samples, samples: Samples, after: Samples, reach: int) -> Samples:
-        """Join new samples with `reach` unfiltered neighbours on either side.
-
-        `before`: earlier samples, as filtered by the last call. `samples` (n,): the next ones.
-        `after`: later samples. Returns shape (n + 2 reach,), zero where samples are missing.
-        """
+        """Join new samples with `reach` unfiltered neighbours on each side, (n + 2 reach,)."""
         zeros = np.zeros(2 * reach, np.complex64)
         past = before if self._past is None else self._past
         past = np.concatenate((zeros, past))[len(past) + reach :]

@@ -1,7 +1,8 @@
 """Measure the share of time in which a tag's frequency is free of other signals.
 
-An instant is occupied if it is stronger than the quiet instants of the same frequency, or than
-the quietest frequencies of the channel: a steady transmitter leaves no quiet instant.
+An instant is occupied if it is stronger than the quiet instants of the same frequency. Because
+a steady transmitter leaves no quiet instant, every instant is also compared with the quietest
+frequencies of the channel.
 """
 
 import math
@@ -13,10 +14,7 @@ from uavrt.detection.signal.tuning import OCCUPANCY
 
 
 class Occupancy:
-    """Counts the instants, one pulse long, in which a frequency is free of other signals.
-
-    `offset_hz`: the tag's frequency from the channel's centre.
-    """
+    """Counts the instants, one pulse long, in which a frequency is free of other signals."""
 
     def __init__(
         self, *, sample_rate_hz: float, pulse_width_s: float, offset_hz: float

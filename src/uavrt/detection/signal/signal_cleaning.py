@@ -14,11 +14,7 @@ from uavrt.detection.signal.whitening import Whitener
 
 
 class Cleaner:
-    """Cleans the samples of one stream, stretch by stretch.
-
-    `band_hz`: offset from the channel's centre and half-width of the searched band [Hz]. The
-    noise is made white and steady there, and impulses are searched in white noise.
-    """
+    """Cleans the samples of one stream; the noise is made white in the searched band."""
 
     def __init__(
         self,
@@ -85,10 +81,7 @@ class Cleaner:
         return self._whitener is not None and self._whitener.active
 
     def clean(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
-        """Clean the samples of indices [first, last).
-
-        `renew`: measure the median power again.
-        """
+        """Clean the samples [first, last); `renew` measures the median power again."""
         ready = max(self._without_lines, min(buffer.end, last + self.margin))
         buffer.examine(ready)
         if self._whitener is None or self._limiter is None:
@@ -147,10 +140,7 @@ class Cleaner:
         self._lines.subtract(before, new)
 
     def _blank(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
-        """Blank impulses in [first, last), examining a flank on either side.
-
-        In whitened samples power peaks of a strong neighbour are no impulses.
-        """
+        """Blank impulses in [first, last), unless they are a neighbour's power peaks."""
         margin = self._beyond
         low = max(buffer.start, first - margin)
         high = min(buffer.end, last + margin)

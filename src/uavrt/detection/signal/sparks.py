@@ -4,8 +4,8 @@ Power lines spark at twice the mains frequency: noise for one to five millisecon
 This noise makes several times the false groups of steady noise. In noise whose power changes
 the matched filter weighs each sample by its noise.
 
-The level of an instant is the harmonic mean of those of the frequencies on both sides of the
-searched band: neither a tag's pulse nor a neighbour on one side is a burst.
+The level of an instant is the harmonic mean of the levels on both sides of the searched band.
+So neither a tag's pulse nor a neighbour on one side counts as a burst.
 """
 
 import numpy as np
@@ -16,10 +16,7 @@ from uavrt.detection.signal.tuning import SPARKS
 
 
 class SparkLimiter:
-    """Equalises noise that comes in bursts shorter than a pulse.
-
-    `offset_hz`, `half_width_hz`: the searched band, from the channel's centre.
-    """
+    """Equalises noise that comes in bursts shorter than a pulse, in the searched band."""
 
     def __init__(
         self, *, sample_rate_hz: float, offset_hz: float, half_width_hz: float

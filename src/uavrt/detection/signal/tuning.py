@@ -37,15 +37,15 @@ class CarrierTuning:
     transform_s: float = 0.55
     """Length of the transform that finds carriers [s]: bins of 1.8 Hz."""
     search_every_s: float = 2.4
-    """Interval between two searches for carriers while none is subtracted [s]: a drift of
-    2 Hz/s over 2.5 s is more than the fit of an amplitude can follow."""
+    """Interval between two searches for carriers while none is subtracted [s]. The fit of an
+    amplitude cannot follow a drift of 2 Hz/s over 2.5 s."""
     fit_s: float = 0.3
     """Duration of earlier samples that the fit of an amplitude includes [s]."""
     block_s: float = 0.004
     """Length of the blocks within which an amplitude is taken as linear [s]."""
     degree: int = 7
-    """Degree of the polynomial of an amplitude. Of a carrier of 60 dB with 30 % of modulation
-    at 1.3 Hz degree 4 left 20 dB, degree 6 0.5 dB."""
+    """Degree of the polynomial of an amplitude. A carrier of 60 dB with 30 % of modulation at
+    1.3 Hz leaves 20 dB at degree 4, and 0.5 dB at degree 6."""
     threshold_ratio: float = 40.0
     """Ratio of a carrier's bin to the median of the bins around it. Noise reaches this in one
     of 10^12 bins, and pulses, 50 Hz wide, reach 4. A carrier of 0 dB in 50 Hz reaches it."""
@@ -72,11 +72,12 @@ class CarrierTuning:
     residual_share: float = 0.02
     """Residual power of the carriers at which the fit ends, as a share of the noise power."""
     strong_ratio: float = 1e4
-    """Minimum ratio of a strong carrier's bin to the median bin around it: 24 dB in 50 Hz."""
+    """Minimum ratio of a strong carrier's bin to the median of the bins around it. A carrier
+    of 24 dB in 50 Hz reaches it."""
     held_searches: int = 40
     """Number of searches, one each 0.44 s or less, for which a carrier is subtracted after it
-    was last found. A line of hum fades for seconds: without this its return gave 17 times the
-    nominal false groups, with it 1.2 times (49 groups in 841 decisions at 5 %)."""
+    was last found. A line of hum fades for seconds, and its return gave 17 times the nominal
+    false groups; with this number it gives 1.2 times (49 groups in 841 decisions at 5 %)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,8 +130,8 @@ class SparkTuning:
     mean_ratio: float = 1.8
     """Ratio of the mean level of steady noise to its quiet quantile: 1.79, with a margin."""
     high_ratio: float = 5.0
-    """Ratio of a burst's level to the quiet quantile. The share above is 0.8 % in steady noise,
-    1.3 % with edges of 60 dB pulses, and at least 16 % with sparks of 3 dB mean power."""
+    """Ratio of a burst's level to the quiet quantile. Steady noise exceeds it in 0.8 % of the
+    time, edges of 60 dB pulses in 1.3 %, and sparks of 3 dB mean power in 16 % or more."""
     sparking_share: float = 0.135
     """Share of high levels above which limiting begins; ten 5 ms bursts a second give 0.1."""
     steady_share: float = 0.11

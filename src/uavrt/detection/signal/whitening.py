@@ -1,8 +1,9 @@
 """Make the noise of a channel white: suppress noise-like neighbours.
 
 Leakage from a band of noise near the tag would make ten times the false groups of white noise.
-The matched filter for noise of density S is the pulse divided by S: the samples are divided by
-S up to ten times the noise of the searched band, and by the square root of any excess.
+The matched filter for noise of density S is the pulse divided by S. So the samples are divided
+by S where it is up to ten times the noise of the searched band, and by the square root of any
+excess.
 
 The filter is symmetric, so that no pulse is shifted, and has a gain of one at the tag's
 frequency. It comes from linear prediction (J. Makhoul, Linear prediction: a tutorial review,
@@ -20,10 +21,7 @@ from uavrt.detection.signal.tuning import WHITENING
 
 
 class Whitener:
-    """Tracks the noise density of a channel and filters the samples to make it flat.
-
-    `offset_hz`, `half_width_hz`: the searched band; higher densities are reduced to its lowest.
-    """
+    """Tracks a channel's noise density, and filters the samples to make it flat."""
 
     def __init__(
         self, *, sample_rate_hz: float, offset_hz: float, half_width_hz: float
@@ -49,10 +47,7 @@ class Whitener:
         return self._taps is not None
 
     def learn(self, samples: Samples) -> None:
-        """Update the noise density with new samples, and make the filter for these samples.
-
-        `samples` (n,): without carriers, not filtered; lost samples are zero.
-        """
+        """Update the noise density with new samples without carriers; make their filter."""
         self._steps += 1
         rests = self._taps is None and self._seen_s > WHITENING.young_s
         if rests and self._steps % WHITENING.check_every:

@@ -15,11 +15,7 @@ from uavrt.detection.track.tuning import BOUNDS, FOLLOW
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bounds:
-    """Limits within which groups and tracks may belong to one tag.
-
-    `half_width_hz`: half-width of the search [Hz]; at or above half the sample rate: the whole
-    channel. `excluded_hz`: bands without the tag, from the channel's centre [Hz].
-    """
+    """Limits of frequency and time within which groups and tracks may be of one tag."""
 
     tag: Tag
     home_hz: float
@@ -35,10 +31,7 @@ class Bounds:
         return np.flatnonzero(inside)
 
     def refusal(self, places: list[tuple[int, Measured]], rate: int) -> str | None:
-        """Reason why the measured pulses of a group are not the tag's; None if they may be.
-
-        `places`: numbers of the pulses among the K, in order of time.
-        """
+        """Reason why the measured pulses of a group are not the tag's; None if they may be."""
         floor = least_real([pulse.power for _, pulse in places])
         real = [pair for pair in places if pair[1].power >= floor]
         strongest = max((pulse for _, pulse in real), key=lambda pulse: pulse.power)
@@ -98,10 +91,7 @@ class Bounds:
         return abs(interval_s - own_s) > most_s + BOUNDS.line_sigmas * error_s
 
     def leaves_open(self, track: Track) -> bool:
-        """True if a long group's interval is uncertain enough to be another train's.
-
-        Of a train that began before the stream, the last pulses may fit a lattice 2 ms off.
-        """
+        """True if a long group's interval is uncertain enough to be another train's."""
         if self.tag.k <= FOLLOW.most_alone:
             return False
         pulses = [

@@ -50,11 +50,7 @@ def log_odds(
     beside_hz: float,
     above_db: float,
 ) -> float:
-    """Log-likelihood ratio of a detection at an expected time: a tag's pulse to a burst.
-
-    `late_s`, `spread_s`: delay from the expected time, and its standard deviation for a tag.
-    `beside_hz`, `above_db`: difference from the track's frequency, and from its last powers.
-    """
+    """Log-likelihood ratio of a detection at an expected time: a tag's pulse to a burst."""
     seen = _seen(rates, width_s)
     likely = math.exp(
         -0.5

@@ -58,11 +58,7 @@ class Follower:
         floor: float,
         around: Callable[[Track, Measured], BurstRates],
     ) -> None:
-        """Search for the next expected pulses of the tracks; drop ended tracks.
-
-        `upto`: index after the last clean sample. `settle`: called after each pulse; assigns
-        tags and reports. `floor`: mean power of noise. `around`: rates of bursts at a pulse.
-        """
+        """Search for the next expected pulses of the tracks; drop ended tracks."""
         self._tracks = tracks
         self._around = around
         if not tracks:
@@ -77,11 +73,7 @@ class Follower:
         tracks[:] = [t for t in tracks if not t.dead]
 
     def carried(self, tracks: list[Track]) -> tuple[Track, ...]:
-        """Tracks that continue after a jump of the clock; they must be confirmed again.
-
-        If samples are missing, they find nothing and end. `tracks`: changed in place: their
-        seconds count from the first sample after the jump.
-        """
+        """Tracks that continue after a jump of the clock; they must be confirmed again."""
         end_s = self.seconds(self._buffer.end)
         kept = tuple(track for track in tracks if track.confirmed and not track.held)
         for track in kept:
@@ -205,12 +197,7 @@ class Follower:
     def _weaker_pulse(
         self, track: Track, burst: Slot, start: float, half: float, noise: NDArray[np.float32]
     ) -> Slot | None:
-        """Search before and after a burst for the tag's weaker pulse.
-
-        `burst`: the strongest detection, more likely another sender's. `start`, `half`:
-        expected position of the pulse, and largest distance from it [samples]. Returns the
-        likeliest; None if none is more likely the tag's than a burst.
-        """
+        """Search before and after a burst for the tag's weaker pulse; None if unlikely."""
         at, window = burst.measured.start, self._grid.window
         best: Slot | None = None
         least = 0.0

@@ -1,8 +1,8 @@
 """Measure a candidate on the samples and decide if it is a group of the tag.
 
-If a window's energy is six standard deviations above the noise, one row must have 0.35 of it:
-the pulse's row or a stronger signal's; otherwise the candidate is an impulse. Blanking longer
-bursts would blank pulses, too, and miss pairs of impulses.
+If a window's energy is six standard deviations above the noise, one row must have 0.35 of the
+energy: that of the pulse or of a stronger signal. Otherwise the candidate is an impulse.
+Blanking longer bursts instead would blank pulses, too, and miss pairs of impulses.
 """
 
 import math
@@ -116,13 +116,10 @@ class Judge:
         noise: NDArray[np.float32],
         floor: float,
     ) -> tuple[list[tuple[int, Measured]], str | None]:
-        """Distinguish a tag's group from other signals, and find the tag's pulses in it.
+        """Distinguish a tag's group from other signals: its own pulses, or why it is none.
 
         Among many weak pulses there is always one near which noise, an impulse or another
-        signal is stronger: it is excluded, and the group must suffice without it. If this
-        affects more than one pulse in four, or one without which the group fails, the group is
-        rejected. `places`: pulses and their numbers, in order of time. `floor`: mean power of
-        noise. Returns (own, reason): the tag's pulses; why the group is rejected.
+        signal is stronger: it is excluded, and the group must suffice without it.
         """
         reason = self._other_train(places, candidate, search, noise)
         if reason is not None:
@@ -177,10 +174,7 @@ class Judge:
         return None
 
     def _stronger_cause(self, pulse: Measured, floor: float) -> tuple[str | None, float]:
-        """Reason why a pulse is caused by something stronger; None if it may be the tag's.
-
-        The second value is the excess over the noise allowed at its frequency [noise powers].
-        """
+        """Reason why a pulse has a stronger cause, or None; and excess over the noise there."""
         rate_hz = self._grid.sample_rate_hz
         bin_hz = rate_hz / self._grid.window
         offset, power = self._refiner.strongest(pulse)
@@ -200,10 +194,7 @@ class Judge:
     def _is_the_other_rate(
         self, group: list[Measured], search: RateSearch, noise: NDArray[np.float32]
     ) -> bool:
-        """True if the pulses between those of a group show the tag's other rate.
-
-        Every second pulse of a rate is a train of twice the interval.
-        """
+        """True if the pulses between those of a group show the tag's other rate."""
         if len(self._tag.pulse_intervals_s) < 2 or len(group) < 2:
             return False
         nominal = self._tag.pulse_intervals_s
@@ -242,19 +233,12 @@ class Judge:
 
 
 def _leak(power: float, apart_bins: float) -> float:
-    """Upper bound of the leakage of a rectangular pulse, or a part of one, at a distance.
-
-    At most 1 / (pi df tp)^2 of its power; doubled in amplitude as a margin.
-    """
+    """Upper bound of the leakage of a rectangular pulse, or a part of one, at a distance."""
     return power if apart_bins < 2.0 / math.pi else 4.0 * power / (math.pi * apart_bins) ** 2
 
 
 def _has_gaps(places: list[tuple[int, Measured]]) -> bool:
-    """True if pulses of a group are missing, such as every second one at the other rate.
-
-    Of few pulses each is compared with the strongest. Of many weak pulses some are always low:
-    then all second slots are tested together, a pulse of the same strength against none.
-    """
+    """True if pulses of a group are missing, such as every second one at the other rate."""
     powers = [pulse.power for _, pulse in places]
     if len(places) <= JUDGE.few_pulses:
         return min(powers) < JUDGE.uniformity * min(60.0, max(powers))

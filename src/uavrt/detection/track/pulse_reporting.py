@@ -49,10 +49,7 @@ class Reporter:
         return reports
 
     def owner(self, tracks: list[Track], nominal_hz: float, now_s: float) -> Track | None:
-        """Find the tag's track: the active track nearest to the tag's nominal frequency.
-
-        Strength does not matter; of tracks at one frequency, the last to receive a pulse.
-        """
+        """Find the active track nearest to the tag's nominal frequency; ties: the newest."""
         alive = [
             t
             for t in tracks
@@ -79,10 +76,7 @@ class Reporter:
                 self.report(track)
 
     def report(self, track: Track, *, last: bool = False) -> None:
-        """Make records of a track's accepted pulses, and of weak ones that remain unconfirmed.
-
-        `last`: the stream has ended: do not wait until the rate of a pulse is certain.
-        """
+        """Make records of a track's accepted pulses, and of weak unconfirmed ones."""
         if self.doubts(track, last=last) or track.held:
             return
         oldest_open = track.number - self._tag.k + 1
@@ -103,10 +97,7 @@ class Reporter:
                     slot.state = "missed"
 
     def doubts(self, track: Track, *, last: bool = False) -> bool:
-        """True if bursts alone form such tracks more often than the false-alarm rate allows.
-
-        A track once in doubt waits for confirmation: all its pulses are reported as confirmed.
-        """
+        """True if bursts alone form such tracks more often than the false-alarm rate allows."""
         if track.confirmed:
             return False
         doubtful = track.odds < self._doubt

@@ -73,10 +73,7 @@ class _LostColumns:
 
 
 class SearchBand:
-    """Search of one stream in one band of frequencies.
-
-    `batch_s`: longest piece of samples [s].
-    """
+    """Search of one stream in one band of frequencies, in pieces of at most `batch_s`."""
 
     def __init__(
         self, *, grid: Grid, buffer: SampleBuffer, bounds: Bounds, batch_s: float
@@ -144,11 +141,7 @@ class SearchBand:
     def advance(
         self, upto: int, *, last: bool
     ) -> list[tuple[RateSearch, list[Candidate]]] | None:
-        """Transform and search the clean samples up to an index.
-
-        `last`: test incomplete hypotheses, too. Returns the best first; None while the noise is
-        unknown.
-        """
+        """Transform and search samples up to an index; None while the noise is unknown."""
         power = self._columns(self._spectrogram, upto, last=last)
         was_ready = self._noise.ready
         if was_ready and len(power):
@@ -172,10 +165,7 @@ class SearchBand:
         return results
 
     def batch_key(self, upto: int) -> tuple[int, ...] | None:
-        """Properties that bands in one call of `advance_together` must share.
-
-        None: this band must advance alone.
-        """
+        """Properties that bands in one call of `advance_together` must share; None: alone."""
         spectrogram = self._spectrogram
         first = spectrogram.needed()
         if first < 0 or not self._noise.ready or self._kind is None:
@@ -199,10 +189,7 @@ class SearchBand:
             self._learn(power, begin, last=last)
 
     def bursts(self, known: Sequence[Known]) -> Bursts:
-        """Bursts of other transmitters up to the present.
-
-        `known`: pulses of confirmed tags, which are not bursts.
-        """
+        """Bursts of other transmitters up to the present, without `known` tags' pulses."""
         search = self._searches[0]
         self._bursts.update(
             search.open_anchors(),
@@ -374,10 +361,7 @@ def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> 
 
 
 def _needed_noise_s(tag: Tag, searches: list[RateSearch]) -> float:
-    """Earliest time at which a group can reach a threshold and the noise is needed [s].
-
-    A cell adds at most the limit, so a threshold needs several pulses.
-    """
+    """Earliest time at which a group can reach a threshold and the noise is needed [s]."""
     soonest_s = min(
         (math.ceil(search.threshold / search.limit) - 1)
         * (interval_s - tag.interval_uncertainty_s)

@@ -23,10 +23,7 @@ from uavrt.detection.track.unlocked import drop_old, join_group
 
 
 class SearchWindow:
-    """Search around one frequency: its band, test of candidates, following of tracks.
-
-    `batch_s`: longest piece in which samples come [s].
-    """
+    """Search around one frequency: its band, test of candidates, following of tracks."""
 
     def __init__(self, bounds: Bounds, buffer: SampleBuffer, batch_s: float) -> None:
         self.bounds, self._buffer, self._batch_s = bounds, buffer, batch_s
@@ -87,10 +84,7 @@ class Tracking:
     def conclude(
         self, results: list[tuple[RateSearch, list[Candidate]]], upto: int, *, floor: float
     ) -> None:
-        """Test the candidates of the band, follow the tracks and report pulses.
-
-        `upto`: index up to which it was searched. `floor`: mean power of the noise.
-        """
+        """Test the candidates up to index `upto`, follow the tracks and report pulses."""
         window = self._window
         self._bursts = None
         for search, found in results:

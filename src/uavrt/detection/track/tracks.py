@@ -1,8 +1,8 @@
 """Track a tag from pulse to pulse, also through missed pulses.
 
-A track holds the phase and the interval (Kalman filter), the frequency, and the last pulse
-slots of the lattice. The next pulse is expected in so small a volume that its threshold is far
-below that of the search: 1.3 dB and more at K = 3.
+A track holds the phase and the interval (Kalman filter), the frequency, and the last
+expected pulses. The next pulse is expected within narrow limits of time and frequency, so
+its threshold is far below that of the search: 1.3 dB or more at K = 3.
 """
 
 import math
@@ -27,7 +27,7 @@ class Slot:
     """One expected pulse of a track and the detection there."""
 
     number: int
-    """Number of the pulse in the lattice, from 0 at the track's first pulse."""
+    """Number of the expected pulse, from 0 at the track's first pulse."""
     time_s: float
     time_ns: int
     measured: Measured
@@ -60,7 +60,7 @@ class Track:
     steady_hz: float = 0.0
     """Frequency averaged over more pulses than `offset_hz` [Hz]."""
     placed: bool = False
-    """True once the alias of its frequency was chosen."""
+    """True once the alias of the track's frequency was chosen."""
     drift_hz: float = 0.0
     """Change of the frequency per pulse [Hz]."""
     time_s: float = 0.0
@@ -68,7 +68,7 @@ class Track:
     variance: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     """Covariance of phase and interval: phase, cross, interval [s^2]."""
     number: int = 0
-    """Number of the last slot in the lattice."""
+    """Number of the last expected pulse, counted from the track's first pulse."""
     slots: list[Slot] = field(default_factory=list)
     """Recent slots, oldest first."""
     past_ns: list[int] = field(default_factory=list)
@@ -90,7 +90,7 @@ class Track:
     """Number of slots tested since the group that began the track."""
     gained: float = 0.0
     sequences: dict[int, int] = field(default_factory=dict)
-    """Sequence number of each group, by its lattice number divided by K."""
+    """Sequence number of each group, by the number of its expected pulses divided by K."""
     last_accepted_s: float = 0.0
     odds: float = 0.0
     """Log odds that the track is a tag and not a chance series of bursts."""
@@ -98,7 +98,7 @@ class Track:
     in_doubt: bool = False
     """True if a series of bursts was ever more likely than reporting allows."""
     stands_out: bool = False
-    """True if noise alone is unlikely to have brought the track so far."""
+    """True if noise alone is unlikely to have given the track's pulses."""
     interval_open: bool = False
     """True if the pulses are too few to distinguish the interval from another train's."""
     trust: float = FOLLOW.most_trust
@@ -108,17 +108,14 @@ class Track:
     settled_s: float = -math.inf
     """Time of the last pulse before which the rate is known [s]."""
     halves: list[float] = field(default_factory=lambda: [0.0, 0.0])
-    """Log odds that the tag sends at even, and at odd, lattice numbers; old evidence decays."""
+    """Log odds that the tag sends at even, and at odd, pulse numbers; old evidence decays."""
     certain_s: float = math.inf
     """Time until which the rate is certain [s]; later pulses are not reported yet."""
 
     def begin(
         self, pulses: list[tuple[int, float, int, Measured]], around: Around = lambda *_: QUIET
     ) -> None:
-        """Start from a detected group.
-
-        `pulses`: each (number among the K, time_s, time_ns, Measured), in order of time.
-        """
+        """Start from a detected group of pulses, each with its number among the K."""
         tag = self.tag
         nominal = tag.pulse_intervals_s[self.rate - 1]
         self.interval_s = nominal
@@ -162,10 +159,7 @@ class Track:
         self.trust = min(FOLLOW.most_trust, FOLLOW.first_trust + max(0.0, self.odds))
 
     def continue_from(self, slot: Slot, *, interval_s: float, share: float) -> None:
-        """Continue from a pulse of a known transmitter with another interval.
-
-        `share`: uncertainty of the interval, as a share of the tag's.
-        """
+        """Continue from a pulse of a known transmitter with another interval."""
         self.interval_s = interval_s
         self._reset_phase(slot.measured.power, share)
         self.slots = [replace(slot, number=0, state="reported")]
@@ -179,10 +173,7 @@ class Track:
         base: int,
         around: Around = lambda *_: QUIET,
     ) -> None:
-        """Add the new pulses of a group that was found independently of this track.
-
-        `base`: lattice number of the group's first pulse. `around`: rates of bursts.
-        """
+        """Add the new pulses of a group that was found independently of this track."""
         width_s = self.tag.pulse_width_s
         floor = least_real([measured.power for *_, measured in pulses])
         for place, time_s, time_ns, measured in pulses:
@@ -449,11 +440,7 @@ class Track:
 
 
 def least_real(powers: list[float]) -> float:
-    """Minimum power of a group's pulse that stands out from noise.
-
-    A pulse far weaker than the others and not certain by itself counts as noise. In a long
-    group most may be noise, so the strongest quarter is the reference.
-    """
+    """Minimum power of a group's pulse that stands out, from the strongest quarter."""
     strongest = sorted(powers)[-(len(powers) // 4) :]
     return min(20.0, FOLLOW.weakest_share * sum(strongest) / len(strongest))
 

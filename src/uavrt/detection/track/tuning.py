@@ -60,7 +60,7 @@ class JudgeTuning:
     """Distance within which a strong pulse's maximum is searched [bins]: cells at their limit
     hide it. One group in twenty of 50 dB was measured on the flank, 6 dB low."""
     crossing_widths: float = 0.5
-    """Difference of intervals tried beyond the bound [pulse widths]; a larger can fit twice."""
+    """Distance beyond the tag's bound up to which other intervals are tried [pulse widths]."""
     crossing_lead: float = 10.0
     """Lead in power at which another interval is accepted [noise powers]. A tag at its bound
     stays below this: 0.375 ms beyond, it loses more than noise adds."""
@@ -111,7 +111,7 @@ class BurstRateTuning:
     pair_s: float = 0.012
     """Tolerance for two bursts an interval apart, as in a periodic frame [s]."""
     least_phases: int = 3
-    """Minimum number of phases with bursts an interval apart; fewer are a tag's."""
+    """Minimum number of phases with bursts an interval apart; a tag's pulses have fewer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,7 +132,7 @@ class ChanceTuning:
     """Distance within which a stronger burst hides a pulse [pulse widths]."""
     quiet_per_s: float = 1e-4
     """Assumed rate of bursts at a frequency where none were received [1/s], and ten times that
-    in a band; two pulses on a lattice outweigh it."""
+    in a band; two pulses at the tag's interval outweigh it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -158,12 +158,13 @@ class FollowTuning:
     most_trust: float = 15.0
     """Maximum log odds of a track; ten missing pulses end the track, as `most_missed`."""
     trust_lost: float = 1.4
-    """Maximum loss of log odds by a missing pulse: one pulse in four is faded."""
+    """Maximum decrease of the log odds by a missed pulse; one in four is lost to fading."""
     trust_won: float = 4.0
     """Maximum gain of log odds by a pulse."""
     joint_trust: float = 6.0
-    """Log odds above which a weak pulse is accepted by its sum with others. Before, it includes
-    the pulses that began the track, the largest of many: a third of noise passed."""
+    """Log odds above which a weak pulse is accepted by its sum with others. Below, the sum
+    includes the pulses that began the track, the largest of many, and a third of noise
+    passed."""
     sure_trust: float = 10.0
     """Log odds above which the pulses of a track are certainly no bursts."""
     most_alone: int = 8
@@ -188,7 +189,7 @@ class FollowTuning:
     empty_half: float = -2.5
     full_half: float = 4.0
     half_kept: float = 0.85
-    """Share of the log odds of even, or odd, lattice numbers retained at each new pulse."""
+    """Share of the log odds of even, or odd, pulse numbers retained at each new pulse."""
     half_false: float = 0.01
     """Factor on the allowed number of false pulses where the tag does not send."""
     sure_power: float = 12.0
@@ -209,7 +210,7 @@ class FollowTuning:
     """Weight of a measured frequency while samples are being lost: a phase break shifts it by
     up to 20 Hz, which once made pulses count as bursts."""
     hiding_ratio: float = 2.0
-    """Ratio of another track's pulse power to a track's own above which it is subtracted."""
+    """Ratio of pulse powers above which the stronger track's pulse is subtracted."""
     hiding_bins: float = 0.8
     """Frequency difference below which another track may have the same pulses [bins]."""
 

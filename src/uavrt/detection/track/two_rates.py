@@ -56,11 +56,7 @@ def lags(track: Track, other: Track) -> bool:
 
 
 def decide_rate(track: Track) -> Track | None:
-    """Decide between the rates if one leads; both must be evaluated to the same time.
-
-    `track`: drops the tracks at the other rate that it beats, and updates the time until which
-    its rate is certain. Returns the track at the other rate that wins.
-    """
+    """Decide between the rates if one leads; returns the track at the other, if it wins."""
     upto_s = track.time_s + _margin_s(track)
     enr = strength(track)
     leads: list[tuple[float, Track]] = []
@@ -91,11 +87,7 @@ def decide_rate(track: Track) -> Track | None:
 
 
 def _mark_disputed(track: Track, winner: Track, starts_s: list[float]) -> None:
-    """Mark the pulses whose rate depends on the time of the switch.
-
-    The switch is certain, but a noise peak where only one rate expects a pulse can make a wrong
-    pulse the likelier one. `starts_s`: times of pulses that may be the last before the switch.
-    """
+    """Mark the pulses whose rate depends on the time of the switch."""
     first_s, last_s, since_s = min(starts_s), max(starts_s), winner.settled_s
     half_s = track.tag.pulse_width_s / 2.0
     for slot in track.slots:
@@ -128,20 +120,14 @@ def _margin_s(track: Track) -> float:
 
 
 def evidence(slots: Iterable[Slot], enr: float) -> float:
-    """Log-likelihood ratio of a pulse, against noise, in each of some slots.
-
-    The largest of V cells replaces the mean of their likelihoods: hence the logarithm of V.
-    """
+    """Log-likelihood ratio of a pulse, against noise, in each of some slots."""
     return sum(
         log_evidence(s.measured.power, enr) - math.log(max(s.volume, 1.0)) for s in slots
     )
 
 
 def strength(track: Track) -> float:
-    """Mean ENR of the recent accepted pulses, limited to 8 to 30 because pulses fade.
-
-    Uses the stronger half of the last four: at the longer interval every second is noise.
-    """
+    """Mean ENR of the stronger half of the last pulses, limited to 8 to 30."""
     recent = [slot.measured.enr for slot in track.received]
     strongest = sorted(recent[-4:])[-2:]
     level = sum(strongest) / max(1, len(strongest))

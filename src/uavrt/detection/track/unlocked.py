@@ -1,8 +1,8 @@
 """Detect in the mode that never locks: every group is found independently.
 
 No track predicts the next pulse; every pulse is in a group that reached the threshold of the
-search. Groups of common pulses are joined and numbered: K expected times of the lattice that
-the first group began are one group, as in the other modes. A group that continues the previous
+search. Groups of common pulses are joined and numbered: K consecutive expected pulses, counted
+from the first group, are one group, as in the other modes. A group that continues the previous
 one in time and frequency confirms it, as in the original.
 """
 
@@ -39,7 +39,7 @@ def join_group(
 def _continued(
     tracks: list[Track], pulses: list[FoundPulse], *, rate: int, sample_rate_hz: float
 ) -> tuple[Track, int] | None:
-    """Find the track that a group continues, and the lattice number of its first pulse."""
+    """Find the track that a group continues, and the pulse number of its first pulse."""
     strongest = max((pulse[3] for pulse in pulses), key=lambda measured: measured.power)
     for track in tracks:
         if track.rate != rate:

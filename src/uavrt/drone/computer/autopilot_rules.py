@@ -66,11 +66,7 @@ def has_serial_ports(values: Mapping[str, float | None]) -> bool:
 
 
 def operator_failsafe(px4: bool, values: Mapping[str, float | None]) -> tuple[bool, str, str]:
-    """Describe what the autopilot does when it loses the operator's ground station.
-
-    PX4 counts every heartbeat of type GCS, ArduPilot those of the system MAV_GCS_SYSID
-    (SYSID_MYGCS before 4.7); our ground stations send neither.
-    """
+    """Describe what the autopilot does when it loses the operator's ground station."""
     if px4:
         action = values.get("NAV_DLL_ACT")
         text = {None: "unknown", 0.0: "none"}.get(action, f"NAV_DLL_ACT = {action}")
@@ -101,12 +97,7 @@ def names_to_read(px4: bool, port: str | None) -> list[str]:
 def needs(
     px4: bool, values: Mapping[str, float | None], port: str | None, baud: int
 ) -> list[Need]:
-    """Needed value of every relevant parameter.
-
-    `px4`: True for PX4, False for ArduPilot. `port`: where the companion is connected; None: no
-    serial port. `baud`: rate of our serial port. Raises `ConfigError` for an unknown port, or
-    if no MAVLink instance is free for it.
-    """
+    """Needed value of every relevant parameter; `ConfigError` without a usable port."""
     return _px4(values, port, baud) if px4 else _ardupilot(values, port, baud)
 
 

@@ -24,12 +24,7 @@ NAMES = {int(MavAutopilot.PX4): "PX4", int(MavAutopilot.ARDUPILOTMEGA): "ArduPil
 def examine_autopilot(
     address: str, *, port: str | None, baud: int | None = None, fix: bool = False
 ) -> Iterator[Finding]:
-    """Compare the autopilot's parameters with what uavrt needs.
-
-    `port`: autopilot's port to the companion; None: TELEM2 for a serial address, otherwise no
-    port. `baud`: rate of the companion's serial port in flight; None: the address's. `fix`: set
-    wrong parameters, unless the vehicle is armed.
-    """
+    """Compare the autopilot's parameters with what uavrt needs; `fix` sets wrong ones."""
     place = parse_address(address)
     if port is None and place.device:
         port = "TELEM2"

@@ -1,8 +1,4 @@
-"""Check on the bench whether a drone is ready for a first flight.
-
-`Bench` collects records, on the drone or over its link. `first_flight` evaluates the records
-and other facts, for ``uavrt doctor --flight`` and the page.
-"""
+"""Check on the bench whether a drone is ready for a first flight, locally or over its link."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -25,8 +21,7 @@ NOISE_RISE_DB = 6.0
 """Rise above the lowest noise of this check that counts as a fault [dB]; it halves the range.
 """
 NOISE_APART_DB = 10.0
-"""Noise difference between the tags' frequencies that is a fault [dB]; a receiver is flat to 3
-dB."""
+"""Noise difference between tag frequencies that is a fault [dB]; usual: at most 3 dB."""
 NOISE_LESS_DB = 10.0
 """Noise drop below past flights that is a fault [dB]: antenna disconnected, or lower gain."""
 CLOCK_OFF_S = 3.0
@@ -47,7 +42,7 @@ LEVEL_REMEDY = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightFacts:
-    """Facts in addition to the records; None if unknown."""
+    """Values that a bench check judges beside its records; None if unknown."""
 
     tags: tuple[Tag, ...]
     state: SystemState | None

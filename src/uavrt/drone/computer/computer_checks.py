@@ -37,11 +37,7 @@ IDLE_CORES_NEEDED = 0.5
 def examine(
     settings: Settings, running: SystemStatus | None, *, mavlink: str | None = None
 ) -> Iterator[Finding]:
-    """Run all checks, one finding after the other.
-
-    `settings`: those of the flight. `running`: state of a running system, which uses the radio
-    and the serial port. `mavlink`: another link to the autopilot, also while a system runs.
-    """
+    """Run all checks, one finding after the other."""
     yield check_radio(settings, running)
     if mavlink is not None:
         settings = replace(settings, mavlink=replace(settings.mavlink, address=mavlink))
@@ -130,7 +126,7 @@ def _listen(settings: Settings) -> tuple[bool, str]:
             tunnel=lambda _payload, _peer: None,
         ),
         clock.now_ns,
-        component_id=settings.mavlink.component_id,
+        settings.mavlink,
     )
 
     async def listen() -> None:

@@ -108,11 +108,7 @@ class FirstSetup:
         }
 
     def take(self, step: str, values: object) -> tuple[StepFault, ...]:
-        """Check a step's values and, if valid, write them.
-
-        Raises `UsageError` if the step is unknown or done, or the values are malformed;
-        `ConfigError` if the settings cannot be written.
-        """
+        """Check a step's values and, if valid, write them."""
         judge: dict[str, Callable[[dict[str, Any]], tuple[StepFault, ...]]] = {
             "name": self._name,
             "antenna": self._antenna,

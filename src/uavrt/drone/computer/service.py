@@ -57,7 +57,7 @@ class ServicePlan:
     writable: tuple[Path, ...] = ()
     """Directories outside of `directory` that the settings name, for flights and saved logs."""
     prefix: Path | None = None
-    """Directory in which versions can be exchanged (`uavrt.drone.computer.versions`); None: no
+    """Directory of exchangeable versions (`uavrt.drone.computer.versions`); None: no
     updates."""
 
 
@@ -153,11 +153,7 @@ WantedBy=multi-user.target
 
 
 def check_plan(plan: ServicePlan, root: Path = Path("/")) -> None:
-    """Raise `UsageError` for a service that could not start or would lose its recordings.
-
-    Refused are an unknown user, a missing directory, and a directory below /tmp. `root`: root
-    directory of the target system; without its ``etc/passwd``, users are not checked.
-    """
+    """Raise `UsageError` for a service that could not start or would lose recordings."""
     if not root.is_dir():
         raise UsageError(f"{root} is not a directory", remedy="Check --root")
     users = root / "etc/passwd"
@@ -229,7 +225,7 @@ def rule_text() -> str:
 
 def _quoted(word: str) -> str:
     if any(c in word for c in "\n\r\0"):
-        raise UsageError(f"{word!r} cannot be written in a systemd unit")
+        raise UsageError(f"{word!r} has a line break", remedy="Give a path or name without one")
     escaped = (
         word.replace("\\", "\\\\").replace('"', '\\"').replace("%", "%%").replace("$", "$$")
     )
@@ -237,11 +233,7 @@ def _quoted(word: str) -> str:
 
 
 def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
-    """Write unit and rule, and enable the unit; can be repeated.
-
-    `root`: root directory of another system, in which files are written and nothing is started.
-    Returns a description. Raises `UsageError` without permission.
-    """
+    """Write unit and rule, and enable the unit if `root` is this system; can be repeated."""
     done = [
         _write(root / UNIT_PATH, unit_text(plan)),
         _write(root / RULE_PATH, rule_text()),

@@ -24,11 +24,7 @@ def data_home() -> Path:
 
 
 def install_starter(program: Path, place: Path) -> list[Path]:
-    """Write the menu entry and its icon; can be repeated.
-
-    `program`: the ``uavrt`` command. `place`: directory, usually `data_home`. Returns the files
-    written. Raises `UsageError` if the program is missing, or the directory cannot be written.
-    """
+    """Write the menu entry and its icon; returns the files written; can be repeated."""
     if not program.exists():
         raise NotFound(
             f"there is no {program}", remedy="Install uavrt, and call its own uavrt command"
@@ -71,12 +67,8 @@ Keywords=radio;telemetry;wildlife;drone;
 
 
 def _quoted(word: str) -> str:
-    r"""Quoted word for ``Exec=``: first for the shell's reserved characters, then for a value.
-
-    A backslash is ``\\`` within quotes, and each of those again ``\\`` in a value; a per cent
-    sign would begin a field code.
-    """
+    r"""Quoted word for ``Exec=``: for the shell's reserved characters, then for a value."""
     if any(letter in word for letter in "\n\r\0"):
-        raise UsageError(f"{word!r} cannot be written in a starter")
+        raise UsageError(f"{word!r} has a line break", remedy="Give a path without one")
     escaped = "".join(f"\\{letter}" if letter in '"`$\\' else letter for letter in word)
     return '"' + escaped.replace("\\", "\\\\").replace("%", "%%") + '"'

@@ -140,11 +140,7 @@ class Trial:
 
 
 def require_still(seen: Seen, needs: Needs, now_s: float, *, bench: bool) -> Needs:
-    """Require that the vehicle does not fly; return what the new version must show.
-
-    `seen`: records of the running version. `needs`: what it should show. `bench`: require only
-    what works now. Raises `UsageError` if it is armed, recording, or its state is unknown.
-    """
+    """Require that the vehicle does not fly; return what the new version must show."""
     if seen.armed:
         raise UsageError("the vehicle is armed: nothing was changed", remedy="Disarm it first")
     if seen.state in (SystemState.DETECTING, SystemState.CAPTURING):

@@ -82,12 +82,7 @@ def _require_room(place: Installation, present: Path) -> None:
 def install_beside(
     update: Update, place: Installation, *, config: Path, directory: Path
 ) -> Path:
-    """Install and test the new version next to the present one; return its directory.
-
-    `config`: settings that it must be able to read, if they exist. `directory`: working
-    directory of the service. Raises `UavrtError` if it cannot be installed or does not run; the
-    present version is unchanged then.
-    """
+    """Install and test the new version next to the present one; return its directory."""
     made = place.version_directory(update.name)
     try:
         if not (made / COMPLETE).exists():
@@ -105,10 +100,7 @@ def install_beside(
 
 
 def python_module(environment: Path, *words: str) -> list[str]:
-    """Make the command that runs a module of an environment as root.
-
-    ``-I`` prevents imports from the working directory, which may belong to the service's user.
-    """
+    """Make the command that runs a module of an environment as root, with ``-I``."""
     return [str(environment / "bin/python"), "-I", "-m", *words]
 
 
@@ -264,11 +256,7 @@ def restart_by(command: Sequence[str]) -> None:
 
 
 def restart_page() -> None:
-    """Restart an image's page with the present version; does nothing elsewhere.
-
-    This separate service would otherwise use the files of the previous version until they are
-    removed.
-    """
+    """Restart an image's page with the present version; does nothing elsewhere."""
     with suppress(OSError):
         command = ["systemctl", "try-restart", PAGE_UNIT]
         subprocess.run(command, capture_output=True, check=False)

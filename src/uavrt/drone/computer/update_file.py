@@ -47,6 +47,7 @@ _VERSION = re.compile(
     r"(\d+(?:\.\d+)*)(?:(a|b|rc)(\d+))?(?:\.post(\d+))?(?:\.dev(\d+))?(?:\+([a-z0-9.]+))?"
 )
 COPY_AGAIN = "Copy the file once more, and compare its size with the original's"
+_MAKER = "Ask its maker for a corrected file"
 
 
 class Wheel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -110,11 +111,7 @@ def version_key(version: str) -> tuple[object, ...]:
 
 
 def read_update(path: Path, keys: Path) -> Update:
-    """Read an update and verify its signature; nothing is unpacked.
-
-    `path`: the ``.tar`` or ``.whl``. `keys`: file of the accepted public keys. Raises
-    `FormatError` if it is damaged or no update, `UsageError` if no accepted key has signed it.
-    """
+    """Read an update and verify its signature; nothing is unpacked."""
     with os_errors_as(UsageError, f"{path} cannot be read"):
         if path.suffix == ".whl":
             return _read_wheel(path, keys)
@@ -197,11 +194,7 @@ def _opened(path: Path) -> Iterator[tarfile.TarFile]:
 
 
 def _check_headers(path: Path) -> None:
-    """Reject impossible sizes; `tarfile` reads names and tables whole, whatever their size.
-
-    Blocks of 512 bytes (POSIX.1-2017, pax): at 124 the size of the content in octal, at 156 its
-    kind. Sizes beyond the file and invalid names are rejected.
-    """
+    """Reject impossible sizes; `tarfile` reads names and tables whole, whatever size."""
     there = path.stat().st_size
     at = 0
     with path.open("rb") as file:
@@ -249,9 +242,10 @@ def _manifest(text: bytes, path: Path) -> Manifest:
         text_ = f"{path} is an update of format {manifest.format}; this version reads {FORMAT}"
         raise FormatError(text_, remedy="Update to a version in between first")
     if not all(_WHEEL.fullmatch(wheel.name) for wheel in manifest.files):
-        raise FormatError(f"{path}: {MANIFEST} lists files that are not wheels")
+        text_ = f"{path}: {MANIFEST} lists files that are not wheels"
+        raise FormatError(text_, remedy=_MAKER)
     if manifest.keys is not None and not split_keys(manifest.keys):
-        raise FormatError(f"{path}: its new keys are invalid")
+        raise FormatError(f"{path}: its new keys are invalid", remedy=_MAKER)
     version_key(manifest.version)
     return manifest
 

@@ -29,11 +29,7 @@ def adopts_orphans() -> bool:
 
 
 def die_with_parent(number: signal.Signals = signal.SIGKILL) -> None:
-    """End this process when its parent ends, even by SIGKILL, even while stopped.
-
-    If the parent has ended already, this process ends now. With SIGTERM as `number` the process
-    has time to finish, but while stopped it outlives the parent until continued, as by systemd.
-    """
+    """End this process when its parent ends, even by SIGKILL, even while stopped."""
     if not sys.platform.startswith("linux"):
         return
     parent = int(os.environ.get(PARENT_VARIABLE) or os.getppid())

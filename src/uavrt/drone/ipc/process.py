@@ -65,10 +65,7 @@ class ProcessFrame:
         self.running = False
 
     def send(self, topic: str, record: object) -> None:
-        """Queue a record that the supervisor passes on; it is sent with the next report.
-
-        All records of a turn of the loop go together: each sending wakes the supervisor.
-        """
+        """Queue a record that the supervisor passes on; it is sent with the next report."""
         self.link.put(topic, record)
 
     def receive(self, timeout_s: float = 0.0) -> list[tuple[str, Any]]:
@@ -92,11 +89,7 @@ class ProcessFrame:
         last: bool = False,
         reason: str = "",
     ) -> None:
-        """Send a health report if it is due, the last one, or changed.
-
-        Call it in each turn of the loop: it also sends all queued records. `counters` is called
-        only when the health is sent.
-        """
+        """Send a health report if it is due, the last one, or changed; and queued records."""
         now_s = monotonic_s()
         if not last and now_s < self._next_health_s and (status, ok, reason) == self._last:
             self.link.flush()

@@ -34,7 +34,6 @@ from uavrt.core.messages import DetectionStatus, Pulse, SearchReport
 from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 RECORD: Final = struct.Struct("<12d")
-DEFAULT_PORT: Final = 50_000
 HEARTBEAT_S: Final = 1.0
 """Time between two heartbeats [s]; the original detector sends one every 3.6 s."""
 
@@ -131,11 +130,7 @@ class PulseDatagramSender:
             self._note_found(pulse)
 
     def send_reports(self, reports: Iterable[SearchReport]) -> None:
-        """Send searches without a detection, except for a tag whose pulses arrive.
-
-        Reports come every second, pulses often less often; without this rule, a controller
-        would consider a tag lost between two pulses.
-        """
+        """Send searches without a detection, except for a tag between its pulses."""
         for report in reports:
             begin_ns, end_ns = self._found_ns.get(report.tag_id, (0, -1))
             if not begin_ns <= report.time_ns <= end_ns:

@@ -89,11 +89,7 @@ class ChildLink:
         return True
 
     def receive(self, timeout_s: float = 0.0) -> list[tuple[str, Any]]:
-        """Return received records, waiting up to `timeout_s` for the first.
-
-        Returns topic and record, in order. Raises `SupervisorGone` once the supervisor has
-        ended and all its records were received.
-        """
+        """Return (topic, record) pairs, waiting for the first; `SupervisorGone` at the end."""
         if not self._received and timeout_s > 0 and not self._gone:
             if self._unsent:
                 self.flush()

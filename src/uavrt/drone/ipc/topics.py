@@ -1,7 +1,7 @@
 """Table of topics: every kind of record exchanged between processes.
 
-Routing, recording, the hub's queues and the documentation derive from this table and from the
-table of processes (`uavrt.drone.supervisor.tree.table`).
+Routing, recording, the supervisor's queues and the documentation derive from this table and
+from the table of processes (`uavrt.drone.supervisor.tree.table`).
 
 A record is sent as one line, ``topic TAB json NEWLINE``.
 """

@@ -1,7 +1,4 @@
-"""The chain process: receiver and detectors in one process, for a computer with one core.
-
-Receiver and detectors are the same as in separate processes, without sockets between them.
-"""
+"""The chain process: receiver and detectors in one process, for a computer with one core."""
 
 from collections.abc import Mapping
 

@@ -171,7 +171,6 @@ class ConnectionProcess:
         )
 
     def _connection(self, settings: Settings, signing: Signing | None) -> Connection:
-        mavlink = settings.mavlink
         return Connection(
             Handlers(
                 vehicle=self._vehicle_message,
@@ -185,15 +184,10 @@ class ConnectionProcess:
                 parameters=lambda *message: self._inbox.parameter_request(*message),
             ),
             self._now_ns,
-            links=1 + len(mavlink.direct_links),
-            component_id=mavlink.component_id,
-            attitude_rate_hz=mavlink.attitude_rate_hz,
-            position_rate_hz=mavlink.position_rate_hz,
-            gap_s=mavlink.tunnel_gap_s,
-            parameter_encoding=mavlink.parameter_encoding,
+            settings.mavlink,
             signing=signing,
             watched_hz=WATCHED_HZ if settings.guidance.enabled else {},
-            own_system_id=mavlink.system_id if self._poses.is_own else None,
+            own_system_id=settings.mavlink.system_id if self._poses.is_own else None,
         )
 
     def _motion_desk(
@@ -292,10 +286,7 @@ class ConnectionProcess:
         self._frame.send("command", command)
 
     def _say(self, text: StatusText) -> None:
-        """Send a text to the operator and to the supervisor, which records it.
-
-        The supervisor does not return the text, so it is sent to the ground here.
-        """
+        """Send a text to the operator and to the supervisor, which records it."""
         self._frame.send("status_text", text)
         self._send_text(text)
 

@@ -42,11 +42,7 @@ class DetectorBank:
     """One `PulseDetector` for each tag, created with the first block of its channel.
 
     A detector that fails or hangs must not disturb the search for other tags. All detectors are
-    then rebuilt, and suspect tags are searched one by one. A tag that fails twice is no longer
-    searched, and is reported by name.
-
-    `tags`: tags of this process. `settings`: search window and operating mode. `flight`: radio
-    frequency and rate, used to reject receiver ghosts of strong tags.
+    then rebuilt, and suspect tags are searched one by one, until they fail twice.
     """
 
     def __init__(
@@ -223,11 +219,7 @@ class DetectorBank:
         return total
 
     def _of_channel(self, block: ChannelBlock) -> list[Tag]:
-        """Tags of a channel that are still searched.
-
-        A tag belongs to the channel with the nearest centre. A process receives the channels of
-        its own tags only.
-        """
+        """Tags of a channel that are still searched, by the nearest centre."""
         half_spacing_hz = block.sample_rate_hz / 4
         return [
             tag

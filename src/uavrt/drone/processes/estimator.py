@@ -1,8 +1,4 @@
-"""The estimator process: estimates bearings on the drone, for ground stations with poor links.
-
-The process gets pulses and poses from the supervisor and sends bearings. A bearing summarises
-all pulses of a turn, so one received message replaces many lost ones.
-"""
+"""The estimator process: bearings on the drone, for ground stations with poor links."""
 
 import os
 from dataclasses import dataclass

@@ -167,11 +167,7 @@ class _Planned:
 
 
 class _Planning:
-    """Plans an order in the background.
-
-    Reading elevation files takes seconds, and such a silence of the guide would end the order
-    being flown.
-    """
+    """Plans an order in the background, because elevation files take seconds to read."""
 
     def __init__(self, asked: _OrderRequest, in_background: InBackground) -> None:
         self.asked = asked
@@ -224,11 +220,7 @@ def in_thread(work: Callable[[], None]) -> None:
 
 
 class Guide:
-    """Plans and flies orders, with all input from the supervisor.
-
-    `frame`: link to the supervisor. `in_background`: runs the planning of an order. `planner`:
-    creates the thread of a search.
-    """
+    """Plans and flies orders, with all input from the supervisor."""
 
     def __init__(
         self,
@@ -416,10 +408,7 @@ class Guide:
             self._planner.begin(self._frame.clock.now_ns(), now)
 
     def _plan_again(self, offered: _Planned, vehicle: VehicleReport, now: VehicleNow) -> Pilot:
-        """Plan the order again at its confirmation; raises `PlanError` if no longer valid.
-
-        Fence, terrain and return path belong to the home position of the first plan.
-        """
+        """Plan the order again at its confirmation; raises `PlanError` if no longer valid."""
         if distance_m(*offered.home, *now.home) > SAFETY.home_moved_m:
             raise PlanError(
                 "home was moved while the order was planned", remedy="Request the motion again"

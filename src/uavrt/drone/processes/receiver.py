@@ -66,10 +66,7 @@ _RECORDED_AGAIN_S = 10.0
 
 
 class Receiver:
-    """Processes the radio's samples for the detectors.
-
-    `sinks`: one for each detector process; by default the sockets of the assignment.
-    """
+    """Processes the radio's samples for the detectors."""
 
     makes_channels = True
     """True if this receiver makes channels, whose samples are then recorded, too."""
@@ -345,10 +342,7 @@ def run(kind: Callable[[ProcessFrame, FlightInfo], Receiver]) -> None:
 def receive(
     frame: ProcessFrame, receiver: Receiver | Capture, flight: FlightInfo, last_reason: str
 ) -> None:
-    """Process samples until the radio fails, its settings change or the process stops.
-
-    `last_reason`: reason of the radio's last failure; reported until samples arrive again.
-    """
+    """Process samples until the radio fails, its settings change or the process stops."""
     radio = receiver.radio
     source: SampleSource = open_radio(radio, flight.center_frequency_hz, clock=frame.clock)
     flowing = False
@@ -386,11 +380,7 @@ def _report(frame: ProcessFrame, receiver: Receiver | Capture, word: str, reason
 
 
 def take_settings(records: Iterable[tuple[str, object]], receiver: Receiver | Capture) -> None:
-    """Apply changed settings: gain, bias tee and frequency correction of the radio.
-
-    The radio is reopened, because its programs take settings only on their command line. The
-    frequency stays, because the filters depend on it.
-    """
+    """Apply changed settings by reopening the radio at the same frequency."""
     for _, record in records:
         if isinstance(record, Settings):
             frequency_hz = receiver.radio.center_frequency_hz

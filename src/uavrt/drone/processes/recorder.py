@@ -198,7 +198,7 @@ class Recorder:
             try:
                 note_deliveries(directory, replace(record, pulses=earlier))
             except RecordingError as error:
-                log.warning("cannot record the receipt of pulses", reason=str(error))
+                log.warning("cannot store which pulses were delivered", reason=str(error))
 
     def _write(self, record: object) -> None:
         if isinstance(record, Command):
@@ -317,10 +317,7 @@ class Recorder:
             self._to_report.clear()
 
     def _report_taken(self) -> None:
-        """Report which records are committed, so that the supervisor does not send them again.
-
-        Call it only when everything received is committed.
-        """
+        """Report committed records; call it only when everything received is committed."""
         lines = self._frame.link.lines
         if lines != self._reported_lines:
             self._reported_lines = lines

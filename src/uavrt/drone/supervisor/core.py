@@ -176,10 +176,7 @@ class Supervisor:
         self.mission.delete_saved_state()
 
     def command(self, command: Command) -> CommandReply:
-        """Carry out a command, or explain the refusal; a repeated command gets the same reply.
-
-        The changed state is published before the reply.
-        """
+        """Carry out a command, or explain the refusal; a repeated one gets the same reply."""
         before = self.mission.state
         reply = self.mission.command(command)
         if self.mission.state is not before:
@@ -224,7 +221,8 @@ class Supervisor:
         if self.mission.flights.flight is not None:
             self._publish("flight_end", self.mission.flights.flight)
             if not await self._fleet.taken("flight_end", CLOSE_S):
-                log.warning("recorder is late", flight=self.mission.flights.flight.directory)
+                directory = self.mission.flights.flight.directory
+                log.warning("recorder has not yet closed the flight", flight=directory)
         flight = self.mission.flight_ended()
         self._output.close_flight()
         self._disk.flying(None)

@@ -21,10 +21,7 @@ from uavrt.drone.supervisor.viewers import Viewers, require_unserved
 
 
 async def supervise(settings: Settings, tags: tuple[Tag, ...], launcher: Launcher) -> None:
-    """Run until SIGTERM or SIGINT; with tags, start detecting at once.
-
-    A flight that was interrupted is resumed with its own tags instead.
-    """
+    """Run until SIGTERM or SIGINT; with tags or an interrupted flight, detect at once."""
     viewers = Viewers()
     supervisor = Supervisor(settings, on_record=viewers.show, launcher=launcher)
     viewers.supervisor = supervisor

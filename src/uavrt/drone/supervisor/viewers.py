@@ -56,10 +56,7 @@ class Viewers:
                 writer.write(data)
 
     async def serve(self, path: str) -> asyncio.Server | None:
-        """Open the socket; None on a card that cannot be written, so that the flight continues.
-
-        Raises `ConfigError` if the path cannot be used, or another system serves it.
-        """
+        """Open the socket; None on a card that cannot be written, so that flights continue."""
         require_unserved(path)
         try:
             os.makedirs(os.path.dirname(path) or ".", exist_ok=True)

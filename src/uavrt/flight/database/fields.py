@@ -76,11 +76,7 @@ def _field(name: str, hint: Any, *, defaulted: bool) -> RecordField:
 
 
 class Columns(Generic[R]):
-    """Columns of a table of records, and the conversion of a record to a row and back.
-
-    `order`: names of the columns; by default all fields of `kind`. Lists of numbers are texts
-    with spaces, or in JSON with `lists_as_json`. NaN is NULL.
-    """
+    """Columns of a table of records, and the conversion of a record to a row and back."""
 
     def __init__(
         self, kind: type[R], order: Sequence[str] = (), *, lists_as_json: bool = False
@@ -89,7 +85,7 @@ class Columns(Generic[R]):
         columns = [described[name] for name in order or described]
         self.types = {one.name: SQL_TYPES[one.kind] for one in columns}
         self.names = ", ".join(self.types)
-        """The names for SQL, in order."""
+        """Names of the columns in order, separated by commas as in SQL."""
         self.declared = ", ".join(f"{name} {sql}" for name, sql in self.types.items())
         self._kind = kind
         self._values = attrgetter(*self.types)

@@ -99,7 +99,9 @@ class FlightDatabase:
         assert self._file is not None
         there = next(path for path in root.parents if path.exists())
         if there.stat().st_dev != self._file[0]:
-            raise RecordingError(f"the disk of {root} is gone", remedy="Connect it again")
+            raise RecordingError(
+                f"the disk with {root} is not connected", remedy="Connect it again"
+            )
         self._layout.make([])
         copy = root / ".flight.sqlite"
         copy.unlink(missing_ok=True)
@@ -148,10 +150,7 @@ class FlightDatabase:
         return new
 
     def checkpoint(self, first: Callable[[], None]) -> bool:
-        """Checkpoint the write-ahead log if it is due; False if that failed.
-
-        `first` is called before the checkpoint.
-        """
+        """Checkpoint the write-ahead log after `first`, if it is due; False if that failed."""
         if self._durable:
             with suppress(OSError):
                 if self._layout.write_ahead_log.stat().st_size > WAL_BYTES:
@@ -180,10 +179,7 @@ class FlightDatabase:
             self.syncs += 1
 
     def without_pose(self, most: int) -> list[Pulse]:
-        """Up to `most` recorded pulses without a known pose, the oldest first.
-
-        None while the disk fails.
-        """
+        """Oldest recorded pulses without a known pose; None while the disk fails."""
         with suppress(sqlite3.Error, OSError, ValueError, TypeError):
             rows = self.connected().execute(schema.SELECT_PULSES_WITHOUT_POSE, (most,))
             return [schema.pulse_from_row(row) for row in rows]

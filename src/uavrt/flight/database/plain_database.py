@@ -30,11 +30,7 @@ queries_ended = threading.Event()
 
 
 def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
-    """Open a database for reading; only tables are allowed, and queries have a time limit.
-
-    With `mode` ``"rw"``, SQLite may checkpoint the write-ahead log; use it only for a copy.
-    Raises `sqlite3.Error` if it cannot be opened, is damaged, or is not a flight's.
-    """
+    """Open a database for reading; only tables are allowed, and queries are limited."""
     require_plain_files(path)
     address = f"{path.absolute().as_uri()}?mode={mode}"
     database = sqlite3.connect(address, uri=True, timeout=5.0)
@@ -53,10 +49,7 @@ def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
 
 
 def _odd_name(database: sqlite3.Connection) -> str | None:
-    """Name of a view, generated column or long default, whose values are not in the file.
-
-    Raises `sqlite3.Error` if the database is damaged.
-    """
+    """Name of a view, generated column or long default, whose values are not in the file."""
     made = "SELECT name, type, sql FROM sqlite_master WHERE sql IS NOT NULL"
     hidden = "SELECT 1 FROM pragma_table_xinfo(?) WHERE hidden > 1"
     for name, kind, text in database.execute(made):
@@ -88,10 +81,7 @@ def require_plain_files(path: Path) -> None:
 
 
 def limit_queries(database: sqlite3.Connection, longest_s: float = LONGEST_S) -> None:
-    """End queries after a limit of CPU time, at the end of the program, and on Ctrl-C.
-
-    The limit counts this thread's CPU time, so a busy computer ends no query early.
-    """
+    """End queries after a limit of CPU time, at the end of the program, and on Ctrl-C."""
     until_s = time.thread_time() + longest_s
     database.set_progress_handler(
         lambda: int(queries_ended.is_set() or time.thread_time() > until_s), STEPS

@@ -1,7 +1,4 @@
-"""Query the flight in progress: received tags, and pulses that have not reached the ground.
-
-A delivery is a row linked to its pulse.
-"""
+"""Query the flight in progress: received tags, and pulses that a ground station lacks."""
 
 import sqlite3
 from collections.abc import Collection, Iterator
@@ -24,10 +21,7 @@ _UNDELIVERED = (
 
 
 def heard_tags(directory: str | Path) -> dict[int, tuple[int, int]]:
-    """Number of confirmed pulses of each tag in the flight, and end of the newest one [ns].
-
-    Tags without pulses are left out. Raises `RecordingError` if the database cannot be read.
-    """
+    """Number of confirmed pulses of each tag received, and end of the newest one [ns]."""
     with _opened(directory) as database:
         # The recorder makes the tables after the file: there are no pulses yet.
         made = database.execute(_MADE).fetchone()[0]
@@ -38,12 +32,9 @@ def heard_tags(directory: str | Path) -> dict[int, tuple[int, int]]:
 def undelivered(
     directory: str | Path, store: int, limit: int, without: Collection[tuple[int, int]] = ()
 ) -> tuple[list[PulsePose], bool]:
-    """Recorded pulses that a ground station lacks, the newest first, and whether there are
-    more.
+    """Recorded pulses that a ground station lacks, the newest first, and if there are more.
 
-    `store` is the station's number. With 0, only pulses not yet sent to any station are
-    returned: stations without receipts get no old pulses after a restart. Pulses in `without`
-    (tag id, start time) are excluded. Raises `RecordingError` if the database cannot be read.
+    For `store` 0, a station without receipts, only pulses not sent to any station.
     """
     with _opened(directory) as database:
         schema.read_older(database)

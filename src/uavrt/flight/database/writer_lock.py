@@ -10,10 +10,7 @@ POLL_S = 0.05
 
 
 class WriterLock:
-    """Lock on a flight's directory, without a lock file.
-
-    A new supervisor waits here while the recorder of a killed one still writes its last pulses.
-    """
+    """Lock on a flight's directory, which a new recorder waits for."""
 
     def __init__(self) -> None:
         self._descriptor: int | None = None

@@ -33,10 +33,7 @@ _MISSING = SELECT_PULSE_POSES.format(join="").replace(
 
 
 class PulseLogs:
-    """Text logs ``pulse_pose_log.txt`` of the flight and of each tag.
-
-    A failure loses nothing: the logs are completed from the database when the disk allows it.
-    """
+    """Text logs of the flight and of each tag; completed from the database after a failure."""
 
     def __init__(self, layout: FlightLayout) -> None:
         self._layout = layout
@@ -76,11 +73,7 @@ class PulseLogs:
             PulsePoseLog(self._layout.pulse_pose_log).sync()
 
     def complete_from(self, database: sqlite3.Connection) -> None:
-        """Cut off unfinished lines, and append the database's pulses that a log lacks.
-
-        Raises `OSError` if a log cannot be written, and `sqlite3.Error` if the database cannot
-        be read.
-        """
+        """Cut off unfinished lines, and append the database's pulses that a log lacks."""
         self._retry_at_s = monotonic_s() + _RETRY_S
         self._complete(database, PulsePoseLog(self._layout.pulse_pose_log), None)
         for (tag_id,) in database.execute("SELECT DISTINCT tag_id FROM pulses").fetchall():
@@ -101,10 +94,7 @@ class PulseLogs:
     def _complete(
         self, database: sqlite3.Connection, log: PulsePoseLog, tag_id: int | None
     ) -> None:
-        """Append to a log its missing pulses, of one tag or of all tags.
-
-        SQLite compares in a temporary file, so memory does not grow with the flight.
-        """
+        """Append to a log its missing pulses, of one tag or of all, compared by SQLite."""
         log.repair()
         with _keys_of(log, database):
             rows = database.execute(_MISSING, {"tag_id": tag_id})

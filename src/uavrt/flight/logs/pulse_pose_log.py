@@ -67,11 +67,7 @@ class _Groups:
 
 
 def parse_line(line: str, *, group_sequence: int = 0) -> PulsePose:
-    """Parse one line, uavrt's or the thesis's; raises `ValueError` for others.
-
-    The 23 columns lack some fields: `group_sequence` is given by the caller, the rate is 1,
-    noise and relative altitude are NaN.
-    """
+    """Parse one line, uavrt's or the thesis's; raises `ValueError` for others."""
     fields = [field.strip() for field in line.split(",")]
     while len(fields) > COLUMNS and not fields[-1]:
         fields.pop()  # what writes tables fills rows, or ends them, with separators
@@ -109,11 +105,7 @@ def parse_line(line: str, *, group_sequence: int = 0) -> PulsePose:
 def read_pulse_pose_log(
     path: str | os.PathLike[str], warn: Callable[[str], None] | None = None
 ) -> tuple[PulsePose, ...]:
-    """Read a whole log; damaged lines and an unfinished last line are skipped.
-
-    `warn` receives a sentence about skipped lines; by default they are logged. Raises
-    `FormatError` if the log is unreadable, or most lines are no pulses.
-    """
+    """Read a whole log; damaged lines and an unfinished last line are skipped."""
     with os_errors_as(FormatError, f"cannot read {os.fspath(path)}", "Check the name"):
         text = read_file(path, TEXT_LOG).decode("utf-8-sig", "replace")
     lines = text.split("\n")

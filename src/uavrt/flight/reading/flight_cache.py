@@ -9,10 +9,7 @@ T = TypeVar("T")
 
 
 class FlightCache(Generic[T]):
-    """Values read from flights, each valid until the flight's files change.
-
-    `read` reads the flight in a directory. `kept`: values of an earlier run, by directory.
-    """
+    """Values read from flights, each valid until the flight's files change."""
 
     def __init__(
         self, read: Callable[[str], T], kept: Mapping[str, tuple[Stamp, T]] | None = None

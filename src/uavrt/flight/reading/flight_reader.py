@@ -164,10 +164,7 @@ DAMAGED = (
 
 @contextmanager
 def flight_database(directory: Path) -> Iterator[sqlite3.Connection]:
-    """Open a flight's database for reading; missing columns of older versions are NULL.
-
-    Raises `FormatError` if the database is missing or damaged, also while it is read.
-    """
+    """Open a flight's database for reading; missing columns of older versions are NULL."""
     path = FlightLayout(directory).database
     if not path.is_file():
         raise FormatError(
@@ -204,7 +201,7 @@ def flight_info(database: sqlite3.Connection, directory: Path) -> FlightInfo:
     columns = "start_time_ns, clock_offset_ns, center_frequency_hz, sample_rate_hz"
     row = database.execute(f"SELECT {columns} FROM flight").fetchone()
     if row is None:
-        raise ValueError("the flight was cut off before it began")
+        raise ValueError("the flight has no start time: recording ended too early")
     times_ns = [
         one
         for one in (*row[:2], *database.execute(f"SELECT {_SPANS} FROM pulses").fetchone())

@@ -122,10 +122,7 @@ def _logs_below(directory: Path) -> Iterator[Path]:
 
 
 def _is_log(path: Path) -> bool:
-    """True if a file in a folder is a pulse log of received pulses.
-
-    Empty files are excluded, and the list of transmitted pulses that a simulation writes.
-    """
+    """True if a file is a log of received pulses: not empty, nor a simulation's truth."""
     if path.name == "truth.csv":
         return False
     try:
@@ -152,7 +149,7 @@ def recognised(path: str | os.PathLike[str]) -> LogKind:
     if _is_tag_list(path, cells):
         raise FormatError(
             f"{os.fspath(path)} is a list of tags, not of pulses",
-            remedy="Name the flight or the pulse log; `uavrt tags check` looks at tag lists",
+            remedy="Name the flight or the pulse log; `uavrt tags check` checks tag lists",
         )
     if cells[0] == "tag_id" and "start_time_ns" in cells:
         return "uavrt-csv"

@@ -11,11 +11,7 @@ log = get_logger()
 
 
 class ChannelBudget:
-    """Recorded channel files on the disk, oldest first, and their size.
-
-    Files of other flights that are starred are neither counted nor removed. `flight` is the
-    flight in progress, and `most_bytes` the budget for all flights.
-    """
+    """Recorded channel files on the disk, oldest first, and their size; no starred ones."""
 
     def __init__(self, flight: Path, most_bytes: float) -> None:
         self._flight = flight

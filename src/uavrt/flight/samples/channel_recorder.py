@@ -44,14 +44,14 @@ FREE_SPACE_FACTOR = 1.2
 """Free space that channels need, over that of other recordings [ratio]: channels stop first, so
 that they never cause flights to be removed."""
 NOISE_STEPS = {8: 3.0, 16: 20.0}
-"""Least rms of the noise's I and Q at the start of a file [steps], by bits per value."""
+"""Minimum rms of the noise's I and Q at the start of a file [steps], by bits per value."""
 FINER = math.sqrt(0.5)
 """Ratio of present to initial noise [amplitude] below which an 8-bit file ends."""
 WINDOW = 128
 HEADROOM = 1.25
 """Factor by which a scale is wider than the strong signal that required it."""
 WIDER_S = 20.0
-"""Least duration of a file whose scale was widened because of a strong signal [s]."""
+"""Shortest duration of a file whose scale was widened because of a strong signal [s]."""
 TIME_STEP_NS = 500_000
 """Clock step above which the metadata begin a new stretch of samples [ns]."""
 GAP_S = 0.05
@@ -98,12 +98,7 @@ class _Channel:
 
 
 class ChannelRecorder:
-    """Writes channels to files ``channel_148124375_Hz_0001.sigmf-data`` and ``-meta``.
-
-    `budget_mb` is for the channels of all flights. Nothing is written while the disk's free
-    space is below `FREE_SPACE_FACTOR` times `minimum_free_mb`. `hardware` is the radio named in
-    the metadata.
-    """
+    """Writes channels to files ``channel_148124375_Hz_0001.sigmf-data`` and ``-meta``."""
 
     def __init__(
         self,
@@ -149,11 +144,7 @@ class ChannelRecorder:
         return self._budget.bytes / 1e6
 
     def put(self, blocks: list[ChannelBlock]) -> None:
-        """Queue a copy of a radio block's channels, and return at once.
-
-        After an overflow, blocks are dropped until half of the queue is written. This causes
-        few long gaps instead of many short ones.
-        """
+        """Queue a copy of a radio block's channels, and return at once; drops if full."""
         first = blocks[0]
         batch = _Batch(
             channels=tuple((block.channel, block.center_frequency_hz) for block in blocks),
@@ -407,11 +398,7 @@ def _scale_of_piece(samples: NDArray[np.complex64], peak: float) -> tuple[int, f
 
 
 def _scale_by_noise(samples: NDArray[np.complex64], bits: int) -> float:
-    """Full scale at which the noise has the wanted number of steps; 0 without noise.
-
-    The noise is the median over the middle of the channel's spectrum, which excludes pulses,
-    carriers and zeros in place of lost samples.
-    """
+    """Full scale at which the noise has the wanted number of steps; 0 without noise."""
     rows = samples[: len(samples) // WINDOW * WINDOW].reshape(-1, WINDOW)
     rows = rows[rows.all(axis=1)]
     if len(rows):

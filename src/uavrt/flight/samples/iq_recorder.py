@@ -1,8 +1,4 @@
-"""Record samples as SigMF in a thread that never delays detection.
-
-`put` only queues blocks; the thread converts and writes them. While the disk is slow or full,
-blocks are dropped, counted and marked as a gap.
-"""
+"""Record samples as SigMF in a thread that never delays detection."""
 
 import threading
 from collections import deque
@@ -25,13 +21,7 @@ SETTLED_AFTER_S = 12.0
 
 
 class IQRecorder:
-    """Writes blocks as ``NAME.sigmf-data`` (cs16) and ``NAME.sigmf-meta``.
-
-    The metadata describes all samples of the data file at any moment, also after a power cut.
-    `base` is directory and NAME, without a suffix; the directory is made. Nothing is written
-    while the disk has less than `minimum_free_mb` free. Raises `RecordingError` if the files
-    cannot be made, or already exist.
-    """
+    """Writes blocks as SigMF (cs16), valid at any moment, while enough disk space is free."""
 
     def __init__(
         self,
@@ -70,7 +60,7 @@ class IQRecorder:
         except OSError as error:
             raise RecordingError(
                 f"cannot record samples to {base}.sigmf-data: {error.strerror}",
-                remedy="Free space, or switch [recording] iq off",
+                remedy="Free some space, or set [recording] iq = false",
             ) from error
         self._space = FreeSpace(base.parent, minimum_free_mb)
         self._thread = threading.Thread(target=self._run, name="iq-recorder", daemon=True)
@@ -87,11 +77,7 @@ class IQRecorder:
         return self.file.written_samples
 
     def put(self, block: IQBlock) -> bool:
-        """Queue a copy of a block, and return at once; false if it was dropped.
-
-        After an overflow, blocks are dropped until the queue is half empty. This causes few
-        long gaps instead of many short ones.
-        """
+        """Queue a copy of a block, and return at once; false if it was dropped."""
         size = len(block.samples)
         with self._condition:
             if self._overflowing and self._waiting_samples <= self._most_waiting // 2:

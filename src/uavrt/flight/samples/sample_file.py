@@ -21,15 +21,11 @@ _LEAST_MOVE_NS = 1_000_000
 
 
 class SampleFile:
-    """Writes ``NAME.sigmf-data`` (cs16, or ci8) and ``NAME.sigmf-meta``.
+    """Writes ``NAME.sigmf-data`` (cs16, or ci8) and ``NAME.sigmf-meta``, valid at any moment.
 
-    The metadata describes all samples of the data file at any moment, also after a kill and,
-    with `sync`, after a power cut. `base` is directory and NAME, without a suffix; the
-    directory is made. `description` and `hardware` are texts of the metadata. An input of
-    `full_scale` is stored as 32 768 for 16 `bits`, and as 128 for 8 bits, which need
-    `append_stored`. A new radio's clock is corrected during `settled_after_s`. Afterwards, or
-    when a stretch ends, the stretch's time is corrected. Raises `FileExistsError` for another
-    recording's file, and `OSError` if the files cannot be made.
+    An input of `full_scale` is stored as 32 768 for 16 `bits`, and as 128 for 8 bits, which
+    need `append_stored`. A new radio's clock is corrected during `settled_after_s`. Afterwards,
+    or when a stretch ends, the stretch's time is corrected.
     """
 
     def __init__(
@@ -82,12 +78,7 @@ class SampleFile:
     def append_stored(
         self, values: NDArray[np.int16] | NDArray[np.int8], sample_index: int, time_ns: int
     ) -> None:
-        """Write scaled and rounded samples completely or not at all.
-
-        `values` are I and Q interleaved, contiguous. `sample_index` and `time_ns` are the first
-        sample's number in the radio's stream and its time [ns, UTC]; a jump begins a new
-        stretch. Raises `OSError` if nothing was written; then the next samples begin a stretch.
-        """
+        """Write scaled, rounded, interleaved I and Q completely or not at all."""
         count = values.size // 2
         try:
             if sample_index != self._next_index:
@@ -130,10 +121,7 @@ class SampleFile:
         return True
 
     def _begin_stretch(self, sample_index: int, time_ns: int) -> None:
-        """Write a stretch to the metadata before its samples are written.
-
-        So a power cut leaves at worst a capture without samples, never samples at a wrong time.
-        """
+        """Write a stretch to the metadata before its samples, in case of a power cut."""
         stretch = Stretch(
             sample_start=self.written_samples, global_index=sample_index, time_ns=time_ns
         )

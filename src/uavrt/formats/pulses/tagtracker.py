@@ -97,10 +97,7 @@ class _Layout:
         return [number_or_nan(cell) for cell in cells[15 + self.noise : self.least_columns]]
 
     def offset_deg(self, cells: Sequence[str]) -> float:
-        """Offset of the antenna [deg], in the cell after the attitude; 0 if missing.
-
-        Raises `ValueError` if the row ends before, or more numbers follow.
-        """
+        """Offset of the antenna [deg], in the last cell after the attitude; 0 if missing."""
         if len(cells) < self.least_columns:
             raise ValueError(f"{len(cells)} columns, fewer than in other rows")
         said = [cell for cell in cells[self.least_columns :] if not _is_padding(cell)]
@@ -160,11 +157,7 @@ def read_tagtracker(path: str | os.PathLike[str]) -> PulseLog:
 
 
 def write_tagtracker(stream: TextIO, pulse_poses: Iterable[PulsePose]) -> None:
-    """Write a pulse CSV as TagTracker does: rows of kind 7 with 20 columns, one heading.
-
-    Pulses without a pose are left out: the format has no value for "unknown", and zero is a
-    place in the Atlantic.
-    """
+    """Write a pulse CSV as TagTracker does, kind 7, without pulses that have no pose."""
     stream.write(HEADER + "\n")
     for one in pulse_poses:
         if one.pose is not None:

@@ -77,10 +77,7 @@ def read_nmea(path: Path) -> VehicleTrack:
 
 
 def _true_heading_deg(fields: list[str], place: PositionSample) -> float:
-    """Convert an HDG or HDM heading to true [°]: add deviation and variation, east positive.
-
-    If the sentence has no variation, the World Magnetic Model's is used.
-    """
+    """Convert an HDG or HDM heading to true [°], by the sentence's variation or the model's."""
     heading = float(fields[1])
     if fields[0].endswith("HDG") and len(fields) > 5:
         heading += _eastward(fields[2], fields[3])

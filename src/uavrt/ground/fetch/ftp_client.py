@@ -39,18 +39,18 @@ BURST_GAP_NS = ns_from_s(2.0)
 BURST_NS = ns_from_s(20.0)
 """Longest duration of a burst [ns]; the part received until then is kept."""
 BURST_BYTES = 1 << 20
-"""Most bytes accepted from one burst; the rest of a longer burst is requested again."""
+"""Maximum number of bytes accepted from one burst; the rest is requested again."""
 STALL_NS = ns_from_s(60.0)
 LEAST_BYTES, LEAST_ENTRIES = 6000, 30
-"""Least progress within `STALL_NS` of a file [bytes] and of a list [entries]; the slowest radio
-reaches three times as much."""
+"""Minimum progress within `STALL_NS` of a file [bytes] and of a list [entries]; the slowest
+radio reaches three times as much."""
 MOST_REPLIES = 4096
-"""Most replies queued; further ones are dropped and counted."""
+"""Maximum number of replies queued; further ones are dropped and counted."""
 CHECKSUM_TRIES = 30
-"""Most requests for one checksum; a drone needs 10 s to compute that of 1 GB."""
+"""Maximum number of requests for one checksum; a drone needs 10 s to compute that of 1 GB."""
 MOST_GROWTH_BYTES = 16_000_000
-"""Most growth of a file beyond its listed size [bytes], since the drone may still be recording
-it."""
+"""Maximum growth of a file beyond its listed size [bytes], since the drone may still be
+recording it."""
 MOST_BYTES = 2_000_000_000
 """Largest flight accepted without its recorded samples [bytes]; ten hours with 100 tags take a
 tenth of that."""
@@ -61,7 +61,7 @@ MOST_NESTED = 8
 """Deepest nesting of directories that is listed. Flights have 4; a hostile server could nest
 without end."""
 MOST_ENTRIES = 20_000
-"""Most files and directories in one tree or directory. A flight with 100 tags has 1200."""
+"""Maximum number of files and directories in one tree; a flight with 100 tags has 1200."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,11 +84,7 @@ class RemoteTree:
 
 
 class FileClient:
-    """One conversation with the drone's file server; raises `LinkError`.
-
-    `send`: sends a request of 251 bytes.
-    `unanswered`: called after a timeout, to try another link.
-    """
+    """One conversation with the drone's file server; raises `LinkError`."""
 
     def __init__(
         self,
@@ -302,8 +298,8 @@ class _StallWatch:
             self._from, self._until_s = done, _soon(STALL_NS)
         elif monotonic_s() > self._until_s:
             raise LinkError(
-                f"the transfer of {self._what} has stalled: {done - self._from} received in "
-                f"{s_from_ns(STALL_NS):.0f} s",
+                f"the transfer of {self._what} has stalled: {done - self._from} of at least "
+                f"{self._least} received in {s_from_ns(STALL_NS):.0f} s",
                 remedy="Move closer to the drone and try again; what has arrived is kept",
             )
 
@@ -436,11 +432,7 @@ def _size(path: Path) -> int | None:
 
 
 def _entry(directory: str, line: bytes) -> RemoteEntry:
-    """Parse one line of a directory listing.
-
-    Names arrive over an open link and become local files: reject any that lead outside the
-    flight.
-    """
+    """Parse one line of a listing; names that lead outside the flight are rejected."""
     name, _, size = line[1:].decode("utf-8", "replace").partition("\t")
     good = name not in ("", "..") and name.isprintable() and Path(name).name == name
     if not good or not (size or "0").isdecimal():

@@ -6,8 +6,7 @@ SampleKind = Literal["channels", "band"]
 CHANNELS: SampleKind = "channels"
 """Kind of sample file: recorded channels of single tags, 15 kB/s each."""
 BAND: SampleKind = "band"
-"""Kind of sample file: recorded full band or raw capture, at least 1.5 MB/s and too much for a
-radio link."""
+"""Kind of sample file: full band or raw capture, from 1.5 MB/s, too much for a radio link."""
 
 
 def sample_part(path: str) -> SampleKind | None:

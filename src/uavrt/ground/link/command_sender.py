@@ -1,7 +1,4 @@
-"""Send the operator's commands to the drone, one at a time, and report progress.
-
-Each command returns a text for the operator, or raises an error of the drone or the link.
-"""
+"""Send the operator's commands to the drone, one at a time, and report progress."""
 
 import asyncio
 import contextlib
@@ -180,12 +177,8 @@ class Commands:
         """Correct a listed tag by a measurement, on the drone and then in the list.
 
         ``{"tag_id": …, "frequency_hz": …}`` identifies the measured sender by its frequency;
-        ``"undo": true`` restores the values before the last correction.
-        Raises `FormatError`: no such tag or sender, or nothing to correct.
-        Raises `CommandRefused`, `LinkError`: the drone refused or did not answer; the list is
-        unchanged.
-        Raises `RecordingError`: the list cannot be written; the text says which values the
-        drone uses.
+        ``"undo": true`` restores the values before the last correction. If the drone refuses or
+        does not answer, the list is unchanged.
         """
         vehicle, drone, store = self._vehicle, self._vehicle.drone, self._vehicle.store
         correction = _correction(vehicle, request)

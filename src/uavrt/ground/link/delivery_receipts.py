@@ -16,17 +16,11 @@ REPEATED = 6
 """Number of earlier hashes repeated in each receipt. At 20 % frame loss, 1 acknowledgement in
 25 is then lost."""
 REMEMBERED = 500_000
-"""Most pulses remembered for recognising repetitions: 17 hours at 8 a second, 50 MB."""
+"""Maximum number of pulses remembered to recognise repetitions: 17 hours at 8 a second."""
 
 
 class Receipts:
-    """Tracks known pulses, and when to acknowledge them.
-
-    `store`: number of the store, 1 to 2**32 - 1; an empty store gets a new one.
-    `known`: hashes of the pulses in the store.
-    `keep`: gets the hash of each new pulse, and a function to call once the hash is written.
-    Only then is the pulse acknowledged.
-    """
+    """Tracks known pulses, and when to acknowledge them: once their hash is written."""
 
     def __init__(
         self,

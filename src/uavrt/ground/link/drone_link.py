@@ -1,8 +1,4 @@
-"""Ground side of the tunnel: find the drone, upload tags, start, stop, receive.
-
-`GroundProtocol` encodes and decodes the messages without I/O; `GroundLink` exchanges them over
-MAVLink.
-"""
+"""Ground side of the tunnel over MAVLink: find the drone, upload tags, start, stop."""
 
 import asyncio
 import contextlib
@@ -181,11 +177,7 @@ class GroundLink:
     async def upload_tags(
         self, tags: Sequence[Tag], progress: Callable[[int, int], None] | None = None
     ) -> None:
-        """Send the tag list; each message is acknowledged.
-
-        `tags`: tags that replace those on the drone.
-        `progress`: called with the number of acknowledged messages and their total.
-        """
+        """Send the tag list, which replaces the drone's; each message is acknowledged."""
         payloads = self.writing.upload(tags)
         coded = [False, *(tag.coded for tag in tags), False]
         for count, (payload, is_coded) in enumerate(zip(payloads, coded, strict=True), start=1):
@@ -219,10 +211,7 @@ class GroundLink:
         gain: int = 0,
         name: CommandName = "start_detection",
     ) -> str:
-        """Start detection, or a raw capture by its `name`; return the flight directory.
-
-        A frequency of None: automatic.
-        """
+        """Start detection, or a raw capture by its `name`; return the flight directory."""
         payload = self.writing.start(center_frequency_hz, gain, name)
         return (await self.command(payload)).message
 

@@ -1,8 +1,4 @@
-"""Position of this computer from a GPS receiver that sends NMEA.
-
-The receiver is on a serial port, UDP or TCP, opened by `uavrt.link.mavlink`, which also
-reconnects. An old position counts as unknown.
-"""
+"""Position of this computer from a GPS receiver that sends NMEA; unknown once it is old."""
 
 import asyncio
 import contextlib

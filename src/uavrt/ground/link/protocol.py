@@ -54,8 +54,7 @@ from uavrt.link.tunnel.tunnel_records import has_place, pulse_from_wire, tag_of_
 log = get_logger()
 
 DRONE_SILENCE_NS = ns_from_s(6.0)
-"""Silence after which contact with the drone counts as lost [ns]; as in the original ground
-station."""
+"""Silence after which the drone counts as lost [ns], as in the original ground station."""
 FILES_NS = ns_from_s(3.0)
 """Time after a file request for which our heartbeats announce a file transfer [ns]."""
 ORDERS = 16
@@ -119,10 +118,7 @@ GroundEvent = (
 class GroundProtocol:
     """Decodes and counts the frames that the ground receives; no I/O.
 
-    `receipts`: makes acknowledgements; None: none are sent.
-    `as_gcs`: use system 255 and type GCS, which the original's drone side requires; the
-    autopilot then takes this station for the operator's ground station.
-    `identity`: selects the served vehicle; None: the first one received.
+    `as_gcs`: use system 255 and type GCS, which the original's drone side requires.
     """
 
     def __init__(

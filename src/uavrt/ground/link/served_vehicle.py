@@ -26,10 +26,7 @@ ESSENTIAL = (SystemState.DETECTING, SystemState.CAPTURING)
 
 
 class ServedVehicle:
-    """State of one served vehicle.
-
-    `on_flight`: called after a flight has begun on the ground.
-    """
+    """State of one served vehicle; `on_flight` is called when a flight has begun."""
 
     def __init__(
         self,

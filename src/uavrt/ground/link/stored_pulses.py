@@ -29,12 +29,7 @@ def new_store() -> int:
 
 
 def open_receipts(directory: Path, disk: Disk = at_once) -> Receipts:
-    """Open the receipts of a directory; `disk` runs their writes.
-
-    On a full disk hashes stay in memory until there is room. After a restart the drone then
-    sends some stored pulses again.
-    Raises `RecordingError`: the directory cannot be read or written.
-    """
+    """Open the receipts of a directory; `disk` runs their writes."""
     path = directory / RECEIVED_NAME
     content = b""
     try:

@@ -40,8 +40,8 @@ from uavrt.localization.terrain.elevation_files import open_elevation
 SECTORS = 16
 """Number of sectors of the pulse rose, as in the original system's finest rotation."""
 LIVE_AT_ONCE = {"bearing": 1, "position": 1, "survey": 1}
-"""Most results of each kind computed in one estimate of a flight in progress, after the first
-estimate. Each takes some 80 ms of a core; further tags follow in turn."""
+"""Maximum number of results of each kind computed in one estimate of a flight in progress,
+after the first estimate. Each takes some 80 ms of a core; further tags follow in turn."""
 Record = dict[str, Any]
 
 
@@ -95,10 +95,7 @@ class Estimates:
 
     @property
     def outline(self) -> tuple[tuple[int, int, int, float], ...]:
-        """Summary that changes with each new result: tag, turn, pulses and bearing.
-
-        For signal strengths: number of positions, and their sum rounded to a decibel.
-        """
+        """Summary that changes with each new result: tag, turn, pulses and bearing or level."""
         bearings = tuple(
             (one.tag_id, one.number, one.heard, one.bearing.bearing_deg)
             for one in self.found.bearings
@@ -147,14 +144,9 @@ class Estimator:
         """Estimate all bearings and positions of a flight in its present state.
 
         `companions`: estimates of other vehicles, used for tags of the same number and
-        frequency. A tag's frequency is the received one, else that searched for, else that in
-        `listed`.
-        `past`: turns that refine the antenna pattern.
-        `name`: name by which other vehicles' estimates refer to this vehicle's signal
-        strengths.
-
-        For tags that were searched for, missed pulses count, too. A bearing computed on the
-        drone stays if it used more pulses of its turn than have reached the ground.
+        frequency: the received one, else that searched for, else that in `listed`. A bearing
+        computed on the drone stays if it used more pulses of its turn than have reached the
+        ground.
         """
         sent = {tag.tag_id for tag in tags}
         every = (*tags, *(tag for tag in listed if tag.tag_id not in sent))

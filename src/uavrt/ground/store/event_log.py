@@ -13,7 +13,7 @@ from uavrt.core.foreign import decode_record, size_of
 from uavrt.core.runtime.disk_thread import Disk, DiskBatches, at_once
 
 LINES = 1000
-"""Most lines kept in memory and sent to a page; the file keeps all."""
+"""Maximum number of lines kept in memory and sent to a page; the file keeps all."""
 TAIL = 400_000
 """Bytes read from the end of the log file at the start."""
 MAX_TEXT = 400

@@ -37,7 +37,7 @@ BURST_COMES_WITHIN_S = 60.0
 """Longest wait for a coded burst whose pulses arrived before it [s]; the drone repeats it until
 it is acknowledged. If it does not arrive, it belongs to another ground station's flight."""
 MOST_EARLY = 1000
-"""Most burst contents that wait for their burst."""
+"""Maximum number of burst contents that wait for their burst."""
 
 
 class FlightKeeper:
@@ -161,11 +161,7 @@ class FlightKeeper:
         return True
 
     def put_inside(self, burst: BurstInside) -> bool:
-        """Add content to a burst of this flight; False if the burst is of another flight.
-
-        Raises `RecordingError`: not stored, because the burst has not arrived or the disk is
-        slow.
-        """
+        """Add content to a burst of this flight; False if the burst is of another flight."""
         if burst.key in self._live.keys:
             self._store(burst)
             if burst.also_possible_tag_ids:

@@ -14,10 +14,10 @@ from uavrt.ground.store.flight_writer import FlightWriter, Stored, Written
 log = get_logger()
 
 MOST_WAITING = 10_000
-"""Most pulses queued for a failing disk; the drone keeps all others and repeats them until
-acknowledged."""
+"""Maximum number of pulses queued for a failing disk; the drone keeps all others and repeats
+them until acknowledged."""
 MOST_RECORDS = 20_000
-"""Most poses, notes and similar records queued while the disk does not answer."""
+"""Maximum number of poses, notes and similar records queued while the disk does not answer."""
 RETRY_S = 1.0
 """Pause before a failed write is repeated [s]."""
 SLOW_S = 2.0
@@ -28,10 +28,7 @@ SETTLE_CHECK_S = 0.01
 
 
 class FlightQueue:
-    """Passes writes to a `FlightWriter` in the disk thread, without waiting for the disk.
-
-    `on_written`: called after each write, successful or not.
-    """
+    """Passes writes to a `FlightWriter` in the disk thread, without waiting for the disk."""
 
     def __init__(
         self,
@@ -104,10 +101,7 @@ class FlightQueue:
             log.seldom(self._left_out, "poses and notes discarded: the disk does not answer")
 
     def commit(self, *, at_once: bool = False) -> None:
-        """Write the queue to the disk; refused writes stay in it, and `fault` has the reason.
-
-        After a fault the next try comes a second later, unless `at_once`.
-        """
+        """Write the queue to the disk, a second after a fault; refused writes stay in it."""
         fault = self.fault
         if fault is not None and not self._reported:
             log.warning("flight not written; received data wait in memory", reason=fault)

@@ -29,12 +29,7 @@ class Written:
 
 
 class FlightWriter:
-    """Writes the flight in progress, and earlier ones not completely on the disk.
-
-    `also`: called with each pulse and burst content before its flight is committed, since the
-    drone does not send them again afterwards. If it raises `RecordingError`, it is called again
-    later and the flight waits.
-    """
+    """Writes the flight in progress, and earlier ones not completely on the disk."""
 
     def __init__(self, also: Callable[[Stored], object]) -> None:
         self._also = also

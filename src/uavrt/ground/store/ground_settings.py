@@ -36,9 +36,9 @@ from uavrt.localization.position.tuning import COMMON, SURVEY
 from uavrt.localization.terrain.elevation_files import open_elevation
 
 MOST_JOBS = 256
-"""Most writes queued for a disk that does not answer: 16 for each of 16 vehicles."""
+"""Maximum number of writes queued for a stalled disk: 16 for each of 16 vehicles."""
 MOST_NAME = 40
-"""Most letters of a vehicle's name, which the page shows in its header."""
+"""Maximum number of letters of a vehicle's name, which the page shows in its header."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,8 +69,7 @@ class GroundSettings:
     dem: str = ""
     """Elevation file or folder on this computer; empty: level ground is assumed."""
     archive: str = ""
-    """Directory that `uavrt batch` wrote; empty: the folder `archive` among the flights, if it
-    exists."""
+    """Directory written by `uavrt batch`; empty: the folder `archive` among the flights."""
     left_out: tuple[int, ...] = ()
     """Ids of listed tags that the next flight does not search for."""
 
@@ -102,11 +101,7 @@ _NEWEST_BYTES = 1_000_000
 class GroundStore:
     """Small files of the station: settings, tags, the current flight.
 
-    `directory`: parent of all files; created if missing. Holds the flights, maps and reports of
-    all vehicles.
-    `system_id`: number of a further vehicle, whose small files are in ``vehicles/NUMBER``.
-    `first`: store of the main vehicle, whose disk thread writes these files, too.
-    Raises `ConfigError`: the directory cannot be written.
+    A further vehicle's files are in ``vehicles/NUMBER``, written by the `first` store's thread.
     """
 
     def __init__(
@@ -201,7 +196,7 @@ class GroundStore:
         tags = {tag.tag_id: tag for tag in self.tags}
         before = tags.get(correction.tag_id)
         if before is None:
-            raise ConfigError("the tag is no longer listed")
+            raise ConfigError(f"tag {correction.tag_id} is no longer listed")
         after = correction.applied(before)
         made = [*self.corrections, replace(correction, before=before, after=after)]
         with replacing(self._corrections_path) as part:

@@ -13,10 +13,7 @@ PULSES_NAME = "pulses.jsonl"
 
 
 class PulseLines:
-    """``pulses.jsonl``: a line for each pulse and burst content, written at once.
-
-    An existing file is continued; an incomplete last line is removed. Raises `RecordingError`.
-    """
+    """``pulses.jsonl``: a line for each pulse and burst content, written at once."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -50,7 +47,7 @@ class PulseLines:
         size = self._file.seek(0, 2)
         try:
             if self._file.write(line) != len(line):
-                raise OSError(None, "there is no room")
+                raise OSError(None, "no space left on the disk")
         except OSError as error:
             self._file.truncate(size)
             raise self._unwritten(error) from error

@@ -35,8 +35,6 @@ from uavrt.ground.store.known_flights import (
 from uavrt.localization.estimates.heard import Heard, PoseColumns, PulseColumns
 
 CHUNK = 4000
-LAST_NS = 2**63
-"""Time later than that of any flight [ns since 1970]."""
 STATUSES: tuple[DetectionStatus, ...] = tuple(
     status for status in get_args(DetectionStatus) if status != "integrated"
 )
@@ -167,11 +165,7 @@ class FlightLibrary:
         self._quiet = FlightCache(lambda path: read_quiet_noise_db(Path(path)))
 
     def summaries(self) -> list[FlightSummary]:
-        """List all flights, newest first, without unreadable ones.
-
-        Flights recorded by the drone are in the order of the drone's order file, others in
-        order of time.
-        """
+        """List all readable flights, newest first, the drone's by its order file."""
         found = []
         with suppress(FileNotFoundError), os.scandir(self.directory) as entries:
             for entry in entries:

@@ -32,11 +32,10 @@ FIELDS: dict[str, Quantity] = {
 }
 """Columns of the table in the users' units, with their descriptions."""
 CODE_FIELDS = ("kind", "gaps_ms")
-"""Further columns of coded tags, whose interval is that between bursts; other rows lack
-them."""
+"""Further columns, of coded tags only. Their interval is that between bursts."""
 KINDS = ("beeping", "coded")
 LEAST_BARE_PERCENT = 0.05
-"""Least false-alarm probability accepted without a percent sign [%]; a smaller number is
+"""Minimum false-alarm probability accepted without a percent sign [%]; a smaller number is
 probably meant as a fraction."""
 REQUIRED = ("id", "frequency_mhz", "interval_ms", "pulse_width_ms")
 REQUIRED_OF_CODES = ("id", "frequency_mhz", "interval_ms")
@@ -128,11 +127,7 @@ def _code_cells(tag: Tag) -> Row:
 
 
 def import_rows(files: Mapping[str, str]) -> list[Row]:
-    """Import rows from ``TagInfo.txt``, ``tags.toml``, CSV, TagTracker's databases.
-
-    `files`: text of each file by name. TagTracker keeps tags and manufacturers in two files,
-    which must be imported together.
-    """
+    """Import rows from ``TagInfo.txt``, ``tags.toml``, CSV, TagTracker's databases."""
     tables = {name: read_csv(text) for name, text in files.items()}
     makers = {
         _key(cells["id"]): cells

@@ -25,8 +25,8 @@ TIDY_S = 5.0
 SLOW_S = 0.03
 """Duration above which a garbage collection visibly delays a pulse on the page [s]."""
 MOST_FREEZES = 8
-"""Most times that all objects are exempted from garbage collection. Such objects are never
-freed, even if unused later."""
+"""Maximum number of times that all objects are exempted from garbage collection. Such objects
+are never freed, even if unused later."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,11 +80,7 @@ def page_address(settings: ServerSettings, sock: socket.socket) -> str:
 
 
 async def _tidied() -> None:
-    """Free unused memory periodically, until cancelled.
-
-    Imported modules are exempted from garbage collection, which becomes faster. The first
-    estimate or report imports more; a slow collection then exempts those as well.
-    """
+    """Free unused memory periodically, until cancelled; imported modules are exempt."""
     gc.freeze()
     heap, freezes = HeapKeeper(monotonic_s(), period_s=TIDY_S), 1
     while True:

@@ -71,8 +71,7 @@ class ServerSettings:
     """Text by which phones join this computer's own Wi-Fi:
     ``WIFI:T:WPA;S:name;P:password;;``."""
     drone_settings: Path | None = None
-    """Path of the ``uavrt.toml`` of the drone side on this computer, which the page may set
-    up."""
+    """``uavrt.toml`` of the drone side on this computer, which the page may set up."""
 
 
 def listening_socket(settings: ServerSettings) -> ListeningSocket:

@@ -49,7 +49,7 @@ class Authority:
         self._writer, self.behaviour = writer, writer.behaviour
         self._may_take_off, self._unwatched = may_take_off, unwatched_channels
         self.reason = "nothing was confirmed"
-        """Reason why this drone is out of command, for the operator."""
+        """Reason why this program may not command the drone, for the operator."""
         self.out_s = 0.0
         self.nearest_m: float | None = None
         """Shortest distance to the target reached on the previous leg [m]; None: no leg."""
@@ -72,10 +72,7 @@ class Authority:
         return None if self._order is None else self._order.offer.order_id
 
     def offer(self, order_id: int, nonce: int, now_s: float, *, takeoff: bool = False) -> None:
-        """Propose an order to the operator for confirmation; it replaces an earlier proposal.
-
-        Raises `CommandRefused`: the vehicle cannot be flown now, or the nonce was used.
-        """
+        """Propose an order to the operator for confirmation, instead of an earlier one."""
         mode, place, home = self._check_vehicle(now_s, takeoff=takeoff)
         vehicle = self.vehicle
         rests = self._order is None and vehicle.in_own_mode

@@ -12,7 +12,10 @@ from uavrt.guidance.control.stopping_distance import stops_within_m
 from uavrt.guidance.control.yaw import YawWatch
 from uavrt.guidance.safety import SAFETY
 
-OTHERS_TARGET, OTHERS_HEIGHT = "another has given a target", "another changes the height"
+OTHERS_TARGET, OTHERS_HEIGHT = (
+    "another program has set a target",
+    "another program changes the height",
+)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -31,7 +34,7 @@ class Commanded:
     turning_deg_s: InitVar[float]
     """Rate at which the drone's heading changed when the command was sent [°/s]."""
     previous: InitVar["Commanded | None"]
-    """Previous command of the same order; None for the first."""
+    """Previous command of the same order; None for the order's first."""
     left_m: float = field(init=False)
     """Shortest distance to the target since the command [m]."""
     slack_m: float = field(init=False)

@@ -8,11 +8,7 @@ from uavrt.guidance.safety import SAFETY
 
 
 class Lateness:
-    """Measures the delay of reports by the autopilot's time since its start.
-
-    Uses TIMESYNC if available. Otherwise the message with the smallest offset since the link
-    came up counts as not delayed.
-    """
+    """Delay of reports by the autopilot's time, from TIMESYNC or the earliest message."""
 
     def __init__(self) -> None:
         self._least: tuple[float, float] | None = None

@@ -66,7 +66,7 @@ class Offer:
         then, now, within_m = self.target, vehicle.target, vehicle.behaviour.target_m
         given = then is not None and now is not None and not same_place(then, now, within_m)
         if given or (self.rests and then is None and is_elsewhere(now, self.place)):
-            what = "another has given a target since you were asked"
+            what = "another program has set a target since you were asked"
         elif self.rc is not None and self.rc.unsure:
             what = "a switch of the remote control was moved just now"
         else:
@@ -87,7 +87,7 @@ class Offers:
         """Replace the proposed order; raises `CommandRefused` for a used nonce."""
         if offer.nonce in self._used:
             raise CommandRefused(
-                "this nonce was used before", remedy="Request the motion again"
+                "the order repeats an earlier nonce", remedy="Request the motion again"
             )
         self._used.add(offer.nonce)
         self._withdrawn, self._offer = None, offer
@@ -142,11 +142,7 @@ def resting(
 
 
 def is_elsewhere(target: TargetSeen | None, place: PositionSeen | None) -> bool:
-    """True if the first reported target is not where the vehicle holds its position.
-
-    In Guided, ArduPilot reports no target before it has one. A target where it holds or comes
-    to rest belongs to no order.
-    """
+    """True if the first reported target is not where the vehicle holds its position."""
     if target is None or target.latitude_deg is None or place is None:
         return False
     height = target.altitude_amsl_m

@@ -265,11 +265,7 @@ class OrderWatch:
         return "the vehicle has landed" if seen.on_ground and (rises or not takes_off) else None
 
     def _see_in_air(self, seen: LandedSeen) -> str | None:
-        """Check if a vehicle flies before its take-off's command.
-
-        PX4 1.17 reports flight for about a second after arming on the ground. Until it reports
-        the ground again, `check` refuses the command.
-        """
+        """Check if a vehicle flies before its take-off's command, except just after arming."""
         if seen.on_ground is not False:
             self.in_air_s = None
             return None
@@ -289,9 +285,9 @@ class OrderWatch:
 
 
 def _setpoint_turns(motion: Commanded, vehicle: ObservedVehicle) -> bool:
-    """True if the setpoint of a commanded heading turns although the drone has reached it.
+    """True if the heading's setpoint turns although the drone has the commanded heading.
 
-    Another's turn then begins, which a further command would undo.
+    Another station's turn then begins, which a further command would undo.
     """
     wanted_deg = None if motion.yaw is None else motion.yaw.wanted_deg
     target, seen = vehicle.target, vehicle.position

@@ -123,4 +123,7 @@ class CommandWriter:
 
     def _check_height(self, above_m: float) -> None:
         if not self.lowest_m - 0.5 <= above_m <= self.highest_m + 0.5:
-            raise CommandRefused(f"{above_m:.0f} m above home is too low or too high")
+            raise CommandRefused(
+                f"{above_m:.0f} m above home is not between {self.lowest_m:.0f} m and "
+                f"{self.highest_m:.0f} m"
+            )

@@ -1,6 +1,6 @@
 """Read outlines of areas from GeoJSON, KML and QGroundControl's plans. Pure.
 
-Of QGroundControl's plans (version 1): a survey's ``polygon``, a fence's polygons and circles.
+QGroundControl's plans (version 1) have a survey's ``polygon``, a fence's polygons and circles.
 """
 
 from collections.abc import Iterator
@@ -39,10 +39,7 @@ _KEEP_OUT_REMEDY = (
 
 
 def area_in(text: str, name: str) -> tuple[Place, ...]:
-    """Read the single outline in the text of a file; ignores excluded areas.
-
-    Raises `FormatError`: another format, no outline, or several outlines.
-    """
+    """Read the single outline in the text of a file; ignores excluded areas."""
     with in_words(f"{name} gives no area", _REMEDY):
         outlines = [one for one in _read(text) if not one.keep_out]
         if len(outlines) != 1:

@@ -1,7 +1,7 @@
 """Read paths from GeoJSON, KML and QGroundControl's plans. Pure.
 
-Of QGroundControl's plans (version 1): waypoints (MAVLink commands 16 to 22 with a position) and
-lines of surveys (``VisualTransectPoints``).
+QGroundControl's plans (version 1) have waypoints (MAVLink commands 16 to 22 with a position)
+and lines of surveys (``VisualTransectPoints``).
 """
 
 from collections.abc import Iterator

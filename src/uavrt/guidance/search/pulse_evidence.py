@@ -65,10 +65,7 @@ class _TagSearch:
     missed: int = 0
 
     def set_noise(self, measured_by: str, psd: float) -> None:
-        """Record the noise, which may change with the heading; a pulse's energy does not.
-
-        Reports measure a channel, pulses one frequency: each has a first value of its own.
-        """
+        """Record the noise of a channel or of one frequency, which may change with heading."""
         if isfinite(psd) and psd > 0.0:
             before = 10.0 ** (self.noise_db / 10.0)
             first = self.first_psds.setdefault(measured_by, psd / before)
@@ -78,20 +75,14 @@ class _TagSearch:
 def threshold_db(k: int, *, coded: bool = False) -> float:
     """ENR at which half of the groups of K equal pulses, or of K coded bursts, are found [dB].
 
-    Fitted to `uavrt.detection.sensitivity.enr_needed_db` for 20 ms tags with exact and usual
-    intervals: 11.4 dB for one pulse, 7.8 and 8.6 for three, 4.1 and 5.3 for ten. That function
-    would need scipy.stats, twice the guide's memory. One coded burst of four pulses takes 9.7
-    dB per pulse, three 6.0, ten 2.7.
+    Fitted to `uavrt.detection.sensitivity.enr_needed_db` for 20 ms tags, which would need
+    scipy.stats, twice the guide's memory.
     """
     return (9.7 if coded else 11.4) - 6.6 * log10(max(1, k))
 
 
 class PulseEvidence:
-    """Converts pulses, search reports and positions to evidence.
-
-    `k`: number of pulses in a group; 0: as set for each tag. `codes`: number of listed coded
-    tags, searched or not; with many, reports are less frequent.
-    """
+    """Converts pulses, search reports and positions to evidence."""
 
     def __init__(
         self,
@@ -218,11 +209,7 @@ def _pulse_search(tag: Tag, k: int) -> _TagSearch:
 
 
 def _coded_search(tag: Tag, codes: int) -> _TagSearch:
-    """Search state of a coded tag: a burst below its own threshold may still be found later.
-
-    A strong burst is reported within two seconds. One found only together with nine others is
-    up to eighteen intervals late; the drone is then far away.
-    """
+    """Search state of a coded tag; a burst found with nine others is 18 intervals late."""
     (interval,) = tag.pulse_intervals_s
     return _TagSearch(
         slot_s=interval + tag.interval_uncertainty_s,

@@ -34,11 +34,7 @@ class SearchDecisions:
         self.held: tuple[int, ...] = ()
 
     def judge(self, time_s: float, others: Sequence[Neighbour]) -> list[int]:
-        """Mark tags as found, by this or another drone; return the new ones.
-
-        A false report could end this search. So another drone's finding counts only at the
-        accuracy set here, within the area, and while that drone searches.
-        """
+        """Mark tags as found, by this or a credible other drone; return the new ones."""
         new = []
         for one in others:
             course = one.course
@@ -109,10 +105,7 @@ class SearchDecisions:
         )
 
     def _entered(self, action: Action, state: VehicleState, now: VehicleNow) -> str | None:
-        """Text on an excluded area that an action crosses; None if there is none.
-
-        The path is checked from the present position and from the stopping point.
-        """
+        """Text on an excluded area that an action crosses, from here or the stopping point."""
         goal = goal_of(action)
         if goal is None:
             return None

@@ -164,7 +164,7 @@ class SearchTask:
 
 
 def _wanted(order: Order, listed: Sequence[Tag]) -> tuple[Tag, ...]:
-    """Tags that the order asks to search for."""
+    """Tags that the order names for the search; by default all listed tags."""
     if not listed:
         raise PlanError(
             "the drone searches for no tag", remedy="Send the tags and start detection first"

@@ -59,11 +59,7 @@ class _Course:
 
 
 class Seeker:
-    """Runs one search.
-
-    `listed`: tags that the detectors search for. `behaviour`: the autopilot's. Raises
-    `PlanError`, with reason and remedy, if the search cannot be flown.
-    """
+    """Runs one search; raises `PlanError`, with reason and remedy, if it cannot be flown."""
 
     def __init__(
         self,
@@ -174,10 +170,7 @@ class Seeker:
     def think(
         self, time_ns: int, now: VehicleNow, *, idle: bool, others: Sequence[Neighbour] = ()
     ) -> Choice:
-        """Mark found tags, and decide where to fly.
-
-        `idle`: True if the last decision is completed. `others`: drones of the same search.
-        """
+        """Mark found tags, and decide where to fly; `idle` if the last decision is done."""
         for evidence in self._evidence.missed():
             self._listen(evidence)
         time_s, search, course = self._elapsed_s(time_ns), self._search, self._course

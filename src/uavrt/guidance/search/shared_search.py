@@ -34,10 +34,7 @@ class _Asked:
 
 
 class SharedSearch:
-    """Other drones of a search, and the paths assigned to this drone.
-
-    `sequence`: number of its first report; random, so that a restarted guide differs.
-    """
+    """Other drones of a search, and the paths assigned to this drone."""
 
     def __init__(self, sequence: int = 0) -> None:
         self._sequence = self._number = sequence % _ROUND
@@ -132,10 +129,7 @@ class SharedSearch:
         return self._asked is not None
 
     def choose(self, choice: "Choice", now: VehicleNow) -> bool:
-        """Handle a choice; True if it is flown at once, False if it is requested first.
-
-        A path already assigned needs no request. Nor does the return: drones differ in height.
-        """
+        """Handle a choice; True if it is flown at once, False if it is requested first."""
         assert choice.way is not None
         begin, end = choice.way
         self._choice = choice

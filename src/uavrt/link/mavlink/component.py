@@ -9,8 +9,9 @@ from collections import Counter, OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Literal
+from typing import Final
 
+from uavrt.config.settings import MavlinkSettings
 from uavrt.core.earth.attitude import yaw_deg
 from uavrt.core.messages import AttitudeSample, Pose, PositionSample
 from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
@@ -48,7 +49,7 @@ ANSWERS_BURST, ANSWERS_PER_S = 24, 4
 """Answers to peers other than the autopilot: most at once, and per second. Enough for pings of
 a few stations once a second, and for the requests of a station that connects."""
 
-ParameterEncoding = Literal["auto", "bytewise", "c_cast", "float"]
+DEFAULTS: Final = MavlinkSettings()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,39 +78,33 @@ class Component:
     """MAVLink component of the companion computer, on the autopilot's system.
 
     `send`: sends a message at once, from this object's `system_id` and `component_id`.
-    `handlers`: callbacks for what is received. `component_id`: 191 is
-    MAV_COMP_ID_ONBOARD_COMPUTER. `attitude_rate_hz`, `position_rate_hz`: rates requested from
-    the autopilot. `parameter_encoding`: how integers travel in parameters; auto: as the
-    autopilot does it, else as floats. `watched_hz`: further message ids to request, with their
-    rates. `own_system_id`: system number of a station without an autopilot; None: take the
-    number of the autopilot.
+    `handlers`: callbacks for what is received. `watched_hz`: further message ids to request,
+    with their rates. `own_system_id`: system number of a station without an autopilot; None:
+    take the number of the autopilot.
     """
 
     def __init__(
         self,
         send: Callable[[Message], None],
         handlers: Handlers,
+        settings: MavlinkSettings = DEFAULTS,
         *,
-        component_id: int = 191,
-        attitude_rate_hz: float = 50.0,
-        position_rate_hz: float = 10.0,
-        parameter_encoding: ParameterEncoding = "auto",
         watched_hz: Mapping[int, float] = MappingProxyType({}),
         own_system_id: int | None = None,
     ) -> None:
         self._own_system_id = own_system_id
         self._send = send
         self._handlers = handlers
-        self._encoding = parameter_encoding
+        self._encoding = settings.parameter_encoding
         self.metadata: Metadata | None = None
         """COMPONENT_METADATA message sent on request; None if no files are served."""
-        self.component_id = component_id
+        self.component_id = settings.component_id
         self.discovery = Discovery()
         self.time_sync = TimeSync()
         self.streams = StreamRequests(
             {
-                dialect.AttitudeQuaternion.ID: attitude_rate_hz,
-                dialect.GlobalPositionInt.ID: position_rate_hz,
+                dialect.AttitudeQuaternion.ID: settings.attitude_rate_hz,
+                dialect.GlobalPositionInt.ID: settings.position_rate_hz,
                 dialect.SystemTime.ID: 1.0,
                 **watched_hz,
             }
@@ -151,10 +146,7 @@ class Component:
         return "ready"
 
     def has_number(self, now_ns: int) -> bool:
-        """True once the system number is known; no frame is sent before that.
-
-        After `ALONE_NS` without an autopilot, the component takes the usual number.
-        """
+        """True once the system number is known, or after `ALONE_NS` without an autopilot."""
         if self._own_system_id is not None or self.discovery.autopilot is not None:
             return True
         return self._started_ns is not None and now_ns - self._started_ns >= ALONE_NS
@@ -396,10 +388,7 @@ class Component:
         )
 
     def _take_time(self, message: dialect.Timesync, peer: Peer, now_ns: int) -> None:
-        """Handle the autopilot's answer to a time request; `ts1` identifies the request.
-
-        The answer's target is unusable: PX4 1.17 leaves it uninitialised.
-        """
+        """Handle the autopilot's answer to a time request; `ts1` identifies the request."""
         if peer != self.discovery.autopilot or message.ts1 not in self._requests:
             self.counters["timesync_foreign"] += 1
             return

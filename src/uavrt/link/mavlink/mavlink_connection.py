@@ -1,17 +1,14 @@
-"""Run a MAVLink component on its links; the core of the connection process.
-
-A link moves bytes, `Component` implements the protocol, `TunnelSender` chooses link and time.
-`Connection` joins them on an asyncio loop.
-"""
+"""Run a MAVLink component on its links; the core of the connection process."""
 
 import asyncio
 from collections.abc import Callable, Mapping
 from functools import partial
 from types import MappingProxyType
 
+from uavrt.config.settings import MavlinkSettings
 from uavrt.core.log import get_logger
 from uavrt.core.units import NANOSECONDS_PER_SECOND
-from uavrt.link.mavlink.component import Component, Handlers, ParameterEncoding
+from uavrt.link.mavlink.component import DEFAULTS, Component, Handlers
 from uavrt.link.mavlink.dialect import MavComponent
 from uavrt.link.mavlink.discovery import Peer
 from uavrt.link.mavlink.frame import SIGNATURE_SIZE, Frame, FrameWriter
@@ -47,23 +44,17 @@ class _OpenLink:
 class Connection:
     """The drone's MAVLink connection.
 
-    `clock_ns`: clock of all times that are passed on [ns, UTC]. `component_id`,
-    `attitude_rate_hz`, `position_rate_hz`, `gap_s`, `parameter_encoding`, `own_system_id`,
-    `watched_hz`: see `Component` and `TunnelSender`. `signing`: signs and checks frames; the
-    number of a link is its signing link id.
+    `clock_ns`: clock of all times that are passed on [ns, UTC]. `own_system_id`, `watched_hz`:
+    see `Component`. `signing`: signs and checks frames; the number of a link is its signing
+    link id.
     """
 
     def __init__(
         self,
         handlers: Handlers,
         clock_ns: Callable[[], int],
+        settings: MavlinkSettings = DEFAULTS,
         *,
-        links: int = 1,
-        component_id: int = 191,
-        attitude_rate_hz: float = 50.0,
-        position_rate_hz: float = 10.0,
-        gap_s: float = 0.020,
-        parameter_encoding: ParameterEncoding = "auto",
         signing: Signing | None = None,
         watched_hz: Mapping[int, float] = MappingProxyType({}),
         own_system_id: int | None = None,
@@ -74,10 +65,7 @@ class Connection:
         self.component = Component(
             self._send,
             handlers,
-            component_id=component_id,
-            attitude_rate_hz=attitude_rate_hz,
-            position_rate_hz=position_rate_hz,
-            parameter_encoding=parameter_encoding,
+            settings,
             watched_hz=watched_hz,
             own_system_id=own_system_id,
         )
@@ -86,19 +74,19 @@ class Connection:
                 number,
                 FrameWriter(
                     self.component.system_id,
-                    component_id,
+                    settings.component_id,
                     None if signing is None else partial(signing.signature, link_id=number),
                 ),
             )
-            for number in range(links)
+            for number in range(1 + len(settings.direct_links))
         ]
-        self._routes = Routes(links)
+        self._routes = Routes(len(self._ways))
         senders = [
             PacedSender(
                 lambda message, way=way: way.send(message, self.component.system_id),  # type: ignore[misc]
                 lambda: self.component.discovery.target(clock_ns()),
                 clock_ns,
-                gap_s=gap_s,
+                gap_s=settings.tunnel_gap_s,
                 straight=way.number != AUTOPILOT_LINK,
                 frame_extra_bytes=0 if signing is None else SIGNATURE_SIZE,
                 may_send=lambda: self.component.has_number(clock_ns()),

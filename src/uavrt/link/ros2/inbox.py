@@ -79,10 +79,7 @@ T = TypeVar("T")
 class SendingOrder(Generic[T]):
     """Sorts the messages of several readers into the order of their sending.
 
-    Readers are emptied one after the other, pass by pass. A message sent earlier also arrived
-    earlier, so it comes in the next pass at the latest; messages sent later wait for that pass.
-
-    `sent`: returns the sorting key of a message, such as its sending time.
+    A message sent earlier comes in the next pass at the latest; later ones wait for that.
     """
 
     def __init__(self, sent: Callable[[T], tuple[int, ...]]) -> None:

@@ -200,7 +200,9 @@ def tag_from_ros(message: RosTag | RosCodedTag) -> Tag:
         gaps = tuple(Entry(number=gap, label="gaps", line=0) for gap in message.gaps)
         message = message.tag
         if not gaps or message.interpulse_time_2 != 0.0:
-            raise FormatError(f"tag {message.tag_id} refused: needs gaps and one interval")
+            raise FormatError(
+                f"coded tag {message.tag_id} refused: needs gaps and one interval"
+            )
     entries: dict[Quantity, Entry] = {
         quantity: Entry(
             number=getattr(message, name),

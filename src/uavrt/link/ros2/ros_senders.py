@@ -18,7 +18,7 @@ from uavrt.link.ros2.graph import RosTopic
 
 GATEWAY_MARK = b"uavrt=gateway;"
 DETECTOR_MARK = b"uavrt=detector;"
-"""Mark in a participant's user data, next to ROS 2's own ``enclave=/;``."""
+"""Mark of a detector in a participant's user data, next to ROS 2's own ``enclave=/;``."""
 SYSTEM_TOPIC = "pulse_pose"
 """Topic that only the gateway of a drone publishes."""
 REMEMBERED = 4096

@@ -27,11 +27,7 @@ STALE_AFTER_S = 3.0
 def component_status(
     component: str, status: SystemStatus | None, age_s: float, settings: Settings
 ) -> tuple[DiagnosticStatus, ...]:
-    """State of one component; empty while nothing is meant to run.
-
-    `component`: ``airspy_csdr_netcat``, ``channelizer`` or ``detector``. `status`: last
-    reported state of the drone side. `age_s`: age of that report [s].
-    """
+    """State of one component; empty while nothing is meant to run."""
     if status is None or status.state is not SystemState.DETECTING:
         return ()
     stale = age_s > STALE_AFTER_S

@@ -50,12 +50,7 @@ log = get_logger()
 
 
 class Gate:
-    """Decides on the drone which ground stations may command.
-
-    `commanders`: system ids that may command; empty: all. `key_file`: file with a key; then
-    only sealed commands are accepted, if `key_required`. `key_required`: False to accept
-    unsealed commands too. Raises `ConfigError` if the key cannot be read.
-    """
+    """Decides on the drone which ground stations may command, by number and key."""
 
     def __init__(
         self,
@@ -127,10 +122,7 @@ class Gate:
 
     @contextmanager
     def order(self, order: bytes, station: Ids, *, sealed: bool) -> Iterator[str | None]:
-        """Context in which a motion order is handled; yields the reason of a refusal, or None.
-
-        Answers that are sent within the block belong to this order.
-        """
+        """Context of a motion order; yields the reason of a refusal, or None."""
         refusal = self.refusal(station, sealed=sealed)
         if sealed:
             if station not in self._proving and not is_stop(order):
@@ -145,11 +137,7 @@ class Gate:
             self._proves = True
 
     def answer(self, state: bytes, station: Ids, drone: Ids) -> tuple[bytes, int, bool]:
-        """Encode the answer to an order: payload, type, and whether it is sent before pulses.
-
-        The answer to a sealed order carries a proof. An unsealed order under the same ids and
-        number is answered without one.
-        """
+        """Encode an order's answer, with proof if sealed: payload, type, and if urgent."""
         sealed = self._proves and (station, number_of(state)) in self._orders
         if sealed and station in self._proving and self._keeper is not None:
             proven = self._keeper.prove_answer(state, station, drone)
@@ -175,11 +163,7 @@ class Sealer:
         return self._session is not None
 
     def accept_session(self, payload: bytes, drone: Ids) -> None:
-        """Handle an announced session; raises `TunnelError` for another key or an old nonce.
-
-        Only a session that returns a recently sent nonce is used: any other announcement may be
-        a recording.
-        """
+        """Handle an announced session, which must return a recently sent nonce."""
         session, newest, nonce = session_of(payload, self._key, drone)
         now_s = monotonic_s()
         self._last = max(self._last, newest)
@@ -199,9 +183,6 @@ class Sealer:
 
         Of several announced sessions the one tried least often comes first, so that replayed
         announcements do not delay the drone's session.
-
-        `links`: number of links that carry keepalives in turn, each as often as a single one.
-        `files`: True while files are requested.
         """
         now_s, due = monotonic_s(), []
         if self._session is not None and now_s - self._alive_s >= ALIVE_S / links:

@@ -34,11 +34,7 @@ class RequestCache:
     def repeated(
         self, asker: Asker, request_id: int, payload: bytes, now_s: float
     ) -> bytes | bool:
-        """Check whether a request is a repetition; store a new one.
-
-        Returns the acknowledgement to send again, True for a repetition in progress, False for
-        a new request. Raises `TunnelError` if another request had the same id.
-        """
+        """Recognise a repetition: its acknowledgement, True in progress, False if new."""
         if request_id == 0:
             return False  # never kept
         key = (asker, request_id)

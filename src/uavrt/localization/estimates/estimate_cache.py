@@ -11,11 +11,7 @@ T = TypeVar("T")
 
 
 class Cache:
-    """Cache for a caller that estimates repeatedly.
-
-    A function computes each value from its inputs, which are also the key: no input can be
-    missing from the key.
-    """
+    """Cache for a caller that estimates repeatedly; a value's inputs are its key."""
 
     def __init__(self) -> None:
         self.more = False

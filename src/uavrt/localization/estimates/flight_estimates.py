@@ -1,7 +1,6 @@
 """Estimate turns, bearings, strengths and positions of a flight, from its pulses and poses.
 
-Drone, page, report, batch and command line all call this module, so that they agree on a
-flight.
+Drone, page, report, batch and command line call this module, so that they agree.
 """
 
 import math
@@ -55,8 +54,7 @@ from uavrt.localization.tuning import FLIGHT
 NO_TIME = -1
 """Value that marks a bearing's time as unknown [ns]; its tag is assumed to rest."""
 EDGE_NS = NANOSECONDS_PER_SECOND
-"""Time before and after a turn in which pulses still belong to it [ns]; the antenna hardly
-moves."""
+"""Time before and after a turn in which pulses belong to it [ns]: the antenna hardly moves."""
 NEVER_TURNED = (
     "it was detected, but in no turn in place; receivers that do not turn add their strengths "
     "to a position only with bearings of others"
@@ -394,12 +392,7 @@ def bearings_of(
     past: Sequence[HeardInTurn] = (),
     cache: Cache | None = None,
 ) -> list[TagBearing]:
-    """One bearing for each tag and each turn in place, in order of time and tag.
-
-    Pulses that a known interval predicts and that were not received count as misses. `past`:
-    turns of other flights, for learning the pattern.
-    Raises `UsageError`: method or antenna is unknown, or the method cannot use the pulses.
-    """
+    """One bearing for each tag and each turn in place, in order of time and tag."""
     return _bearings(heard, how or ReadAs(), past, cache or Cache())[0]
 
 
@@ -433,11 +426,7 @@ def find(
     theirs: Sequence[TagBearing] = (),
     cache: Cache | None = None,
 ) -> Found:
-    """Estimate bearings of a receiver, and strengths of tags without a bearing.
-
-    A bearing in `theirs`, from the drone, replaces one estimated here from fewer pulses of a
-    turn. The other parameters are those of `bearings_of`.
-    """
+    """Estimate bearings of a receiver, and strengths of tags without; `theirs` replace."""
     how, cache = how or ReadAs(), cache or Cache()
     if antenna_of(heard, how) == MONOPOLE:
         return with_strengths(heard, how, [], cache)
@@ -530,8 +519,7 @@ def estimate(
     `cache`: for repeated calls: unchanged results are reused.
     `at_once`: most new ``"bearing"``, ``"position"`` and ``"survey"`` results; see
         `Cache.begin`.
-    Raises `UsageError`: a method or the antenna is unknown, or the method cannot use the
-        pulses.
+    Raises `UsageError`: unknown method or antenna, or the method cannot use the pulses.
     """
     how, cache = how or ReadAs(), cache or Cache()
     cache.begin(at_once)
@@ -639,9 +627,7 @@ def _stations(
 ) -> Stations:
     used = [one for one in bearings if one.bearing.accepted]
     if not used:
-        raise UsageError(
-            "none of its bearings points in a clear direction", remedy="Fly nearer"
-        )
+        raise UsageError("no bearing of the tag has a clear direction", remedy="Fly nearer")
     origin_ns = min(one.middle_time_ns for one in used)
     times_s = [(one.middle_time_ns - origin_ns) / NANOSECONDS_PER_SECOND for one in used]
     stations = Stations.of(
@@ -739,16 +725,12 @@ def _surveyed(
 
 
 def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> PowerTrack:
-    """Collect a tag's pulses along the flight, with missed ones of a listed tag.
-
-    `height_m`: height over the tag, where the poses have no height above the start.
-    Raises `UsageError`: fewer than three pulses have a known position, or no height is known.
-    """
+    """Collect a tag's pulses along the flight, with missed ones of a listed tag."""
     own, poses = heard.pulses[tag_id], heard.poses
     if len(own.time_ns) < 3:
         raise UsageError(
-            f"detected {len(own.time_ns)} times at a known position",
-            remedy="At least three pulses are needed",
+            f"only {len(own.time_ns)} of the tag's pulses have a position, three are needed",
+            remedy="Fly nearer",
         )
     noise_db = own.noise_db
     columns = [own.latitude_deg, own.longitude_deg, own.height_m, noise_db, own.snr_db]

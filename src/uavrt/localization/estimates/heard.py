@@ -137,10 +137,7 @@ class PulseColumns:
 
     @property
     def noise_db(self) -> _Floats:
-        """(n,) noise at each pulse over that usual at its gain [dB]; 0 if any is unknown.
-
-        SNR plus this noise is a pulse's energy, which noise from one direction does not change.
-        """
+        """(n,) noise at each pulse over that usual at its gain [dB]; 0 if any is unknown."""
         noise = self.noise_psd
         if not self.noise_known:
             return np.zeros(len(noise))
@@ -186,11 +183,7 @@ class PulseColumns:
         )
 
     def missed_ns(self, rhythm: "Rhythm | None") -> _Floats:
-        """Times of expected pulses that were not received [ns].
-
-        They lie between two pulses whose distance is a multiple of the tag's interval. A gap of
-        more than a day's pulses counts as a jump of the clock.
-        """
+        """Times of expected pulses that were not received, between received ones [ns]."""
         if rhythm is None or len(self.time_ns) < 2:
             return np.zeros(0)
         number = np.clip(self.rate[:-1], 1, len(rhythm.intervals_s)) - 1
@@ -230,12 +223,7 @@ class FlightGround:
         poses: PoseColumns,
         lay: Callable[..., HillLosses] = HillLosses,
     ) -> "FlightGround | None":
-        """Build the ground model around a flight; None if no pose has position and height.
-
-        Heights of a flight count from its take-off, assumed beneath the first pose. `lay` makes
-        the ground model, or returns an earlier one.
-        Raises `FormatError`: an elevation file is damaged.
-        """
+        """Build the ground model around a flight; None if no pose has position and height."""
         known = np.flatnonzero(np.isfinite(poses.latitude_deg) & np.isfinite(poses.height_m))
         if not len(known):
             return None
@@ -337,9 +325,6 @@ class Heard:
         """Sort pulses by tag and time, without those that have no position or power.
 
         Times are rounded to 256 ns, as columns of floating-point numbers hold them.
-
-        `tag_id` (n,): tag of each pulse.
-        `poses`: of the vehicle, in any order; None for a log (poses of pulses only).
         """
         usable = np.isfinite(pulses.snr_db) & np.isfinite(pulses.quaternion_wxyz[:, 0])
         usable &= np.isfinite(pulses.latitude_deg) & np.isfinite(pulses.longitude_deg)

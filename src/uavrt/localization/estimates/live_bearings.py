@@ -22,12 +22,7 @@ from uavrt.localization.tuning import ACCEPTANCE, FLIGHT
 
 
 class LiveBearings:
-    """Converts poses and pulses into the bearings that have changed.
-
-    `antenna`: the pattern, or its name; corrected by whole turns.
-    `tags`: listed tags; their missed pulses are used, too.
-    Raises `UsageError`: there is no such antenna.
-    """
+    """Converts poses and pulses into the bearings that have changed."""
 
     def __init__(
         self, antenna: AntennaPattern | str = "RA-23K", tags: Sequence[Tag] = ()
@@ -74,11 +69,7 @@ class LiveBearings:
             self._pulses.append(one)
 
     def changed(self) -> list[LiveBearing]:
-        """Bearings that changed since the last call; takes some milliseconds for each.
-
-        A bearing changes by new pulses or misses in its turn. All change when a finished turn
-        corrects the antenna's pattern.
-        """
+        """Bearings that changed since the last call; takes some milliseconds for each."""
         if not self._pulses:
             return []
         heard = Heard.of_records(

@@ -27,11 +27,7 @@ def strengths_of(
 ) -> Strengths:
     """Convert a tag's pulses, in order of time, to levels, one for each position and heading.
 
-    `listener`: name of the receiver, for the operator.
-    `height_m` (n,): height of the vehicle above the take-off at each pulse.
-    `on_ground_ns`: times on the ground reported by the autopilot, whose pulses are excluded.
-    `rhythm`: expected pulse times; pulses missed at those count as weaker than the received
-        ones.
+    Pulses on the ground are excluded. Pulses missed at the times of `rhythm` count as weaker.
     """
     monopole = antenna == MONOPOLE
     pattern = None if monopole else pattern_named(antenna)

@@ -74,10 +74,7 @@ class Cells:
         return float(self.east_m[kept[nearest]]), float(self.north_m[kept[nearest]])
 
     def radius_m(self, share: float, point: tuple[float, float], sigma_m: float) -> float:
-        """Radius of the circle around a point that holds a given probability [m].
-
-        `sigma_m`: standard deviation of a shift that all measurements share, see `shifted_m`.
-        """
+        """Radius of the circle around a point that holds a given probability [m]."""
         distance = np.hypot(self.east_m - point[0], self.north_m - point[1])
         # Four parts of each cell, for the cell that holds the point itself reaches from 0.
         parts = (np.arange(4) - 1.5) / 4.0
@@ -94,10 +91,7 @@ class Cells:
         return ellipse_of(covariance + sigma_m**2 * np.eye(2), share)
 
     def map(self, count: int, sigma_m: float) -> tuple[_Floats, _Floats, _Floats]:
-        """Probability on a regular grid around most of it: east (x,), north (y,), map (y, x).
-
-        Each cell's probability is spread by its width and by a shift that all share.
-        """
+        """Probability on a regular grid around most of it: east (x,), north (y,), (y, x)."""
         east, north, step = _even_axes(self.around(GRID.map_share), count, 2.5 * sigma_m)
         sigma = np.sqrt(self.width_m**2 / 12.0 + sigma_m**2 + step**2 / 12.0)
         across, along = (
@@ -151,11 +145,7 @@ def normal_radius_m(covariance_m2: _Floats, share: float) -> float:
 
 
 def shifted_m(radius_m: float, share: float, sigma_m: float = FLIGHT.place_sigma_m) -> float:
-    """Radius of a circle that still holds its share if all positions may be shifted [m].
-
-    `sigma_m`: standard deviation of the shift in each direction, as of the drone's positions.
-    The radii add as squares, which is exact for round normal laws.
-    """
+    """Radius that still holds its share if all positions may be shifted together [m]."""
     return float(np.hypot(radius_m, sigma_m * np.sqrt(-2.0 * np.log(1.0 - share))))
 
 
@@ -189,11 +179,7 @@ def cells_posterior(
 
 
 def cells_refined(log_likelihood: LogLikelihood, cells: Cells, density: _Floats) -> Cells:
-    """Refine an earlier posterior's cells for a likelihood with further data.
-
-    `density` (n,): the new log-likelihood at these cells. Where it differs from the first one
-    by a constant only, no cell is quartered again.
-    """
+    """Refine an earlier posterior's cells for a likelihood with further data."""
     added = density - cells.log_density
     rough = cells.rough | (added - np.median(added) > GRID.added_nats)
     return _quartered(
@@ -282,11 +268,7 @@ def _overlooked(
 
 
 def most_probable(cells: Cells, log_likelihood: LogLikelihood) -> tuple[float, float]:
-    """East and north of the maximum [m], refined by parabolas.
-
-    It is found on an even grid over the more likely half. Cells of several sizes are blurred
-    differently and cannot be compared to the last metre.
-    """
+    """East and north of the maximum on an even grid, refined by parabolas [m]."""
     east, north, step = _even_axes(cells.around(0.5), GRID.peak_cells)
     y, x = (one.ravel() for one in np.meshgrid(north, east, indexing="ij"))
     values = log_likelihood(x, y, np.full(x.size, step)).reshape(len(north), len(east))

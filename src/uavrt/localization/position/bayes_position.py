@@ -44,12 +44,7 @@ def bayes_position(
     *,
     follow: Follow = "never",
 ) -> Position:
-    """Estimate a position, with cautions for the operator.
-
-    `stations`, `powers`: measurements; at least one of them.
-    `follow`: condition for computing the path of a moving tag.
-    Raises `UsageError`: a path was requested, and times are not known.
-    """
+    """Estimate a position from bearings, powers or both, with cautions for the operator."""
     model = Model(stations, powers, known)
     solved = _solved(model)
     cells, agreement, point = solved.cells, solved.agreement, solved.point

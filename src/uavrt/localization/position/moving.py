@@ -31,12 +31,7 @@ _Floats = NDArray[np.float64]
 def path_by_bearings(
     stations: Stations, plane: TangentPlane, around: Area, *, heading_sigma_deg: float
 ) -> tuple[TrackPoint, ...]:
-    """Estimate the path of a tag through the bearings of a flight.
-
-    `around`: the tag's approximate position during the flight.
-    `heading_sigma_deg`: error of the headings, treated as independent for each bearing.
-    Raises `UsageError`: times are not known, or fewer than three.
-    """
+    """Estimate the path of a tag near `around`, through the bearings of a flight."""
     times = _checked(stations.time_s, "bearings")
     east, north = plane.to_local(stations.latitude_deg, stations.longitude_deg)
     posterior = _blurred(_posteriors(stations), heading_sigma_deg)
@@ -61,11 +56,7 @@ def path_by_powers(
 ) -> tuple[TrackPoint, ...]:
     """Estimate the path of a tag through the pulses of a flight, missed pulses included.
 
-    `ends`: approximate east and north of the tag at the start and at the end. Hypotheses begin
-        around these; there are too few to cover the whole area.
-    `fading_db`: fading of single pulses, increased where neighbours are correlated.
-    `hills`: ground model in the local plane; None is level ground.
-    Raises `UsageError`: times are not known, or fewer than three.
+    Hypotheses begin around `ends`; there are too few to cover the whole area.
     """
     times = _checked(powers.time_s, "pulses")
     east, north = plane.to_local(powers.latitude_deg, powers.longitude_deg)
@@ -174,7 +165,7 @@ def _forwards_and_backwards(
 
 
 def _point_times(times: _Floats) -> list[float]:
-    """Times of the path's points: the first, the last, and about each step between [s]."""
+    """Times of the path's points [s]: the first, the last, and about one per step between."""
     ordered = np.sort(times)
     step = max(TRACK.point_step_s, float(np.ptp(times)) / TRACK.most_points)
     points_s = [float(ordered[0])]

@@ -75,8 +75,9 @@ def _along(axis_m: _Floats, place: _Floats) -> _Floats:
 def _rings(values: _Floats, level: float) -> list[tuple[_Floats, _Floats]]:
     """Closed contours of an array at a level, as rows and columns; its margin must be lower.
 
-    Marching squares. Around each cell, counter-clockwise, the edge at which a contour leaves
-    the region leads to the one at which it enters. So the region is on the left of each ring.
+    It is found by marching squares. Around each cell, counter-clockwise, the edge at which a
+    contour leaves the region leads to the edge at which it enters; so the region is on its
+    left.
     """
     after: dict[_Edge, _Edge] = {}
     inside = values >= level

@@ -2,8 +2,8 @@
 
 A tag moving past a drone is equivalent to the drone moving past a tag. The same likelihood
 applies, with each position of the drone shifted back by the tag's movement. The evidence of
-both is summed over a grid of positions and velocities: first a coarse one with some of the
-pulses, then a finer one if the first favours walking.
+both is summed over a coarse grid of positions and velocities, with some of the pulses. If that
+favours walking, a finer grid follows.
 """
 
 from dataclasses import dataclass, replace
@@ -95,12 +95,7 @@ def survey_walk(
     around: Area,
     propagation: Propagation,
 ) -> SurveyWalk | None:
-    """Compare a walking tag with a resting tag by the powers of a survey.
-
-    `east_m`, `north_m` (n,): the track in the local plane.
-    `powers`: with times; foreign pulses left out.
-    Returns: None for a flight that is too short, or without signs of walking.
-    """
+    """Compare a walking with a resting tag by the powers of a survey; None if no signs."""
     if powers.time_s is None:
         return None
     heard = ~np.isnan(powers.snr_db)

@@ -198,8 +198,8 @@ class SurveyTuning:
     height_sigma_m: float = 7.0
     """Default standard deviation of a stated height above the tag [m]."""
     height_share: float = 0.25
-    """Maximum standard deviation of a height, as a share of it: a person carries a receiver at
-    1.5 m, whatever the ground. Larger ones explain shadows as heights."""
+    """Maximum standard deviation of a height, as a share of the height. With a larger one, a
+    signal weakened by an obstacle is taken for a wrong height."""
     far_wrong_share: float = 0.1
     """Prior share of heights with a far greater error."""
     far_wrong_sigmas: float = 4.0
@@ -313,8 +313,8 @@ class LevelTuning:
     """Range of the table of the normal tail to both sides [standard deviations]."""
     receiver_gains_db: tuple[tuple[float, float], ...] = ((0.7, 6.0), (0.3, 20.0))
     """Common error of another receiver's levels: probability and standard deviation [dB] of two
-    cases. Another radio or cable makes some decibels. An antenna 6 m over the ground receives a
-    far tag 20 dB weaker than one at 60 m (two rays), and one behind a hut weaker still."""
+    cases. Another radio or cable makes some decibels. By the ground's reflection, an antenna
+    at 6 m receives a far tag 20 dB weaker than one at 60 m; a hut weakens it further."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -322,19 +322,19 @@ class LossErrorTuning:
     """Constants for the error of losses behind hills, relative to those by the map."""
 
     mean: float = 0.4
-    """Mean of the error: round tops lose up to twice as much (P.526-15, 4.2), woods more."""
+    """Mean relative error: round tops lose up to twice as much (P.526-15, 4.2), woods more."""
     sigma: float = 0.5
-    """Standard deviation of the error before any pulse."""
+    """Standard deviation of the relative error before any pulse."""
     correlation_m: float = 800.0
     """Length of the drone's path over which the error's correlation falls to 1 / e [m]."""
     pulse_share: float = 0.05
     """Standard deviation of each pulse's own part, as a share of the loss."""
     limits: tuple[float, float] = (-0.7, 2.5)
-    """Minimum and maximum mean of the error after pulses."""
+    """Minimum and maximum mean of the relative error after pulses."""
     grazing_db: float = 6.0
     """Change of loss by some metres of height where a path grazes a hill [dB]."""
     grazing_fall_db: float = 3.0
-    """Loss over which the change by some metres decreases to 1 / e [dB]."""
+    """Loss at which the change `grazing_db` has decreased to 1 / e of itself [dB]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -91,11 +91,7 @@ class Elevation:
         return tuple(said)
 
     def heights_m(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike) -> _Floats:
-        """Heights of positions [m], of any shape; NaN if unknown.
-
-        Raises `FormatError`: a file is damaged.
-        Raises `UsageError`: the positions are spread over too much ground.
-        """
+        """Heights of positions [m], of any shape; NaN if unknown."""
         latitude = np.asarray(latitude_deg, np.float64)
         longitude = np.asarray(longitude_deg, np.float64)
         shape = np.broadcast_shapes(latitude.shape, longitude.shape)

@@ -14,11 +14,8 @@ _REMEDY = "Name a tile (N47E008.hgt), a GeoTIFF of heights (.tif), or a folder o
 def open_elevation(path: Path, *, sea: bool = False) -> Elevation:
     """Open an elevation file, or all of a folder.
 
-    `path`: ``.hgt``, ``.hgt.zip``, ``.tif``, ``.tiff``, or a folder.
     `sea`: treat positions outside all files as water at height 0, as there are no tiles of the
-        open sea.
-    Raises `FormatError`: there are none, one of them is cut off, damaged or unsupported, or
-    heights above geoid and ellipsoid are mixed.
+    open sea. Raises `FormatError`.
     """
     if not path.exists():
         raise FormatError(f"there is no {path}", remedy=_REMEDY)

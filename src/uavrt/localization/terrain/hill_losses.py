@@ -2,8 +2,8 @@
 
 The loss from one drone position to all squares of the ground is computed once
 (`uavrt.localization.terrain.viewshed`) and cached, since position estimates use ten thousand
-positions with every pulse. Drone positions are rounded to a lattice as fine as the squares,
-coarser where a flight has too many of them, so that a flight's cost is bounded.
+positions with every pulse. Drone positions are rounded to a lattice as fine as the squares. It
+is coarser for a flight with too many positions, which bounds the cost.
 """
 
 from collections import OrderedDict
@@ -44,8 +44,8 @@ _Node = tuple[int, int, int]
 class HillLosses:
     """Ground around a take-off, and the losses behind hills on it.
 
-    Heights of the drone count from the ground at the take-off, as autopilots report. So do east
-    and north, except in another plane (`in_plane`).
+    Heights of the drone count from the ground at the take-off, as autopilots report. East and
+    north count from the take-off, or from the origin of `in_plane`.
 
     `frequency_hz`: of the tags. `tag_m`: height of the tags above the ground beneath them.
         `limitations`: sentences on where the losses do not apply; `cautions` adds gaps of the

@@ -85,13 +85,7 @@ def ground_grid(
     north_m: float,
     cell_m: float,
 ) -> GroundGrid:
-    """Heights on squares over an area, whose last cells may extend beyond it.
-
-    `elevation`: None is level ground at height 0, all cells known. `plane`: origin of the
-        metres. `cell_m`: side of a square.
-    Raises `UsageError`: more than 16 million squares.
-    Raises `FormatError`: an elevation file is damaged.
-    """
+    """Heights on squares over an area; level ground at height 0 without `elevation`."""
     columns = max(2, math.ceil((east_m - west_m) / cell_m) + 1)
     rows = max(2, math.ceil((north_m - south_m) / cell_m) + 1)
     if rows * columns > _MOST_CELLS:

@@ -1,8 +1,4 @@
-"""Compute the loss behind hills at every position around a drone.
-
-Each cell has its own profile, with points as far apart as the cells, and its loss is that of
-`uavrt.localization.terrain.diffraction`. Compiled kernels take a hundredth of NumPy's time.
-"""
+"""Compute the loss behind hills at every position around a drone."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,13 +23,7 @@ def terrain_loss_map(
     tag_m: float,
     frequency_hz: float,
 ) -> NDArray[np.float32]:
-    """Loss beyond that of level ground, from a drone to tags at all cells [dB].
-
-    `ground`: grid that contains the drone's position.
-    `antenna_m`, `tag_m`: heights of drone and tags above the ground beneath them.
-    Returns: shape (rows, columns).
-    Raises `UsageError`: the drone is not over the grid.
-    """
+    """Loss beyond that of level ground, from a drone to tags at all cells [dB]."""
     height = ground.height_m
     rows, columns = height.shape
     column = (east_m - ground.west_m) / ground.cell_m

@@ -81,12 +81,7 @@ class Weights:
     def of(
         cls, basis: _Floats, mixing: _Floats, energies: SlotEnergies, interval_s: float
     ) -> "Weights":
-        """Derive a sum's deviation and skewness from the flight's own energies.
-
-        A train has one pulse in each interval, at a random phase, so a slot holds one with the
-        probability slot / interval. The sum's cumulants are those of all slots' weighted
-        energies, times this. Hum, tones and changing levels are included.
-        """
+        """Derive a sum's deviation and skewness from the flight's own energies."""
         shape = (len(energies.energy), len(mixing))
         square, cube = np.zeros(shape), np.zeros(shape)
         moments = np.zeros((3, len(mixing)))
@@ -171,11 +166,7 @@ def pulse_weights(gain: _Floats, design_enr: float = SEARCH.design_enr) -> _Floa
 def low_rank_weights(
     gain: _Floats, time_s: _Floats, energies: SlotEnergies, interval_s: float
 ) -> Weights:
-    """Reduce the positions' gains to a few patterns to fold, and their mixing coefficients.
-
-    `gain` (places, times): energy of a pulse relative to that position's strongest.
-    `time_s` (times,): rising, from the first slot's beginning.
-    """
+    """Reduce the positions' gains to a few patterns to fold, and mixing coefficients."""
     mixing, patterns = low_rank(pulse_weights(gain))
     return Weights.over(patterns, mixing, time_s, energies, interval_s)
 
@@ -219,11 +210,7 @@ def scores(
     slot_s: float,
     between_s: tuple[float, float],
 ) -> Iterator[tuple[int, _Floats, NDArray[np.float32]]]:
-    """Fold some frequencies at all intervals between two; yields all scores, fold by fold.
-
-    Yields: number of the frequency, intervals (n,) [slots], and standard deviations of the
-    weighted sums (places, n, phases) as float32.
-    """
+    """Fold some frequencies at all intervals between two; yields all scores by fold."""
     for at, intervals, sums, scale in _folds(values, rows, weights, slot_s, between_s):
         score = weights.scaled(at) @ sums.reshape(len(sums), -1)
         yield at, intervals, score.reshape(-1, *sums.shape[1:]) * scale[:, np.newaxis]
@@ -258,11 +245,7 @@ def _folds(
 
 
 def cells_searched(slots: int, slot_s: float, between_s: tuple[float, float]) -> float:
-    """Number of distinguishable cells of a fold of one frequency.
-
-    Cells differ by at least a slot over all pulses. A fold has rows for up to twice the
-    periods; only the true number counts.
-    """
+    """Number of distinguishable cells of a fold of one frequency, a slot apart."""
     low_s, high_s = between_s
     cells = 0.0
     for period in base_periods(low_s, high_s, slot_s):
@@ -286,11 +269,7 @@ def hypotheses_of(energies: SlotEnergies, weights: Weights, tag: Tag) -> float:
 
 
 def correlation_slots(energies: SlotEnergies) -> _Floats:
-    """Number of slots over which each frequency's energies are correlated; 1 if independent.
-
-    A narrow line of hum changes slowly, so its independent slots are few. The number is the sum
-    of the squared correlation over all lags.
-    """
+    """Number of slots over which each frequency's energies are correlated; 1 if not."""
     energy = energies.energy
     power = np.maximum(np.sum(energy**2, axis=1, dtype=np.float64), 1e-9)
     alike = [
@@ -321,9 +300,7 @@ def search_flight(
     """Find the likeliest trains of a tag; the least likely in noise comes first.
 
     All its rates are searched: weak pulses by their weighted energies, strong ones by their
-    number, since the energies exclude them. Of trains of strong pulses with the same pulses the
-    most central comes first. `most`: number of trains returned. `few_patterns`: number of
-    patterns above which fewer positions select the cells to examine in full.
+    number, since the energies exclude them.
     """
     folded = weights if len(weights.basis) <= few_patterns else _coarser(weights, energies)
     weak = _weak_trains(energies, weights, folded, tag, most)
@@ -435,11 +412,7 @@ def _loud_trains(energies: SlotEnergies, tag: Tag, most: int) -> list[FoldedTrai
 def _through_middles(
     logs: _Floats, found: Peaks, energies: SlotEnergies
 ) -> tuple[NDArray[np.intp], _Floats]:
-    """Order trains of strong pulses: likeliest first, then the most central.
-
-    Frequencies next to a pulse's have fewer marks and can give less likely trains of the same
-    pulses: all these trains get their lowest probability.
-    """
+    """Order trains of strong pulses: likeliest first, then the most central."""
     order = np.argsort(logs, kind="stable")
     if not len(order):
         return order, logs
@@ -457,7 +430,8 @@ def _marks(
     """Marks of strong pulses: 1 each, plus less than a half in total for central slots.
 
     A pulse marks the slots within its jitter and the frequencies of its flanks, so many trains
-    have as many marks. The train through the middles, at the strongest frequency, has the most.
+    have equally many marks. The train through the middles, at the strongest frequency, has
+    most.
     """
     marks = np.zeros(energies.loud.shape, np.float32)
     most = math.ceil(energies.loud.shape[1] * energies.slot_s / shortest_s) + 1

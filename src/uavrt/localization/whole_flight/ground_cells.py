@@ -50,11 +50,7 @@ class Cells:
         return _area(self.range_m, self.width_deg, self.ratio)
 
     def region(self, share: float) -> NDArray[np.bool_]:
-        """Cells that hold a given probability, whichever path loss exponent is true.
-
-        For each exponent they are the smallest such region. After one pass the exponents cannot
-        be distinguished, and a joint region would ignore the less probable ones.
-        """
+        """Cells that hold a given probability, whichever path loss exponent is true."""
         area = self.area
         inside = np.zeros(len(area), bool)
         for probability in self.by_fall:
@@ -156,10 +152,7 @@ class Cells:
     ) -> list[float]:
         """Radii of circles around a position that hold given probabilities [m].
 
-        They allow for an error that all positions of the drone share.
-
-        Each cell's probability is spread evenly over its ground, as in `region`; otherwise a
-        single cell would have no radius. `cells`: cells whose probability counts; None is all.
+        Each cell's probability is spread evenly over its ground, as in `region`.
         """
         chosen = slice(None) if cells is None else cells
         parts = (np.arange(PLACE.points) + 0.5) / PLACE.points

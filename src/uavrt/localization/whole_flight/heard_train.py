@@ -101,7 +101,7 @@ class HeardTrain:
 
     pulses: TrainPulses
     mean_noise_energy: float
-    """Mean energy of a slot in noise, which determines the number of exponentials."""
+    """Mean energy of a slot that has only noise [noise energies of a window]."""
     places: Places
     log_trains: float | None = None
     """Logarithm of the number of trains from which this was chosen as the best; None: it is the
@@ -135,11 +135,7 @@ class HeardTrain:
 
 
 def slot_logs(one: HeardTrain, gain: _Floats, levels_db: _Floats) -> _Floats:
-    """(levels, slots) log likelihood ratio of a pulse in each slot.
-
-    `gain` (slots,): energy of a pulse relative to the strongest.
-    `levels_db` (levels,): energy over noise of the strongest.
-    """
+    """(levels, slots) log likelihood ratio of a pulse in each slot."""
     table = likelihood_table(one)
     column, beyond_db = table_columns(one.pulses.energy)
     gain_db = 10.0 * np.log10(gain + 1e-9) - beyond_db
@@ -166,12 +162,7 @@ def noise_reaches(one: HeardTrain, share: float) -> float:
 
 
 def likelihood_table(one: HeardTrain, fading_db: float = PLACE.fadings_db[0]) -> _Floats:
-    """Log likelihood ratios of the energies of a train's pulses, or bursts.
-
-    `fading_db`: standard deviation of single pulses, from pattern, poses and ground beyond the
-        model.
-    Returns: shape (strengths `PLACE.strength_step_db` apart, amplitudes).
-    """
+    """Log likelihood ratios (strengths, amplitudes) of the energies of a train's pulses."""
     pulses, mean = one.pulses.pulses, one.mean_noise_energy
     many = _exponentials(mean) if pulses == 1 else exponentials(mean, pulses)
     finer = np.arange(
@@ -191,9 +182,9 @@ def _exponentials(mean: float) -> float:
 def _log_ratios(many: float, pulses: int, fading_db: float) -> _Floats:
     """(strengths, amplitudes) log likelihood ratio of a slot's energy.
 
-    For bursts, the mean of their pulses replaces E, and of the largest of m one may be a
-    burst's: f/(m e^-E) + (m-1)/m F/(1-e^-E) of one pulse. Fading affects all pulses of a burst
-    alike.
+    For a coded tag, E is the mean energy of a burst's pulses, and one of the m windows may hold
+    the burst. The ratio is f/(m e^-E) + (m-1)/m F/(1-e^-E), with f and F of one pulse. Fading
+    affects all pulses of a burst alike.
     """
     energy = np.maximum(AMPLITUDES, 0.1) ** 2
     if pulses == 1:
@@ -218,9 +209,9 @@ def _log_ratios(many: float, pulses: int, fading_db: float) -> _Floats:
 def _pulse_ratio(energy: _Floats, many: float) -> _Floats:
     """Likelihood ratio of the largest of m exponentials, two of which may be a pulse's.
 
-    With f and F the densities, over that of noise, and laws of their energies, N = 1 - e^-E
-    and q = 1, it is (f1 F2^q + q f2 F1 F2^(q-1))/(m N^q) + (m-1-q)/m F1 F2^q/N^(1+q); q falls
-    to 0 with m to 1.
+    f is the density of a window's energy, over that of noise, F its distribution function, and
+    N = 1 - e^-E. The ratio is (f1 F2^q + q f2 F1 F2^(q-1))/(m N^q) + (m-1-q)/m F1 F2^q/N^(1+q).
+    q is 1, and falls to 0 as m falls to 1.
     """
     below = -np.expm1(-energy)
     (first, first_law), (second, second_law) = (

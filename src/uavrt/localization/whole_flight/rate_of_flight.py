@@ -17,14 +17,7 @@ _Floats = NDArray[np.float64]
 
 
 def other_rate_logs(inverses: Iterable[_Floats], shape: tuple[int, ...]) -> _Floats:
-    """Logarithm of the gain in likelihood if a tag may have used another rate in some slots.
-
-    `inverses`: reciprocal of the likelihood ratio of a pulse in each slot, one array of
-        hypotheses after another.
-    `shape`: shape of these arrays.
-    Returns: the logarithm over all paths (forward algorithm), in that shape, which is added to
-        those of the slots' likelihood ratios.
-    """
+    """Logarithm of the gain in likelihood if a tag may have used another rate in some slots."""
     total, product, on = np.zeros(shape), np.ones(shape), np.full(shape, 0.5)
     for slot, inverse in enumerate(inverses):
         on *= 1.0 - 2.0 * PLACE.rate_change

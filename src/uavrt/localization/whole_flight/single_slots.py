@@ -24,12 +24,7 @@ class SlotEvidence:
 
 
 def slot_evidence(one: HeardTrain, gain: NDArray[np.float64]) -> SlotEvidence:
-    """Test each slot of a train separately.
-
-    `one`: train of a tag that was found.
-    `gain` (slots,): energy of a pulse from the likeliest position in each slot, relative to the
-    strongest.
-    """
+    """Test each slot of a found tag's train separately."""
     at_rate = np.ones(len(one.pulses.energy), bool)
     if one.rates > 1:
         at_rate = likeliest_states(slot_logs(one, gain, _LEVELS_DB))

@@ -61,10 +61,7 @@ class Track:
     """Ground model in the plane; None: level ground."""
 
     def gain_db(self, east_m: _Floats, north_m: _Floats, turn_deg: float = 0.0) -> _Floats:
-        """(places, times) level of pulses [dB]; 0 is boresight at 1 m.
-
-        `turn_deg`: error of all headings, by which the antenna pointed farther clockwise.
-        """
+        """(places, times) level of pulses [dB]; 0 is boresight at 1 m."""
         cosine, sine = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
         gain_db = np.empty((len(east_m), len(self.east_m)))
         rise: NDArray[np.floating[Any]] = np.zeros(len(east_m))
@@ -98,11 +95,7 @@ class Track:
         )
 
     def away_db(self, east_m: _Floats, north_m: _Floats, part: _Floats) -> _Floats:
-        """(places, parts) path length in decibels [dB]: 10 for each factor of ten.
-
-        `east_m`, `north_m`: shape (places,).
-        `part` (parts,): indices among the times, whole or between two.
-        """
+        """(places, parts) path length in decibels [dB]: 10 for each factor of ten."""
         times = np.arange(len(self.east_m))
         east, north, height = (
             np.interp(part, times, each) for each in (self.east_m, self.north_m, self.height_m)
@@ -120,14 +113,7 @@ def places_around(
     hills: HillLosses | None = None,
     plane: TangentPlane | None = None,
 ) -> Places:
-    """Lay out possible positions around a drone's path.
-
-    `poses`: of the antenna, at least two.
-    `start_ns`, `end_ns`: times of the first and last sample [UTC].
-    `hills`: ground model; None is level ground.
-    `plane`: plane whose origin the positions surround; None is the middle of the poses.
-    Raises `UsageError`: the poses do not cover the time of the samples.
-    """
+    """Lay out possible positions around a drone's path, or around a plane's origin."""
     inside = (poses.time_ns >= start_ns) & (poses.time_ns <= end_ns)
     if np.count_nonzero(inside) < 2:
         raise UsageError(
@@ -197,10 +183,7 @@ def east_north(bearing_deg: _Floats, range_m: _Floats) -> tuple[_Floats, _Floats
 def distinct(
     weights: _Floats, alike_from: float = SEARCH.same_place_correlation
 ) -> NDArray[np.intp]:
-    """Choose positions whose weights (places, times) represent all other positions.
-
-    `alike_from`: correlation above which one position represents another.
-    """
+    """Choose positions whose weights (places, times) represent all other positions."""
     unit = weights / np.maximum(np.linalg.norm(weights, axis=1, keepdims=True), 1e-12)
     alike = unit @ unit.T
     uncovered = np.ones(len(unit), bool)

@@ -72,11 +72,7 @@ def judge(
     false_alarm_probability: float = WHOLE_FLIGHT_FALSE_ALARM,
     most_drift: float = 0.0,
 ) -> Judgement:
-    """Search for a tag, and again without each train that explains the found one better.
-
-    `gain` (places, times): energy of a pulse relative to each position's strongest.
-    `most_drift`: largest relative change of the interval over the flight.
-    """
+    """Search for a tag, and again without each train that explains the found one better."""
     others: list[OtherTrain] = []
     while True:
         weights = low_rank_weights(gain, gain_time_s, energies, tag.pulse_intervals_s[0])

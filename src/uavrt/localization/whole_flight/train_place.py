@@ -64,10 +64,7 @@ class PlaceBelief:
 
 
 def place_belief(heard: Sequence[HeardTrain]) -> PlaceBelief:
-    """Posterior of the position of a train's tag; likely cells are divided.
-
-    `heard`: train of one flight, or of several of a resting tag, around one plane's origin.
-    """
+    """Posterior of the position of a train's tag; likely cells are divided."""
     reading = _Reading.of(heard)
     found = _placed(reading)
     loudest = max(float(np.quantile(one.pulses.energy, 0.98)) for one in heard)
@@ -147,10 +144,7 @@ def _levels_db(heard: Sequence[HeardTrain]) -> _Floats:
 
 
 def tag_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
-    """Probability that a flight's train is the tag's and not chance.
-
-    `gain` (places, times): on the scale of all flights, as is the posterior `place`.
-    """
+    """Probability that a flight's train is the tag's and not chance."""
     if one.log_trains is None:
         return 1.0
     likely = np.argsort(-place.probability, kind="stable")[: PLACE.likely_places]
@@ -174,11 +168,7 @@ def _shows_falls(heard: Sequence[HeardTrain], east_north_m: tuple[_Floats, _Floa
 def _all_logs(
     reading: _Reading, east_north_m: tuple[_Floats, _Floats], *, falls: bool
 ) -> _Floats:
-    """Log likelihood ratio and posterior of exponent, position and level, over all flights.
-
-    The error that all headings share is integrated out, by a parabola over its standard
-    deviation to both sides.
-    """
+    """Log likelihood ratio and posterior of exponent, position and level over flights."""
     sigma_deg = COMMON.heading_sigma_deg
     if all(one.places.track.pattern.name == MONOPOLE for one in reading.heard):
         return _turned_logs(reading, east_north_m, 0.0, falls)

@@ -173,7 +173,7 @@ class PlaceTuning:
     odd_fading_db: float = 6.0
     least_log: float = -30.0
     loud_factor: float = 6.0
-    """A strong pulse of energy E counts with this factor times ln E: 18 to 41 in all."""
+    """Factor on ln E, the value to which the energy E of a strong pulse is limited."""
     windows: tuple[float, float] = (0.8, 0.6)
     """Shares of a pulse's energy in its two best windows. With all energy in one, a passed tag
     seemed farther away."""
@@ -193,7 +193,7 @@ class PlaceTuning:
     density_power: int = 8
     """Power of the probability density by which the likeliest position is averaged."""
     alone: float = 0.9
-    """Minimum probability of one part whose middle is used instead of that of all parts."""
+    """Minimum probability of a part of the region for its middle to be the position."""
     points: int = 7
     """Number of points along each side of a cell over which its probability is spread."""
     kept: float = 0.998
@@ -203,7 +203,8 @@ class PlaceTuning:
     stray_share: float = 1e-2
     """Share of slots with a pulse of another rate by chance: two slots of an interval."""
     log_slots: int = 8
-    """Number of slots whose inverse likelihood ratios, each up to e^30, are multiplied."""
+    """Number of slots whose inverse likelihood ratios are multiplied before a logarithm is
+    taken; each is up to e^30."""
     noise_share: float = 0.05
     """Share of noise slots whose energy is high enough for a pulse."""
 

@@ -98,11 +98,7 @@ def planned_antenna_path(
     interval_s: float,
     nose_first: bool = False,
 ) -> AntennaPath:
-    """Distribute a tag's pulses along straight paths between corners (east, north).
-
-    `height_m`: constant height above the ground. `nose_first`: the antenna points along the
-        path; otherwise it has equal gain in all directions.
-    """
+    """Distribute a tag's pulses along straight paths between corners (east, north)."""
     points = np.array(corners_m, np.float64)
     legs = np.hypot(*np.diff(points, axis=0).T)
     gone = np.concatenate(([0.0], np.cumsum(legs)))

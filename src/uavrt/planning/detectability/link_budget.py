@@ -79,7 +79,7 @@ class LinkBudget:
         return np.asarray(found)
 
     def distance_m(self, needed_db: float) -> float | None:
-        """Greatest distance at which an ENR is reached [m], at most 100 km; None if nowhere."""
+        """Maximum distance at which an ENR is reached [m], at most 100 km; None if nowhere."""
         places = np.concatenate(
             ([0.0], np.geomspace(1.0, PLANNING.farthest_m, PLANNING.range_places))
         )

@@ -22,7 +22,7 @@ _Singles = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WholeFlightModel:
-    """Parameters of the prediction, beside those of the search over a whole flight itself."""
+    """Parameters of the prediction, in addition to those of the search over a whole flight."""
 
     least_pulses: int = 12
     """Number of pulses that the ordinary detector sums; a shorter flight gains nothing."""
@@ -113,12 +113,7 @@ class WholeFlightSum:
 def whole_flight_enr_db(
     tag: Tag, gain_db: _Floats, probabilities: Sequence[float]
 ) -> list[float]:
-    """ENR of the strongest pulse with which a whole flight detects a tag [dB].
-
-    `gain_db` (pulses,): relative level of each pulse of the flight.
-    `probabilities`: detection probabilities, with a search of ± 500 Hz around the tag's
-        frequency.
-    """
+    """ENR of the strongest pulse with which a whole flight detects a tag [dB]."""
     levels_db = np.arange(-15.0, 30.25, 0.25)
     judged = WholeFlightSum(tag, len(gain_db), 500.0, levels_db)
     energies = (10.0 ** (0.1 * (gain_db - gain_db.max()))).astype(np.float32)

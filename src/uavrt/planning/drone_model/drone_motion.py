@@ -137,7 +137,7 @@ class Multirotor:
     turns_first: bool = False
     """True if the drone turns to its course before it moves."""
     airspeed_m_s: float | None = None
-    """Greatest airspeed [m/s], for an autopilot that holds `speed_m_s` over ground against the
+    """Maximum airspeed [m/s], for an autopilot that holds `speed_m_s` over ground against the
     wind; None if `speed_m_s` is the airspeed."""
 
     def __post_init__(self) -> None:

@@ -1,8 +1,4 @@
-"""Other drones of the same search: their paths, and the distance between all drones.
-
-The straight path from a drone's last reported position to its goal is reserved for it. Other
-drones only fly paths that keep the distance from the reserved paths.
-"""
+"""Other drones of the same search: their reserved paths, and the distance to all drones."""
 
 from dataclasses import dataclass
 
@@ -21,11 +17,7 @@ Strip = tuple[tuple[float, float], tuple[float, float]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Separation:
-    """Distance between drones: over ground between their paths, and in height.
-
-    `margin`: factor on the distance when a planner chooses; closer paths are flown only if
-        there is no other.
-    """
+    """Distance between drones over ground, with a margin for planning, and in height."""
 
     distance_m: float = 25.0
     height_m: float = 10.0

@@ -57,9 +57,9 @@ class _PathRating:
     change_gain: float = 0.15
     """Relative gain required to change the target tag, near animals or drones."""
     turn_nats: float = 1.5
-    """Least information on a possibly near animal that justifies a turn [nats]."""
+    """Minimum information on a possibly near animal that justifies a turn [nats]."""
     near_probability: float = 0.25
-    """Least probability of a near animal at which the drone leaves instead of turning."""
+    """Minimum probability of a near animal at which the drone leaves instead of turning."""
     vague_factor: float = 1.5
     """Ratio of position spread to distance to keep above which a turn locates the tag."""
 
@@ -201,11 +201,7 @@ class MiRate:
         return [tangents(start, middle, radius), tangents(start, middle, wide)]
 
     def _explores(self, situation: Situation) -> bool:
-        """True while no tag is close to its target accuracy; paths then cover all directions.
-
-        Otherwise only paths to the tags count. A path past many walking tags gives a little
-        information on each again and again, and none is found.
-        """
+        """True while no tag is near its target accuracy; paths then cover all directions."""
         needed = min(situation.stop.needed_nats(one) for one in situation.wanted)
         return needed > _RATING.explore_nats
 

@@ -56,11 +56,7 @@ _HIGH_RANGE: Final = (100_000.0, 300_000.0)
 def encode_channel_datagram(
     samples: NDArray[np.complex64], time_ns: int, style: StampStyle = "seconds"
 ) -> bytes:
-    """Encode a frame; raises `ValueError` for a time that the stamp cannot represent.
-
-    `samples` (n,): 1024 of them for the original detectors. `time_ns`: time of the first sample
-    [ns, UTC]. `style`: format of the stamp; milliseconds are rounded down, as in the original.
-    """
+    """Encode a frame; raises `ValueError` for a time that the stamp cannot represent."""
     try:
         if style == "seconds":
             stamp = _SECONDS.pack(*divmod(time_ns, NANOSECONDS_PER_SECOND))
@@ -74,11 +70,7 @@ def encode_channel_datagram(
 def decode_channel_datagram(
     payload: bytes, style: StampStyle | None = None
 ) -> tuple[int, NDArray[np.complex64]]:
-    """Decode a frame: time of the first sample [ns, UTC], and a copy of the samples, (n,).
-
-    `style`: format of the stamp; None: detect it. Raises `FormatError` without a valid stamp
-    and at least one sample.
-    """
+    """Decode a frame: time of the first sample [ns, UTC], and a copy of the samples, (n,)."""
     if len(payload) < 16 or len(payload) % 8:
         raise FormatError(
             f"a datagram of {len(payload)} bytes is not a timestamp and complex64 samples",
@@ -117,12 +109,7 @@ def stamp_style(payload: bytes) -> StampStyle:
 
 
 def channel_port(channel: int, scheme: PortScheme = "current", *, second: bool = False) -> int:
-    """UDP port of a channel.
-
-    `channel`: number from 0 (= the radio's centre), one less than in the original. `scheme`:
-    port numbering. `second`: port for the second detector of a tag with two rates. Raises
-    `ValueError` if the scheme has no such port.
-    """
+    """UDP port of a channel, whose number counts from 0, the radio's centre."""
     if second and scheme == "thesis":
         raise ValueError("the thesis's layout has no second port for a channel")
     port = FIRST_PORT + (channel if scheme == "thesis" else 2 * channel + second)

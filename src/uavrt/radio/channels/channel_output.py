@@ -1,8 +1,8 @@
 """Send the tags' channels also to the detectors of the original system.
 
 Our channels are twice oversampled; the original's detectors need 3750 samples a second and its
-channel numbers. So the decimated band is channelized again in compatible mode: 0.2 % of a core
-for one channel, 0.3 % for ten, 1.3 % for all hundred (measured here).
+channel numbers. So the decimated band is channelized again in compatible mode. This takes 0.2 %
+of a core for one channel, 0.3 % for ten, and 1.3 % for all hundred (measured).
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,12 +15,7 @@ from uavrt.radio.channels.channel_sender import ChannelDatagramSender
 
 
 class ChannelOutput:
-    """Channelizes a band for the original's detectors and sends the tags' channels to them.
-
-    `settings`: destination and format. `tags`: choose the channels; tags outside the original's
-    band are left out. `band_rate_hz`, `center_frequency_hz`: of the decimated band. Raises
-    `UavrtError` if no tag lies in the band, or the band cannot be channelized.
-    """
+    """Channelizes a band for the original's detectors, and sends the tags' channels."""
 
     def __init__(
         self,

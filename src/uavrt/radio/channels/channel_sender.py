@@ -25,10 +25,7 @@ class _Frame:
 class ChannelDatagramSender:
     """Cuts channels into frames of 1024 samples and sends each to the channel's ports.
 
-        Sending never waits; frames are dropped and counted if the system's buffer is full.
-
-    `ports`: ports of each channel; blocks of other channels are ignored. `style`: format of the
-    time stamp.
+    Sending never waits; frames are dropped and counted if the system's buffer is full.
     """
 
     def __init__(
@@ -56,11 +53,7 @@ class ChannelDatagramSender:
         """Number of datagrams dropped because the system's buffer was full."""
 
     def send(self, block: ChannelBlock) -> None:
-        """Add the next block of a channel; send the frames that it completes.
-
-        A gap within a frame is filled with zeros to the frame's end; the next frame begins
-        where samples continue.
-        """
+        """Add the next block of a channel; send the frames that it completes, gaps as zeros."""
         frame = self._frames.get(block.channel)
         if frame is None:
             return

@@ -32,8 +32,7 @@ RESTART_FRAMES: Final = 3
 """Number of consecutive early stamps that shows that the sender's clock was set back."""
 _LARGEST: Final = 65_536
 LONGEST_GAP_S: Final = 3600.0
-"""Maximum forward jump of the time stamp that counts as a loss [s]; a larger one is a clock
-change."""
+"""Maximum forward jump of time stamps that is a loss [s]; a larger one: a clock change."""
 
 log = get_logger()
 
@@ -147,10 +146,7 @@ class FrameOrder:
         self._held.sort(key=lambda frame: frame[0])
 
     def take(self, *, wait: bool = True) -> tuple[int, NDArray[np.complex64], int] | None:
-        """Get the next frame: time [ns], samples, and the number of samples lost before it.
-
-        `wait`: False if no more frames will be added; then missing ones are not waited for.
-        """
+        """Get the next frame: time [ns], samples, and the number of samples lost before it."""
         if not self._held:
             return None
         time_ns, samples = self._held[0]

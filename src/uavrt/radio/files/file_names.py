@@ -3,8 +3,7 @@
 Default names of programs: SDR# ``SDRSharp_20150804_204121Z_145000000Hz_IQ``, HDSDR
 ``HDSDR_20130105_123456Z_14100kHz_RF``, gqrx ``gqrx_20200101_123456_145000000_1800000_fc`` in
 UTC; SDR++ ``baseband_145000000Hz_12-34-56_01-02-2023`` in local time. airspy_rx and
-hackrf_transfer (``-w``) use local time with a Z, too. rtl_433's ``g001_433.92M_250k`` has no
-time.
+hackrf_transfer (``-w``) use local time with a Z, too. rtl_433's ``g001_433.92M_250k``: no time.
 """
 
 import re
@@ -104,10 +103,7 @@ def _facts(form: _Form, parts: dict[str, str | None]) -> NameFacts:
 
 
 def _frequency_step_hz(form: _Form, number: str, factor: float) -> float | None:
-    """Value of the last digit of a name's frequency [Hz]; None for 1 Hz or less.
-
-    rtl_433 writes six digits in all and omits zeros at the end (C's ``%g``).
-    """
+    """Value of the last digit of a name's frequency [Hz]; None for 1 Hz or less."""
     whole, _, decimals = number.partition(".")
     places = max(0, 6 - len(whole)) if form.program == "rtl_433" else len(decimals)
     step_hz: float = factor * 10.0**-places

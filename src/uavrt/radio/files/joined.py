@@ -15,11 +15,7 @@ _NO_GAP_S = 0.001
 
 
 class JoinedRecording:
-    """Samples of several SigMF recordings, with the gaps between them.
-
-    `paths`: in any order. Raises `FormatError` if there are no samples, or rates or frequencies
-    differ.
-    """
+    """Samples of several SigMF recordings of one channel, with the gaps between them."""
 
     def __init__(self, paths: Sequence[Path]) -> None:
         layouts: list[Layout] = []
@@ -35,7 +31,7 @@ class JoinedRecording:
                 layouts.append(layout)
         if not layouts:
             why = f": {self.left_out[0]}" if self.left_out else ""
-            raise FormatError(f"there are no samples{why}", remedy="Choose other recordings")
+            raise FormatError(f"the recordings hold no samples{why}", remedy="Choose others")
         self._layouts = sorted(layouts, key=_start_ns)
         first = self._layouts[0]
         alien = next((one for one in layouts if _kind(one) != _kind(first)), None)

@@ -269,13 +269,7 @@ def raw_layout(
     rate_from: str = SAID,
     start_from: str = SAID,
 ) -> Layout:
-    """Describe a file that contains only samples.
-
-    `start_time_ns`: time of the first sample; None: the file's last change minus its duration.
-    `frequency_from`, `rate_from`, `start_from`: texts on how these are known. Raises
-    `FormatError` if the file is unreadable, holds floats instead of integers, or the rate is
-    impossible.
-    """
+    """Describe a file of raw samples; `rate_from` and others state how values are known."""
     check_rates(sample_rate_hz, center_frequency_hz)
     size = file_size(path)
     if sample_format.dtype.kind != "f":

@@ -33,17 +33,14 @@ from uavrt.radio.timing.sample_times import NominalTimes
 def sigmf_layout(
     path: Path, *, center_frequency_hz: float | None = None, start_time_ns: int | None = None
 ) -> Layout:
-    """Describe a SigMF recording, with the gaps between its captures.
-
-    `path`: the ``.sigmf-meta`` file, the ``.sigmf-data`` file, or their common name.
-    `center_frequency_hz`, `start_time_ns` [ns, UTC]: replace those of the recording. Raises
-    `FormatError` with the reason if it is not SigMF or cannot be used.
-    """
+    """Describe a SigMF recording, named by either file, with gaps between its captures."""
     meta_path, data_path = _paths(path)
     meta = _load(meta_path)
     about = _table(meta, "global", meta_path)
     if about.get("core:metadata_only") is True or "core:dataset" in about:
-        raise _fault(meta_path, "describes samples in another file", "Use a plain recording")
+        raise _fault(
+            meta_path, "has its samples elsewhere", "Use a .sigmf-meta with .sigmf-data"
+        )
     if about.get("core:num_channels", 1) != 1:
         raise _fault(meta_path, "has several channels", "Split it, one channel in each")
     sample_format = sigmf_format(_text(about, "core:datatype", meta_path))
@@ -146,10 +143,7 @@ def _segments(
 
 
 def _lost(previous: _Capture, capture: _Capture, rate_hz: float) -> int:
-    """Number of samples missing between two captures, by global indices or else by times.
-
-    A smaller index than before means that the radio was opened again.
-    """
+    """Number of samples missing between two captures, by global indices or else by times."""
     kept = capture.first - previous.first
     if previous.global_index is not None and capture.global_index is not None:
         passed = capture.global_index - previous.global_index

@@ -86,13 +86,7 @@ class _Header:
 def wav_layout(
     path: Path, *, center_frequency_hz: float | None = None, start_time_ns: int | None = None
 ) -> Layout:
-    """Describe a two-channel WAV file.
-
-    `center_frequency_hz`: None: from the ``auxi`` chunk, else from the file's name.
-    `start_time_ns`: time of the first sample; None: from the ``auxi`` chunk, else from the
-    file's name, else from its date. Raises `FormatError` for another format or encoding, or
-    without a radio frequency.
-    """
+    """Describe a two-channel WAV file; defaults are from its ``auxi`` chunk, name or date."""
     size = file_size(path)
     with reading(path), path.open("rb") as file:
         header = _read_chunks(file, path, size)
@@ -186,8 +180,8 @@ def _data_size(file: BinaryIO, first: int, length: int, header: _Header, size: i
     """Size of the samples [bytes]: the header's if the file's structure confirms it.
 
     Programs without RF64 let the size overflow at 4 GiB, and some write it only at the start.
-    So the samples must be followed by the end of the file or by other chunks up to its end;
-    otherwise they extend to the end of the file.
+    So the size counts only if the end of the file, or other chunks up to the end, follow the
+    samples. Otherwise the samples extend to the end of the file.
     """
     if length == _UNKNOWN_SIZE[1] and header.long_data_size is not None:
         length = header.long_data_size

@@ -94,10 +94,8 @@ def exit_error(
 ) -> RadioError:
     """Create the error for a radio program that has ended, with cause and remedy.
 
-    `code`: exit status; negative for a signal. `said`: the status as text. `words`: its first
-    and last lines on stderr; the first ones contain the cause. `own_rates`: lists the sample
-    rates of the present device; if empty, those of its kind are used. `seen`: the device was in
-    the list of USB devices when opened; if missing now, it was unplugged.
+    `code`: negative for a signal. `words`: its first and last lines on stderr; the first ones
+    contain the cause. `seen`: it was listed when opened; if missing now, it was unplugged.
     """
     row = RADIOS[settings.kind]
     cause = cause_of(row, words)
@@ -114,7 +112,7 @@ def exit_error(
     if cause is Cause.STALLED:
         return stalled(row.title)
     if cause is Cause.RATE:
-        why = f"it does not take {settings.sample_rate_hz:.0f} samples a second"
+        why = f"{settings.sample_rate_hz:.0f} samples a second are not supported"
         rates = own_rates() or row.rates_text()
         return RadioStopped(
             f"{row.title}: {why}", remedy=f"Set [radio] sample_rate_hz to {rates}"

@@ -54,11 +54,7 @@ log = get_logger()
 
 
 class ProgramSource(StreamSource):
-    """Samples from a radio whose program runs as our child, in its own process group.
-
-    `startup_s`, `stall_s`: longest normal silence at the start, and later [s]. Raises
-    `RadioMissing` if the program is not installed, `ConfigError` for an unsupported setting.
-    """
+    """Samples from a radio whose program runs as our child, in its own process group."""
 
     MAY_BE_SLOW = False
     """Always False: a radio keeps its rate, so missing samples are lost."""
@@ -121,11 +117,7 @@ class ProgramSource(StreamSource):
         return (*self._first, *self._lines)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block; see `SampleSource.read`.
-
-        Raises `RadioMissing` if the device is missing or access is denied, `RadioStopped` with
-        the last messages if the program has ended, `RadioStalled` if it sends no samples.
-        """
+        """Get the next block; see `SampleSource.read`."""
         if self._closed:
             raise EOFError(f"{self.name} was closed")
         return super().read(timeout_s)
@@ -287,11 +279,7 @@ _MOST_PLACES = 16
 
 
 def _by_place(settings: RadioSettings, until_s: float) -> RadioSettings:
-    """Replace a numeric serial number by the device's index in the list of its program.
-
-    rtl_sdr and rtl_biast would take 00000001 for the second device, and switch on its bias
-    voltage.
-    """
+    """Replace a numeric serial number by the device's index in the list of its program."""
     wanted, program = settings.serial, PROGRAMS.get(settings.kind)
     if program is None or settings.program or not program.lists:
         return settings

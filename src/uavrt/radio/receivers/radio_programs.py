@@ -27,7 +27,8 @@ def receive_command(settings: RadioSettings, center_frequency_hz: float) -> list
     # A stand-in (`program`) may offer any rate.
     if not settings.program and not program.takes_rate(settings.sample_rate_hz):
         raise ConfigError(
-            f"{program.title}: it does not take {settings.sample_rate_hz:.0f} samples a second",
+            f"{program.title}: {settings.sample_rate_hz:.0f} samples a second are not "
+            "supported",
             remedy=f"Set [radio] sample_rate_hz to {program.rates_text()}",
         )
     tuned_frequency(settings, center_frequency_hz)
@@ -106,10 +107,7 @@ ARGUMENTS: dict[str, Callable[[RadioSettings, float, int], list[str]]] = {
 
 
 def _corrected(settings: RadioSettings, frequency_hz: float) -> float:
-    """Rate or frequency corrected for a fast clock; most programs have no option for it.
-
-    (hackrf_transfer has ``-C``, but reads it as an unsigned number.)
-    """
+    """Rate or frequency corrected for a fast clock; most programs have no option for it."""
     return frequency_hz / (1.0 + settings.frequency_correction_ppm * 1e-6)
 
 

@@ -36,12 +36,7 @@ log = get_logger()
 
 
 class SoapySource(LiveSource):
-    """Samples from a SoapySDR driver.
-
-    `settings`: `serial` may be a SoapySDR device string (``driver=lime``) or a serial number.
-    Raises `RadioMissing` without the SoapySDR module or the device, `RadioStopped` if the
-    device refuses the sample rate or frequency.
-    """
+    """Samples from a SoapySDR driver; `serial` may be a device string (``driver=lime``)."""
 
     RATE_REMEDY = RADIO_RATE_REMEDY
 

@@ -39,10 +39,7 @@ class ArrivalRate:
         """Delay before the last pause [s]; the sender catches up until its delay is as low."""
 
     def arrived(self, received: int, now_ns: int, *, full: bool = False) -> None:
-        """Add the number of samples received up to a time.
-
-        `full`: the buffer is full and the sender waits, so its rate cannot be measured.
-        """
+        """Add the samples received up to a time; a `full` buffer hides the sender's rate."""
         if full:
             return
         if self._first_ns is None:

@@ -62,8 +62,7 @@ _SUSPECT_S: Final = 0.008
 """Lateness above which a cell may be the first after a loss [s]."""
 _SUSPECT_MAX_S: Final = 0.35
 _SHARP: Final = 0.6
-"""Minimum fraction of the lateness that arises within `_BEFORE_S` if a loss is a step, not a
-drift."""
+"""Minimum fraction of the lateness that arises within `_BEFORE_S` in a step, not a drift."""
 _BEFORE_S: Final = 0.5
 _SURE_SHARE: Final = 0.0008
 """Fraction of samples lost in `_SHARE_S` that no clock error explains (800 ppm)."""
@@ -76,8 +75,7 @@ _UNSETTLED_BINS: Final = 2
 _PACE_SPANS: Final = ((5.0, 0.4), (10.0, 0.7))
 """Periods over which the speed is measured [s], and scatter below which the delays rise evenly.
 At 0.9 to 0.995 times real time the scatter is 0.1 to 0.5 and 0.1 to 0.9, also on a busy
-computer. Losses of 1 to 15 % of the samples give at least 0.54 and 0.93, losses of 5 ms twice
-that."""
+computer. Losses of 1 to 15 % of the samples give at least 0.54 and 0.93."""
 _UNEVEN: Final = 3.0
 """Ratio of scatter to its limit above which the delays rise in steps."""
 _SLOW_RATE: Final = 0.003
@@ -131,11 +129,7 @@ class SourcePace:
         """`stepped`: True if delays rose in steps. `still`: True if delays do not rise now."""
 
     def measure(self, received_s: float, arrived_s: float) -> None:
-        """Add a delay; the source's speed is decided again when a period is complete.
-
-        `received_s`: duration of the samples received so far [s]. `arrived_s`: their arrival
-        time [s].
-        """
+        """Add a delay; the source's speed is decided again when a period is complete."""
         delay_s, delays = arrived_s - received_s, self._delays
         if delays and int(received_s / _PACE_BIN_S) == int(delays[-1][0] / _PACE_BIN_S):
             if delay_s < delays[-1][1]:
@@ -153,11 +147,7 @@ class SourcePace:
         delays.append((received_s, delay_s))
 
     def _line(self, begin_s: float) -> tuple[float, float]:
-        """Fit a line to the delays: rise per second, and relative scatter about the line.
-
-        A delay that is made up later is a stall and does not count. Of the other delays, the
-        fit uses the smallest 70 %.
-        """
+        """Fit a line to the smallest delays: rise per second, and relative scatter about it."""
         settled = [point for point in self._delays if point[0] >= begin_s]
         at_s, delay_s = np.array(settled).T
         delay_s = np.minimum.accumulate(delay_s[::-1])[::-1][:-_UNSETTLED_BINS]
@@ -175,13 +165,7 @@ class SourcePace:
 
 
 class LossFinder:
-    """Finds losses from the lateness of arrivals.
-
-    Lateness is the delay above the lower envelope of all arrivals, in nominal seconds (samples
-    divided by the nominal rate). The caller adds losses to later nominal seconds.
-
-    `may_be_slow`: the sender may be slower than real time; False for a radio.
-    """
+    """Finds losses from the delay of arrivals above their lower envelope [nominal s]."""
 
     def __init__(self, *, may_be_slow: bool = False) -> None:
         self.pace = SourcePace() if may_be_slow else None
@@ -192,7 +176,7 @@ class LossFinder:
         """Start of late arrivals that may follow a loss [nominal seconds]; or None."""
         self._falls = 0
         self._usual_s = 0.001
-        """Typical smallest lateness of four cells [s]; above 0, the smallest of all."""
+        """Typical smallest lateness in four cells [s]; the smallest of all cells is 0."""
         self._cells: deque[_Cell] = deque(maxlen=_CELLS)
         self._from: tuple[float, float] | None = None
         self._lowest_s = math.inf

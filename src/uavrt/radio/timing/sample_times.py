@@ -139,10 +139,8 @@ class TimeKeeper:
     def arrived(self, end_index: int, now_ns: int, *, catching_up: bool = False) -> None:
         """Register that all samples before `end_index` had arrived at `now_ns`.
 
-        `end_index`: index after the newest sample, lost ones included. `now_ns`: time [ns,
-        UTC]. `catching_up`: samples came faster than real time, because the writer had been
-        waiting. In the first 2 s the start time is then corrected, once, when the writer has
-        caught up.
+        `catching_up`: the writer had been waiting. In the first 2 s the start time is then
+        corrected, once, when the writer has caught up.
         """
         if self._start_ns is None:
             self._start_ns = now_ns - _duration_ns(end_index, self._nominal_hz)
@@ -237,10 +235,7 @@ class TimeKeeper:
         self._bin_count += 1
 
     def lost_samples(self) -> int:
-        """Return the number of samples lost according to arrival times, and reset the number.
-
-        The caller adds it to its index, as a gap.
-        """
+        """Number of samples lost according to arrival times since the last call."""
         lost = round(self._lost_s * self._nominal_hz)
         if lost:
             self._given_s += lost / self._nominal_hz
@@ -298,10 +293,7 @@ class TimeKeeper:
         self._follow = False
 
     def _fit(self) -> None:
-        """Fit the lower envelope by least squares with decreasing weights for late points.
-
-        The slope has a prior for real clocks, so the fit is usable from the second point on.
-        """
+        """Fit the lower envelope by least squares, with a prior for real clocks' slope."""
         if self._fit_in > 0:
             self._fit_in -= 1
             return

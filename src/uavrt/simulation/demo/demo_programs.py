@@ -1,7 +1,4 @@
-"""Programs of the demo: simulated autopilot, real drone side, real ground station.
-
-Each runs in its own process, as in the field; only radio, autopilot and world are simulated.
-"""
+"""Programs of the demo: simulated autopilot, real drone side, real ground station."""
 
 import json
 import os
@@ -78,11 +75,7 @@ class DemoPaths:
 
 
 def free_udp_port(host: str = "127.0.0.1") -> int:
-    """Get an unused UDP port of this computer, a different one each time.
-
-    It is one of `PORTS`. A port chosen by the kernel could be given to another socket before it
-    is bound. Raises `LinkError` if all are in use.
-    """
+    """Get an unused UDP port of `PORTS`, a different one each time."""
     for port in islice(_ports, len(PORTS)):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
             try:
@@ -97,12 +90,7 @@ def free_udp_port(host: str = "127.0.0.1") -> int:
 
 
 def free_ros_domain() -> int:
-    """Get a ROS domain that is unused on this computer.
-
-    A real drone in the lab uses the environment's domain, or 0. Up to 101, the ports of a
-    domain lie below those that Linux assigns by itself (32768). Raises `UavrtError` if all are
-    in use.
-    """
+    """Get a ROS domain below 102 that is unused on this computer and by its environment."""
     domains = random.sample(range(1, 102), 101)
     for domain in domains:
         if str(domain) == os.environ.get("ROS_DOMAIN_ID", "").strip():
@@ -123,11 +111,7 @@ def demo_environment() -> dict[str, str]:
 def drone_settings(
     scenario: Scenario, paths: DemoPaths, companion_port: int, *, flies: bool = False
 ) -> Settings:
-    """Settings of the drone side, as in a real ``uavrt.toml`` except for the radio program.
-
-    With `flies`, the radio receives at the commanded drone's position, otherwise on the
-    scenario's flight.
-    """
+    """Settings of the drone side, as in a real ``uavrt.toml`` except for the radio program."""
     names = {one.name for one in fields(AntennaSettings)}
     mounting = {k: v for k, v in asdict(scenario.antenna).items() if k in names}
     return Settings(

@@ -104,11 +104,7 @@ class Demo:
         self._delivered = 0
 
     def run(self, picture: Path | None = None) -> dict[int, DemoSummary]:
-        """Fly once; return the summary of each drone by its number.
-
-        Saves a picture on request. Ctrl-C ends the flight early, with a full summary. Raises
-        `UavrtError` with the reason if a program ended or was not ready in time.
-        """
+        """Fly once, until the end or Ctrl-C; return the summary of each drone by its number."""
         require_writable(self._flight_dir)
         require_free_port(self._page_port)
         with ExitStack() as stack:

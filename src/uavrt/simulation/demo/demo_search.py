@@ -35,8 +35,7 @@ RETURNS_WITHIN_S = 30.0
 """Longest duration of the return flight after the time limit of the search [s]."""
 REFRESH_S = 0.25
 FIRST_HEIGHT_M, ABOVE_M, BESIDE_M = 40.0, 12.0, 40.0
-"""Height of the first drone, and vertical and horizontal distance between drones at the start
-[m]."""
+"""Height of the first drone; vertical, horizontal distance between starting drones [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,12 +130,7 @@ class _Seen:
 
 
 class SearchDemo:
-    """One search on this computer, by the real processes.
-
-    `scenario`: world in which the drone hovers until commanded. `limit_s`: longest duration of
-    the search [s]. `flight_dir`: parent of the drone's flight directory. `say`: gets lines for
-    the terminal. `among`: place among other drones; None if alone.
-    """
+    """One search on this computer, by the real processes; `say` gets lines to print."""
 
     def __init__(
         self,
@@ -155,10 +149,7 @@ class SearchDemo:
         self._seen = _Seen()
 
     def run(self) -> SearchSummary:
-        """Fly once; return the result.
-
-        Raises `UavrtError` with the reason if a program ended, or nothing was searched.
-        """
+        """Fly once; return the result. Raises `UavrtError` if a program ended."""
         require_writable(self._flight_dir)
         with workplace("uavrt-search-") as work, self._rig:
             self._start(work)
@@ -200,7 +191,7 @@ class SearchDemo:
         while not self._seen.ended:
             self._watch()
             if time.monotonic() > deadline_s:
-                raise UavrtError("the search did not end", remedy="Run it again, or report it")
+                raise UavrtError("the search did not end in time", remedy="Run the demo again")
         settled_s = time.monotonic() + SETTLES_S
         while time.monotonic() < settled_s:
             self._watch()

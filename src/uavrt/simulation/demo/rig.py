@@ -1,7 +1,4 @@
-"""Simulated drones and their ground station on this computer, started as in the field.
-
-Each program runs in its own process and writes a log file; all end with the rig.
-"""
+"""Simulated drones and their ground station on this computer, started as in the field."""
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack

@@ -47,11 +47,7 @@ class TogetherSummary:
 
 
 class TogetherDemo:
-    """One search by several drones on this computer, with the real processes.
-
-    `scenario`, `limit_s`, `say`: as in `SearchDemo`; each line begins with the drone's number.
-    `flight_dir`: parent of each drone's `drone-NUMBER`, and of the ground station's `ground`.
-    """
+    """One search by several drones on this computer, with the real processes."""
 
     def __init__(
         self,

@@ -89,12 +89,7 @@ def summarize_tag(
     recorded: Sequence[Pulse],
     received_times_ns: Sequence[int],
 ) -> TagSummary:
-    """Compare the pulses of one tag with the truth.
-
-    `truth`: pulses of all tags sent while detecting. `recorded`: the drone's pulses, of any
-    tag. `received_times_ns`: start times of this tag's pulses on the ground [ns, UTC], in any
-    order; the link rounds them to 0.3 µs.
-    """
+    """Compare the pulses of one tag, recorded and received, with those of all tags sent."""
     sent = [pulse for pulse in truth if pulse.tag_id == tag.tag_id]
     if tag.coded:
         sent = true_bursts(sent, 1 + len(tag.gaps_s))
@@ -135,10 +130,7 @@ def sampled_span(first_ns: int, last_ns: int, recorded: Iterable[Pulse]) -> tupl
 
 
 def true_bursts(sent: Sequence[TruePulse], pulses: int) -> list[TruePulse]:
-    """Combine the pulses of each complete burst into one, with their mean strength.
-
-    `sent`: pulses of one coded tag, in order of time. `pulses`: number in a burst.
-    """
+    """Combine the pulses of each complete burst of a tag into one of their mean strength."""
     bursts: dict[int, list[TruePulse]] = {}
     for pulse in sent:
         bursts.setdefault(pulse.pulse_index // pulses, []).append(pulse)

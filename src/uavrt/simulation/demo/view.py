@@ -49,6 +49,13 @@ class TagView:
 
 
 _SHORT = ("tag", "MHz", "SNR, dB", "rate, s", "a minute", "found", "ground")
+_WIDE = (
+    *("tag", "frequency", "last SNR", "", "rate", "per minute", "detected"),
+    "on the ground",
+)
+_BAR = 3
+"""Column of the bar that shows the SNR, in a wide terminal."""
+_PROCESSES = ("process", "status", "CPU of a core", "memory")
 
 
 @dataclass(slots=True)
@@ -84,7 +91,7 @@ class DemoView:
             Group(
                 self._head(narrow=narrow),
                 self._tag_table(now_s, narrow=narrow),
-                self._short_process_table() if narrow else self._process_table(),
+                self._process_table(narrow=narrow),
             ),
             title=f"[bold]uavrt demo[/bold]{more}",
             border_style="cyan",
@@ -132,85 +139,59 @@ class DemoView:
         return Group(*rows)
 
     def _tag_table(self, now_s: float, *, narrow: bool) -> RenderableType:
-        if narrow:
-            table = plain_table(*_SHORT)
-            for view in self.tags.values():
-                table.add_row(*self._short_cells(view, now_s))
-            return table
-        table = plain_table(
-            *("tag", "frequency", "last SNR", "", "rate", "per minute", "detected"),
-            "on the ground",
-        )
-        table.columns[3].justify = "left"
+        table = plain_table(*(_SHORT if narrow else _WIDE))
+        if not narrow:
+            table.columns[_BAR].justify = "left"
         for view in self.tags.values():
-            table.add_row(*self._tag_cells(view, now_s))
+            cells = self._tag_cells(view, now_s, narrow=narrow)
+            if narrow:
+                del cells[_BAR]
+            table.add_row(*cells)
         return table
 
-    def _tag_cells(self, view: TagView, now_s: float) -> list[RenderableType]:
+    def _tag_cells(self, view: TagView, now_s: float, *, narrow: bool) -> list[RenderableType]:
+        mhz, db, s = ("", "", "") if narrow else (" MHz", " dB", " s")
         last = view.last
         name = f"{view.tag.tag_id} {view.tag.name or ''}"
         if last is None:
-            return [name, f"{view.tag.frequency_hz / 1e6:.4f} MHz", "–", "", "", "0", "0", "0"]
+            return [name, f"{view.tag.frequency_hz / 1e6:.4f}{mhz}", "–", "", "", "0", "0", "0"]
         fresh = bool(view.times_s) and now_s - view.times_s[-1] < FRESH_S
         style = "bold green" if fresh else "yellow"
         bar = "█" * max(1, min(20, round(last.snr_db / 2)))
         return [
             Text(name, style="bold"),
-            f"{last.frequency_hz / 1e6:.5f} MHz",
-            Text(f"{last.snr_db:.1f} dB", style=style),
+            f"{last.frequency_hz / 1e6:.5f}{mhz}",
+            Text(f"{last.snr_db:.1f}{db}", style=style),
             Text(bar, style=style),
-            f"{view.tag.pulse_intervals_s[last.rate - 1]:.3f} s",
+            f"{view.tag.pulse_intervals_s[last.rate - 1]:.3f}{s}",
             f"{view.per_minute(now_s, self.elapsed_s):.0f}",
             str(view.detected),
             str(view.delivered),
         ]
 
-    def _short_cells(self, view: TagView, now_s: float) -> list[RenderableType]:
-        name, frequency, snr, _, rate, per_minute, detected, delivered = self._tag_cells(
-            view, now_s
-        )
-        units = str.maketrans("", "", " MHzdBs")
-        short = [
-            Text(cell.plain.translate(units), style=cell.style)
-            if isinstance(cell, Text)
-            else str(cell).translate(units)
-            for cell in (frequency, snr, rate, per_minute, detected, delivered)
-        ]
-        return [name, *short]
-
-    def _short_process_table(self) -> RenderableType:
-        table = plain_table(*(2 * ("process", "CPU", "MB")))
+    def _process_table(self, *, narrow: bool) -> RenderableType:
+        """Table of the processes; in a narrow terminal two in a row, the status if faulty."""
+        table = plain_table(*(2 * ("process", "CPU", "MB") if narrow else _PROCESSES))
         known = {one.process: one for one in (self.status.processes if self.status else ())}
-        cells: list[list[RenderableType]] = []
+        rows: list[list[RenderableType]] = []
+        unit = "" if narrow else " MB"
         for name, percent in self.cpu_percent.items():
             process = known.get(name)
-            words = Text(name)
+            status = Text("" if process is None else process.status)
             if process is not None and not process.ok:
-                words.append(f" {process.status}", "bold red")
-            memory = f"{process.memory_mb:.0f}" if process else ""
-            cells.append([words, f"{percent:.1f} %", memory])
-        half = (len(cells) + 1) // 2
-        for left, right in zip_longest(cells[:half], cells[half:], fillvalue=["", "", ""]):
-            table.add_row(*left, *right)
-        return table
-
-    def _process_table(self) -> RenderableType:
-        table = plain_table("process", "status", "CPU of a core", "memory")
-        known = (
-            {process.process: process for process in self.status.processes}
-            if self.status
-            else {}
-        )
-        for name, percent in self.cpu_percent.items():
-            process = known.get(name)
-            status = process.status if process else ""
-            good = process is None or process.ok
-            table.add_row(
-                name,
-                Text(status, style="" if good else "bold red"),
-                f"{percent:.1f} %",
-                f"{process.memory_mb:.0f} MB" if process else "",
-            )
+                status.style = "bold red"
+            memory = f"{process.memory_mb:.0f}{unit}" if process else ""
+            if narrow:
+                words = Text.assemble(name, " ", status) if status.style else name
+                rows.append([words, f"{percent:.1f} %", memory])
+            else:
+                rows.append([name, status, f"{percent:.1f} %", memory])
+        if narrow:
+            half = (len(rows) + 1) // 2
+            pairs = zip_longest(rows[:half], rows[half:], fillvalue=["", "", ""])
+            rows = [[*left, *right] for left, right in pairs]
+        for row in rows:
+            table.add_row(*row)
         return table
 
 

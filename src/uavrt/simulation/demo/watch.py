@@ -21,16 +21,11 @@ def samples_lost(counters: Mapping[str, float]) -> int:
 
 
 class Cpu:
-    """CPU time of every process of the demo.
-
-    The simulated radio program is a child of the receiver; the supervisor measures both
-    together, and they are separated here.
-    """
+    """CPU time of each process of the demo, the radio program's apart from the receiver's."""
 
     def __init__(self) -> None:
         self.first_sample_ns = self.last_sample_ns = 0
-        """Times of the flight's first and last sample [ns, UTC]; a receiver counts only its own
-        samples."""
+        """Times of the flight's first and last sample [ns, UTC], of this receiver only."""
         self._totals: dict[str, float] = {}
         self._radio_s = 0.0
         self._before: dict[str, float] = {}

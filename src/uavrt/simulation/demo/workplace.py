@@ -23,11 +23,7 @@ _YOUNG_S = 60.0
 
 @contextmanager
 def workplace(prefix: str) -> Iterator[Path]:
-    """Create a directory for a demo; it is removed afterwards, unless the demo failed.
-
-    The directory of a failed demo is kept for its log files, until the next demo starts.
-    `prefix`: one of `PREFIXES`.
-    """
+    """Create a directory for a demo; that of a failed demo stays until the next starts."""
     sweep(Path(tempfile.gettempdir()))
     place = Path(tempfile.mkdtemp(prefix=prefix))
     with (place / LOCK).open("w") as lock:

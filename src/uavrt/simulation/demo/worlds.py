@@ -21,13 +21,7 @@ AFTER_S = 120.0
 def flight_world(
     file: Path | None, *, duration_s: float | None, seed: int | None, coded: bool
 ) -> Scenario:
-    """World in which the drone flies planned legs, without commands.
-
-    `file`: a scenario file. `duration_s`: of the flight; by default the file's, or 120 s.
-    `seed`: of all random numbers; by default the file's, or 1. `coded`: add two animals with
-    coded tags to the built-in world. Raises `UsageError` or `ConfigError` if the file has
-    faults or no tags, or the flight is too short.
-    """
+    """World in which the drone flies planned legs, without commands."""
     if file is None:
         return demo_scenario(duration_s or FLIGHT_S, 1 if seed is None else seed, coded=coded)
     scenario = _of_file(file, seed, coded)

@@ -79,10 +79,7 @@ def pattern_db(antenna: Antenna, direction_body: geometry.Vector) -> float:
 def transverse_axes(
     direction: geometry.Vector, down: geometry.Vector
 ) -> tuple[geometry.Vector, geometry.Vector]:
-    """Unit vectors perpendicular to a ray, horizontal and upright, for a frame's down axis.
-
-    For a vertical ray, the horizontal vector is perpendicular to the frame's first axis.
-    """
+    """Unit vectors perpendicular to a ray, horizontal and upright, for a frame's down axis."""
     horizontal = geometry.cross(down, direction)
     if geometry.length(horizontal) < 1e-9:
         horizontal = geometry.cross((1.0, 0.0, 0.0), direction)
@@ -93,11 +90,7 @@ def transverse_axes(
 def polarization_db(
     antenna: Antenna, direction_body: geometry.Vector, field_body: geometry.Vector
 ) -> float:
-    """Level change by the angle between the electric fields of wave and antenna [dB, ≤ 0].
-
-    `direction_body`: unit vector to the source in the antenna's frame. `field_body`: unit
-    vector of the wave's electric field in the antenna's frame, perpendicular to the ray.
-    """
+    """Level change by the angle between the electric fields of wave and antenna [dB, ≤ 0]."""
     if antenna.polarization == "any":
         return 0.0
     horizontal, upright = transverse_axes(direction_body, (0.0, 0.0, 1.0))

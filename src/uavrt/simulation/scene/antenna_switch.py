@@ -22,8 +22,7 @@ class AntennaSwitch(ScenarioRecord):
     """The switched antennas: scenario table ``[antenna.switch]``."""
 
     kind: Literal["circle", "pair", "sum_difference"] = "circle"
-    """Arrangement: antennas on a circle; a left and right pair; or the pair's sum and
-    difference."""
+    """Arrangement: antennas on a circle, a left and right pair, or its sum and difference."""
     elements: Annotated[int, Ge(3), Le(16)] = 4
     """Number of antennas on a circle; the first points ahead, the others follow clockwise."""
     size_m: Annotated[float, Gt(0), Le(5)] = 0.4

@@ -1,7 +1,7 @@
 """Random numbers that depend only on (seed, stream, index), not on the order of requests.
 
-Each is a hash of its stream and index, so that a restarted radio program, the process that
-computes the truth and a test have the same world. The hash is the finalizer of SplitMix64
+Each number is a hash of its stream and index. So a restarted radio program, the process that
+computes the truth and a test all have the same world. The hash is the finalizer of SplitMix64
 (Steele, Lea & Flood, OOPSLA 2014), applied twice.
 """
 
@@ -48,12 +48,7 @@ def normal(key: int, index: ArrayLike) -> NDArray[np.float64]:
 
 
 def smooth_normal(key: int, position: float) -> float:
-    """A smooth random function of one variable with unit variance.
-
-    It is a sum of independent normals at multiples of 1/2, weighted with a Gaussian of standard
-    deviation 1/2 around `position`. The correlation between x and y is exp(-(x - y)²); the
-    normalization makes the variance exactly one.
-    """
+    """A smooth random function of unit variance; x and y correlate by exp(-(x - y)²)."""
     halves = 2.0 * position
     knots = np.arange(math.floor(halves) - 4, math.floor(halves) + 6)
     weights = np.exp(-0.5 * (halves - knots) ** 2)

@@ -1,7 +1,4 @@
-"""The built-in world of ``uavrt demo``: three tags and a drone that turns at three points.
-
-With coded tags there are two more tags, which share a frequency.
-"""
+"""The built-in world of ``uavrt demo``: three tags and a drone that turns at three points."""
 
 import math
 from dataclasses import replace
@@ -24,17 +21,11 @@ CODED_HZ = 148_640_000.0
 _APART_M = 120.0
 _ABOVE_M = 10.0
 _PEAK_ENR_DB = 33.0
-"""ENR with the antenna pointed at a tag, from the centre of the three points, without fading
-[dB]."""
+"""ENR without fading, the antenna at the three points' centre pointed at a tag [dB]."""
 
 
 def demo_scenario(duration_s: float = 60.0, seed: int = 1, *, coded: bool = False) -> Scenario:
-    """Create the demo's world, scaled to any duration of at least 40 s.
-
-    `duration_s`: length of the flight [s]. `seed`: seed of all random numbers of the world.
-    `coded`: add two animals with coded tags. Raises `ConfigError` below 40 s, because the turns
-    would be faster than 60°/s.
-    """
+    """Create the demo's world, scaled to any duration of at least 40 s, else `ConfigError`."""
     if not SHORTEST_S <= duration_s < math.inf:
         raise ConfigError(
             f"a demo of {duration_s:g} s is too short for its three turns",
@@ -58,12 +49,7 @@ def demo_scenario(duration_s: float = 60.0, seed: int = 1, *, coded: bool = Fals
 
 
 def fleet_scenarios(drones: int, first: Scenario) -> list[Scenario]:
-    """Create the worlds of ``uavrt demo --drones``: the same animals, a flight for each drone.
-
-    Each flight is the first one, shifted 120 m south and 10 m up from the one before.
-
-    `first`: world of the first drone.
-    """
+    """Create the demo's worlds for several drones: shifted 120 m south and 10 m up each."""
     return [
         replace(first, flight=_moved(first.flight, number * -_APART_M, number * _ABOVE_M))
         for number in range(drones)
@@ -83,13 +69,7 @@ def _moved(flight: Flight, north_m: float, up_m: float) -> Flight:
 
 
 def search_scenario(seed: int = 1, *, coded: bool = False) -> Scenario:
-    """Create the world of ``uavrt demo --search``: three animals, one of them walking.
-
-    The drone hovers above home until it is commanded. An antenna pointed at an animal receives
-    its tag from there; one pointed away hardly does.
-
-    `coded`: two of the animals, including the walking one, have coded tags.
-    """
+    """Create the world of ``uavrt demo --search``: three animals, one of them walking."""
     places = ((150.0, 90.0), (-40.0, 170.0), (-120.0, -130.0))
     worn = _tags(SHORTEST_S)
     if coded:

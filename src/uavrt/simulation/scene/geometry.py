@@ -1,7 +1,6 @@
 """Quaternions and a local tangent plane for the simulation.
 
-Independent of `uavrt.localization.pose`, because the truth must not share the code that it
-checks.
+Independent of `uavrt.localization.pose`, which is checked against it.
 """
 
 import math

@@ -143,10 +143,7 @@ def _rays(
     *,
     horizontal: bool,
 ) -> Iterator[tuple[geometry.Vector, complex]]:
-    """Sources as seen from the antenna, real and mirrored, each with its reflection factor.
-
-    The reflecting ground is a plane through the ground beneath tag and antenna.
-    """
+    """Real and mirrored sources seen from the antenna, each with its reflection factor."""
     yield tag, 1.0
     if propagation.model == "two_ray":
         over_ground = math.hypot(tag[0] - antenna[0], tag[1] - antenna[1])
@@ -179,12 +176,9 @@ def link(
 ) -> Link:
     """Compute the link from a tag to the antenna, without fading.
 
-    `antenna`: pattern and polarization; the mounting is already in the quaternion. `tag_ned_m`,
-    `antenna_ned_m`: positions from home [m], down positive, both at least 0.1 m above level
-    ground. `antenna_quaternion_wxyz`: antenna frame to north-east-down. `polarization_deg`:
-    tilt of the tag's field from vertical, perpendicular to the ray; 90 is horizontal.
-    `frequency_hz`: carrier frequency [Hz]. `heights_m`: heights of antenna and tag above the
-    ground beneath them, where it is not level.
+    Positions are from home [m], both at least 0.1 m above level ground. `polarization_deg`:
+    tilt of the tag's field from vertical; 90 is horizontal. `heights_m`: above the ground, if
+    not level.
     """
     tag, place = tag_ned_m, antenna_ned_m
     if heights_m is None:

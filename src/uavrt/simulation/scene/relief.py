@@ -71,11 +71,7 @@ class Relief:
     def loss_db(
         self, drone: geometry.Vector, tag: geometry.Vector, wavelength_m: float
     ) -> float:
-        """Diffraction loss by the ground between drone and tag, beyond that of level ground
-        [dB].
-
-        `drone`, `tag` (north, east, down): from the ground at home [m].
-        """
+        """Diffraction loss between drone and tag, beyond that of level ground [dB]."""
         far = math.hypot(tag[0] - drone[0], tag[1] - drone[1])
         if far < 2.0 * _STEP_M:
             return 0.0

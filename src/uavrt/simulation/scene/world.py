@@ -62,11 +62,7 @@ def noise_psd_dbm_hz(scenario: Scenario) -> float:
 
 
 def full_scale_factor(scenario: Scenario, gain: int | None = None) -> float:
-    """Amplitude of the samples [full scale] for 1 mW at the antenna connector.
-
-    A wave of power P has the amplitude noise_rms·√(P / (N₀·fs)) at any sample rate, from the
-    level of the noise in the samples.
-    """
+    """Amplitude of the samples [full scale] for 1 mW at the antenna connector."""
     radio = scenario.radio
     noise_mw = 10.0 ** (noise_psd_dbm_hz(scenario) / 10.0) * radio.sample_rate_hz
     steps = (radio.gain if gain is None else gain) - 21
@@ -75,12 +71,7 @@ def full_scale_factor(scenario: Scenario, gain: int | None = None) -> float:
 
 
 class World:
-    """All pulses of a scenario, which depend only on the scenario.
-
-    `scenario`: the world; pulse times count from its start. `path`: the drone's true path, if
-    it is commanded. `ground`: heights of the ground, instead of the scenario's elevation files.
-    Raises `FormatError` if the elevation files cannot be read.
-    """
+    """All pulses of a scenario, which depend only on the scenario and the drone's path."""
 
     def __init__(
         self,

@@ -37,11 +37,7 @@ class _Entry(msgspec.Struct, frozen=True):
 class Ledger(Generic[R]):
     """Rows of all finished recordings, or of all finished flights, and their tables.
 
-    A newer row of the same path replaces an older one with its tables. Rows are in the folder
-    `name` below `output`, and their tables in the folders `tables`. With `thorough` all files
-    are read; otherwise sizes and times are compared.
-    Raises `RecordingError` if a file cannot be read, and `OSError` if the directory cannot be
-    written.
+    With `thorough` all files are read; otherwise sizes and times are compared.
     """
 
     def __init__(
@@ -67,7 +63,7 @@ class Ledger(Generic[R]):
         except PermissionError as error:
             raise RecordingError(
                 f"{error.filename} cannot be read: {error.strerror}",
-                remedy="Give this user access to the output, or run the command as its owner",
+                remedy="Give this user access to the output, or run this as the output's owner",
             ) from error
 
     @property
@@ -99,11 +95,7 @@ class Ledger(Generic[R]):
         }
 
     def record(self, row: R, files: Mapping[str, Seal] | None = None) -> None:
-        """Write a finished row, and remove the rows and tables that it replaces.
-
-        `files` are its tables, already on the disk; None: those of the previous row. Raises
-        `OSError` if the directory cannot be written.
-        """
+        """Write a finished row with its `files`; remove rows and tables that it replaces."""
         key, before = row.fingerprint, self.files(row.fingerprint)
         held = before if files is None else dict(files)
         entry = _Entry(row=msgspec.Raw(msgspec.json.encode(row)), files=held)
@@ -163,11 +155,7 @@ class Ledger(Generic[R]):
                 yield name, fault
 
     def _remove_strays(self) -> None:
-        """Remove tables without a row, which an interrupted run left.
-
-        If this or an interrupted run set damaged rows aside, the tables stay, since they may
-        belong to those rows. Files of other programs stay.
-        """
+        """Remove tables without a row, unless rows were set aside that may own them."""
         unreadable = (self._output / ASIDE / self._directory.name).exists()
         known = {name for held in self._files.values() for name in held}
         for table in self._tables:
@@ -192,7 +180,7 @@ class Ledger(Generic[R]):
         path.replace(next(folder / one for one in names if not (folder / one).exists()))
 
     def place(self, key: str) -> str:
-        """File of a row, relative to the output."""
+        """Path of a row's file, relative to the output."""
         return f"{self._directory.name}/{key}.json"
 
     def _remove(self, key: str, kept: Mapping[str, Seal] | None = None) -> None:

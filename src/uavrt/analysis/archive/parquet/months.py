@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 LEAST_FILES = 100
-"""Least number of new files that are copied by month; fewer are opened one by one."""
+"""Minimum number of new files that are copied by month; fewer are opened one by one."""
 _GROUP_ROWS = 50_000
 _INTERRUPTED_S = 0.5
 """Longest wait for an interrupted query [s]; DuckDB cannot interrupt its functions."""
@@ -73,13 +73,9 @@ def gather_months(
     least_files: int = LEAST_FILES,
     lost: bool = False,
 ) -> Index:
-    """Update the monthly files with newly written tables.
+    """Update the monthly files with newly written tables; returns the new index.
 
-    `index` has the present copies. `tables` has for each table the start time [ns] of its files
-    by name without ending. Fewer than `least_files` new files are left as they are, unless
-    copies were `lost`: missing or damaged.
-    Returns the new index for `write_index`. Raises `OSError` if the directory cannot be
-    written.
+    Fewer than `least_files` new files are left as they are, unless copies were `lost`.
     """
     kept = dict(index)
     for table, times in tables.items():
@@ -99,10 +95,7 @@ def gather_months(
 
 
 def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str, str]]:
-    """Read the index of copies, and the reasons why some cannot be used.
-
-    With `thorough` all copies are read; otherwise sizes and times are compared.
-    """
+    """Read the index of copies, checking all if `thorough`, and why some cannot be used."""
     try:
         noted = decode_record(read_note(output / INDEX), Index)
     except FileNotFoundError:
@@ -140,10 +133,7 @@ def in_duckdb(query: Callable[["duckdb.DuckDBPyConnection"], T], **limits: str) 
     """Run a query on a new DuckDB connection; Ctrl-C ends it at once.
 
     It runs in another thread, because DuckDB checks for signals only between the tasks of a
-    query, which may take minutes. An exception from a signal handler interrupts it. `query`
-    receives the connection, and its result is returned. `limits` are settings such as
-    `threads`.
-    Raises `UsageError` if the extra is missing.
+    query, which may take minutes.
     """
     with needs_extra("batch", "An archive"):
         import duckdb

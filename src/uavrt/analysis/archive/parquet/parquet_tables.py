@@ -58,6 +58,8 @@ class RecordingRow:
     uavrt_version: str
     beeps: str = ""
     """Descriptions of received signals that differ from the tag list, one per line."""
+    input_faults: str = ""
+    """Faults of the samples, such as a wrong gain or format, one per line."""
     tags_outside: tuple[int, ...] = ()
     """Numbers of listed tags outside of the recording's band."""
 
@@ -194,10 +196,7 @@ def need_pyarrow() -> None:
 
 
 def schema_of(record: type, *, flight: bool = False) -> "pa.Schema":
-    """Parquet schema of a record type, with times also as timestamps (``start_utc``).
-
-    Pulses also get recording and cell. `flight` adds the flight's name to rows without it.
-    """
+    """Parquet schema of a record type, with times also as timestamps (``start_utc``)."""
     import pyarrow as pa
 
     types: dict[str, Any] = {
@@ -226,10 +225,7 @@ def schema_of(record: type, *, flight: bool = False) -> "pa.Schema":
 
 
 def _for_pandas(kinds: Mapping[str, str]) -> str:
-    """Metadata that makes pandas keep the column types despite nulls.
-
-    See https://pandas.pydata.org/docs/development/developer.html.
-    """
+    """Metadata that makes pandas keep the column types despite nulls."""
     columns = [
         {
             "name": name,

@@ -116,12 +116,7 @@ def check_archive(archive: Path) -> None:
 def in_archive(
     archive: Path, query: Callable[["duckdb.DuckDBPyConnection"], T], **limits: str
 ) -> T:
-    """Run `query` with a DuckDB connection to an archive; DuckDB's errors become uavrt's.
-
-    `limits` are DuckDB settings such as `threads` and `memory_limit`. Raises `FormatError` if
-    no batch has written there or a file is damaged, and `UsageError` if the query is wrong or
-    the extra is missing.
-    """
+    """Run `query` with a DuckDB connection to an archive; DuckDB's errors become uavrt's."""
     with needs_extra("batch", "An archive"):
         import duckdb
     check_archive(archive)
@@ -131,7 +126,9 @@ def in_archive(
     def checked(connection: "duckdb.DuckDBPyConnection") -> T:
         rows, size_bytes = connection.sql(size).fetchall()[0]
         if rows > size_bytes:  # a batch writes the path of each
-            raise FormatError(f"{archive / RECORDINGS} holds {rows:,} rows without columns")
+            raise FormatError(
+                f"{archive / RECORDINGS} is damaged: {rows:,} rows without columns"
+            )
         return query(connection)
 
     try:
@@ -158,11 +155,7 @@ def in_archive(
 
 
 def keep_answers(archive: Path, index: Index) -> Index:
-    """Cache the results of slow queries until a pulse table changes.
-
-    `index` has the copies, as written by `write_index`. Returns the new index. Raises `OSError`
-    if the directory cannot be written.
-    """
+    """Cache results of slow queries until a pulse table changes; returns the new index."""
     import pyarrow.parquet as pq
 
     if not any(name.startswith(f"{MONTHS}/{PULSES}/") for name in index):

@@ -59,7 +59,7 @@ def read_note(path: Path) -> bytes:
     """Read a file of `write_note`; raises `OSError`, or `FormatError` if damaged."""
     digest, _, content = read_file(path, ARCHIVE_NOTE).partition(b"\n")
     if digest != _digest(content).encode():
-        raise FormatError("the digest does not match the content")
+        raise FormatError(f"{path} is damaged: the digest does not match the content")
     return content
 
 

@@ -28,6 +28,8 @@ class CellResult(msgspec.Struct, frozen=True, kw_only=True):
     number: int
     pulses: list[Pulse] = msgspec.field(default_factory=list)
     beeps: list[Beep] = msgspec.field(default_factory=list)
+    input_faults: list[str] = msgspec.field(default_factory=list)
+    """Faults of the samples, such as a wrong gain."""
     lost_samples: int = 0
     invalid_values: int = 0
     cpu_s: float = 0.0
@@ -59,14 +61,11 @@ class CellTask:
     def work(
         self, should_stop: Callable[[], bool], on_done: Callable[[int], None]
     ) -> CellResult | None:
-        """Detect pulses in the cell; None if stopped before the end.
-
-        `should_stop` is called at each block. `on_done` receives the number of samples since
-        its last call.
-        """
+        """Detect pulses in the cell; `on_done` gets numbers of samples. None if stopped."""
         cell, began_s = self.cell, time.process_time()
         pulses: list[Pulse] = []
         beeps: list[Beep] = []
+        input_faults: list[str] = []
         place, lost, invalid, fault, gone = cell.lead_in, 0, 0, None, False
         try:
             with closing(self.recording.open()) as source:
@@ -98,7 +97,7 @@ class CellTask:
                 except UavrtError as error:
                     fault, gone = str(error), _gone(self, error)
                 pulses += chain.flush()
-                beeps = search.finish()
+                beeps, input_faults = search.finish(), chain.input_faults
                 invalid = source.invalid_values
         except UavrtError as error:
             fault, gone = str(error), _gone(self, error)
@@ -106,6 +105,7 @@ class CellTask:
             number=cell.number,
             pulses=[] if gone else [one for one in pulses if _counts(cell, one)],
             beeps=[] if gone else beeps,
+            input_faults=input_faults,
             lost_samples=lost,
             invalid_values=invalid,
             cpu_s=time.process_time() - began_s,

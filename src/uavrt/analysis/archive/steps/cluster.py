@@ -29,7 +29,7 @@ NO_WORKER_S = 3.0
 _CLOSE_S = 0.5
 _LOOK_S = 0.5
 _QUEUED_LEAST = 64
-"""Least number of queued tasks; an adaptive cluster grows with its queue."""
+"""Minimum number of queued tasks; an adaptive cluster grows with its queue."""
 
 
 class RunMarker:
@@ -63,11 +63,8 @@ def run_on_cluster(
 ) -> Iterator[tuple[int, R]]:
     """Run tasks on a cluster, and yield the number and result of each when done.
 
-    `scheduler` is ``tcp://HOST:PORT``. All workers see `folder` under the same name. A true
-    result of `should_stop` ends the run. `on_done` receives the amount done since its last
-    call, and `on_wait` a text while there is no worker.
-    Raises `UsageError` without the extra or if no scheduler answers, and `LinkError` if it is
-    lost.
+    All workers see `folder` under the same name. `on_done` receives the amount done since its
+    last call, and `on_wait` a text while there is no worker.
     """
     if not tasks:
         return

@@ -111,10 +111,7 @@ class Detecting:
         return known is not None
 
     def finish(self, number: int, result: CellResult) -> RecordingRow | None:
-        """Add a task's result; returns the recording's row when it was the last one.
-
-        Raises `OSError` if the directory cannot be written.
-        """
+        """Add a task's result; returns the recording's row when it was the last one."""
         job = self._jobs[number]
         job.results.append(result)
         if len(job.results) < job.cells:
@@ -219,6 +216,9 @@ def _row(
         finished_time_ns=Clock.start().now_ns(),
         uavrt_version=uavrt.__version__,
         beeps="\n".join(words_of_beeps(_beeps(job.results))),
+        input_faults="\n".join(
+            dict.fromkeys(fault for one in job.results for fault in one.input_faults)
+        ),
     )
 
 

@@ -66,11 +66,7 @@ class Placing:
         self.done_before = 0
 
     def plan(self, found: Found, keys: Mapping[Path, str], copies: Mapping[Path, Path]) -> None:
-        """Add tasks for all unfinished flights, and recordings with a track of their own.
-
-        `keys` has the ledger's key of each recording, and `copies` the chosen flight for the
-        directory of each other copy.
-        """
+        """Add tasks for all unfinished flights, and for recordings with a track."""
         if "attach" not in self._settings.steps:
             return
         for copy, directory in copies.items():

@@ -35,11 +35,7 @@ def cells_of(
     cell_s: float = CELL_S,
     lead_in_s: float = LEAD_IN_S,
 ) -> list[Cell]:
-    """Divide a recording's `segments` of samples into cells of `cell_s` seconds.
-
-    Cells are counted from the first sample, and lost samples count as time. `lead_in_s` is the
-    time before each cell that is also read.
-    """
+    """Divide a recording's `segments` into cells, each with a lead-in that is also read."""
     held = [one for one in segments if one.count]
     if not held:
         return []

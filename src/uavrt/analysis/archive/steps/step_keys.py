@@ -18,11 +18,7 @@ PLACING_STEPS = ("attach", "bearing", "localize")
 
 
 def step_keys(task: FlightTask) -> tuple[dict[str, str], dict[str, str]]:
-    """Keys of the inputs of all steps of a flight, requested or not.
-
-    They depend on the flight's present files, its pulses and the settings. Returns the keys for
-    an antenna with a pattern, and for a monopole. Raises `OSError` if a file cannot be reached.
-    """
+    """Keys of all inputs of a flight's steps, for an antenna with a pattern and a monopole."""
     how = task.settings
     asked = [] if how.antenna is None else [Path(how.antenna)]
     estimated = task.track is not None and task.clock_offset_s is None

@@ -43,11 +43,7 @@ def run_tasks(
     should_stop: Callable[[], bool] = lambda: False,
     on_done: Callable[[int], None] = lambda _count: None,
 ) -> Iterator[tuple[int, R]]:
-    """Run tasks in `workers` processes, and yield number and result of each when done.
-
-    With one worker, this process does the work. `should_stop` is called several times a second;
-    true ends the run. `on_done` receives the amount done since its last call.
-    """
+    """Run tasks in `workers` processes; yields number and result of each when done."""
     if workers <= 1:
         for number, task in enumerate(tasks):
             result = run_here(task, should_stop, on_done)
@@ -100,10 +96,7 @@ def run_in_pool(
     should_stop: Callable[[], bool],
     on_done: Callable[[int], None],
 ) -> Generator[tuple[int, R], None, Unfinished]:
-    """Run tasks in a pool, and yield them when done; returns unfinished ones after a crash.
-
-    If the run is to stop, tasks in progress are abandoned, to be done by the next run.
-    """
+    """Run tasks in a pool, yield them when done, and return the unfinished ones."""
     undone, queue = dict.fromkeys(numbers), iter(numbers)
     running: dict[Future[R | None], int] = {}
     broken, reported = False, 0

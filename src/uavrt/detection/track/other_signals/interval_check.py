@@ -1,7 +1,7 @@
 """Reject long groups that are another tag's pulses, by measuring their interval.
 
 A pulse half a width late still has a quarter of its power. If a tag's interval is some
-milliseconds off, a lattice of twenty expected pulses has ten such pulses and more. So the sum
+milliseconds off, a series of twenty expected pulses has ten such pulses and more. So the sum
 along the declared interval is compared with sums along other intervals that cross it.
 """
 
@@ -28,10 +28,7 @@ class Intervals:
     def foreign_places(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
-        """(K,) True for pulses of a candidate that fit another interval better.
-
-        Returns (K,), all False if no other interval is better than the declared one.
-        """
+        """(K,) True for pulses of a candidate that fit another, better interval."""
         hop = self._grid.hop
         places = np.arange(search.k)
         none = np.zeros(search.k, np.bool_)

@@ -1,7 +1,7 @@
 """Subtract pulses of a stronger tag that hide those of a weaker tag.
 
-A rectangular pulse cut by a window leaks up to 1 / (pi df tp)^2 of its power to df Hz away. One
-20 dB stronger and 100 Hz away covers a tag's pulse whenever the two overlap. The stronger
+A rectangular pulse of length tp leaks up to 1 / (pi df tp)^2 of its power to df Hz away. A
+pulse 20 dB stronger and 100 Hz away covers a tag's pulse whenever the two overlap. The stronger
 pulse's time, frequency and amplitude are known from its track, so it can be subtracted.
 """
 
@@ -23,10 +23,7 @@ def strongest_first(tracks: list[Track]) -> list[Track]:
 
 
 def stronger_tracks(track: Track, tracks: list[Track], *, sample_rate_hz: float) -> list[Track]:
-    """Tracks that may hide a track's pulses: stronger and at another frequency.
-
-    `sample_rate_hz`: period of the frequencies.
-    """
+    """Tracks that may hide a track's pulses: stronger and at another frequency."""
     if len(tracks) < 2:
         return []
     least = FOLLOW.hiding_ratio * level(track)

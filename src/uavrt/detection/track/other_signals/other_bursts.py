@@ -1,9 +1,9 @@
 """Measure the rate of other transmitters' bursts: recent strong cells that no track explains.
 
 The anchors of the search are all cells strong enough to be a pulse; the search for long groups
-passes its strong cells on. Cells on no tag's lattice are bursts of other transmitters: a
-hopper, slots of a frame, speech. Their rate gives the chance that one lies where a tag's pulse
-is expected. In noise alone there are none.
+passes its strong cells on. Cells that no tag's pulses explain are bursts of other
+transmitters: a hopper, slots of a frame, speech. Their rate gives the chance that one lies
+where a tag's pulse is expected. In noise alone there are none.
 """
 
 import math
@@ -70,12 +70,7 @@ class Bursts:
         begin_column: int,
         known: Sequence[Known],
     ) -> None:
-        """Update the bursts with the newest cells.
-
-        `fresh`: columns, rows and powers of the search's open anchors. `now_column`,
-        `begin_column`: last searched column, and the stream's first. `known`: pulses of
-        confirmed tags.
-        """
+        """Update the bursts with the newest cells of the search's open anchors."""
         self._now_s = now_column * self._column_s
         begin_s = begin_column * self._column_s
         oldest_s = max(self._begin_s, begin_s, self._now_s - BURSTS.memory_s)
@@ -105,10 +100,7 @@ class Bursts:
         self._kept = held
 
     def around(self, track: Track, found: Measured) -> BurstRates:
-        """Rates of bursts around an expected pulse of a track.
-
-        `found`: the strongest signal at that time. The track's own pulses are excluded.
-        """
+        """Rates of bursts of others around an expected pulse of a track."""
         time_s, row, power = self._kept
         if not len(time_s):
             return QUIET
@@ -235,9 +227,6 @@ class Bursts:
 
 
 def beyond_noise(count: int, expected: float) -> float:
-    """Number of bursts in excess of the noise's expected number; 0 within a margin.
-
-    Without the margin, half of the real single-pulse groups were held back.
-    """
+    """Number of bursts above the noise's expected number; 0 within a margin."""
     more = count - expected
     return more if more > BURSTS.noise_sigmas * expected**0.5 else 0.0

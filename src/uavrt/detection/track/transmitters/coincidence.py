@@ -10,12 +10,7 @@ from uavrt.detection.track.tuning import GHOSTS
 def by_chance(
     together: int, pulses: int, *, near_s: float, interval_s: float, uncertainty_s: float
 ) -> float:
-    """Probability that pulses of a tag coincide by chance with another transmitter's.
-
-    Either two lattices drift past each other slowly, with any phase and any difference of
-    intervals within the uncertainty; or pulses coincide one by one. `pulses`: number of
-    consecutive pulses of the tag. Returns the chance of `together` or more.
-    """
+    """Probability that pulses of a tag coincide by chance with another transmitter's."""
     window_s = min(2.0 * near_s, interval_s)
     single = window_s / interval_s
     one_by_one = _at_least(together, pulses, single)

@@ -79,10 +79,7 @@ class _Instants(Generic[H]):
 def mark_ghosts(
     detectors: Iterable[H], receiver: Receiver, carriers_hz: Sequence[float] = ()
 ) -> list[tuple[H, Track]]:
-    """Mark the tracks that are ghosts of other tracks; return those not marked before.
-
-    `carriers_hz`: absolute frequencies of strong steady carriers in the receiver's band.
-    """
+    """Mark the tracks that are ghosts of others; return those not marked before."""
     received = [
         _received_train(detector, track, slots)
         for detector in detectors
@@ -137,11 +134,7 @@ def _original(
 
 
 def _is_edges(one: _ReceivedTrain[H], other: _ReceivedTrain[H]) -> bool:
-    """True if a train consists of another train's leakage far from its frequency.
-
-    The edges of a rectangular pulse have at most 1 / (pi df tp)^2 of its power. Trains within
-    the search band of the weaker tag are assigned by senders.py.
-    """
+    """True if a train consists of another train's leakage far from its frequency."""
     if other.level < GHOSTS.edge_ratio * one.level or one.detector.may_be_at(
         other.frequency_hz
     ):

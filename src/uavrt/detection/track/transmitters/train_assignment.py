@@ -18,11 +18,7 @@ from numpy.typing import NDArray
 
 
 def parts(able: Sequence[Mapping[int, float]]) -> list[list[int]]:
-    """Find the connected groups of trains that compete for tags.
-
-    `able`: value of each train for each tag that it may be. Returns the indices of each group's
-    trains, in order; trains without a tag are in none.
-    """
+    """Find the connected groups of trains that compete for tags, by their indices."""
     trains_of: dict[int, list[int]] = {}
     for at, worth in enumerate(able):
         for to in worth:
@@ -45,10 +41,7 @@ def parts(able: Sequence[Mapping[int, float]]) -> list[list[int]]:
 
 
 def best_assignment(able: Sequence[Mapping[int, float]]) -> list[int | None]:
-    """Assign trains to tags with the largest sum of values; None: no tag.
-
-    `able`: positive value of each train for each possible tag.
-    """
+    """Assign trains to tags with the largest sum of `able` values; None: no tag."""
     made = _AssignmentSoFar(able)
     for start in range(len(able)):
         made.add(start)
@@ -56,10 +49,7 @@ def best_assignment(able: Sequence[Mapping[int, float]]) -> list[int | None]:
 
 
 class _AssignmentSoFar:
-    """Best assignment of the trains so far.
-
-    Each tag has a price. With prices deducted, no train gains by another tag or by none.
-    """
+    """Best assignment of the trains so far, by prices of the tags."""
 
     def __init__(self, able: Sequence[Mapping[int, float]]) -> None:
         self._able = able
@@ -118,10 +108,7 @@ class _AssignmentSoFar:
 def losses(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None]
 ) -> list[dict[int, float]]:
-    """Loss of value if a train is assigned to a given tag instead of the best one.
-
-    Returns the loss for each train and possible tag; 0 for the assigned tag.
-    """
+    """Loss of value if a train is assigned to another tag than the best one."""
     owner = {to: at for at, to in enumerate(chosen) if to is not None}
     back = _path_losses(able, chosen, owner)
     free = len(able)
@@ -141,10 +128,7 @@ def losses(
 def _path_losses(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None], owner: Mapping[int, int]
 ) -> NDArray[np.float64]:
-    """Minimum loss on the path from a train that lost its tag to a tag that is freed.
-
-    The last row and column stand for unassigned tags and for trains without a tag.
-    """
+    """Minimum loss from a train that lost its tag to a tag that is freed."""
     free = len(able)
     loss_of = np.full((free + 1, free + 1), np.inf)
     np.fill_diagonal(loss_of, 0.0)

@@ -62,10 +62,7 @@ def interval_separation(one: Tag, two: Tag) -> "IntervalSeparation":
 
 
 def small_ratio(one: Tag, two: Tag) -> tuple[int, int] | None:
-    """Small ratio that the intervals of two tags may have, within their bounds; or None.
-
-    The longer to the shorter: 2 to 1, 3 to 1 or 3 to 2; common pulses then fit both tags.
-    """
+    """Small ratio (2:1, 3:1, 3:2) that two tags' intervals may have; or None."""
     pairs = [
         ((a, _bound_s(one, a)), (b, _bound_s(two, b)))
         for a in one.pulse_intervals_s
@@ -134,19 +131,13 @@ class ConfirmedPulses:
     def at_frequencies(
         self, wanted: Callable[[NDArray[np.float64]], NDArray[np.bool_]]
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Pulses of confirmed trains in the last 40 s at `wanted` frequencies.
-
-        Returns (times_ns, received): (n,); (n, 2), absolute frequency and power of each.
-        """
+        """Times and (frequency, power) of confirmed trains' pulses in 40 s at `wanted`."""
         some = wanted(self._how[:, 0])
         return self._times_ns[some], self._how[some]
 
 
 class Senders(Generic[H]):
-    """Assigns trains to the tags of detectors with overlapping bands.
-
-    `detectors`: the detectors, in any order.
-    """
+    """Assigns trains to the tags of detectors with overlapping bands."""
 
     def __init__(self, detectors: Sequence[H]) -> None:
         self.detectors = sorted(detectors, key=lambda detector: detector.tag.tag_id)
@@ -202,12 +193,7 @@ class Senders(Generic[H]):
     def _drop_begun_by_others(
         self, trains: list[Train[H]], given: list[tuple[Train[H], int, tuple[int, ...], bool]]
     ) -> bool:
-        """Drop tracks that were begun or just confirmed only by pulses of other tags.
-
-        One strong pulse and the largest noise an interval before and after it make a group of
-        any tag. Another strong pulse on its lattice would confirm the group. `trains`: dropped
-        tracks are removed. `given`: those assigned. Returns whether there were any.
-        """
+        """Drop tracks that were begun or just confirmed only by pulses of other tags."""
         dropped: set[int] = set()
         unsettled = [
             (detector, track, slots)
@@ -335,10 +321,7 @@ class Senders(Generic[H]):
         return sorted(near, key=lambda detector: detector.tag.tag_id)
 
     def _assign_tentative(self, train: Train[H], owned: dict[int, bool]) -> None:
-        """Assign an uncertain train to the likeliest tag that has no train.
-
-        `owned`: tags with a train; True if no other tag is possible for it.
-        """
+        """Assign an uncertain train to the likeliest tag that has no train."""
         likely = {h.tag.tag_id: self._likelihood(train, h) for h, _ in train.tracks}
         free = {i: v for i, v in likely.items() if i not in owned and v > -math.inf}
         if not free:

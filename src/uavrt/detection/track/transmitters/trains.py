@@ -1,8 +1,8 @@
 """Merge tracks of several detectors into trains: the pulses of one transmitter.
 
-Tracks of detectors with overlapping bands are merged by common pulses. Of the tracks in one
-train the one that explains most is used: a track with one of three expected pulses may have
-another interval, or belong to several trains.
+Tracks of detectors with overlapping bands are merged by common pulses. Of the tracks
+in one train, the one that explains most pulses is used, because a track that has only one of
+three expected pulses may have another interval, or belong to several trains.
 """
 
 import math
@@ -119,10 +119,7 @@ class KnownPulse:
 
 
 def merge_tracks(detectors: Iterable[H]) -> list[Train[H]]:
-    """Merge the tracks of the same pulses into trains.
-
-    A fast tag's track comes before those of twice its interval, which share its pulses.
-    """
+    """Merge the tracks of the same pulses into trains, a fast tag's tracks first."""
     trains: list[Train[H]] = []
     near: dict[int, list[tuple[H, Track, int]]] = {}
     """Tracks by frequency, each with the index of its train."""
@@ -147,11 +144,7 @@ def merge_tracks(detectors: Iterable[H]) -> list[Train[H]]:
 
 
 def made_of_other_trains(trains: Sequence[Train[H]], *, near_ns: float) -> list[Train[H]]:
-    """Find the trains with hardly any pulse that is not another train's.
-
-    A lattice may coincide with other trains: one of 1254 ms has every second pulse of one of
-    1881 ms. Returns those that explain less than the confirmed trains whose pulses they share.
-    """
+    """Find the trains with hardly any pulse that is not another train's."""
     found: list[Train[H]] = []
     confirmed = sorted(
         (train for train in trains if train.confirmed), key=lambda train: train.frequency_hz

@@ -69,12 +69,7 @@ class _Handler(Protocol):
 
 
 class ConnectionInbox:
-    """Passes each message and record to the part that handles it; other ones are ignored.
-
-    `motion`: None if this drone accepts no motion orders. `ask`: sends a command to the
-    supervisor. `text`: sends a text to the operator. `linked`: a link to the ground is
-    configured.
-    """
+    """Passes each message and record to the part that handles it; others are ignored."""
 
     def __init__(
         self,
@@ -128,11 +123,7 @@ class ConnectionInbox:
             }
 
     def payload(self, payload_type: int, payload: bytes, peer: Peer) -> None:
-        """Handle a payload by its row in the table of link messages.
-
-        Sealed (authenticated) messages are checked first, so a flood of unsealed messages
-        cannot block them. Rate limits apply only to messages without a valid seal.
-        """
+        """Handle a payload by its row in the table of link messages, sealed ones first."""
         if payload_type == SEALED_TYPE:
             opened = self.stations.gate.open(payload, peer.place, self._link.place)
             if opened is not None:
@@ -235,7 +226,9 @@ class ConnectionInbox:
         try:
             payload = encode_course(course)
         except TunnelError as error:
-            log.warning("cannot send this drone's course to the others", reason=error.message)
+            log.warning(
+                "cannot send this drone's course to the other drones", reason=error.message
+            )
             return
         self._link.tunnel.send_tunnel(payload, Priority.STATUS, payload_type=COURSE_TYPE)
 

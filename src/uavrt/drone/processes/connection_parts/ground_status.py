@@ -1,8 +1,4 @@
-"""Status messages for the ground: heartbeat, detectors, texts, load of the computer.
-
-Part of the connection process. The link may carry only 1200 bytes a second, so each kind of
-message has its own rate.
-"""
+"""Status messages for the ground, each kind at its rate: heartbeat, detectors, texts, load."""
 
 import os
 import shutil
@@ -36,8 +32,7 @@ COMPUTER_NS = ns_from_s(10.0)
 """Time between two reports of the computer's load [ns]; 250 bytes: 2 % of the slowest link."""
 FAULTS_NS = ns_from_s(2.0)
 AGAIN_NS = ns_from_s(30.0)
-"""Time between two reports of a persisting fault [ns]; 200 bytes, below 1 % of the slowest
-link."""
+"""Time between two reports of a lasting fault [ns]: below 1 % of the slowest link."""
 SEARCH_REPORT_NS = ns_from_s(5.0)
 """Time between two search reports of a tag [ns]; they share the link with its pulses."""
 ALIVE_NS = ns_from_s(3.0)
@@ -54,11 +49,7 @@ UNKNOWN_U32 = 0xFFFFFFFF
 
 
 class GroundStatus:
-    """Sends the status messages that are due.
-
-    `exchange`: encodes payloads for the ground station's protocol version. `root`: directory
-    whose free space is reported. `disk`: runs disk queries; inline by default.
-    """
+    """Sends the status messages that are due."""
 
     def __init__(
         self, exchange: Exchange, sender: TunnelSender, root: Path, disk: Disk = at_once
@@ -149,11 +140,7 @@ class GroundStatus:
         *,
         newcomer: bool,
     ) -> None:
-        """Repeat lasting faults, for stations that missed the first report or a part of it.
-
-        `processes`: those that are not ok report why. `others`: other lasting faults.
-        `newcomer`: a station has just appeared; it gets all faults at once.
-        """
+        """Repeat lasting faults, for stations that missed the first report or are new."""
         if not newcomer and not self._due("faults", FAULTS_NS, now_ns):
             return
         for fault in (*map(_fault_of, filter(lambda one: one.reason, processes)), *others):
@@ -191,10 +178,7 @@ class GroundStatus:
             self._sender.send_tunnel(payload, Priority.STATUS)
 
     def _report_computer(self) -> None:
-        """Report load and free space: the last measured space while the disk does not answer.
-
-        A pending query is not repeated, because many queries would delay file transfers later.
-        """
+        """Report load and free space: the last measured one while the disk is not answering."""
         asked = not self._asking
         if asked:
             self._asking = True

@@ -1,7 +1,4 @@
-"""SNR and pulse count of each tag as MAVLink named values, for other ground stations.
-
-The values are sent at a low rate, and only when no pulse waits.
-"""
+"""SNR and pulse count of each tag as MAVLink named values, for other ground stations."""
 
 from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Mapping
@@ -22,12 +19,7 @@ NS_PER_MS = 1_000_000
 
 
 class NamedValues:
-    """Message source (`uavrt.link.mavlink.sending.pacing.Source`) with each tag's newest SNR
-    and pulse count.
-
-    `which`: send SNR and count, only SNR, or nothing. `wanted`: returns True if a station needs
-    them. `pulses_wait`: returns True if pulses are still to be sent.
-    """
+    """Message source (`pacing.Source`) with each tag's newest SNR and pulse count."""
 
     def __init__(
         self,

@@ -69,11 +69,7 @@ def pose_address(settings: PoseSettings) -> Address | None:
 
 
 class OwnPose:
-    """Produces attitude and position samples.
-
-    `settings`: any source but the autopilot. `clock_ns`: clock of the samples [ns, UTC].
-    `attitude`, `position`: receive the samples. Raises `ConfigError`: see `pose_address`.
-    """
+    """Produces attitude and position samples from settings or a GPS receiver."""
 
     def __init__(
         self,

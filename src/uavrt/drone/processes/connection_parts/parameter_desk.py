@@ -1,9 +1,4 @@
-"""Parameters of the drone, which ground stations can list and set.
-
-Connects MAVLink parameters (`uavrt.link.mavlink.services.parameter_service`) to the table of
-settings (`uavrt.config.parameters`) and the supervisor, which alone changes them. Part of the
-connection process.
-"""
+"""Parameters of the drone, which ground stations can list and the supervisor sets."""
 
 from collections import OrderedDict
 from collections.abc import Callable
@@ -31,12 +26,7 @@ PENDING = 64
 
 
 class ParameterDesk:
-    """Answers requests for parameters and passes changes to the supervisor.
-
-    `bytewise`: returns True if integers are encoded as bytes. `send`: sends a value to one
-    station, or to all if None. `ask`: sends a command to the supervisor. `notify`: sends a text
-    to the operator. `running`: True while detecting.
-    """
+    """Answers requests for parameters and passes changes to the supervisor."""
 
     def __init__(
         self,
@@ -73,11 +63,7 @@ class ParameterDesk:
         *,
         sealed: bool = False,
     ) -> None:
-        """Handle a request to read or set parameters.
-
-        `refusal`: reason why this station may not set any. `request_id`: number for a resulting
-        command. `sealed`: the request was authenticated by the drone's key.
-        """
+        """Handle a request to read or set parameters; `refusal` forbids setting any."""
         answer = self._server.receive(message)
         if isinstance(answer, list):
             for value in answer:
@@ -102,11 +88,7 @@ class ParameterDesk:
     def receive_sealed(
         self, inside: bytes, peer: Peer, refusal: str | None, request_id: int
     ) -> None:
-        """Handle an authenticated request; other parameters as for `receive`.
-
-        With a name and a value it sets the parameter; with NaN it reads it. Without a name, the
-        value is the index to read, and NaN reads all.
-        """
+        """Handle an authenticated request by name or index; NaN as value reads."""
         try:
             name, value = read_parameter(inside)
         except TunnelError as error:
@@ -123,10 +105,7 @@ class ParameterDesk:
         self.receive(request, peer, refusal, request_id, sealed=True)
 
     def reply(self, reply: CommandReply) -> None:
-        """Handle the supervisor's answer: send the present value, and the reason if refused.
-
-        Changed settings arrive before the reply, so the value is the new one.
-        """
+        """Send the present value of a parameter, and the supervisor's reason if refused."""
         name, peer = self._pending.pop(reply.request_id, (None, None))
         if name is None or peer is None:
             return

@@ -1,7 +1,4 @@
-"""Collect the vehicle's poses, record them, and add the antenna's pose to each pulse.
-
-Attitude and position come from the autopilot, or from the station itself (`own_pose`).
-"""
+"""Collect the vehicle's poses, record them, and add the antenna's pose to each pulse."""
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -54,12 +51,7 @@ def _missing_text(missing: str) -> StatusText:
 
 
 class PoseDesk:
-    """Collects attitude and position samples; computes the poses of pulses.
-
-    `settings`: antenna, and source of the pose. `clock`: clock of this process; the flight's
-    differs by `shift_ns`. `record`: gets poses to record. `say`: gets texts for the operator.
-    Raises `ConfigError`: see `uavrt.drone.processes.connection_parts.own_pose.pose_address`.
-    """
+    """Collects attitude and position samples; computes the poses of pulses."""
 
     def __init__(
         self,
@@ -118,7 +110,7 @@ class PoseDesk:
             return
         self._clock_is_stale = stale
         if stale:
-            log.warning("autopilot's clock is extrapolated", **counters())
+            log.warning("autopilot's clock not synchronized: extrapolated", **counters())
             self._say(_STALE_CLOCK)
         else:
             log.info("autopilot's clock synchronized", **counters())

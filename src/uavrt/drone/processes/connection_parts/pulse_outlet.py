@@ -1,9 +1,4 @@
-"""Deliver pulses to the ground: queue them, send them, and read unsent ones from the disk.
-
-Connects the sender (`uavrt.link.tunnel.pulses.reliable`) to the flight's database
-(`uavrt.flight.database.spool`). Part of the connection process. `Disk` reads the database, so
-that a slow disk does not delay queued pulses.
-"""
+"""Deliver pulses to the ground: queue them, send them, and read unsent ones from disk."""
 
 from collections import OrderedDict, deque
 from collections.abc import Callable, Collection, Sequence
@@ -35,12 +30,7 @@ REFILL_PERIOD_NS = ns_from_s(0.5)
 
 
 class PulseOutlet:
-    """All pulses that are still to be sent to the ground.
-
-    `encode`: makes a pulse's payload in the ground's protocol version. `note`: gets deliveries,
-    for the recorder. `disk`: runs disk work; inline by default. `first_refill_ns`: time before
-    which nothing is read from disk.
-    """
+    """All pulses that are still to be sent to the ground."""
 
     def __init__(
         self,
@@ -63,10 +53,7 @@ class PulseOutlet:
         self.receipts = 0
 
     def flight(self, directory: str, *, resumed: bool = False) -> None:
-        """Begin a flight, or resume it after a restart of this process.
-
-        A new flight is not read yet, because the recorder is creating its database.
-        """
+        """Begin a flight, or resume it after a restart of this process."""
         if directory not in self._flights:
             self._flights.append(directory)
         if resumed:
@@ -83,11 +70,7 @@ class PulseOutlet:
     def receipt(
         self, payload: bytes, place: tuple[int, int], now_ns: int
     ) -> tuple[bool, float | None]:
-        """Handle a ground station's receipt.
-
-        Returns (acknowledged, round_trip_s): True if the station has ever acknowledged a pulse,
-        and the measured round trip, if any.
-        """
+        """Handle a receipt; return if it acknowledged, and the round trip [s], if known."""
         try:
             receipt = Receipt.decode(payload)
         except TunnelError as error:

@@ -96,10 +96,7 @@ class PulsePath:
             self._link.tunnel.unanswered(now_ns)
 
     def pass_on(self, pulse_poses: Iterable[PulsePose]) -> None:
-        """Send pulses with their pose to the recorder and to the ground.
-
-        If a pose is late, the recorder has already replaced it; such pulses are dropped.
-        """
+        """Send pulses to recorder and ground, unless the recorder replaced a late pose."""
         for pulse_pose in pulse_poses:
             if self._delivery.may_send(pulse_pose.pulse.key):
                 self._send_record("pulse_pose", pulse_pose)

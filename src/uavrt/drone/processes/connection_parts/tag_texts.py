@@ -12,10 +12,7 @@ exceeds a turn's time behind the antenna, and one or two lost groups."""
 
 
 class TagTexts:
-    """Decides which text is due; an unsent one is due again with the next pulse.
-
-    `tags`: tags of the flight, for their names and intervals.
-    """
+    """Decides which text is due; an unsent one is due again with the next pulse."""
 
     def __init__(self, tags: Iterable[Tag] = ()) -> None:
         self.begin_flight(tags)

@@ -22,11 +22,7 @@ FENCE_PERIOD_S = 30.0
 
 
 class FenceWatch:
-    """Downloads the autopilot's geofence and passes it on.
-
-    `send`: sends a message to the autopilot. `report`: gets the fence. `place`: own system and
-    component id; the autopilot has the same system id.
-    """
+    """Downloads the autopilot's geofence and passes it on."""
 
     def __init__(
         self,

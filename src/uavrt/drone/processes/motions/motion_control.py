@@ -1,8 +1,4 @@
-"""Send the motion commands that the authority permits, until control ends.
-
-The authority (`uavrt.guidance`) decides from the autopilot's messages whether a command may be
-sent. An operator ends control by *Take back*.
-"""
+"""Send the motion commands that the authority permits, until control ends."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -48,11 +44,7 @@ class Outlets:
 
 
 class MotionControl:
-    """The authority over the present autopilot, and the commands of its order.
-
-    `own_place`: own system and component id; the vehicle has the same system id. `changed`:
-    called with the time [s] after each change of state.
-    """
+    """The authority over the present autopilot, and the commands of its order."""
 
     def __init__(
         self,
@@ -153,7 +145,7 @@ class MotionControl:
 
     @property
     def known(self) -> Authority:
-        """Return the authority; raises `CommandRefused` while the autopilot is unknown."""
+        """Return the `Authority`; raises `CommandRefused` while the autopilot is unknown."""
         if self.authority is None:
             raise CommandRefused("the autopilot has not reported yet")
         return self.authority

@@ -24,12 +24,7 @@ from uavrt.link.mavlink.message import Message
 
 
 class MotionDesk:
-    """Passes each message to the parts that need it, in a safe order.
-
-    `settings`: settings of the drone. `outlets`: functions that send messages. `own_place`: own
-    system and component id; the vehicle has the same system id. `next_request_id`: numbers for
-    commands. `autopilot_link`: address of the autopilot's link.
-    """
+    """Passes each message to the parts that need it, in a safe order."""
 
     def __init__(
         self,
@@ -64,11 +59,7 @@ class MotionDesk:
     def vehicle(
         self, message: Message, age_s: float = 0.0, late_s: float | None = None
     ) -> None:
-        """Handle a message from the autopilot.
-
-        `age_s`: time since the message arrived [s]. `late_s`: its delay on the link [s], None
-        if the autopilot's clock is unknown.
-        """
+        """Handle a message from the autopilot; `age_s` since arrival, `late_s` on the link."""
         now_s, before = monotonic_s(), self._autopilot.kind
         self.control.wake(now_s)
         self._autopilot.receive(message, now_s - age_s)
@@ -99,10 +90,7 @@ class MotionDesk:
             self.control.watch(now_s)
 
     def tick(self, silent_s: Mapping[Asker, float]) -> None:
-        """End or continue control, and send requests and reports that are due.
-
-        `silent_s`: silence of each ground station.
-        """
+        """End or continue control, and send requests and reports that are due."""
         now_s = monotonic_s()
         self.control.wake(now_s, turn=True)
         self._reports.stations_silent(silent_s)

@@ -60,11 +60,7 @@ class MotionOrders:
     def receive(
         self, payload: bytes, asker: Asker, refusal: str | None, *, sealed: bool
     ) -> None:
-        """Handle a ground station's message about motion.
-
-        `payload`: of type 60005, without its seal. `asker`: the station. `refusal`: reason why
-        it may not command. `sealed`: True if the seal was valid.
-        """
+        """Handle a ground station's message about motion; `refusal`: why it may not command."""
         try:
             message = decode_motion(payload, asker)
         except TunnelError as error:

@@ -17,8 +17,7 @@ TCP_IS_LATE = (
     "seconds late. Use a serial port or UDP for mavlink.address"
 )
 SIMULATOR_NUMBER = 0x75617672
-"""Hardware id (``uavr``) by which `uavrt.simulation.vehicle.fake_autopilot` identifies
-itself."""
+"""Hardware id (``uavr``) of `uavrt.simulation.vehicle.fake_autopilot`."""
 
 
 class ReportedAutopilot:

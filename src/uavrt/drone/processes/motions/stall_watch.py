@@ -3,7 +3,7 @@
 from uavrt.guidance.safety import SAFETY
 
 LATE_S = 0.2
-"""Time between two turns of the main loop (normally 50 ms) above which it was paused [s].
+"""Time between two turns of the main loop (normally 50 ms) that counts as a pause [s].
 
 After a pause, waiting messages of the autopilot are read before a command is sent, and before
 the autopilot counts as silent."""

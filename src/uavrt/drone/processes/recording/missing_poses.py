@@ -19,11 +19,7 @@ MOST_POSES = 200
 
 
 class AwaitedPoses:
-    """Pulses that wait for a pose, and a check for poses that will never arrive.
-
-    Poses of a tag's pulses arrive in the order of the pulses. A pose counts as lost once the
-    pose of a later pulse has arrived, or after `patience_s`.
-    """
+    """Pulses that wait for a pose, and a check for poses that will never arrive."""
 
     def __init__(self, patience_s: float) -> None:
         self._patience_s = patience_s
@@ -69,10 +65,7 @@ class AwaitedPoses:
 def pose_from_records(
     pulse: Pulse, poses: Iterable[Pose], antenna: AntennaSettings
 ) -> PulsePose:
-    """Compute a pulse's antenna pose from recorded vehicle poses near it; None without any.
-
-    `poses`: around the pulse's centre, in the order of time. `antenna`: its mounting.
-    """
+    """Compute a pulse's antenna pose from recorded vehicle poses near it, if any."""
     ring = PoseRing(antenna, capacity=MOST_POSES)
     for pose in poses:
         ring.add_pose(pose)

@@ -1,7 +1,4 @@
-"""Raw capture: record the radio's decimated band for a set time, without detection.
-
-The capture runs in the receiver process, in place of the receiver.
-"""
+"""Raw capture: record the radio's decimated band for a set time, instead of detection."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -55,4 +55,6 @@ class HangWatch:
         self._last = turn
         if self._checks >= CHECKS:
             self._checks = 0
-            raise SearchHangs(f"not finished after {CHECK_S * (CHECKS - 1):.1f} s of computing")
+            raise SearchHangs(
+                f"search unfinished after {CHECK_S * (CHECKS - 1):.1f} s of CPU time"
+            )

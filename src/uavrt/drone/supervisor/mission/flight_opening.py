@@ -19,15 +19,11 @@ _CHEAP_SHARE_TAGS = 16
 def share_tags(
     tags: Sequence[Tag], workers: int, *, window_hz: float, receiver: Receiver | None = None
 ) -> tuple[tuple[Tag, ...], ...]:
-    """Distribute the tags over detector processes.
+    """Distribute the tags over detector processes, evenly.
 
     Tags with overlapping bands share pulses and must be compared, so one process gets them all.
-    Each such group goes to the process with the fewest tags. Tags that may appear as receiver
-    ghosts (image or harmonic) of each other are also kept together, up to an equal share or 16
-    tags.
-
-    `window_hz`: half-width of the search around each tag. `receiver`: determines the ghosts.
-    Returns at least one list, which is empty only without tags.
+    Tags that may be receiver ghosts of each other are kept together, up to an equal share or
+    16.
     """
     together = tags_by_band(tags, window_hz)
     if receiver is not None and workers > 1:
@@ -68,10 +64,7 @@ def new_flight(
     center_frequency_hz: float,
     capture_s: float | None = None,
 ) -> FlightInfo:
-    """Create a flight's directory and description; with `capture_s`, those of a raw capture.
-
-    Raises `RecordingError` if the directory cannot be made.
-    """
+    """Create a flight's directory and description; with `capture_s`, those of a capture."""
     start_ns = clock.now_ns()
     return FlightInfo(
         directory=str(_make_directory(Path(settings.recording.directory), start_ns)),

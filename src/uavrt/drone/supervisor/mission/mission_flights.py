@@ -42,12 +42,7 @@ Tuner = Callable[[TuningRequest], Tuning]
 
 
 class Flights:
-    """The present flight and the last ended ones.
-
-    `notify`: sends (severity, text) to the operator. `on_start`: called when a flight begins.
-    `tuner`: finds a radio frequency that receives all tags. `check_free`: raises `UavrtError`
-    while flights are being copied.
-    """
+    """The present flight and the last ended ones."""
 
     def __init__(
         self,
@@ -70,11 +65,7 @@ class Flights:
         """True while a flight's last pulses are recorded; no flight can begin meanwhile."""
 
     def resume(self, saved: SavedState) -> SystemState | None:
-        """Resume the flight of an earlier supervisor; return its state, None if none resumes.
-
-        Within one boot the flight keeps its clock. After a restart of the computer a new flight
-        with a new clock begins; see `RESUME_WITHIN_S`.
-        """
+        """Resume the flight of an earlier supervisor; return its state, None without one."""
         flight = saved.flight
         same_boot = saved.boot_id == boot_id()
         self.last.extend(d for d in saved.last_flights if same_boot or _recent(d))
@@ -125,11 +116,7 @@ class Flights:
         return SystemState.DETECTING
 
     def begin(self, center_frequency_hz: float | None) -> FlightInfo:
-        """Begin a flight at the operator's, the configured or the computed radio frequency.
-
-        Raises `TunerError` if no radio frequency receives all tags, `RecordingError` if the
-        flight's directory cannot be made.
-        """
+        """Begin a flight at the operator's, the configured or the computed radio frequency."""
         self._check_free()
         settings = self._settings.now
         tags = tags_with_overrides(settings, self._upload.tags.values())
@@ -165,11 +152,7 @@ class Flights:
         return words
 
     def begin_capture(self, center_frequency_hz: float | None) -> FlightInfo:
-        """Begin recording the band at the given, the configured or the computed frequency.
-
-        Raises `UavrtError` if no frequency is known, the disk is nearly full, or flights are
-        being copied.
-        """
+        """Begin recording the band at the given, the configured or the computed frequency."""
         self._check_free()
         settings = self._settings.now
         radio, recording = settings.radio, settings.recording
@@ -215,11 +198,7 @@ class Flights:
         )
 
     def correct(self, tag: Tag | None) -> tuple[FlightInfo, str, tuple[str, ...]] | None:
-        """Correct a tag's values in the present flight; None if they are unchanged.
-
-        Returns (flight, text, warnings): the corrected flight, a description of the change, and
-        its side effects.
-        """
+        """Correct a tag in the present flight; return text and warnings, None if unchanged."""
         flight, listed = self.flight, self._upload.tags
         known = None if tag is None else listed.get(tag.tag_id)
         if tag is None or known is None or flight is None:

@@ -31,10 +31,7 @@ class Mission:
     """The system's state, tags and flight; every change is saved before it is acknowledged.
 
     `store`: saves the state across an unclean end. `notify`: sends (severity, text) to the
-    operator. `on_start`, `on_stop`: called when a flight begins, or its end is commanded.
-    `on_correction`: called after a tag was corrected in flight. `on_settings`: called after a
-    parameter was set. `tuner`: finds a radio frequency for all tags. `operations`: copies and
-    removes flights.
+    operator.
     """
 
     def __init__(
@@ -242,11 +239,7 @@ class Mission:
         return words
 
     def _has_no_list(self, command: Command) -> bool:
-        """True if a start needs the last complete list of tags to be loaded first.
-
-        Another station's unfinished upload is replaced only on a sealed (authenticated)
-        command, or after that station was silent for a minute.
-        """
+        """True if a start needs the last complete list of tags to be loaded first."""
         if self.state is SystemState.RECEIVING_TAGS:
             alone = self.settings.now.mavlink.first_commands
             return alone and self.commander.name != command.source

@@ -18,16 +18,11 @@ from uavrt.core.errors import UavrtError
 from uavrt.drone.ipc.parent import PARENT_VARIABLE, die_with_parent
 
 TIMEOUT_S = 7.5
-"""Longest wait for the radio test [s]. The ground station waits 8 s; a working radio answers in
-4 s."""
+"""Longest wait for the radio test [s]. The ground station waits 8 s; a radio takes 4 s."""
 
 
 class RadioTest:
-    """A running test of the radio.
-
-    Create it where child processes are tracked, so that it is not killed as an orphan. Wait for
-    its answer in a thread. Raises `OSError` if no process can be started.
-    """
+    """A running test of the radio, created where child processes are tracked."""
 
     def __init__(self, settings: RadioSettings) -> None:
         question = msgspec.json.encode(settings).decode()

@@ -51,15 +51,12 @@ class Tuning:
 
 
 def request_tuning(question: TuningRequest, launcher: Launcher | None = None) -> Tuning:
-    """Get a radio frequency that receives all the tags.
-
-    Raises `TunerError` if there is none, the search is too costly, or no answer came.
-    """
+    """Get a radio frequency that receives all the tags; `TunerError` if there is none."""
     try:
         answer = msgspec.json.decode(_answer(question, launcher or Launcher()), type=Tuning)
     except (OSError, ValueError) as error:
         raise TunerError(
-            f"the tuner did not answer ({type(error).__name__})",
+            f"no radio frequency was computed ({type(error).__name__})",
             remedy="Set radio.center_frequency_hz",
         ) from error
     if answer.error:

@@ -154,14 +154,7 @@ class Launcher:
         environment: Mapping[str, str],
         arguments: Sequence[str] = (),
     ) -> int:
-        """Start ``python -m MODULE`` in its own process group; return its process id.
-
-        The new process is a child of this process, and the caller must reap it.
-
-        `module`: has a function ``main``. `name`: shown by ``top``. `output`: descriptor for
-        printed output. `fds`: descriptors to inherit, with the same numbers. `environment`:
-        added to this process's. `arguments`: follow the module name.
-        """
+        """Start ``python -m MODULE`` in its own process group; the caller must reap it."""
         environment = {**self._environment, **environment}
         pid = self._fork(module, name, output, fds, environment, arguments)
         if pid is not None:
@@ -229,7 +222,7 @@ class Launcher:
                     self._give_up("did not answer")
                 return None
             if "pid" not in answer:
-                log.warning("the nursery cannot start a process", reason=answer["error"])
+                log.warning("cannot fork a process", reason=answer["error"])
                 return None
             os.write(give, b"!")
         finally:
@@ -247,7 +240,7 @@ class Launcher:
 
     def _give_up(self, fault: str) -> None:
         """Mark the nursery as failed; `tend` will restart it."""
-        log.warning("nursery killed; it is restarted", reason=fault)
+        log.warning("process that forks others killed; it restarts", reason=fault)
         self._ready = False
         self._fault = fault
         if self._process is not None:

@@ -35,8 +35,7 @@ MODULES = (
     "uavrt.drone.processes.connection",
     "uavrt.drone.processes.recorder",
 )
-"""Modules imported before the first fork, needed on every drone. The others are imported after
-the fork."""
+"""Modules imported before the first fork: those needed on every drone."""
 MAX_REQUEST_BYTES = 65_536
 MAX_FDS = 200
 FIRST_FREE_FD = 500
@@ -53,8 +52,7 @@ class ForkedProcess:
     """Request of `Launcher` in JSON: module, name, arguments, environment, parent, descriptors.
     """
     fds: list[int]
-    """Received descriptors: one per requested number, then one to confirm the fork to the
-    supervisor."""
+    """Received descriptors: one per requested number, then one to confirm the fork."""
     parent_id: int
     """Process id of the short-lived parent between the nursery and this process."""
 
@@ -149,11 +147,7 @@ def place_descriptors(fds: list[int], places: list[int]) -> None:
 
 
 def set_process_name(name: str, module: str) -> None:
-    """Change the process name in ``top`` and the command line in ``ps``.
-
-    The arguments are in the process's own memory (arg_start and arg_end of proc(5)); Python has
-    copied them.
-    """
+    """Change the process name in ``top`` and the command line in ``ps``, see proc(5)."""
     ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_NAME, name.encode()[:15], 0, 0, 0)
     with suppress(OSError, ValueError, IndexError):
         with open("/proc/self/stat", encoding="utf-8", errors="replace") as file:

@@ -77,11 +77,7 @@ def measure(pid: int) -> tuple[Usage, Usage]:
 
 
 def _usages(pid: int) -> tuple[Usage, Usage]:
-    """Read ``/proc/PID/stat``: usage of the process alone, and with its reaped children.
-
-    After the name, state is field 0; utime, stime and those of reaped children are 11 to 14,
-    rss is 21 (proc(5)).
-    """
+    """Read ``/proc/PID/stat``: usage of the process alone, and with reaped children."""
     try:
         fields = read_proc(f"/proc/{pid}/stat").rpartition(") ")[2].split()
     except OSError:

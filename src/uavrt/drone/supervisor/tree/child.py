@@ -25,16 +25,10 @@ READ_BYTES = 65_536
 
 
 class Child:
-    """A running process of the table.
+    """A running process of the table, with a socket to the supervisor and a pipe for output.
 
-    The process has its own process group, a stream socket to the supervisor, and a pipe for
-    printed output.
-
-    `name`: instance name, for example ``detector-1``. `intake`: schedules reads of records.
-    `outbox`: records to send; it outlives the child. `pass_fds`: sample sockets the child
-    inherits. `on_line`, `on_output`: called with each record and each printed line. `on_exit`:
-    called once, with the exit code. Raises `OSError` if the process cannot be started; a
-    process that cannot be watched is left to `Fleet`, as an orphan.
+    `intake`: schedules reads of records. `outbox`: records to send; it outlives the child.
+    Raises `OSError` if it cannot be started; a process that cannot be watched is an orphan.
     """
 
     def __init__(

@@ -34,10 +34,7 @@ def warning_text(process: str, line: bytes) -> StatusText | None:
 
 
 class OutputLog:
-    """Files for the lines that the processes print.
-
-    Lines that cannot be written (full disk) are dropped and counted; the process continues.
-    """
+    """Files for the lines that the processes print; unwritable lines are counted."""
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory

@@ -15,13 +15,7 @@ to the ground, so its delay is 0.15 s at most. A block of radio samples lasts 87
 
 
 class Intake:
-    """Reads the processes' sockets in turn.
-
-    One epoll descriptor represents all sockets in the event loop, so a single call pauses
-    reading.
-
-    `period_s`: time between two reads under load [s].
-    """
+    """Reads the processes' sockets in turn, by one epoll descriptor in the event loop."""
 
     def __init__(self, period_s: float = PERIOD_S) -> None:
         self._period_s = period_s

@@ -21,10 +21,7 @@ class BudgetWatch:
         self._quiet_until_s = 0.0
 
     def check(self, now_s: float, cpu_s: float, memory_mb: float) -> str | None:
-        """Add a measurement; return a warning at most every five minutes, otherwise None.
-
-        `cpu_s`: CPU time since the start [s]. `memory_mb`: resident memory [MB].
-        """
+        """Add a measurement; return a warning at most every five minutes, otherwise None."""
         self._past.append((now_s, cpu_s))
         while len(self._past) > 2 and self._past[1][0] <= now_s - WINDOW_S:
             self._past.popleft()

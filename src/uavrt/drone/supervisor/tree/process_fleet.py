@@ -34,12 +34,9 @@ SILENCE_REPORT_S = 4.0
 
 
 class Fleet:
-    """All instances of the rows in the table of processes.
+    """All instances of the rows in the table of processes, in start order.
 
-    `rows`: in start order. `mission`: source of state, tags, flight, settings and clock.
-    `launcher`: starts processes; its nursery is restarted here. `workers`: most detector
-    processes. `notify`: sends (severity, text) to the operator. `on_line`, `on_output`: called
-    with each record and printed line. `wake`: called when a process has ended.
+    `mission`: source of state, tags, flight, settings and clock. `wake`: a process has ended.
     """
 
     def __init__(
@@ -78,7 +75,7 @@ class Fleet:
 
     @property
     def instances(self) -> Iterable[Instance]:
-        """All instances that ever ran or had a record to receive."""
+        """All process instances that ever ran or had a record to receive."""
         return self._instances.values()
 
     def instance_of(self, row: ProcessRow) -> Instance:
@@ -226,10 +223,7 @@ class Fleet:
             self._exempt.discard(pid)
 
     def _end_orphans(self) -> None:
-        """Kill processes that a killed child has left behind, such as a radio program.
-
-        One that hangs in the kernel, as on a USB device, ends later, without a wait.
-        """
+        """Kill processes that a killed child has left behind, such as a radio program."""
         known = {i.child.pid for i in self._instances.values() if i.child is not None}
         if self._launcher.pid is not None:
             known.add(self._launcher.pid)
@@ -256,10 +250,7 @@ class Fleet:
         self._sockets = {}
 
     async def restart_search(self) -> FlightInfo | None:
-        """Restart receiver and detectors with the flight's present tags.
-
-        Returns the flight; None if it has ended in the meantime.
-        """
+        """Restart receiver and detectors with the flight's present tags; None if it ended."""
         flight = self._mission.flights.flight
         self._restarts_waiting += 1
         try:

@@ -1,7 +1,7 @@
 """Queue of records to be sent to one process; the queue outlives the process.
 
-Lossless records wait until the process takes them. Of other topics only the newest records are
-kept, and the dropped ones counted.
+Records of lossless topics wait until the process takes them. Only the newest records of other
+topics are kept; dropped ones are counted.
 
 A process may end before it has read or stored records that were sent. If the process reports
 its progress (`ProcessRow.acks_taken`), such records are sent again to its next run.
@@ -25,10 +25,7 @@ Line = tuple[str, bytes]
 
 
 class Outbox:
-    """Queue of record lines to be sent to one process.
-
-    `backlog`: largest number of lines per topic. `keeps`: True to keep sent lines until taken.
-    """
+    """Queue of record lines to be sent to one process; `keeps` those sent until taken."""
 
     def __init__(self, backlog: int | None = None, *, keeps: bool = False) -> None:
         self._backlog = backlog
@@ -39,8 +36,7 @@ class Outbox:
         self._taken = 0
         self._runs_without_progress = 0
         self._flight: bytes | None = None
-        """Record of the flight to which the first waiting or kept line belongs; None outside of
-        flights."""
+        """Record of the flight of the first waiting or kept line; None outside of flights."""
         self._waiting: Counter[str] = Counter()
         self._written = 0
         """Number of bytes already sent of the first waiting line."""

@@ -25,11 +25,7 @@ def new_number() -> int:
 def motion_request(
     action: str, places: Sequence[tuple[float, float]] = (), **values: object
 ) -> MotionRequest:
-    """Encode a request for a motion; raises `UsageError` for an unknown one.
-
-    `places`: latitude and longitude [deg] of a goal, or of an outline's corners.
-    `**values`: further fields of `MotionRequest`.
-    """
+    """Encode a request for a motion; raises `UsageError` for an unknown one."""
     if action not in MOTION_ACTIONS:
         raise UsageError(f"{action[:40]!r} is not a motion")
     named: MotionAction = action
@@ -43,19 +39,12 @@ def motion_request(
 
 
 async def ask(link: GroundLink, request: MotionRequest) -> MotionState:
-    """Request a motion; return the drone's proposed order. Nothing moves yet.
-
-    Raises `CommandRefused` with the drone's reason, `LinkError` without an answer.
-    """
+    """Request a motion; return the drone's proposed order. Nothing moves yet."""
     return await link.motion(encode_request(request), request.request_id)
 
 
 async def confirm(link: GroundLink, offer: MotionState, *, sticks_unseen: bool) -> MotionState:
-    """Confirm a proposed order; the drone then moves. Raises as `ask`.
-
-    Without an answer the confirmation may still have arrived, so the drone is stopped. The
-    first error is raised. If the stop is not answered either, that error is its cause.
-    """
+    """Confirm a proposed order; without an answer the drone is stopped. Raises as `ask`."""
     number = new_number()
     confirmation = MotionConfirmation(
         request_id=number,

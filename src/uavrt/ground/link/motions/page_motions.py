@@ -1,8 +1,4 @@
-"""Request, confirm and stop motions of the drone for the page.
-
-The drone decides, and reports what it would fly; this module only passes messages. Previews use
-the same functions with which the drone plans.
-"""
+"""Request, confirm and stop motions of the drone for the page; the drone decides."""
 
 import asyncio
 import itertools

@@ -13,8 +13,7 @@ from uavrt.core.earth.geodesy import distance_m
 from uavrt.core.messages import Course, Neighbour
 
 MOST_LAG = 100
-"""Largest lag of a sequence number that means a delayed message; a larger lag means a restarted
-drone."""
+"""Largest lag of a sequence number that means delay; a larger one means a restarted drone."""
 MOVED_M = 5.0
 """Distance by which a goal must move, without a request, to count as a new path [m]."""
 FIRST_REPORTS_S = 3.0
@@ -30,8 +29,7 @@ class _Member:
     granted: int = 0
     denied: int = 0
     path: tuple[tuple[float, float], ...] = ()
-    """Points of the path that is assigned but not flown yet, [latitude, longitude] in
-    degrees."""
+    """Points of the path that is assigned, not flown: [latitude, longitude] in degrees."""
 
 
 class PathAssignments:
@@ -84,12 +82,9 @@ class PathAssignments:
     def recipients(self, flying: Collection[int]) -> set[int]:
         """Select the drones that get reports about other drones.
 
-        With several drones: all that fly or ever sent a course. A single drone gets one only
-        while it requests a path. A drone that once got a report needs further ones, even when
-        the others have landed or this station has restarted; otherwise it would never be
-        assigned a path again.
-
-        `flying`: vehicles that fly by commands, as far as known.
+        With several drones: all that fly or ever sent a course; a single one while it requests
+        a path. A drone that once got a report needs further ones, else it is never assigned a
+        path again.
         """
         known = set(self._members)
         together = known | set(flying)

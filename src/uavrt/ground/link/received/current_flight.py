@@ -25,8 +25,7 @@ from uavrt.link.mavlink.links.address import parse_address
 log = get_logger()
 
 LATE_PULSES_NS = 5 * NANOSECONDS_PER_SECOND
-"""Time after a stop beyond which a pulse belongs to the next flight, unless it was sent earlier
-[ns]."""
+"""Time after a stop from which a pulse, unless sent before, is the next flight's [ns]."""
 COMMIT_S = 0.15
 """Interval in which pulses are collected for one write [s]; receipts follow each write."""
 BATTERY_STEP_PERCENT = 5

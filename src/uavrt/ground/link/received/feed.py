@@ -22,11 +22,7 @@ class StationNote:
 
 
 class Feed:
-    """Sends records to all pages, and events to the caller's function.
-
-    `state`: makes the record of the whole vehicle for pages.
-    `on_event`: called with each event.
-    """
+    """Sends records to all pages, and events to the caller's function."""
 
     def __init__(
         self,

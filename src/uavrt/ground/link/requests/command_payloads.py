@@ -18,11 +18,7 @@ NUMBERED_FROM = 2**31
 
 
 class CommandEncoder:
-    """Encodes commands for one protocol version.
-
-    In G2 each command gets a request id, never 0.
-    `generation`: protocol version of the drone. G2v1 has the commands of G1.
-    """
+    """Encodes commands for one protocol version of the drone."""
 
     def __init__(self, generation: Generation) -> None:
         self._generation: Generation = generation
@@ -30,12 +26,7 @@ class CommandEncoder:
         self._last_id = random.randrange(1, NUMBERED_FROM)
 
     def upload(self, tags: Sequence[Tag]) -> list[bytes]:
-        """Encode the messages of a tag upload, in order; raises `LinkError` if a tag cannot be
-        encoded.
-
-        The first message begins the upload, each tag has one, and the last ends it. A coded
-        tag's message has type `CODED_TAG_TYPE`, all others type 0.
-        """
+        """Encode the messages of a tag upload, in order; raises `LinkError` if impossible."""
         coded = [tag.tag_id for tag in tags if tag.coded]
         if coded and self._generation == "G0":
             raise LinkError(
@@ -92,11 +83,7 @@ class CommandEncoder:
         gain: int,
         name: CommandName = "start_detection",
     ) -> bytes:
-        """Encode the start of detection, or of a raw capture by its `name`.
-
-        A frequency of None becomes 0: the drone's tuner chooses. Raises `ConfigError` if no
-        radio supports a value, `LinkError` if the protocol version lacks the command.
-        """
+        """Encode the start of detection, or of a raw capture; None: the drone's choice."""
         check_start(None, center_frequency_hz, gain)
         return self.command(
             name, {"center_frequency_hz": center_frequency_hz, "gain": float(gain)}
@@ -105,10 +92,7 @@ class CommandEncoder:
     def command(
         self, name: CommandName, values: Mapping[str, float | None] = MappingProxyType({})
     ) -> bytes:
-        """Encode a command with `values` in its fields, and 0 in those without a value.
-
-        Raises `LinkError` if the protocol version lacks the command.
-        """
+        """Encode a command with `values` in its fields, and 0 in those without a value."""
         number, bare = self._check_known(name), not COMMANDS[name].fields
         if self._generation == "G2":
             numbered = {"request_id": self._next_id()}

@@ -111,10 +111,7 @@ class Links:
 
 
 class DroneLinks:
-    """The links to one drone.
-
-    `links`: links shared with other drones; None: this drone has its own.
-    """
+    """The links to one drone; `links` are shared with other drones, unless None."""
 
     def __init__(
         self,

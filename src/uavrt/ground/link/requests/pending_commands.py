@@ -19,19 +19,13 @@ from uavrt.link.tunnel.own_messages.private import MOTION_TYPE
 ACK_WAIT_S = 2.0
 TRIES = 4
 STOP_WAIT_S = 0.4
-"""Time after which an unanswered stop is sent again [s]; over a radio an answer takes at least
-0.3 s."""
+"""Time after which an unanswered stop is sent again [s]; a radio's answer takes 0.3 s."""
 CONFIRMS_WITHIN_NS = ns_from_s(1.0)
-"""Longest delay between the operator's confirmation and its sending [ns]; a later one is
-dropped."""
+"""Longest delay between confirmation and sending [ns]; a later order is dropped."""
 
 
 class Exchange:
-    """Sends one command or order at a time, and waits for its answer.
-
-    Raises `CommandRefused` with the drone's reason, or `LinkError` without an answer.
-    `ack_wait_s`: wait for an acknowledgement before the command is repeated [s].
-    """
+    """Sends one command or order at a time, and waits for its answer."""
 
     def __init__(
         self,
@@ -88,11 +82,8 @@ class Exchange:
     async def motion(self, payload: bytes, request_id: int) -> MotionState:
         """Send a motion order, a confirmation or a stop; return the drone's answer.
 
-        An order and a stop are repeated until they are answered, a stop every 0.4 s. A
-        confirmation is sent once, since its nonce is valid once; it is dropped after a delay of
-        a second. A stop does not wait for other exchanges.
-
-        `payload`: encoded by `uavrt.link.tunnel.own_messages.motion_messages`.
+        An order and a stop are repeated until they are answered. A confirmation is sent once,
+        since its nonce is valid once. A stop does not wait for other exchanges.
         """
 
         def send(_attempt: int) -> None:

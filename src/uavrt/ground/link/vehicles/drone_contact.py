@@ -10,10 +10,7 @@ from uavrt.link.mavlink.sending.signing import Signing
 
 
 class DroneContact:
-    """Checks signatures, and explains why the drone does not answer.
-
-    `signing`: checks the frames' signatures; None: all frames are accepted.
-    """
+    """Checks signatures, if `signing` is given, and explains why the drone is silent."""
 
     def __init__(self, signing: Signing | None) -> None:
         self._signing = signing

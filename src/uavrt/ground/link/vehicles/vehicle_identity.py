@@ -22,11 +22,7 @@ JUMP_M, RETURN_M, JUMPS = 40.0, 15.0, 4
 
 
 class VehicleIdentity:
-    """The served vehicle, and the other vehicles received.
-
-    `system_id`: MAVLink system id of the vehicle; None: the first one received.
-    `uid`: unique number of the autopilot, hexadecimal; None: the first one reported.
-    """
+    """The served vehicle, by number or autopilot, and the other vehicles received."""
 
     def __init__(self, system_id: int | None = None, uid: str | None = None) -> None:
         self.system_id = system_id

@@ -54,12 +54,7 @@ class _Autopilot:
 
 
 class VehicleMissions:
-    """Uploads and downloads missions, one at a time.
-
-    Raises `CommandRefused` if the vehicle flies a mission, is unknown or refuses, and
-    `LinkError` if it does not answer.
-    `system_id`: returns the served vehicle's system id; None while unknown.
-    """
+    """Uploads and downloads missions, one at a time, unless the vehicle flies one."""
 
     def __init__(
         self, own: Peer, send: Callable[[Message], None], system_id: Callable[[], int | None]

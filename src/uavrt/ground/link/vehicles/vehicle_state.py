@@ -66,10 +66,7 @@ class RadioLevels:
 
 
 class VehicleWatch:
-    """Reads the autopilot's frames on the ground link.
-
-    `identity`: selects the served vehicle; until it is known, the first autopilot is read.
-    """
+    """Reads the autopilot's frames on the ground link, from the vehicle of `identity`."""
 
     def __init__(self, own: Peer, identity: VehicleIdentity | None = None) -> None:
         self._own = own

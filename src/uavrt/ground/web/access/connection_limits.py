@@ -19,14 +19,13 @@ from uavrt.core.clock import monotonic_s
 
 MOST_CONNECTIONS = 256
 MOST_BY_CLIENT = 64
-"""Most connections of one client; a browser keeps some ten open per page."""
+"""Maximum number of connections of one client; a browser keeps some ten open per page."""
 SILENT_S = 10.0
 """Time after which a connection without a complete request is closed [s]."""
 _SHARE_OF_FILES = 4
-"""Connections may use one in this many file descriptors; the rest is left to link and
-flight."""
+"""Connections may use one in this many file descriptors; link and flight need the rest."""
 _AT_ONCE = 16
-"""Most connections accepted in one turn of the event loop."""
+"""Maximum number of connections accepted in one turn of the event loop."""
 
 Peer = tuple[str, int]
 

@@ -61,13 +61,7 @@ _WORDS = {
 
 
 class Guard:
-    """ASGI middleware: hosts, origins, password, security headers.
-
-    `app`: the guarded application.
-    `hosts`: allowed host names without port, in addition to the local ones. IP addresses of
-    this machine are allowed if a password is set.
-    `password`: required from every browser; scripts send ``Authorization: Bearer PASSWORD``.
-    """
+    """ASGI middleware: hosts (and own addresses), origins, password, security headers."""
 
     def __init__(
         self, app: ASGIApp, *, hosts: frozenset[str] = frozenset(), password: str | None = None

@@ -9,19 +9,13 @@ from uavrt.core.clock import monotonic_s
 TRIES = 5
 WINDOW_S = 60.0
 LEAST_PASSWORD = 8
-"""Least length of a password. Guesses from many addresses are limited only by the server's
+"""Minimum length of a password. Guesses from many addresses are limited only by the server's
 speed, 3000 a second. At 10 000 a second, half of all passwords of eight random letters and
 digits (36⁸) last 4 years."""
 
 
 class PasswordLimit:
-    """Limits wrong passwords to five a minute per address.
-
-    The right password is never delayed by other addresses' guesses. A browser with the cookie
-    needs no password.
-
-    `now_s`: returns the time [s].
-    """
+    """Limits wrong passwords to five a minute per address, never the right one."""
 
     def __init__(self, now_s: Callable[[], float] = monotonic_s) -> None:
         self._now_s = now_s

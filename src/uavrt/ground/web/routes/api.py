@@ -33,17 +33,11 @@ from uavrt.ground.web.work.serial_ports import serial_ports
 from uavrt.localization.antenna import MONOPOLE, PATTERNS
 
 FOR_ALL = ("mark", *(button.action for button in BUTTONS if button.any_page))
-"""Commands that every page may send, even a watching one: a stop can be urgent, a mark is
-harmless."""
+"""Commands of every page, even a watching one: a stop may be urgent, a mark is harmless."""
 
 
 class Api:
-    """State, settings and commands of one vehicle.
-
-    `drone_settings`: path of the drone side's ``uavrt.toml``, if the page runs on the drone's
-    own computer.
-    `worker`: process that parses files from others.
-    """
+    """State, settings and commands of one vehicle."""
 
     def __init__(
         self, session: GroundSession, drone_settings: Path | None, worker: ForeignWorker

@@ -54,11 +54,7 @@ class FleetApi:
         return self._fleet.records()
 
     async def command(self, request: Request) -> Any:
-        """Send the same command to all vehicles; return an answer for each.
-
-        A refusal by one vehicle does not affect the others. A page commands only vehicles that
-        it may command.
-        """
+        """Send the same command to all vehicles that the page may command."""
         name, page = request.path_params["name"], page_of(request)
         if name not in TO_ALL:
             known = ", ".join(TO_ALL)

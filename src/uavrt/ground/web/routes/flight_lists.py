@@ -17,17 +17,14 @@ from uavrt.ground.web.routes.routing import Row, whole_number
 from uavrt.ground.web.work.foreign_worker import ForeignWorker
 
 MOST = 500
-"""Most flights of an archive returned at once."""
+"""Maximum number of flights of an archive returned at once."""
 FIRST_YEAR, LAST_YEAR = 1970, 2200
 """First and last year accepted; 64-bit nanoseconds since 1970 end in 2262."""
 _ALL = 10**9
 
 
 class FlightListApi:
-    """Lists flights by tag and day, in parts.
-
-    `worker`: process that reads the archive, which may be damaged or come from others.
-    """
+    """Lists flights by tag and day, in parts; `worker` reads untrusted archives."""
 
     def __init__(self, session: GroundSession, worker: ForeignWorker) -> None:
         self._session, self._worker = session, worker

@@ -92,7 +92,8 @@ async def store_map(
             async for chunk in chunks:
                 taken += len(chunk)
                 if taken > MAX_MAP:
-                    raise UsageError(f"{name} is larger than {MAX_MAP // 10**9} GB")
+                    large = f"{name} is larger than {MAX_MAP // 10**9} GB"
+                    raise UsageError(large, remedy="Give a map of a smaller area")
                 await asyncio.to_thread(file.write, chunk)
         facts = _facts(await worker.call(read_map, part))
         part.replace(directory / name)

@@ -19,10 +19,7 @@ if TYPE_CHECKING:
 
 
 class SetUpApi:
-    """Routes of the steps of `uavrt.drone.computer.first_setup`.
-
-    `session`: the page's session, which takes over the drone's name and antenna.
-    """
+    """Routes of the steps of `uavrt.drone.computer.first_setup`."""
 
     def __init__(self, session: GroundSession, setup: "FirstSetup") -> None:
         self._session, self._setup = session, setup

@@ -16,13 +16,7 @@ YAW = "yaw_deg"
 def chosen_columns(
     cells: NDArray[np.float64], columns: tuple[str, ...], names: str | None
 ) -> Response:
-    """Response of columns as little-endian float64.
-
-    `columns`: names of the available columns; the quaternion's are ``quaternion_w`` and the
-    three after it.
-    `names`: requested columns, separated by commas, in order of output. May include
-    ``yaw_deg``; None: all columns.
-    """
+    """Response of the requested columns as little-endian float64, all by default."""
     wanted = columns if names is None else tuple(names.split(","))
     unknown = set(wanted) - {*columns, YAW}
     if unknown:

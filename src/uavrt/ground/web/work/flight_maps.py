@@ -1,8 +1,4 @@
-"""Results about a whole flight after its end: tags found in its samples, and coverage maps.
-
-Both use the functions of ``uavrt integrate`` and ``uavrt coverage``. `map_jobs` makes the
-coverage map; the page polls until it is ready.
-"""
+"""Results about a whole flight after its end: tags found in its samples, coverage maps."""
 
 import math
 from dataclasses import asdict, dataclass

@@ -26,7 +26,7 @@ from uavrt.core.foreign import CPU_S, MEMORY_BYTES
 
 T = TypeVar("T")
 MOST_WAITING = 64
-"""Most requests queued for the process; moving a tiled map sends some twenty."""
+"""Maximum number of requests queued for the process; moving a tiled map sends some twenty."""
 WALL_S = 60.0
 """Longest time for one answer [s]; enough for a busy computer."""
 _NICE = 10
@@ -41,10 +41,7 @@ _ENDS = {
 
 
 class ForeignWorker:
-    """Calls functions in another process, one at a time, with limits on time and memory.
-
-    Functions must be on module level; arguments and results must be picklable.
-    """
+    """Calls module-level functions in another process, with limits on time and memory."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
@@ -214,11 +211,7 @@ def _plain(error: UavrtError) -> type[UavrtError]:
 
 
 def _limit() -> None:
-    """Limit this process's CPU time and memory by the kernel.
-
-    Windows has no such limits, and macOS none for memory; there only the timer of `_asked` ends
-    the process.
-    """
+    """Limit this process's CPU time and memory by the kernel, except on Windows."""
     try:
         import resource
     except ImportError:

@@ -1,7 +1,6 @@
 """Make reports of flights by running ``uavrt report``.
 
-Its plotting library takes 65 MB, which a ground station that runs all day should not keep in
-memory.
+Its plotting library takes 65 MB, which a ground station should not keep in memory.
 """
 
 import asyncio
@@ -88,7 +87,8 @@ async def _made(place: Path, flight: Path, antenna: AntennaChoice) -> bytes:
                 *(("--dem", antenna.dem) if antenna.dem else ()),
             )
     except TimeoutError as error:
-        raise RecordingError(f"the report was not ready after {TIMEOUT_S:g} s") from error
+        late = f"the report was not ready after {TIMEOUT_S:g} s"
+        raise RecordingError(late, remedy="Make it with uavrt report") from error
     if code != 0:
         raise RecordingError(f"the report could not be made: {text}")
     return await asyncio.to_thread((place / "report.html").read_bytes)

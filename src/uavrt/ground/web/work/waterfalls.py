@@ -38,11 +38,9 @@ log = get_logger()
 HALF_WIDTH_HZ = 800.0
 """Half-width of the picture around the tag's frequency [Hz]; the search covers ± 500 Hz."""
 LONGEST_S = 120.0
-"""Longest stretch of a recording in one picture [s]; 120 s at 3 MS/s take about 4 s of a
-core."""
+"""Longest stretch of a recording in one picture [s]: 4 s of a core at 3 MS/s."""
 LOWEST_DB, SPAN_DB = -3.0, 33.0
-"""Level of pixel value 0, and range of all 255 values: -3 to 30 dB over the picture's
-median."""
+"""Level of pixel value 0 and range of all 255 values [dB over the picture's median]."""
 LIVE_RATE_HZ = 3750.0
 LIVE_PULSE_S = 0.02
 LIVE_COLUMNS = 8
@@ -71,13 +69,7 @@ def recordings(flight: Path) -> list[Path]:
 
 
 def recorded_picture(path: Path, tag: Tag, start_s: float, length_s: float) -> Picture:
-    """Draw a stretch of a recording around a tag's frequency.
-
-    `path`: a SigMF recording.
-    `start_s`, `length_s`: the stretch, from the recording's beginning; `LONGEST_S` at most.
-    Raises `FormatError`: the recording cannot be read, or has no samples there.
-    Raises `TunerError`: the tag is outside the recorded band.
-    """
+    """Draw a stretch of a SigMF recording, `LONGEST_S` at most, around a tag's frequency."""
     source = open_recording(path)
     try:
         front = FrontEnd(

@@ -50,12 +50,7 @@ _OURS = (
 
 
 class MissionTransfer(ABC):
-    """Base of mission upload and download.
-
-    `own`: system and component id of this side. `done`: True after success. `fault`: reason of
-    a failure. `silent`: True if it failed for lack of an answer. `counters`: numbers of
-    repetitions and of unused messages.
-    """
+    """Base of mission upload and download."""
 
     def __init__(self, kind: MissionKind, vehicle: Peer, own: tuple[int, int]) -> None:
         self._type = _TYPES[kind]

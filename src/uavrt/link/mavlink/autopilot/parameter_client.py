@@ -31,10 +31,7 @@ OWN_COMPONENT = 191
 
 
 class ParameterClient:
-    """Client of the autopilot's parameters; open it with `connected`.
-
-    `kind`: MAV_AUTOPILOT number in its heartbeat. `armed`: True if its motors may turn.
-    """
+    """Client of the autopilot's parameters; open it with `connected`."""
 
     def __init__(self) -> None:
         self.autopilot: Peer | None = None

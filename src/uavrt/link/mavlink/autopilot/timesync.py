@@ -15,7 +15,7 @@ MAX_SKEW = 0.025
 """Largest rate difference of the clocks; PX4 1.17 in simulation runs 1.1 to 2 % slow."""
 BIN_NS = ns_from_s(2.0)
 LEAST_SPAN_S = 4.0
-"""Least time span of round trips for a reliable skew, even on a slow link [s]."""
+"""Minimum time span of round trips for a reliable skew, even on a slow link [s]."""
 CLEAR_SPAN_S = 0.5
 CLEAR_SKEW = 0.002
 """Largest uncertainty of a skew that is used from a shorter time span: 2 ms in a second."""
@@ -126,11 +126,7 @@ class TimeSync:
         }
 
     def add_round_trip(self, sent_ns: int, remote_ns: int, received_ns: int) -> None:
-        """Handle an answered request.
-
-        `sent_ns`, `received_ns`: local time when the request left and the answer came [ns].
-        `remote_ns`: boot time in the answer [ns].
-        """
+        """Handle an answered request: local times of request and answer, boot time between."""
         if received_ns < sent_ns:
             return
         trip = RoundTrip(remote_ns, (sent_ns + received_ns) // 2, received_ns - sent_ns)
@@ -151,10 +147,7 @@ class TimeSync:
         self._line = self._fit()
 
     def add_one_way(self, remote_ns: int, received_ns: int) -> None:
-        """Handle a message with a boot time, from an autopilot that does not answer TIMESYNC.
-
-        The smallest differences of the last seconds are the offset plus the shortest delay.
-        """
+        """Handle a boot time of an autopilot that does not answer TIMESYNC."""
         offset = received_ns - remote_ns
         if not self._one_way or received_ns - self._one_way_bin_ns >= ONE_WAY_BIN_NS:
             self._one_way_bin_ns = received_ns
@@ -174,10 +167,7 @@ class TimeSync:
         return remote_ns + self._least_offset(remote_ns + bound[-1][1])
 
     def _least_offset(self, at_ns: int) -> int:
-        """Offset at a time, by the lower bound of the messages' offsets.
-
-        The slope follows from the messages of smallest delay in the first and second half.
-        """
+        """Offset at a time, by the lower bound of the messages' offsets and its slope."""
         points = list(self._one_way)
         half = len(points) // 2
         early = min(points[:half], key=lambda point: point[1])
@@ -203,12 +193,7 @@ class TimeSync:
         return abs(self._error_ns(trip)) > allowed or fell
 
     def _fit(self) -> tuple[int, int, float]:
-        """Fit the line through the shortest round trips; of equal ones the newest counts.
-
-        First the shortest trip of every 2 s (initially of less) is taken, then the shortest of
-        these, so that they spread over the window. While the span is too short for a skew, the
-        line goes through the shortest trip with the previous skew, at first 0.
-        """
+        """Fit the line through the shortest round trips; of equal ones the newest counts."""
         shortest: dict[int, RoundTrip] = {}
         span_ns = self._trips[-1].local_ns - self._trips[0].local_ns
         piece_ns = min(BIN_NS, span_ns // 6 + 1)

@@ -73,11 +73,7 @@ def kind_of(heartbeat: dialect.Heartbeat) -> AutopilotName | None:
 def observations(
     message: Message, now_s: float, late_s: float | None = None
 ) -> Iterator[Observation]:
-    """Convert a message of the autopilot to observations; most messages contain none.
-
-    `now_s`: monotonic time of arrival [s]. `late_s`: delay of the message [s]; None if the
-    autopilot's clock is unknown.
-    """
+    """Convert a message of the autopilot to observations; most messages contain none."""
     if isinstance(message, TIMED):
         yield BootTimeSeen(now_s, message.time_boot_ms / 1e3, late_s)
     match message:
@@ -171,11 +167,7 @@ def _failing(message: dialect.SysStatus, now_s: float) -> Iterator[FailsafeSeen]
 
 
 def command_message(command: VehicleCommand, system_id: int) -> Message:
-    """Make the message of a command to the autopilot.
-
-    DO_REPOSITION goes by COMMAND_INT in GLOBAL_INT, which both autopilots interpret correctly;
-    other commands by COMMAND_LONG.
-    """
+    """Make the message of a command to the autopilot; DO_REPOSITION by COMMAND_INT."""
     number = MavCmd[command.name]
     head: dict[str, Any] = {
         "target_system": system_id,

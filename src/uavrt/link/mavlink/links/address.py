@@ -76,8 +76,8 @@ def parse_address(text: str, *, baud: int = DEFAULT_BAUD) -> Address:
             if port is not None and (port > 0 or kind == "udpin"):
                 return Address(kind=kind, host=parts.hostname, port=port)
     except ValueError as error:
-        raise ConfigError(f"address of a link {text!r}: {error}", remedy=FORMS) from error
-    raise ConfigError(f"{text!r} is not the address of a link", remedy=FORMS)
+        raise ConfigError(f"{text!r} is not a link address: {error}", remedy=FORMS) from error
+    raise ConfigError(f"{text!r} is not a link address", remedy=FORMS)
 
 
 def _serial(parts: SplitResult, default_baud: int) -> Address:

@@ -6,8 +6,7 @@ itself: a lost serial adapter or TCP peer is tried again every second. Meanwhile
 are dropped and counted. Received frames go to one callback, at once, in the loop's thread.
 Links use no thread and no blocking call.
 
-No input ends the reading: a frame whose handler fails is counted and logged, and the next frame
-is read.
+No input ends the reading: a frame whose handler fails is counted and logged.
 """
 
 from collections.abc import Callable
@@ -58,10 +57,7 @@ class LinkCounters:
 
 
 class Link:
-    """Base of the links over UDP, TCP and serial ports.
-
-    `on_frame`: called with each received frame. `parser`: None means MAVLink's.
-    """
+    """Base of the links over UDP, TCP and serial ports."""
 
     def __init__(
         self, address: Address, on_frame: Callable[[Any], None], parser: Parser | None = None

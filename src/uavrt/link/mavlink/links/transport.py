@@ -16,13 +16,7 @@ OPEN_AGAIN_S = 3.0
 async def open_link(
     address: str | Address, on_frame: Callable[[Any], None], parser: Parser | None = None
 ) -> Link:
-    """Open a link.
-
-    `address`: ``udpin://``, ``udpout://``, ``tcp://`` or ``serial://``, see
-    `uavrt.link.mavlink.links.address`. `on_frame`: called with each received frame, in the
-    loop's thread. `parser`: parser of the protocol; None: MAVLink. Raises `ConfigError` for an
-    invalid address, `LinkError`, with reason and remedy, if it cannot be opened.
-    """
+    """Open the link of an address; raises `ConfigError` for a wrong one, else `LinkError`."""
     where = parse_address(address) if isinstance(address, str) else address
     link: Link
     match where.kind:
@@ -44,12 +38,7 @@ async def keep_open(
     opened: Callable[[Link | None], None],
     failed: Callable[[UavrtError], None],
 ) -> NoReturn:
-    """Read a receiver until cancelled; reopen it when it fails.
-
-    `address`: the receiver's address. `take`: called with each frame of the parser. `opened`:
-    called with the link once it is open, and with None when it is closed. `failed`: called with
-    the reason after each failed attempt to open the link.
-    """
+    """Read a receiver until cancelled; reopen it when it fails."""
     link = None
     try:
         while link is None:

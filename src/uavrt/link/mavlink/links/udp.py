@@ -33,7 +33,7 @@ RECEIVE_BUFFER = 1 << 18
 SO_TIMESTAMPNS = 35
 """Linux option for time stamps in ns (asm-generic/socket.h); Python names it from 3.14."""
 OLDEST_NS = 10_000_000_000
-"""Greatest plausible age of a datagram [ns]; above it, the wall clock must have stepped."""
+"""Maximum plausible age of a datagram [ns]; above it, the wall clock must have stepped."""
 _TIMESPEC = struct.Struct("@ll")
 _GONE = (ConnectionRefusedError, ConnectionResetError)
 

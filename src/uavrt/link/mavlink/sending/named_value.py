@@ -8,13 +8,7 @@ _DIGITS = string.digits + string.ascii_uppercase
 
 
 def value_name(kind: str, tag_id: int) -> str:
-    """Make the name of a tag's value, such as ``SNR_2``; unique for every tag of 32 bits.
-
-    Ten bytes hold an id of six digits. A longer id is written in base 36 without the underscore
-    (``SNRLFLS`` is tag 1 000 000).
-
-    `kind`: three letters. `tag_id`: 0 to 2**32 - 1.
-    """
+    """Name of a tag's value, such as ``SNR_2``; long ids are in base 36 (``SNRLFLS``)."""
     if tag_id < DECIMAL_BELOW:
         return f"{kind}_{tag_id}"
     digits = ""

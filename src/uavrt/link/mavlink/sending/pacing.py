@@ -69,14 +69,10 @@ class PacingCounters:
 
 
 class PacedQueue:
-    """Bounded queues by priority, and sources, that send one message per gap.
+    """Bounded queues by priority, and sources, that send one message per gap of 12 ms or more.
 
     When a queue is full its oldest message is dropped and counted: an old status is useless,
     and an acknowledgement is requested again.
-
-    `gap_s`: time between two messages; at least 0.012 s. `rate`: estimate of the link's rate.
-    `straight`: direct link without an autopilot; the gap may be as short as 0.001 s. Raises
-    `ConfigError` for a shorter gap.
     """
 
     def __init__(

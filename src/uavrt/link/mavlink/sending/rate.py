@@ -120,11 +120,7 @@ class LinkRate:
         self._rate = min(self._reach.most, max(self._reach.least, self._rate))
 
     def wait_ns(self, now_ns: int, room_bytes: float = 0.0) -> int:
-        """Time until a message that is not urgent may leave [ns].
-
-        `room_bytes`: bytes of the bucket, at most `BURST_BYTES`, reserved for a pulse sent
-        after this message; the pulse then waits `PULSE_WAIT_S` at most.
-        """
+        """Time until a message that is not urgent may leave, with room for a pulse [ns]."""
         self._fill(now_ns)
         rate = self.bytes_s(now_ns)
         lacking = max(0.0, room_bytes - PULSE_WAIT_S * rate) - self._tokens

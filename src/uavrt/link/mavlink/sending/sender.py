@@ -1,7 +1,4 @@
-"""Send messages to the ground: choose the link and the time.
-
-`PacedSender` sends over one link; `TunnelSender` has one for each link and chooses.
-"""
+"""Send messages to the ground: choose the link and the time."""
 
 import asyncio
 from collections import deque
@@ -33,10 +30,7 @@ the queue they would delay replies to file clients, which are not ground station
 class PacedSender:
     """Sends messages for the ground over one link, one at a time, a gap apart.
 
-    `target`: returns the address of all ground stations, None without any. `gap_s`: time
-    between two messages, at least 0.012 s. `straight`: direct link without an autopilot: fast,
-    with the shortest gap. `frame_extra_bytes`: bytes added to each frame, such as a signature.
-    `may_send`: True once the system number is known; messages wait until then.
+    `straight`: direct link without an autopilot: fast, with the shortest gap.
     """
 
     def __init__(
@@ -105,11 +99,7 @@ class PacedSender:
             self._pump()
 
     def _pump(self) -> None:
-        """Send the messages that may be sent now; set a timer for the next one.
-
-        Timers cost less than a task, whose wake-ups at 200 messages a second cost more than the
-        messages.
-        """
+        """Send the messages that may be sent now; set a timer for the next one."""
         self._cancel_timer()
         while (wait_ns := self._queue.wait_ns(now_ns := self._clock_ns())) is not None:
             if wait_ns == 0 and self._may_send():
@@ -141,11 +131,7 @@ class PacedSender:
 
 
 class LinkView:
-    """One link's view of a source that several links share: only the link in use takes from it.
-
-    `source`: source shared by all links. `link`: number of this link. `group`: returns the
-    number of the link in use. `views`: the views of all links, this one among them.
-    """
+    """One link's view of a source that several links share: only the used link takes."""
 
     def __init__(
         self, source: Source, link: int, group: "TunnelSender", views: list["LinkView"]
@@ -186,11 +172,7 @@ class TunnelSender:
     """Sends each message for the ground on the link that reaches its stations.
 
     An answer leaves by the link of its request. Messages to all ground stations leave by the
-    fewest links that reach them (`uavrt.link.mavlink.sending.routes`), so that each station
-    gets them once.
-
-    `senders`: senders of all links, link 0 first. `routes`: links to each peer. `discovery`:
-    peers present.
+    fewest links that reach them, so that each station gets them once.
     """
 
     def __init__(
@@ -284,7 +266,7 @@ class TunnelSender:
             self._put(*self._unsent.popleft())
         if links[0] != before[0]:
             self.changes += 1
-            log.info("pulses by another link", link=links[0], before=before[0])
+            log.info("pulses are sent by another link", link=links[0], before=before[0])
             self.changed()
             self.wake()
 

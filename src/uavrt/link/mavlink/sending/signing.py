@@ -90,11 +90,7 @@ class SigningTimes:
 
 
 class Signing:
-    """Signs frames and checks received ones; one for all links of a component.
-
-    `clock_ns`: time now [ns, UTC]. `unsigned`: senders whose unsigned frames are accepted,
-    besides radios' RADIO_STATUS. `counters`: refused frames, by reason.
-    """
+    """Signs frames and checks received ones; one for all links of a component."""
 
     def __init__(
         self, key: SigningKey, clock_ns: Callable[[], int], unsigned: Unsigned = "autopilot"

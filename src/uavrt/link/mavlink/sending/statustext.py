@@ -15,15 +15,7 @@ MAX_CHUNKS = 8
 
 
 def chunks_of(text: str, severity: int, text_id: int) -> list[Statustext]:
-    """Cut a text into STATUSTEXT messages.
-
-    A text of up to 50 bytes is one message with id 0. A longer one has an id and numbered
-    pieces; the last piece is shorter than 50 bytes, or empty. Characters are not cut in two.
-
-    `text`: cut after 400 bytes.
-    `severity`: 0 (emergency) to 7 (debug).
-    `text_id`: 1 to 65535; different for texts that follow one another.
-    """
+    """Cut a text of at most 400 bytes into STATUSTEXT messages, between characters."""
     pieces, piece = [], b""
     for character in text.replace("\0", " "):
         encoded = character.encode(errors="replace")
@@ -43,10 +35,7 @@ def chunks_of(text: str, severity: int, text_id: int) -> list[Statustext]:
 
 
 class TextLimiter:
-    """Limits the rate of texts: ten at once, then one every 2 s, no repetition within 10 s.
-
-    A fault that repeats must not fill the radio link. Critical and worse texts always go.
-    """
+    """Limits uncritical texts: ten at once, then one in 2 s, no repetition within 10 s."""
 
     def __init__(self) -> None:
         self._tokens = float(TEXT_BURST)
@@ -79,10 +68,7 @@ class TextLimiter:
 
 
 class TextAssembler:
-    """Joins the pieces of texts; a text also ends when its sender begins another.
-
-    A missing piece becomes an ellipsis.
-    """
+    """Joins the pieces of texts; a missing piece becomes an ellipsis."""
 
     def __init__(self) -> None:
         self._parts: dict[tuple[int, int], tuple[int, int, dict[int, str]]] = {}

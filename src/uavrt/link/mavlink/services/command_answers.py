@@ -33,15 +33,7 @@ def answer_command(
     bytewise: bool = True,
     metadata: Metadata | None = None,
 ) -> list[Message]:
-    """Return the messages that answer a command.
-
-    A command to all components is answered only if this one serves it. A ground station could
-    take "not supported" for the autopilot's refusal of a take-off.
-
-    `sender`: receiver of the answers. `direct`: True if the command names this component, False
-    if it names all. `uptime_ms`: time since this component started. `bytewise`: whether integer
-    parameters travel as bytes. `metadata`: message that names the metadata files.
-    """
+    """Return the messages that answer a command; one to all only if it is served here."""
     asked = _asked_message(message)
     if asked == dialect.ComponentMetadata.ID and metadata is not None:
         return [

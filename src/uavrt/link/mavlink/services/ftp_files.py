@@ -25,11 +25,7 @@ class FileRefused(Exception):
 
 
 class FileTree:
-    """A directory of files as clients see it.
-
-    `root`: directory that clients see as ``/``; it need not exist yet. `extra`: contents of
-    files that exist in memory only, by path without the leading slash.
-    """
+    """A directory `root` as clients see it, and `extra` files in memory."""
 
     def __init__(self, root: str | Path, extra: Mapping[str, bytes] | None = None) -> None:
         self.root = Path(root)

@@ -449,11 +449,7 @@ class FileServer:
             self._disk(partial(close, session.file), _nothing)
 
     def _room_for(self, peer: Peer, now_ns: int) -> bool:
-        """True if a client may open another file; other clients' open files do not prevent it.
-
-        Idle sessions are closed first. Then the client with the most sessions, if it has more
-        than one, loses the one unused for longest.
-        """
+        """True if a client may open another file, if need be by closing an old session."""
         if len(self._sessions) < MAX_SESSIONS:
             return True
         held = Counter(holder for holder, _ in self._sessions)

@@ -34,11 +34,7 @@ class ParameterChange:
 
 
 class ParameterServer:
-    """Server of the parameters in force.
-
-    `values`: returns every parameter's value, in the order of the index. `types`: INT32 or
-    REAL32 for each. `bytewise`: whether integers travel as bytes.
-    """
+    """Server of the parameters in force."""
 
     def __init__(
         self,
@@ -52,11 +48,7 @@ class ParameterServer:
         self._bytewise = bytewise
 
     def receive(self, message: Requests) -> list[dialect.ParamValue] | ParameterChange:
-        """Handle a request; return the answers, or the requested change.
-
-        A request for an unknown name or index is not answered, because it may mean a parameter
-        of the autopilot.
-        """
+        """Handle a request; return the answers, or the requested change."""
         match message:
             case dialect.ParamRequestList():
                 return [self.value(name) for name in self._names]
@@ -83,11 +75,7 @@ class ParameterServer:
 
 
 def encode_value(value: float, kind: int, bytewise: bool) -> float:
-    """Encode a value for the float field of a parameter message.
-
-    An integer below -2**22 or from 0x7F800001 would be a signalling NaN there, which Python
-    does not preserve; no parameter of uavrt needs such values.
-    """
+    """Encode a value for the float field of a parameter message."""
     layout = _FORMATS.get(kind)
     if layout is None or not bytewise:
         return value

@@ -1,6 +1,4 @@
-"""Interface to ROS 2 for the gateway: `uavrt.link.ros2.network.dds.Participant`, or a
-test's.
-"""
+"""Interface of the gateway to ROS 2, implemented by `uavrt.link.ros2.network.dds`."""
 
 from collections.abc import Collection
 from typing import Protocol

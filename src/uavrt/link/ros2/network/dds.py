@@ -168,11 +168,7 @@ def domain_id_of(settings: Ros2Settings, environment: Mapping[str, str]) -> int:
 
 
 def reach_of(environment: Mapping[str, str]) -> Reach:
-    """Network reach that ROS 2's variables allow, limited to that of `interfaces`.
-
-    ROS_LOCALHOST_ONLY (Humble) overrides ROS_AUTOMATIC_DISCOVERY_RANGE, as in ROS 2. Raises
-    `ConfigError` if the latter is invalid.
-    """
+    """Network reach that ROS 2's variables allow, limited to that of `interfaces`."""
     if environment.get("ROS_LOCALHOST_ONLY", "").strip() == "1":
         return "computer"
     text = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").strip()
@@ -194,11 +190,7 @@ def reach_of(environment: Mapping[str, str]) -> Reach:
 def cyclone_config(
     interfaces: tuple[str, ...], reach: Reach = "interfaces", warnings_path: str = ""
 ) -> str:
-    """Make Cyclone DDS's configuration for the loopback and the given interfaces.
-
-    The loopback is always included, and named as a peer, so that ROS 2 bound to it is found.
-    Only participants with the same tag find each other.
-    """
+    """Make Cyclone DDS's configuration for the loopback and the given interfaces."""
     wanted = interfaces if reach == "interfaces" else ()
     named = "".join(f"<NetworkInterface name={quoteattr(name)}/>" for name in wanted)
     tracing = (
@@ -393,11 +385,7 @@ class Participant:
                 time.sleep(READ_PAUSE_S)
 
     def _read_once(self) -> None:
-        """Take the messages of all readers, with those arriving meanwhile, in sending order.
-
-        Without this order, the end of an upload could overtake some of its tags, and a start
-        command the end.
-        """
+        """Take the messages of all readers, with those arriving meanwhile, in sending order."""
         for _ in range(PASSES):
             found = self._take_all()
             self._learn_senders()
@@ -442,10 +430,7 @@ class Participant:
             self._senders.add_writer(handle, key, writer.topic_name)
 
     def _announced(self, reader: Any) -> Iterator[Any]:
-        """Yield announcements of others one by one, since the binding fails on some.
-
-        A name that is not UTF-8 raises, and everything taken together with it is lost.
-        """
+        """Yield announcements singly, since a name that is not UTF-8 loses those with it."""
         for _ in range(ANNOUNCED_LIMIT):
             try:
                 samples = reader.take(1)
@@ -561,7 +546,7 @@ class Participant:
                     self._add_writer(node, topic.name, topic.message, topic.depth)
         except DDSException as error:
             raise LinkError(
-                f"no publisher for each tag: {error}", remedy="Set [ros2] node_per_tag = false"
+                f"no ROS node for each tag: {error}", remedy="Set [ros2] node_per_tag = false"
             ) from error
         self._introduce((*self._nodes, *nodes))
 

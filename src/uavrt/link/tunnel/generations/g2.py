@@ -235,7 +235,7 @@ Messages = (
 Requests = BareG2 | UploadG2 | TagG2 | FieldsG2 | SetLogLevel
 """Messages of a ground station from version 4 on."""
 INFERRED = (TagG2, FieldsG2, SetLogLevel)
-"""Messages of a ground station with an inferred layout."""
+"""Messages of a ground station whose layout is not published, but inferred."""
 DECODERS: Decoders = {
     **decoders_by_length("G2", 8, BareG2.decode),
     (CommandId.START_TAGS, 16): UploadG2.decode,

@@ -88,10 +88,7 @@ class Layout:
             raise TunnelError(f"{self._what} does not fit: {error}", b"") from error
 
     def unpack(self, payload: bytes) -> MutableMapping[str, Any]:
-        """Decode a payload to fields by name, without the fixed ones.
-
-        Raises `TunnelError`: wrong length, or a value that is not finite or outside its limits.
-        """
+        """Decode a payload to fields by name; `TunnelError` for a value outside its limits."""
         if len(payload) < self.size:
             self._refuse(f"has {len(payload)} bytes, not {self.size} or more", payload)
         flat = iter(self._struct.unpack_from(payload))

@@ -47,9 +47,9 @@ class ToDrone:
     """A kind of message from a ground station to a drone."""
 
     inside: int
-    """Number of this kind of message inside a seal."""
+    """Number that stands for this kind in a sealed message."""
     payload_type: int | None = None
-    """Payload type without a seal; None if accepted only sealed."""
+    """Payload type of an unsealed message; None: sealed only."""
     answers: int = 0
     """Number of messages that answer this kind, used to limit unsealed requests."""
 

@@ -51,10 +51,7 @@ class Key:
 
 
 def read_key(path: str | Path) -> Key:
-    """Read a key of at least 32 hexadecimal digits from a file that only its owner may read.
-
-    Raises `ConfigError` if the file has no key, or if others may read the file.
-    """
+    """Read a key of at least 32 hexadecimal digits from a file that only its owner may read."""
     return Key(read_key_file(path, "key file", least=LEAST_KEY, most=MOST_KEY))
 
 
@@ -75,7 +72,7 @@ def seal(
 ) -> bytes:
     """Make a sealed payload; raises `TunnelError` if `inside` is too long."""
     if len(inside) > MAX_INSIDE:
-        raise TunnelError(f"{len(inside)} bytes cannot be sealed, only {MAX_INSIDE}", inside)
+        raise TunnelError(f"{len(inside)} bytes cannot be sealed, at most {MAX_INSIDE}", inside)
     head = _HEAD.pack(_VERSION, kind, 0, counter)
     return head + _mac(key, session.mixed_in() + bytes(sender) + head + inside) + inside
 
@@ -119,11 +116,7 @@ def _proof(state: bytes, key: Key, session: Session, station: Ids) -> bytes:
 
 
 def keepalive_content(nonce: int, *, files: bool = False) -> bytes:
-    """Make the content of a keepalive before sealing.
-
-    The drone returns a nonce other than 0. With `files` it answers the station's file requests
-    quickly, also while it detects.
-    """
+    """Make the content of a keepalive before sealing; the drone returns its nonce."""
     return _ALIVE.pack(nonce, files)
 
 

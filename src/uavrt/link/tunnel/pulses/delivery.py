@@ -40,10 +40,7 @@ class PulseDelivery:
         return True
 
     def station_came(self) -> None:
-        """Handle a new ground station, for which pulses are read from the database.
-
-        Pulses not recorded yet are missing there; `recorded` handles them.
-        """
+        """Handle a new ground station, for which pulses are read from the database."""
         self._news = set(self._unrecorded)
 
     def recorded(self, key: PulseKey) -> bool:

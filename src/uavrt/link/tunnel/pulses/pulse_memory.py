@@ -54,11 +54,7 @@ class PulseMemory(Generic[T]):
         return len(self._waiting)
 
     def keys(self, store: int) -> set[ItemKey]:
-        """Keys of pulses that need not be read from disk for a store.
-
-        Other pulses in memory may be for other stores only, and must be read for this one too.
-        For `PLAIN` all pulses in memory count.
-        """
+        """Keys of pulses that need not be read from disk for a store; all for `PLAIN`."""
         return {
             entry.pulse
             for entry in self._entries.values()
@@ -83,11 +79,7 @@ class PulseMemory(Generic[T]):
             self._bound()
 
     def refill(self, store: int, items: Iterable[tuple[ItemKey, T]], *, more: bool) -> None:
-        """Add pulses from disk that a store lacks.
-
-        `store`: number of the store, or `PLAIN`. `items`: keys and pulses, no more than the
-        free `CAPACITY`. `more`: True if more are on disk.
-        """
+        """Add pulses from disk that a store lacks."""
         for key, item in items:
             if key not in self._entries:
                 missing_at = {store} & self._stores.present

@@ -27,8 +27,8 @@ store is ignored as made up or not receiving [ns]."""
 IGNORED_NS = ns_from_s(60.0)
 MOST_IGNORED = 64
 PATIENCE, SENDS_OF_PATIENCE = 8, 32
-"""Sendings of one burst's content to a store that has acknowledged none; after 32 in total,
-one. At 40 % loss each way, none of 32 is answered in one case of a million."""
+"""Maximum number of sendings of a burst's content to a store that acknowledged none; after 32
+in total, 1. At 40 % loss each way, none of 32 is answered in one case of a million."""
 
 
 @dataclass(slots=True)
@@ -99,11 +99,7 @@ class Stores:
         return any(self._stores[number].acknowledges for number in numbers)
 
     def must_repeat(self, numbers: Collection[int]) -> bool:
-        """True if a pulse must be sent again, because a confirmed one of the stores lacks it.
-
-        Stores without any acknowledgement may be made up and must not fill the window; if they
-        exist, they get the pulse from disk.
-        """
+        """True if a pulse must be sent again, because a confirmed store lacks it."""
         if self.any_confirmed(numbers):
             return True
         for number in numbers:

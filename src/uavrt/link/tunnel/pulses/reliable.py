@@ -36,12 +36,7 @@ Stations acknowledge once a second: at 40 % loss 3 % are late, and get some puls
 
 
 class ReliableSender(Generic[T]):
-    """Decides which pulse is sent next, and which are lost.
-
-    `encode`: makes a pulse's payload; called at each sending, since the generation may change.
-    `inside`: payload of a burst's content, None for other pulses. `inside_type`: payload type
-    of that content.
-    """
+    """Decides which pulse is sent next, and which are lost."""
 
     def __init__(
         self,
@@ -191,11 +186,7 @@ class ReliableSender(Generic[T]):
             self.repeats += 1
 
     def _add_twin(self, entry: Entry[T]) -> None:
-        """Send a repetition twice while nothing else waits.
-
-        With few unacknowledged pulses, each loss costs a time-out. At 20 % loss, 4 % of the
-        pulses would need a second time-out, with twins 0.8 %. The link is idle anyhow.
-        """
+        """Send a repetition twice while nothing else waits, since a loss costs a time-out."""
         again = entry.sends > 1 and not entry.twin and not self.pulses.waiting
         entry.twin = again and self.stores.any_confirmed(entry.missing_at)
         if entry.twin:

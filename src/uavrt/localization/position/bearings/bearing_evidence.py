@@ -12,13 +12,7 @@ _Floats = NDArray[np.float64]
 
 
 class BearingEvidence:
-    """Log-likelihood of positions, given bearings from stations.
-
-    `east_m`, `north_m` (n,): stations in the local plane.
-    `posterior` (n, 360): probability of whole degrees, for each bearing.
-    `outlier_share`: probability that a bearing is unrelated to the tag.
-    `heading_sigma_deg`: error that the headings of all bearings share.
-    """
+    """Log-likelihood of positions, given posteriors (n, 360) of bearings from stations."""
 
     def __init__(
         self,
@@ -62,11 +56,7 @@ class BearingEvidence:
         )
 
     def densities(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float) -> _Floats:
-        """(n, places, turned) density of each bearing for each position and heading error.
-
-        `east_m`, `north_m` (places,): the positions.
-        `cell_m` (places,): width of the cell that a position represents.
-        """
+        """(n, places, turned) density of each bearing for each position and heading error."""
         out = np.empty((len(self._east_m), len(east_m), len(self._turned_deg)))
         count = self._tables.shape[2]
         for station, table in enumerate(self._tables):

@@ -3,8 +3,7 @@
 A wrong compass or a walking animal turns all bearings of a flight together, so that none of
 them alone is conspicuous. With four stations around the tag three explanations can be compared:
 a resting tag, a walking one, and a common heading error. Each is fitted to the bearings (with
-outliers) and compared by its evidence (Laplace's approximation; MacKay, Information Theory, ch.
-27).
+outliers) and compared by its evidence (Laplace's approximation; MacKay 2003, ch. 27).
 """
 
 from dataclasses import dataclass
@@ -90,13 +89,7 @@ def explanations(
     outlier_share: float,
     unusual: frozenset[Explanation] = UNUSUAL,
 ) -> list[tuple[float, Fit]]:
-    """Fit all explanations, each with its probability; the resting tag comes first.
-
-    `bearings`: four or more, around the tag.
-    `heading_sigma_deg`: standard deviation of the error that headings share; 0 for exact
-        headings.
-    `outlier_share`: probability that a bearing is unrelated to the tag.
-    """
+    """Fit all explanations, each with its probability; the resting tag comes first."""
     models = []
     if "compass" in unusual:
         models.append(

@@ -121,12 +121,7 @@ def concentration(cosine: float) -> float:
 
 
 def fisher_information(rays: Rays, point: _Floats, kappa: _Floats) -> _Floats:
-    """(2, 2) information of bearings about a point: sum of kappa A(kappa) n nᵀ / r².
-
-    `rays`: stations; their bearings do not matter.
-    `point` (2,): east and north [m].
-    `kappa` (n,): concentration of each bearing, 1 / sigma² [rad⁻²].
-    """
+    """(2, 2) information of bearings about a point: sum of kappa A(kappa) n nᵀ / r²."""
     dx, dy = point[0] - rays.east_m, point[1] - rays.north_m
     strength = (
         kappa * (special.i1e(kappa) / special.i0e(kappa)) / np.maximum(dx**2 + dy**2, 1e-6) ** 2

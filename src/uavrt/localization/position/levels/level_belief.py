@@ -202,10 +202,8 @@ class LevelBelief:
     ) -> _Floats:
         """Update with one pulse or miss; returns the log-likelihood at each position.
 
-        `fading_db`: standard deviation of fading and of other unknown parts of the level.
-        `missed_share`: share of pulses missed at any strength.
-        `chance_share`: share of pulses that are not the tag's.
-        `elsewhere`: density [1/dB] of a pulse of this level from another source.
+        `fading_db`: includes other unknown parts of the level. `elsewhere`: density [1/dB] of a
+        pulse of this level from another source.
         """
         learns = not self.known or self.error is not None
         variance: Any = fading_db**2
@@ -234,11 +232,7 @@ class LevelBelief:
         return np.asarray(np.log(mixed))
 
     def _learn(self, behind: GroundEffect | None, moved: _Floats, shrunk: _Floats) -> None:
-        """Update the level's mean and variance with a received level.
-
-        `moved`: deviation from the expected level over its variance [1/dB].
-        `shrunk`: reduction of the variance, over its square [1/dB²].
-        """
+        """Update the level's mean and variance with a received level."""
         error, with_pulse = self.error, self.variance_db2
         if error is not None and behind is not None:
             with_pulse = with_pulse - behind.doubtful_db * error.with_level_db

@@ -69,7 +69,7 @@ class LevelEvidence:
         # The unknown gains of receivers that turn contain P.
         several = len(groups) > 0 and not listeners
         self._errors = errors * 1.0 if several else np.insert(errors * 1.0, len(groups), 1.0, 1)
-        """(n, errors) 1 where a level contains a receiver's error or, in the last column, P."""
+        """(n, errors) 1 where a level has a receiver's error; last column: the tag's P."""
         self._own_gains = LEVEL.receiver_gains_db if listeners else ((1.0, 1.0),)
 
     def log_likelihood(self, east_m: _Floats, north_m: _Floats) -> _Floats:

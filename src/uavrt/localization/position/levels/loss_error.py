@@ -19,10 +19,7 @@ _Floats = NDArray[np.floating[Any]]
 
 
 def doubtful_db(lost_db: _Floats) -> _Floats:
-    """Additional loss if the relative error of the losses is 1 [dB].
-
-    Near grazing, some metres of height change a loss by up to 6 dB (P.526-15, equation 31).
-    """
+    """Additional loss if the relative error of the losses is 1 [dB] (P.526-15, eq. 31)."""
     return np.asarray(
         lost_db - LOSS.grazing_db * np.expm1(lost_db * (-1.0 / LOSS.grazing_fall_db))
     )
@@ -54,7 +51,7 @@ class LossError:
         return cls(mean=columns[:, 0], variance=columns[:, 1], with_level_db=columns[:, 2])
 
     def columns(self) -> NDArray[np.float32]:
-        """(n, 3) columns: mean, variance, covariance with the tag's strength."""
+        """(n, 3) the error's mean, variance, and covariance with the tag's strength."""
         return np.stack((self.mean, self.variance, self.with_level_db), axis=1)
 
     def after(
@@ -73,12 +70,7 @@ class LossError:
         )
 
     def learnt(self, doubtful: _Floats, moved: _Floats, shrunk: _Floats) -> "LossError":
-        """Distribution after a pulse; see `LevelBelief.update`.
-
-        `doubtful`: additional loss [dB] if the error is 1.
-        `moved`: deviation of the level [dB], over its variance.
-        `shrunk`: reduction of that variance, over its square.
-        """
+        """Distribution after a pulse; see `LevelBelief.update`."""
         with_pulse = self.with_level_db - doubtful * self.variance
         return replace(
             self,

@@ -25,11 +25,7 @@ class TrackHillLosses:
     def of(
         cls, hills: HillLosses | None, east_m: _Floats, north_m: _Floats, up_m: _Floats
     ) -> "TrackHillLosses | None":
-        """Losses for pulses received at positions; heights count from the take-off's ground.
-
-        `hills`: ground model in the plane of the positions; None is level ground.
-        `east_m`, `north_m`, `up_m`: shape (n,).
-        """
+        """Losses for pulses received at positions; heights count from the take-off's ground."""
         if hills is None:
             return None
         return cls(hills=hills, losses=hills.seen_from(east_m, north_m, up_m))

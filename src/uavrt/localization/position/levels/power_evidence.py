@@ -93,11 +93,8 @@ def fit_each(
 class PowerEvidence:
     """Log-likelihood of positions, given powers along a track.
 
-    `east_m`, `north_m` (n,): the track in the local plane.
-    `track`: heights, powers, antenna.
-    `correlation`: correlation of neighbouring pulses' fading, where pulses were missed; see
-        `correlation_at_best`. Without misses it is integrated out.
-    `over_hills`: losses behind hills; None is level ground.
+    `correlation`: of neighbouring pulses' fading, where pulses were missed; see
+    `correlation_at_best`. Without misses it is integrated out.
     """
 
     def __init__(
@@ -245,10 +242,11 @@ def _fit_of_heard(x: _Reals, z: _Reals, prior: Propagation) -> PowerFit:
     """Fit positions to received pulses without misses; x is loss, z power (places, pulses).
 
     Level, exponent, and the fading's size and correlation integrate out. The precision of a
-    first-order process with correlation rho is, up to 1 / (1 - rho²), the sum over all pulses,
-    plus rho² over the inner ones, minus rho over adjacent pairs, each pair twice. The size has
-    a prior of one pulse with the typical fading, which matters for two or three pulses. The
-    constant is included, so that likelihoods of different numbers of pulses compare.
+    first-order process with correlation rho has three terms, over 1 - rho²: the sum over all
+    pulses, plus rho² times that over the inner ones, minus 2 rho times that over adjacent
+    pairs. The size has a prior of one pulse with the typical fading, which matters for two or
+    three pulses. The constant is included, so that likelihoods of different numbers of pulses
+    compare.
     """
 
     def at(number: int) -> _Floats:

@@ -79,11 +79,8 @@ class SignalSection:
 def height_bands(height_m: _Floats) -> list[tuple[float, float]]:
     """Divide heights (n,) into the layers in which a survey was flown, lowest first.
 
-    A drone holds its height to a few metres: fixed layers of 10 m would split one level flight
-    at 40 m in two. So heights are divided where 5 m are empty. Ranges above 15 m, such as a
-    climb, are divided into equal layers of 10 m at most.
-
-    Returns: low and high of each layer, low ≤ height < high; the last one includes its high.
+    Fixed layers would split a level flight, so heights are divided where 5 m are empty, and
+    ranges above 15 m, such as a climb, into equal layers of 10 m at most.
     """
     ordered = np.sort(height_m)
     bands: list[tuple[float, float]] = []
@@ -111,17 +108,10 @@ def in_band(track: PowerTrack, band: tuple[float, float]) -> PowerTrack:
 def signal_section(
     track: PowerTrack, latitude_deg: float, longitude_deg: float
 ) -> SignalSection:
-    """Compute the side view of a survey: SNR by height and by distance from a position.
-
-    Around the tag a monopole's field is the same in all directions. The side view shows the
-    null above the tag, and the effect of height.
-
-    `latitude_deg`, `longitude_deg`: origin of distances: the tag's estimated position.
-    Raises `UsageError`: the survey was flown at one height.
-    """
+    """Compute the side view of a survey: SNR by height and by distance from a position."""
     heard = ~np.isnan(track.snr_db)
     if len(height_bands(track.height_m[heard])) < 2:
-        raise UsageError("the survey was flown at one height", remedy="Fly at two")
+        raise UsageError("a side view needs pulses at two heights", remedy="Fly at two heights")
     plane = TangentPlane(latitude_deg=latitude_deg, longitude_deg=longitude_deg)
     east, north = plane.to_local(track.latitude_deg[heard], track.longitude_deg[heard])
     distance, height = np.hypot(east, north), track.height_m[heard]

@@ -31,12 +31,7 @@ _Floats = NDArray[np.float64]
 
 
 class SurveyEvidence:
-    """Log-likelihood of positions, given powers along a track of uncertain height.
-
-    `east_m`, `north_m` (n,): the track in the local plane.
-    `track`: reported heights, powers, antenna.
-    `over_hills`: losses behind hills; None is level ground.
-    """
+    """Log-likelihood of positions, given powers along a track of uncertain height."""
 
     def __init__(
         self,
@@ -130,7 +125,7 @@ class SurveyEvidence:
         )
 
     def _correlation_of_fading(self) -> float:
-        """Correlation of neighbouring pulses' fading, for missed pulses or hills."""
+        """Correlation of neighbouring pulses' fading, needed with missed pulses or hills."""
         axes = reversed(self._coarsely(SURVEY.coarse_cells))
         north, east = (one.ravel() for one in np.meshgrid(*axes))
         return self._evidence(0.0).correlation_at_best(east, north)
@@ -334,7 +329,7 @@ def _log_prior_of_reading(kept: NDArray[np.bool_]) -> float:
 
 
 def _unlike_neighbours(residual: _Floats) -> tuple[_Floats, _Floats]:
-    """Deviation of pulses from an estimate by adjacent pulses (places, n), and its sigma."""
+    """Deviations (places, n) of pulses from an estimate by adjacent pulses, and their sigma."""
     padded = np.pad(residual, ((0, 0), (2, 2)), mode="reflect")
     count = residual.shape[1]
     around = np.stack([padded[:, first : first + count] for first in (0, 1, 3, 4)])

@@ -43,13 +43,7 @@ def burst_columns(
     tag: Tag,
     hop_s: float,
 ) -> BurstColumns:
-    """Average the pulses of each burst, with the best of some stretches of the gaps.
-
-    `power`, `seen` (rows, columns): power of pulses that begin in each column, and whether they
-    are strong and look like pulses.
-    `quiet`, `whole` (columns,): True without a strong signal near, and without missing samples.
-    `hop_s`: time from one column to the next.
-    """
+    """Average the pulses of each burst, with the best of some stretches of the gaps."""
     rows, columns = power.shape
     starts_s = pulse_starts_s(tag)
     pulses = len(starts_s)
@@ -105,11 +99,7 @@ class SinglePulses:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sender:
-    """Sender of a train of bursts, as identified by its pulses.
-
-    `shift_s`: delay of this code's bursts after the train's; None if the code is another.
-    `pulses_s` (m,): positions of another code's pulses from the start of this code's bursts.
-    """
+    """Sender of a train of bursts, as identified by its pulses."""
 
     shift_s: float | None
     pulses_s: NDArray[np.float64]
@@ -124,12 +114,8 @@ def sender_of(
 ) -> Sender:
     """Identify by the energies of single pulses if a train is of this code.
 
-    All pulses of a burst are equally strong. A burst of another code has pulses at some of this
-    code's positions and none at others. The same happens to this code if a later pulse was
-    taken for the first.
-
-    `time_s` (n,): starts of the bursts, from the first slot's beginning.
-    `weight` (n,): expected strength of each burst.
+    A burst of another code has pulses at some of this code's positions and none at others. The
+    same happens to this code if a later pulse was taken for the first.
     """
     own = Sender(shift_s=0.0, pulses_s=np.zeros(0))
     capped = np.minimum(single.level[row].astype(np.float64), BURSTS.most_energy)
@@ -222,11 +208,7 @@ def log_ratio_parts(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Density and distribution function of a burst's mean energy, over those of noise.
 
-    The sum over p pulses of strength S is a noncentral chi-square of 2 p degrees of freedom
-    (Johnson, Kotz and Balakrishnan 1995, Continuous Univariate Distributions 2, 29).
-
-    `energy` (energies,): mean of a burst's pulses [noise energies].
-    `strength`: shape (strengths, 1).
+    The sum over p pulses of strength S is a noncentral chi-square of 2 p degrees of freedom.
     """
     total, power = pulses * energy, pulses * strength
     x = 2.0 * np.sqrt(total * power)

@@ -112,11 +112,7 @@ class SlotEnergies:
 
 
 def joined(parts: Sequence[SlotEnergies]) -> SlotEnergies:
-    """Join energies of consecutive parts of a flight, and standardise them as a whole.
-
-    `parts`: of one tag, each beginning where the previous one ends. Columns left out around a
-        part's slots are counted with it. Raises `ValueError` without parts.
-    """
+    """Join energies of consecutive parts of a flight, and standardise them as a whole."""
     first = parts[0] if parts else None
     if first is None:
         raise ValueError("there are no energies to join")
@@ -207,10 +203,6 @@ def gather(
 
     Overlaps, as from a fast crystal, are left out. A clock that was set back, or changed by
     hours, is treated as if it had not been set.
-
-    `blocks`: samples, and the time of the first [ns, UTC], in order.
-    Returns: samples (n,); False where samples are missing (n,); time of the first, 0 without
-        blocks.
     """
     parts: list[NDArray[np.complex64]] = []
     gaps: list[tuple[int, int]] = []
@@ -256,13 +248,7 @@ def slot_energies(
     frequency_window_hz: float,
     slots_per_pulse: int = 2,
 ) -> SlotEnergies:
-    """Measure the energy of each slot.
-
-    `samples`, `there`, `start_ns`: from `gather`. `tag`: its pulse width sets the window, its
-    jitter the margin around a slot. `frequency_window_hz`: half-width of the search around the
-    tag's nominal frequency. `slots_per_pulse`: 2, or 4 for a tag without jitter; 1 for a quick
-    search.
-    """
+    """Measure the energy of each slot; `samples`, `there`, `start_ns` are from `gather`."""
     layout = slot_layout(
         tag,
         sample_rate_hz=sample_rate_hz,
@@ -407,10 +393,7 @@ def _whole_windows(
 def _standardise(
     power: NDArray[np.float32], whole: NDArray[np.bool_], length: int
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """Divide by the noise of each row and time, in place.
-
-    Returns: True for strong columns, and the noise of each column [dB].
-    """
+    """Divide by the noise of each row and time; returns strong columns and noise [dB]."""
     columns = power.shape[1]
     loud, noise_db = np.zeros(columns, bool), np.zeros(columns)
     side = ENERGY.level_rows // 2

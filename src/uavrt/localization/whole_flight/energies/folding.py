@@ -70,13 +70,7 @@ def _fold_numpy(
 def highest(
     sums: NDArray[np.float32], mixing: NDArray[np.float32], scale: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
-    """Mix the sums of patterns for each position, and find the highest of all cells.
-
-    `sums`: shape (patterns, rows, period).
-    `mixing`: shape (places, patterns).
-    `scale` (rows,): positive factor on each row's sums.
-    Returns: highest sum (places,), and its cell (places,), an index among rows and phases.
-    """
+    """Mix the sums of patterns for each position; find the highest cell of each, and where."""
     patterns, rows, period = sums.shape
     places = len(mixing)
     native = kernels()

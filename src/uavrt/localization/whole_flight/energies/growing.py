@@ -1,8 +1,4 @@
-"""Measure slot energies of a flight in progress: each half minute once, then stored.
-
-The energies equal those of a whole recording: a block is measured with its neighbours on both
-sides, and standardised together with all others.
-"""
+"""Measure slot energies of a flight in progress: each half minute once, then stored."""
 
 import math
 
@@ -21,12 +17,7 @@ from uavrt.localization.whole_flight.tuning import ENERGY
 
 
 class GrowingEnergies:
-    """Convert a channel's samples in flight to all slot energies so far.
-
-    `start_ns`: time of the first sample [UTC].
-    `frequency_window_hz`: half-width of the search around the tag's nominal frequency.
-    `slots_per_pulse`: 1 takes a quarter of the folding time of 2.
-    """
+    """Convert a channel's samples in flight to all slot energies so far."""
 
     def __init__(
         self,
@@ -68,11 +59,7 @@ class GrowingEnergies:
     def take(
         self, samples: NDArray[np.complex64], there: NDArray[np.bool_], start_ns: int
     ) -> int:
-        """Measure the blocks that are complete now; returns their number.
-
-        The samples are from `gather`, beginning at or before `needed_from_ns`; samples missing
-        before the first count as gaps.
-        """
+        """Measure the blocks that are complete now; returns their number."""
         since_s = (start_ns - self._start_ns) / NANOSECONDS_PER_SECOND
         offset = round(since_s * self._rate_hz)
         before = len(self._parts)

@@ -10,10 +10,7 @@ T = TypeVar("T")
 
 
 async def in_background(work: Callable[[], T]) -> T:
-    """Run `work` in a daemon thread; return its result or raise its error.
-
-    Unlike with `asyncio.to_thread`, the program can end while a drive does not answer.
-    """
+    """Run `work` in a daemon thread, which the program's end does not await."""
     loop = asyncio.get_running_loop()
     future: asyncio.Future[T] = loop.create_future()
 

@@ -21,12 +21,7 @@ SYNC_BYTES = 8 * CHUNK_BYTES
 
 
 def save_flights(flights: list[Path], target: Path, step: Step, wanted: Wanted) -> None:
-    """Copy flights to a drive; skip files already there with the same size.
-
-    `target`: directory on the drive. `step`: called with files done, total files and the
-    current file. `wanted`: polled often; returning False stops the copy. Raises `OSError` if
-    the drive cannot be written and `RecordingError` if stopped. Complete copies stay.
-    """
+    """Copy flights to a drive; skip files already there with the same size."""
     for done, flight in enumerate(flights):
         step(done, len(flights), flight.name)
         for source in sorted(flight.rglob("*")):
@@ -51,7 +46,7 @@ def remove_flights(flights: list[Path], step: Step, wanted: Wanted) -> None:
 
 def _check(wanted: Wanted) -> None:
     if not wanted():
-        raise RecordingError("stopped: the system ends", remedy="Send the command again")
+        raise RecordingError("stopped: uavrt is ending", remedy="Send the command again")
 
 
 def _is_there(source: Path, place: Path) -> bool:

@@ -46,11 +46,7 @@ class DiskGuard:
             self._card_faults, self._note_failed = 0, False
 
     def check(self) -> list[tuple[int, str]]:
-        """Measure free space, remove flights if needed, check the card. Blocks: call it in a
-        thread.
-
-        Returns (severity, text) pairs for the operator.
-        """
+        """Measure free space, remove flights if needed, check the card; blocks."""
         self._note()
         self.free_mb = self._measure()
         texts: list[tuple[int, str]] = []
@@ -115,11 +111,7 @@ class DiskGuard:
         return None
 
     def _removable_flights(self) -> list[Path]:
-        """Removable flights, oldest first: neither newest, starred nor in progress.
-
-        A flight counts together with its copies, which are removed first because they contain
-        less.
-        """
+        """Removable flights, oldest first: neither newest, starred nor in progress."""
         flights = [path for path in flights_in_order(self._directory) if not path.is_symlink()]
         present = None if self._flight is None else self._flight.name
         return [

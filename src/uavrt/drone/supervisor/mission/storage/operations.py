@@ -15,7 +15,6 @@ from uavrt.config.settings import RecordingSettings
 from uavrt.core.clock import monotonic_s
 from uavrt.core.commands import CommandName
 from uavrt.core.errors import RecordingError, UavrtError
-from uavrt.core.log import get_logger
 from uavrt.core.messages import Operation
 from uavrt.drone.supervisor.mission.storage.background import in_background
 from uavrt.drone.supervisor.mission.storage.copying import Step, remove_flights, save_flights
@@ -25,8 +24,6 @@ from uavrt.drone.supervisor.mission.storage.flight_removal import (
     removable,
 )
 from uavrt.flight.flight_order import flights_in_order
-
-log = get_logger()
 
 MOUNTS = Path("/proc/self/mounts")
 REMOVABLE = ("/media/", "/run/media/")
@@ -70,11 +67,7 @@ class Operations:
             raise UavrtError(f"busy: {words(self.running.name)} in progress")
 
     def begin(self, name: CommandName, source: str = "") -> str:
-        """Begin to copy or remove flights; return the answer for the operator.
-
-        `source`: the sender, who must confirm a removal by a second request. Raises
-        `UavrtError` if another job runs, no drive is plugged in, or confirmation is needed.
-        """
+        """Begin to copy or remove flights; return the answer for the operator."""
         self.check_free()
         root = Path(self._settings.directory)
         flights = flights_in_order(root)
@@ -141,15 +134,12 @@ def words(name: CommandName) -> str:
 
 
 def save_directory(settings: RecordingSettings) -> Path:
-    """Directory to copy flights to: the configured one, or one on the only removable drive.
-
-    Raises `RecordingError` if there is no drive, or several.
-    """
+    """Directory to copy flights to: the configured one, or one on the only removable drive."""
     if settings.save_directory is not None:
         path = Path(settings.save_directory)
         if not path.is_dir():
             raise RecordingError(
-                f"{path} is not there",
+                f"there is no directory {path}",
                 remedy="Plug the drive in, or set recording.save_directory",
             )
         return path
