@@ -3,14 +3,18 @@
 No constant of an estimator may be chosen by these worlds.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from uavrt.analysis.estimates.positions import read_positions
+from uavrt.core.earth.geodesy import distance_m
 from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.core.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 from uavrt.localization.angles import difference_deg
@@ -199,6 +203,66 @@ def _observer(
     return Circle(miss_m=float(np.hypot(x, y)), found=found)
 
 
+def crew(
+    rng: Generator,
+    *,
+    scatter_deg: float,
+    share: float = 0.0,
+    metres: float = 0.0,
+    farthest_m: float = 400.0,
+    trials: int = 20,
+    tags: int = 20,
+) -> list[Circle]:
+    """Let a new person locate tags by hand after test trials, with tables as crews keep them.
+
+    `scatter_deg`, `share`, `metres`: true scatter of the bearings, and true displacement.
+    `farthest_m`: largest distance of the four stations from a tag; the least is 100 m.
+    `trials`: number of test trials; 0: the person is unknown. `tags`: number of further ones.
+    """
+    error_deg = rng.normal(0.0, 4.0)
+
+    def table(first: int, count: int, heading: str) -> str:
+        rows = [heading]
+        for tag_id in range(first, first + count):
+            tag = rng.uniform(-2000.0, 2000.0, 2)
+            there = PLANE.to_geodetic(*tag)
+            away_m, around = rng.uniform(100.0, farthest_m), rng.choice([90.0, 360.0])
+            angle = np.radians(rng.uniform(0.0, 360.0) + np.arange(4) * around / 4.0)
+            seems = tag + rng.normal(0.0, np.hypot(share * away_m, metres), 2)
+            for east, north in zip(
+                tag[0] + away_m * np.sin(angle), tag[1] + away_m * np.cos(angle), strict=True
+            ):
+                bearing = np.degrees(np.arctan2(seems[0] - east, seems[1] - north))
+                bearing += error_deg + rng.normal(0.0, scatter_deg)
+                here = PLANE.to_geodetic(east, north)
+                cells = (tag_id, "Ada", *here, wrap_degrees_360(float(bearing)), *there)
+                rows.append(",".join(map(str, cells)))
+        return "\n".join(rows) + "\n"
+
+    columns = "tag_id,observer,latitude_deg,longitude_deg,bearing_deg,"
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        if trials:
+            known = table(1, trials, columns + "true_latitude_deg,true_longitude_deg")
+            (folder / "trials.csv").write_text(known, encoding="utf-8")
+            read_positions(folder / "trials.csv", observers=folder / "observers.json")
+        noted = table(1, tags, columns + "hidden,places")
+        (folder / "noted.csv").write_text(noted, encoding="utf-8")
+        found = read_positions(folder / "noted.csv")
+    truth = {int(row[0]): (float(row[5]), float(row[6])) for row in _cells(noted)}
+    circles = []
+    for one in found:
+        assert one.position is not None
+        place = one.position.latitude_deg, one.position.longitude_deg
+        miss_m = distance_m(*place, *truth[one.tag_id])
+        circles.append(Circle(miss_m=miss_m, found=one.position))
+    return circles
+
+
+def _cells(table: str) -> list[list[str]]:
+    return [line.split(",") for line in table.splitlines()[1:]]
+
+
 def unequal_receivers(rng: Generator, receivers: int) -> tuple[Stations, tuple[float, float]]:
     """Draw three turns each of receivers whose gains differ by up to 80 dB, and the tag."""
     tag = (float(rng.uniform(-300.0, 300.0)), float(rng.uniform(200.0, 500.0)))
@@ -235,6 +299,10 @@ def _circles(
     name: str, runs: int, seed: int, fly: Callable[[Generator], Circle], *bar: float
 ) -> list[Row]:
     trials = [fly(np.random.default_rng([seed, number])) for number in range(runs)]
+    return _rows_of(name, trials, *bar)
+
+
+def _rows_of(name: str, trials: Sequence[Circle], *bar: float) -> list[Row]:
     least, most = bar or (None, None)
     half, whole = ([float(one.holds(percent)) for one in trials] for percent in (50, 95))
     cautious = [float(bool(one.found.cautions)) for one in trials]
@@ -292,6 +360,16 @@ _POSITIONS: dict[str, tuple[Callable[[Generator], Circle], tuple[float, ...]]] =
     ),
 }
 
+CREWS: dict[str, Callable[..., list[Circle]]] = {
+    "displaced by a quarter": partial(crew, scatter_deg=10.0, share=0.25),
+    "displaced by 80 m": partial(crew, scatter_deg=10.0, metres=80.0),
+    "displaced by 80 m, up to 1 km": partial(
+        crew, scatter_deg=10.0, metres=80.0, farthest_m=1000.0
+    ),
+    "not displaced": partial(crew, scatter_deg=3.0),
+}
+"""Worlds of people who take bearings by hand."""
+
 
 def misfit_worlds(runs: int, seed: int, only: str = "") -> list[Row]:
     """M1: share of arcs and circles that hold in each world, and of results with a caution."""
@@ -302,4 +380,11 @@ def misfit_worlds(runs: int, seed: int, only: str = "") -> list[Row]:
     for name, (fly_over, bar) in _POSITIONS.items():
         if only in name:
             rows += _circles(name, runs, seed, fly_over, *bar)
+    for world, locate in CREWS.items():
+        for trials, limits in ((20, (0.9, 0.98)), (3, ()), (0, ())):
+            name = f"observer with {trials} test trials, {world}"
+            if only in name:
+                rngs = (np.random.default_rng([seed, one]) for one in range(-(-runs // 20)))
+                circles = [one for rng in rngs for one in locate(rng, trials=trials)]
+                rows += _rows_of(name, circles, *limits)
     return rows

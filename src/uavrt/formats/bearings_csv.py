@@ -7,7 +7,9 @@ ignore::
 
 Bearings noted by hand have a heading, with columns in any order; the first four are required::
 
-    tag_id,latitude_deg,longitude_deg,bearing_deg[,sigma_deg][,time_utc]
+    tag_id,latitude_deg,longitude_deg,bearing_deg[,sigma_deg][,time_utc][,observer]
+
+A test trial, of a tag at a known place, has two more: true_latitude_deg, true_longitude_deg.
 """
 
 import math
@@ -50,6 +52,10 @@ class BearingRow:
     start_time_ns: int | None = None
     end_time_ns: int | None = None
     sigma_deg: float | None = None
+    observer: str | None = None
+    """Name of the person who took the bearing by hand, empty if unknown; None: not by hand."""
+    true_place: tuple[float, float] | None = None
+    """Known latitude and longitude of the tag in a test trial [deg]."""
 
 
 def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
@@ -97,6 +103,10 @@ def is_noted(heading: Iterable[str]) -> bool:
 
 def _noted_row(cells: Mapping[str, str]) -> BearingRow:
     time = cells.get("time_utc")
+    truth = [cells.get(name, "") for name in ("true_latitude_deg", "true_longitude_deg")]
+    observer = cells.get("observer", "")
+    if any(truth) and not (all(truth) and observer):
+        raise ValueError("a test trial needs an observer and both true coordinates")
     return BearingRow(
         tag_id=whole(cells["tag_id"]),
         parent_file="noted",
@@ -105,6 +115,8 @@ def _noted_row(cells: Mapping[str, str]) -> BearingRow:
         longitude_deg=longitude(cells["longitude_deg"]),
         start_time_ns=parse_iso_utc(time) if time else None,
         sigma_deg=_sigma_deg(cells.get("sigma_deg") or "NaN"),
+        observer=observer,
+        true_place=(latitude(truth[0]), longitude(truth[1])) if all(truth) else None,
     )
 
 

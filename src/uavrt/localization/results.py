@@ -116,6 +116,7 @@ class Caution:
         "foreign",
         "unchecked",
         "ground",
+        "observer",
         "noise",
     ]
     text: str
@@ -166,7 +167,7 @@ class Position:
     track: tuple[TrackPoint, ...] = ()
     """Path of the tag in order of time; empty if a fixed position explains the data."""
     listeners: tuple[str, ...] = ()
-    """Sentences for the operator on the use of each receiver that never turned."""
+    """Sentences for the operator on each receiver that never turned, and on observers."""
 
     @property
     def remarks(self) -> tuple[str, ...]:

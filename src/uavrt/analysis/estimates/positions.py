@@ -16,6 +16,7 @@ from uavrt.analysis.estimates.bearings import (
     bearings_together,
     read_recorded,
 )
+from uavrt.analysis.estimates.kept_observers import observers_of
 from uavrt.analysis.inputs.flight_copies import SAME_PULSES
 from uavrt.analysis.inputs.log_clocks import clock_doubts, pulse_doubts
 from uavrt.analysis.inputs.same_tags import NamedTag, SameTags, same_tags
@@ -41,6 +42,7 @@ from uavrt.localization.estimates.flight_estimates import (
     with_strengths,
 )
 from uavrt.localization.estimates.heard import FlightGround, Heard
+from uavrt.localization.position.bearings.observers import Observer
 from uavrt.localization.position.estimate_position import ADDED_METHODS
 from uavrt.localization.results import Bearing, Position, PositionMethod
 
@@ -58,6 +60,7 @@ def read_positions(
     *paths: str | os.PathLike[str],
     how: ReadAs | None = None,
     warn: Callable[[str], None] = lambda text: None,
+    observers: Path | None = None,
 ) -> list[TagPosition]:
     """Estimate the positions of tags from flights, logs and files of bearings.
 
@@ -67,6 +70,7 @@ def read_positions(
     returned unchanged.
     Without an antenna in `how`, each flight's own is used, RA-23K for other logs, and a
     monopole for UCSD's pings. `warn` receives warnings about a log.
+    `observers` is a file that keeps errors of people who take bearings by hand.
     Raises `FormatError` for a file of another kind, and `UsageError` for an unknown method or
     inputs that cannot be combined.
     """
@@ -97,8 +101,10 @@ def read_positions(
     for text in dict.fromkeys(text for one in logs for text in one.log.warnings):
         warn(text)
     logs = _without_copies(logs, warn)
+    tables = [(Path(path), read_bearing_file(path)) for path in files]
+    known = observers_of(tables, observers, warn)
     noted = _without_repeats(
-        [(os.fspath(path), _noted(read_bearing_file(path))) for path in files], warn
+        [(os.fspath(path), _noted(every, known)) for path, every in tables], warn
     )
     times: list[tuple[str | Path, list[int]]] = [
         (one.path, [each.pulse.start_time_ns for each in one.log.pulse_poses]) for one in logs
@@ -131,9 +137,11 @@ def _times(log: Recorded, keys: Mapping[int, int]) -> dict[int, list[int]]:
     return times
 
 
-def _noted(rows: Sequence[BearingRow]) -> list[TagBearing]:
+def _noted(rows: Sequence[BearingRow], observers: Mapping[str, Observer]) -> list[TagBearing]:
     found = []
     for row in rows:
+        if row.true_place is not None:
+            continue
         known = [one for one in (row.start_time_ns, row.end_time_ns) if one is not None]
         times_ns = known or [NO_TIME]
         found.append(
@@ -145,6 +153,8 @@ def _noted(rows: Sequence[BearingRow]) -> list[TagBearing]:
                     pulses=0,
                     sigma_deg=row.sigma_deg,
                 ),
+                by_hand=row.observer is not None,
+                observer=observers.get(row.observer or ""),
                 latitude_deg=row.latitude_deg,
                 longitude_deg=row.longitude_deg,
                 altitude_amsl_m=math.nan

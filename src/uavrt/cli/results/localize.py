@@ -28,6 +28,7 @@ def localize(
     method: str = "bayes",
     place: Placing = USUAL_PLACING,
     displacement: Share = 0.0,
+    observers: Path | None = None,
     tags: Path | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
@@ -49,6 +50,9 @@ def localize(
         Standard deviation of a shift that all bearings of a tag share, as a share of the
         distance, as trials with known places show it. Bearings taken by hand may agree within
         4° and miss the animal by 20°: 0.25.
+    observers
+        File that keeps the errors of people who take bearings by hand, as test trials in the
+        tables show them. By default, an observers.json next to a table is used.
     tags
         Tag file with the tags' names (tags.toml), for logs; a flight has its own.
     as_json
@@ -66,6 +70,7 @@ def localize(
         *flights,
         how=replace(place.read_as(method), displacement=displacement),
         warn=lambda text: print(f"uavrt: {text}", file=sys.stderr),
+        observers=observers,
     )
     found = [replace(one, name=names.get(one.tag_id) or one.name) for one in found]
     several = _of_several_frequencies(found)

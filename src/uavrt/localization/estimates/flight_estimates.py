@@ -30,6 +30,11 @@ from uavrt.localization.estimates.heard import (
 )
 from uavrt.localization.estimates.standing_receivers import strengths_of
 from uavrt.localization.headings import Headings, yaws_deg
+from uavrt.localization.position.bearings.observers import (
+    AGREEMENT_ALONE,
+    Displacement,
+    Observer,
+)
 from uavrt.localization.position.bearings.stations import Stations
 from uavrt.localization.position.estimate_position import estimate_position
 from uavrt.localization.position.levels.power_evidence import PowerTrack
@@ -119,6 +124,9 @@ class TagBearing:
     from_drone: bool = False
     flight: int = 0
     """Number of the flight or log, from 0; in a position, the receiver's number."""
+    by_hand: bool = False
+    observer: Observer | None = None
+    """Errors of the person who took it by hand; None: unknown."""
     noise_known: bool = True
     """False: the noise was not measured, and the bearing allows for noise from one side."""
 
@@ -590,15 +598,27 @@ def _placed(
     if not bearings:
         return TagPosition(tag_id=tag_id, position=None, reason=NEVER_TURNED)
     bearings.sort(key=_begins)
+    observers = [one.observer for one in bearings]
+    alone = observers[0] if len(set(observers)) == 1 else None
+    bearings = [
+        replace(one, bearing=by.corrected(one.bearing, 0 if alone else observers.count(by)))
+        if (by := one.observer)
+        else one
+        for one in bearings
+    ]
     listeners = [each.strengths[tag_id] for each in found if tag_id in each.strengths]
     try:
         stations = _stations(bearings, over, listeners)
     except UsageError as error:
         return TagPosition(tag_id=tag_id, position=None, reason=str(error))
     hills = None if over is None else over.hills
-    shared = how.heading_sigma_deg, how.displacement
-    noise_known = all(one.noise_known for one in bearings)
-    made_of = tag_id, stations, how.method, *shared, hills, noise_known
+    sigma_deg = alone.heading_error_sigma_deg if alone else how.heading_sigma_deg
+    displacement = how.displacement or (alone.displacements if alone else 0.0)
+    unknown = not displacement and any(one.by_hand and not one.observer for one in bearings)
+    noisy = not all(one.noise_known for one in bearings)
+    notes = (AGREEMENT_ALONE,) * unknown + (_UNMEASURED_NOISE,) * noisy
+    known = tuple(sorted({one.sentence for one in observers if one}))
+    made_of = tag_id, stations, how.method, sigma_deg, displacement, hills, notes, known
     return cache.latest("position", tag_id, _position_of, *made_of)
 
 
@@ -627,9 +647,10 @@ def _position_of(
     stations: Stations,
     method: PositionMethod | str,
     heading_sigma_deg: float,
-    displacement: float,
+    displacement: float | tuple[Displacement, ...],
     hills: HillLosses | None,
-    noise_known: bool,
+    notes: tuple[Caution, ...],
+    observers: tuple[str, ...],
 ) -> TagPosition:
     """Estimate a tag's position, and a path if the bearings contradict a fixed position."""
     try:
@@ -648,8 +669,8 @@ def _position_of(
         left_out = f"the method {method} takes bearings alone"
         listeners = tuple(one.because(left_out) for one in stations.listeners)
         found = replace(found, listeners=listeners)
-    if not noise_known:
-        found = replace(found, cautions=(*found.cautions, _UNMEASURED_NOISE))
+    notes = (*found.cautions, *notes)
+    found = replace(found, cautions=notes, listeners=found.listeners + observers)
     return TagPosition(tag_id=tag_id, position=found)
 
 

@@ -10,6 +10,7 @@ from uavrt.core.earth.tangent_plane import TangentPlane, plane_around
 from uavrt.localization.position.bayes_fix import Area
 from uavrt.localization.position.bearings.bearing_evidence import BearingEvidence, von_mises
 from uavrt.localization.position.bearings.common_errors import Explanation
+from uavrt.localization.position.bearings.observers import Displacement
 from uavrt.localization.position.bearings.stations import Stations
 from uavrt.localization.position.levels.level_evidence import LevelEvidence, Levels, Propagation
 from uavrt.localization.position.levels.over_hills import TrackHillLosses
@@ -35,8 +36,7 @@ class Known:
     max_range_m: float | None
     unusual: frozenset[Explanation]
     height_sigma_m: float
-    displacement: float = 0.0
-    """Standard deviation of a shift that all bearings share, as a share of the distance."""
+    displacements: tuple[Displacement, ...] = ((1.0, 0.0, 0.0),)
     hills: HillLosses | None = None
 
 
@@ -102,11 +102,15 @@ class Model:
             GRID.least_extent_share * float(np.sqrt(square_m2)),
         )
 
-    def shared_sigma_m(self, point: tuple[float, float]) -> float:
-        """Standard deviation of a shift that all measurements share, for a tag there [m]."""
-        away = [np.subtract(np.mean(track, axis=1), point) for track in self.tracks]
-        shift_m = self.known.displacement * float(np.hypot(*np.mean(away, axis=0)))
-        return float(np.hypot(FLIGHT.place_sigma_m, shift_m))
+    def shared_sigma_m(self, point: tuple[float, float], share: float) -> float:
+        """Standard deviation [m] of a shift with the circle of `share` of all possible ones."""
+        away = np.concatenate(self.tracks, axis=1) - np.array(point)[:, None]
+        probability, relative, beyond_m = np.transpose(self.known.displacements)
+        away_m = np.mean(np.hypot(*away))
+        each = np.hypot(np.hypot(relative * away_m, beyond_m), FLIGHT.place_sigma_m)
+        sigma = np.sort(each)
+        held = 1.0 - (1.0 - share) ** (sigma[:, None] / each) ** 2 @ probability
+        return float(np.interp(share, held, sigma))
 
     @property
     def _height_m(self) -> float:

@@ -49,7 +49,7 @@ def bayes_position(
     solved = _solved(model)
     cells, agreement, point = solved.cells, solved.agreement, solved.point
     east, north = point
-    sigma_m = model.shared_sigma_m(point)
+    half_m, sigma_m = (model.shared_sigma_m(point, share) for share in (0.5, 0.95))
     latitude, longitude = model.plane.to_geodetic(east, north)
     fit = None if model.track is None else model.track.fit(np.array([east]), np.array([north]))
     map_east, map_north, probability = cells.map(GRID.map_cells, sigma_m)
@@ -61,7 +61,7 @@ def bayes_position(
         method="bayes",
         stations=0 if stations is None else len(stations.bearing_deg),
         pulses=0 if powers is None else len(powers.snr_db),
-        radius50_m=cells.radius_m(0.5, point, sigma_m),
+        radius50_m=cells.radius_m(0.5, point, half_m),
         radius95_m=cells.radius_m(0.95, point, sigma_m),
         ellipse95=cells.ellipse(sigma_m),
         outlier_probabilities=None if doubts is None else doubts.outlier_probabilities,

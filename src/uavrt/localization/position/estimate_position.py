@@ -14,6 +14,7 @@ from uavrt.localization.position.bayes_model import Known
 from uavrt.localization.position.bayes_position import bayes_position
 from uavrt.localization.position.bearings import lenth
 from uavrt.localization.position.bearings.common_errors import UNUSUAL
+from uavrt.localization.position.bearings.observers import Displacement
 from uavrt.localization.position.bearings.stations import Stations
 from uavrt.localization.position.follow import Follow
 from uavrt.localization.position.levels.level_evidence import Propagation
@@ -37,7 +38,7 @@ def estimate_position(
     heading_sigma_deg: float = COMMON.heading_sigma_deg,
     height_sigma_m: float = SURVEY.height_sigma_m,
     propagation: Propagation | None = None,
-    displacement: float = 0.0,
+    displacement: float | tuple[Displacement, ...] = 0.0,
     max_range_m: float | None = None,
     follow: bool = False,
     hills: HillLosses | None = None,
@@ -66,9 +67,9 @@ def estimate_position(
         a tree); 0 means exact heights. Many powers estimate it.
     propagation : Propagation, optional
         Knowledge of the path loss.
-    displacement : float
-        Standard deviation of a shift that all bearings share, as a share of the distance. By
-        hand, bearings often agree with each other better than with the animal.
+    displacement : float or tuple of Displacement
+        Standard deviation of a shift that all bearings share, as a share of the distance, or an
+        observer's. By hand, bearings often agree with each other better than with the animal.
     max_range_m : float, optional
         Largest distance of the tag from the stations or the track; by default 3000 with
         bearings, else the length of the track.
@@ -96,7 +97,9 @@ def estimate_position(
             # Exact headings exclude a wrong compass.
             unusual=UNUSUAL if heading_sigma_deg > 0.0 else UNUSUAL - {"compass"},
             height_sigma_m=height_sigma_m,
-            displacement=displacement,
+            displacements=displacement
+            if isinstance(displacement, tuple)
+            else ((1.0, displacement, 0.0),),
             hills=hills,
         )
         when: Follow = "always" if method == "track" else "contradicted" if follow else "never"

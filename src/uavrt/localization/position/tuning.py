@@ -114,6 +114,28 @@ class CommonErrorTuning:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ObserverTuning:
+    """Constants for learning a person's errors from bearings to known places."""
+
+    heading_sigma_deg: float = 5.0
+    """Prior standard deviation of a person's mean error [°]; crews had -6° to +8°."""
+    shares: tuple[float, float, int] = (0.02, 0.6, 14)
+    """Least, largest and number of candidate displacements, as a share of the distance."""
+    metres: tuple[float, float, int] = (5.0, 220.0, 15)
+    """Least, largest and number of candidate displacements equal at all distances [m]."""
+    outlier_share: float = 0.05
+    """Prior share of bearings in test trials that are unrelated to the tag."""
+    reach: float = 2.0
+    """Largest displacement examined, as a share of the distance."""
+    points: int = 41
+    """Number of displacements examined in each of two directions."""
+    scatters_deg: tuple[float, float, int] = (1.0, 30.0, 13)
+    """Least, largest and number of candidate scatters of single bearings [°]."""
+    headings_deg: tuple[float, float, int] = (-20.0, 20.0, 33)
+    """Least, largest and number of candidate mean errors [°]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PowerTuning:
     """Constants for positions from the powers of a track's pulses, with misses and hills."""
 
@@ -365,3 +387,4 @@ class TrackTuning:
 GRID, BEARING_FIX, COMMON = GridTuning(), BearingFixTuning(), CommonErrorTuning()
 POWER, SURVEY, WALK = PowerTuning(), SurveyTuning(), WalkTuning()
 LEVEL, LOSS, TRACK = LevelTuning(), LossErrorTuning(), TrackTuning()
+OBSERVER = ObserverTuning()

@@ -1,0 +1,120 @@
+"""Errors of a person who takes bearings by hand, learnt from test trials at known places."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.core.units import counted, wrap_degrees_360
+from uavrt.localization.angles import difference_deg
+from uavrt.localization.position.bearings.lenth import Rays
+from uavrt.localization.position.tuning import OBSERVER
+from uavrt.localization.results import Bearing, Caution
+
+_Floats = NDArray[np.float64]
+Displacement = tuple[float, float, float]
+"""Probability of a shift that all bearings share; its standard deviation in each direction as a
+share of the mean distance, and as a constant [m]."""
+
+AGREEMENT_ALONE = Caution(
+    name="observer",
+    text="the circle rests on the agreement of the bearings alone: bearings by hand may agree "
+    "and miss the tag; test trials at known places show how far",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observer:
+    """A person's errors in taking bearings."""
+
+    name: str
+    trials: int
+    scatter_deg: float
+    """Standard deviation of the error of a single bearing [deg]."""
+    heading_error_deg: float
+    """Mean error of all bearings [deg], clockwise."""
+    heading_error_sigma_deg: float
+    displaced: float
+    """Root mean square of the shift that all bearings of a trial share, over the distance."""
+    displacements: tuple[Displacement, ...]
+
+    def corrected(self, bearing: Bearing, number: int) -> Bearing:
+        """Correct a bearing, and widen it for a position with bearings of others.
+
+        `number`: bearings of this person in it, 0 if there are no others. With `number` times
+        the displacement's variance each, together they are as accurate as one displaced place.
+        """
+        shared = np.hypot(self.heading_error_sigma_deg, np.degrees(self.displaced))
+        return replace(
+            bearing,
+            bearing_deg=wrap_degrees_360(bearing.bearing_deg - self.heading_error_deg),
+            sigma_deg=float(np.hypot(self.scatter_deg, number**0.5 * shared)),
+        )
+
+    @property
+    def sentence(self) -> str:
+        """Sentence for the operator on these errors."""
+        return (
+            f"{self.name} by {counted(self.trials, 'test trial')}: scatter "
+            f"{self.scatter_deg:.0f}°, error {self.heading_error_deg:+.0f}° ± "
+            f"{self.heading_error_sigma_deg:.0f}°, all bearings of a trial displaced by "
+            f"{self.displaced:.0%} of the distance"
+        )
+
+
+def learn_observer(name: str, trials: Sequence[Rays]) -> Observer:
+    """Learn a person's errors from trials, each with stations in metres around its tag."""
+    share = np.pad(np.geomspace(*OBSERVER.shares), (0, OBSERVER.metres[2]))
+    constant_m = np.pad(np.geomspace(*OBSERVER.metres), (OBSERVER.shares[2], 0))
+    scatter = np.geomspace(*OBSERVER.scatters_deg)
+    heading = np.linspace(*OBSERVER.headings_deg)
+    prior = -0.5 * (heading / OBSERVER.heading_sigma_deg) ** 2
+    total = np.tile(prior, (len(share), len(scatter), 1))
+    away_m = [max(1.0, float(np.mean(np.hypot(one.east_m, one.north_m)))) for one in trials]
+    for one, distance_m in zip(trials, away_m, strict=True):
+        sigma_m = np.hypot(share * distance_m, constant_m)
+        total += _log_evidence(one, distance_m, sigma_m, scatter, heading)
+    held = np.exp(total - total.max())
+    held /= held.sum()
+    likely = held.sum(axis=(1, 2))
+    mean = float(held.sum(axis=(0, 1)) @ heading)
+    variance = float(
+        held.sum(axis=(0, 1)) @ (heading - mean) ** 2 + np.ptp(heading[:2]) ** 2 / 12
+    )
+    square = likely @ (share**2 + constant_m**2 * float(np.mean(np.power(away_m, -2.0))))
+    return Observer(
+        name=name,
+        trials=len(trials),
+        scatter_deg=float(np.exp(held.sum(axis=(0, 2)) @ np.log(scatter))),
+        heading_error_deg=mean,
+        heading_error_sigma_deg=variance**0.5,
+        displaced=float(np.sqrt(square)),
+        displacements=tuple(zip(*np.stack([likely, share, constant_m]).tolist(), strict=True)),
+    )
+
+
+def _log_evidence(
+    trial: Rays, distance_m: float, sigma_m: _Floats, scatter_deg: _Floats, heading_deg: _Floats
+) -> _Floats:
+    """(displacements, scatters, headings) log-probability of a trial's bearings."""
+    steps = np.linspace(-1.0, 1.0, OBSERVER.points)
+    axis = OBSERVER.reach * distance_m * steps * np.abs(steps)
+    east, north = (one.ravel() for one in np.meshgrid(axis, axis))
+    area = np.outer(np.gradient(axis), np.gradient(axis)).ravel()
+    weight = area * np.exp(-0.5 * (np.hypot(east, north) / sigma_m[:, None]) ** 2)
+    weight /= weight.sum(axis=1, keepdims=True)
+    away = east - trial.east_m[:, None], north - trial.north_m[:, None]
+    off = difference_deg(trial.bearing_deg[:, None], np.degrees(np.arctan2(*away)))
+    variance = np.degrees(np.arctan2(np.sqrt(area / 12.0), np.hypot(*away))) ** 2
+    found = np.empty((len(sigma_m), len(scatter_deg), len(heading_deg)))
+    for column, heading in enumerate(heading_deg):
+        squares = difference_deg(off, heading) ** 2
+        for row, scatter in enumerate(scatter_deg):
+            spread = scatter**2 + variance
+            good = np.exp(-0.5 * squares / spread) / np.sqrt(2.0 * np.pi * spread)
+            mixed = (1.0 - OBSERVER.outlier_share) * good + OBSERVER.outlier_share / 360.0
+            density = np.log(mixed).sum(axis=0)
+            top = density.max()
+            found[:, row, column] = np.log(weight @ np.exp(density - top)) + top
+    return found
