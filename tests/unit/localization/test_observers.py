@@ -10,7 +10,7 @@ import pytest
 from some import some
 
 from uavrt.analysis.estimates.positions import read_positions
-from uavrt.core.errors import FormatError
+from uavrt.core.errors import FormatError, UsageError
 from uavrt.localization.estimates.flight_estimates import Found, TagBearing, place
 from uavrt.localization.position.bearings.lenth import Rays
 from uavrt.localization.position.bearings.observers import (
@@ -115,9 +115,10 @@ def test_errors_are_kept_by_name_and_used_for_tables_next_to_the_file(tmp_path: 
     assert position.listeners == (said[0],)
     assert AGREEMENT_ALONE not in position.cautions
     assert kept.read_bytes() == before
+    (tmp_path / "empty.json").write_text("[]", encoding="utf-8")
     (elsewhere,) = read_positions(noted, observers=tmp_path / "empty.json")
     assert AGREEMENT_ALONE in some(elsewhere.position).cautions
-    assert not (tmp_path / "empty.json").exists()
+    assert (tmp_path / "empty.json").read_text(encoding="utf-8") == "[]"
 
 
 def test_test_trials_count_for_other_tables_of_the_same_call(tmp_path: Path) -> None:
@@ -135,6 +136,13 @@ def test_a_test_trial_needs_a_name_and_a_damaged_file_is_named(tmp_path: Path) -
     noted = table(tmp_path / "noted.csv", "Ada", truth=False)
     with pytest.raises(FormatError, match=r"observers\.json"):
         read_positions(noted)
+
+
+def test_a_missing_file_of_observers_is_named(tmp_path: Path) -> None:
+    table = tmp_path / "noted.csv"
+    table.write_text(COLUMNS + "\n2,Ada,46.5,8.0,90,\n2,Ada,46.501,8.0,135,\n")
+    with pytest.raises(UsageError, match=r"gone\.json does not exist"):
+        read_positions(table, observers=tmp_path / "gone.json")
 
 
 def test_bearings_of_a_displaced_observer_count_little_next_to_others() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from uavrt.core.clock import iso_utc
 from uavrt.core.earth.tangent_plane import TangentPlane
-from uavrt.core.errors import FormatError
+from uavrt.core.errors import FormatError, UsageError
 from uavrt.core.foreign import read_record
 from uavrt.formats.bearings_csv import BearingRow
 from uavrt.formats.whole_file import write_whole
@@ -25,7 +25,8 @@ def observers_of(
     """Read the errors of observers by name, and learn those of observers with test trials.
 
     `kept`: file to read and to update; None: read an observers.json next to a table.
-    Raises `FormatError` for a damaged file, and `RecordingError` if it cannot be written.
+    Raises `FormatError` for a damaged file, `UsageError` if there is neither the file nor a
+    trial, and `RecordingError` if it cannot be written.
     """
     files = [path.with_name("observers.json") for path, _ in tables] if kept is None else [kept]
     known = {one.name: one for path in files if path.exists() for one in _read(path)}
@@ -34,6 +35,12 @@ def observers_of(
         if row.observer and row.true_place:
             day = iso_utc(row.start_time_ns or 0)[:10]
             trials[row.observer, row.true_place, row.tag_id, day].append(row)
+    if kept is not None and not trials and not kept.exists():
+        raise UsageError(
+            f"{kept} does not exist, and no table has test trials",
+            remedy="Name a table with the columns observer, true_latitude_deg and "
+            "true_longitude_deg",
+        )
     for name in sorted({key[0] for key in trials}):
         own = [_rays(key[1], rows) for key, rows in trials.items() if key[0] == name]
         known[name] = learn_observer(name, own)
