@@ -83,7 +83,7 @@ def localize(
     for one in found:
         print(_sentence(one, several))
     if not found:
-        print(f"{', '.join(map(str, flights))}: no bearings")
+        print(f"{', '.join(map(str, flights))}: no bearings to locate a tag")
 
 
 def _of_several_frequencies(found: Sequence["TagPosition"]) -> frozenset[int]:
