@@ -385,6 +385,7 @@ def misfit_worlds(runs: int, seed: int, only: str = "") -> list[Row]:
             name = f"observer with {trials} test trials, {world}"
             if only in name:
                 rngs = (np.random.default_rng([seed, one]) for one in range(-(-runs // 20)))
-                circles = [one for rng in rngs for one in locate(rng, trials=trials)]
+                each = partial(locate, trials=trials, tags=min(20, runs))
+                circles = [one for rng in rngs for one in each(rng)]
                 rows += _rows_of(name, circles, *limits)
     return rows
