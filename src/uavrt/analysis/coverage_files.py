@@ -18,7 +18,10 @@ from uavrt.planning.detectability.detection_coverage import Coverage
 def write_maps(
     directory: Path, name: str, coverage: Coverage, path: Sequence[tuple[float, float]]
 ) -> list[Path]:
-    """Write a coverage map as GeoTIFF (probabilities) and PNG (as in a report)."""
+    """Write a coverage map as GeoTIFF (probabilities) and PNG (as in a report).
+
+    The picture looks as in a report; without matplotlib it shows only the map's cells.
+    """
     ground = coverage.ground
     grid = PositionGrid(
         latitude_deg=ground.plane.latitude_deg,
@@ -49,7 +52,10 @@ def _picture(coverage: Coverage, path: Sequence[tuple[float, float]]) -> bytes:
 def write_silence(
     directory: Path, flight: Flight, maps: dict[int, SilentMap], tag_ids: Sequence[int]
 ) -> dict[int, list[Path]]:
-    """Write coverage maps of tags not found as GeoTIFF and PNG; remove outdated ones."""
+    """Write coverage maps of tags not found as GeoTIFF and PNG; remove outdated ones.
+
+    `maps` come from `silent_maps`, by tag id. Files of the other tags in `tag_ids` are removed.
+    """
     for tag_id in set(tag_ids) - set(maps):
         for ending in ("tif", "png"):
             (directory / f"{_map_name(tag_id)}.{ending}").unlink(missing_ok=True)

@@ -1,4 +1,8 @@
-"""Season statistics: flights, minutes, effort for each animal, batteries."""
+"""Season statistics: flights, minutes, effort for each animal, batteries.
+
+They cover all flights in a folder. A flight that was recorded by both ground station and drone
+counts once, as do its batteries.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -137,7 +141,10 @@ def _animal(searched: Sequence[tuple[Tag, CopiesOfFlight]]) -> AnimalOfSeason:
 
 
 def _batteries(flights: Sequence[CopiesOfFlight]) -> tuple[int, float]:
-    """Number of batteries and charge used, over all vehicles; a flight's copies count once."""
+    """Number of batteries and charge used, over all vehicles; a flight's copies count once.
+
+    Of a flight's copies, the one with most battery reports counts.
+    """
     before: dict[str | None, int] = {}
     put_in, used = 0, 0.0
     for flight in flights:

@@ -26,7 +26,10 @@ class _Table:
 
 
 def is_ros_namespace(text: str) -> bool:
-    """True for a ROS 2 namespace: names of letters, digits and underscores."""
+    """True for a ROS 2 namespace: names of letters, digits and underscores.
+
+    Rules: design.ros2.org, "Topic and Service name mapping to DDS".
+    """
     named = re.fullmatch(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*", text)
     return text == "" or (named is not None and "__" not in text and len(text) <= 100)
 

@@ -223,7 +223,10 @@ def decode_record(content: bytes | str | msgspec.Raw, kind: type[T]) -> T:
 
 
 def read_xml(text: str, limit: Limit, root: str) -> ET.Element:
-    """Parse XML from outside, starting at the element `root`; refuses entities."""
+    """Parse XML from outside, starting at the element `root`; refuses entities.
+
+    The XML declaration is skipped, because the text is decoded already.
+    """
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise ValueError("the content declares XML entities, which are not allowed")
     if len(text) > limit.bytes:
@@ -249,7 +252,11 @@ _TOML_MARK = re.compile(r"[\[\]{}=]|[\w-]+(?:[ \t]*\.[ \t]*[\w-]+)*")
 
 
 def check_toml(text: str, limit: Limit) -> None:
-    """Raise `ValueError` for TOML text that `tomllib` would take minutes to parse."""
+    """Raise `ValueError` for TOML text that `tomllib` would take minutes to parse.
+
+    The parser's time increases with the square of the parts of a dotted key, its stack with
+    each level of brackets.
+    """
     if len(text) > limit.bytes:
         raise ValueError(f"{len(text):,} characters are too many for {limit.what}")
     bare = _TOML_QUIET.sub(lambda found: "" if found[0][0] == "#" else "x", text)

@@ -93,7 +93,11 @@ class Logger:
 
 
 def _takes_more(stream: TextIO) -> bool:
-    """True if a line can be written without blocking, as to a stopped terminal (Ctrl-S)."""
+    """True if a line can be written without blocking, as to a stopped terminal (Ctrl-S).
+
+    A terminal that was stopped (Ctrl-S) or a pipe without a reader would otherwise stop the
+    supervisor, and with it every process.
+    """
     try:
         poll = select.poll()
         poll.register(stream.fileno(), select.POLLOUT)

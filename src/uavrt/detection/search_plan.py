@@ -1,4 +1,7 @@
-"""Plan the search for a list of tags: radio frequency, channels, cost."""
+"""Plan the search for a list of tags: radio frequency, channels, cost.
+
+Used by the drone at the start of a flight, and by `uavrt tags check`.
+"""
 
 import math
 from collections.abc import Callable, Sequence

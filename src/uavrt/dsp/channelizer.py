@@ -194,7 +194,10 @@ class Channelizer:
     def _fold(
         self, floats: NDArray[np.float32], folded: NDArray[np.float32], group: int
     ) -> None:
-        """Weight the windows and add them up modulo M; `group` windows as one long row."""
+        """Weight the windows and add them up modulo M; `group` windows as one long row.
+
+        Consecutive windows can be joined if H = M, because then they begin M samples apart.
+        """
         if len(folded) == 0:
             return
         width = group * 2 * self.channels

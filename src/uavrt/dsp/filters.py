@@ -15,7 +15,10 @@ PASSBAND_FRACTION = 0.675
 
 
 def compatible_decimator_taps(factor: int) -> NDArray[np.float64]:
-    """Taps of csdr's ``fir_decimate_cc FACTOR 0.05 HAMMING``, shape (81,), -6 dB at Nyquist."""
+    """Taps of csdr's ``fir_decimate_cc FACTOR 0.05 HAMMING``, shape (81,), -6 dB at Nyquist.
+
+    A sinc with a Hamming window, -6 dB *at* the output's Nyquist frequency, unity gain at 0 Hz.
+    """
     offset = np.arange(81) - 40.0
     taps = np.sinc(offset / factor) * np.hamming(81)
     return np.asarray(taps / taps.sum(), dtype=np.float64)

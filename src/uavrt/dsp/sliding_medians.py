@@ -5,7 +5,11 @@ from numpy.typing import NDArray
 
 
 def medians(power: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Median of each column, equal to `np.median(power, axis=0)`, by sorting row by row."""
+    """Median of each column, equal to `np.median(power, axis=0)`, by sorting row by row.
+
+    It is faster because it sorts contiguous copies around one element; `np.median` sorts
+    strided data around two.
+    """
     lines = power.T.copy()
     count = lines.shape[1]
     half = count // 2

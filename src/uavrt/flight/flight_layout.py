@@ -104,7 +104,10 @@ class FlightLayout:
 def new_flight_directory(
     directory: Path, start_time_ns: int, is_taken: Callable[[Path], bool] = Path.exists
 ) -> Path:
-    """Path for a new flight directory, ``flight_log_<UTC>``, with ``_2`` … if taken."""
+    """Path for a new flight directory, ``flight_log_<UTC>``, with ``_2`` … if taken.
+
+    A further flight with the same time gets ``_2``, ``_3`` …
+    """
     path = directory / f"flight_log_{flight_stamp(start_time_ns)}"
     number = 2
     while is_taken(path):
@@ -127,7 +130,10 @@ def require_writable(directory: Path) -> None:
 
 
 def stamp_of(flight: str) -> Stamp:
-    """Size and modification time of a flight's database and its write-ahead log."""
+    """Size and modification time of a flight's database and its write-ahead log.
+
+    Paths are text because each display of the list checks thousands of flights.
+    """
     size, changed = 0, 0
     for path in (f"{flight}/flight.sqlite", f"{flight}/flight.sqlite-wal"):
         try:

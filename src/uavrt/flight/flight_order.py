@@ -75,7 +75,10 @@ def order_noted(directory: Path) -> dict[str, int]:
 
 
 def flown_before(flight: Path) -> list[Path] | None:
-    """Flights of the folder flown before this one, oldest first; None if it is not listed."""
+    """Flights of the folder flown before this one, oldest first; None if it is not listed.
+
+    None if the flight is not listed, so that only its clock gives the order.
+    """
     name = flown_name(flight.name)
     if name not in order_noted(flight.parent):
         return None

@@ -107,7 +107,10 @@ class FlightRecorder:
 
     @classmethod
     def reopen(cls, directory: str | Path, *, durable: bool = False) -> "FlightRecorder":
-        """Continue a flight after a kill or a power cut, without lost or duplicate records."""
+        """Continue a flight after a kill or a power cut, without lost or duplicate records.
+
+        With `durable` each commit waits for the disk.
+        """
         recorder = cls(Path(directory), durable=durable)
         if not recorder.layout.database.exists():
             raise RecordingError(
@@ -123,7 +126,12 @@ class FlightRecorder:
     def open(
         cls, info: FlightInfo, settings: Settings | None = None, *, durable: bool = False
     ) -> "FlightRecorder":
-        """Begin a flight, or continue an existing one; never fails, even on a full disk."""
+        """Begin a flight, or continue an existing one; never fails, even on a full disk.
+
+        On a full disk records wait in memory, and every commit reports this and tries again. A
+        damaged database is renamed, and a new one starts with the pulses of the text log. With
+        `durable` each commit waits for the disk.
+        """
         recorder = cls(Path(info.directory), durable=durable)
         recorder._origin, recorder._begun = (info, settings), False
         with suppress(RecordingError):
@@ -175,7 +183,11 @@ class FlightRecorder:
         self._add(self._others, [(schema.INSERT_NOTE, (time_ns, text))])
 
     def commit(self, *, pulses_only: bool = False) -> None:
-        """Commit all waiting records, or only pulses; after an error they wait in memory."""
+        """Commit all waiting records, or only pulses; after an error they wait in memory.
+
+        With `pulses_only` these are only pulses with their poses and deliveries, so that later
+        commits write fewer half-full pages.
+        """
         try:
             if not self._begun:
                 self._begin()

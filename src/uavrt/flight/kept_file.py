@@ -20,7 +20,11 @@ R = TypeVar("R")
 
 
 class KeptFile(Generic[R]):
-    """A record stored as readable JSON in one file; `sync` waits for the disk."""
+    """A record stored as readable JSON in one file; `sync` waits for the disk.
+
+    The directory of `path` is made on demand. With `sync` each `keep` waits for the disk;
+    otherwise a power cut may lose half a minute of changes.
+    """
 
     def __init__(self, path: Path, kind: type[R], name: str, *, sync: bool = True) -> None:
         self.path = path

@@ -9,7 +9,10 @@ FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
 
 
 class TableWriter:
-    """Writes rows of a CSV file; cells that begin like a formula get an apostrophe."""
+    """Writes rows of a CSV file; cells that begin like a formula get an apostrophe.
+
+    `stream` must be opened with ``newline=""``.
+    """
 
     def __init__(self, stream: TextIO) -> None:
         self._writer = csv.writer(stream, lineterminator="\n")

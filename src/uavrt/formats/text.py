@@ -23,7 +23,10 @@ _GZIP = b"\x1f\x8b"
 
 
 def read_lines(path: str | os.PathLike[str]) -> list[str]:
-    """Read the lines of a text file, also gzipped, without ends, byte order mark and NULs."""
+    """Read the lines of a text file, also gzipped, without ends, byte order mark and NULs.
+
+    Files packed with gzip, such as SensorGnome's, are unpacked.
+    """
     name = os.fspath(path)
     try:
         content = read_file(path, TEXT_LOG)
@@ -83,7 +86,11 @@ def parsed_rows(
     cells: Callable[[str], list[str]] = _parted,
     names: Callable[[Sequence[str]], list[str]] = lower_names,
 ) -> list[T]:
-    """Parse the rows of a table with a heading; a last row that was cut off is left out."""
+    """Parse the rows of a table with a heading; a last row that was cut off is left out.
+
+    A last row that cannot be parsed was cut off while being written, and is left out. `cells`
+    splits a line, and `names` reads the heading's column names.
+    """
     lines, places, rows = read_lines(path), list[int](), list[T]()
     for number, line in enumerate(lines, start=1):
         found = cells(line)
@@ -115,7 +122,10 @@ def separator_of(lines: Sequence[str]) -> str:
 
 
 def with_commas(lines: Sequence[str]) -> list[str]:
-    """Convert lines of a spreadsheet to commas between cells, and points in decimals."""
+    """Convert lines of a spreadsheet to commas between cells, and points in decimals.
+
+    Spreadsheets of many countries write semicolons or tabs, and decimal commas.
+    """
     separator = separator_of(lines)
     if separator == ",":
         return list(lines)
@@ -160,7 +170,10 @@ def place_or_none(latitude_cell: str, longitude_cell: str) -> tuple[float, float
 
 
 def seconds_ns(cell: str) -> int:
-    """Convert seconds since 1970, as text, to nanoseconds without rounding."""
+    """Convert seconds since 1970, as text, to nanoseconds without rounding.
+
+    A float of today's seconds resolves only 240 ns, so decimals are read as digits.
+    """
     before, point, after = cell.partition(".")
     if point and before.isdigit() and after.isdigit():
         value = int(before) * NANOSECONDS_PER_SECOND + int(after[:9].ljust(9, "0"))

@@ -10,6 +10,7 @@ class Commander:
 
     Scripts may always command. The first connected page keeps command when it is reloaded. Once
     it has disconnected, the next page that sends a command takes over.
+    A page sends its name when it connects and with each request.
     """
 
     def __init__(self, page: str | None = None) -> None:

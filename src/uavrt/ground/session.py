@@ -1,4 +1,8 @@
-"""One vehicle's session behind the page: link, state, commands, estimates, storage."""
+"""One vehicle's session behind the page: link, state, commands, estimates, storage.
+
+Browsers store no data. Received data is stored first, and then sent to every browser.
+`uavrt.ground.web.server` serves the session by HTTP and WebSocket.
+"""
 
 import asyncio
 import contextlib

@@ -162,7 +162,11 @@ class Station:
             await asyncio.sleep(START_RETRY_S / 10)
 
     async def _upload(self, session: GroundSession, link: GroundLink) -> bool:
-        """Send the tags; False if the drone detects already and nothing is to be started."""
+        """Send the tags; False if the drone detects already and nothing is to be started.
+
+        A restarted station that finds its own tags in use continues as if it had started
+        detection. Detection started by another station goes on, and its pulses are received.
+        """
         tags = session.vehicle.store.chosen_tags
         try:
             await session.commands.send_tags_by(link)

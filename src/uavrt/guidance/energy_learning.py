@@ -33,7 +33,10 @@ class EnergyLearning:
         self._predicted_wh = 0.0
 
     def learn(self, now: VehicleNow) -> VehicleNow:
-        """Add a battery reading in flight; return the state with the learned power."""
+        """Add a battery reading in flight; return the state with the learned power.
+
+        Updates only while an order is flown: then the drone is in the air.
+        """
         if self._battery_wh is not None and now.began and now.battery_percent is not None:
             self._read(now, now.battery_percent, self._battery_wh)
         else:

@@ -1,4 +1,7 @@
-"""Heights of the ground around home, and relative to home, from an elevation map. Pure."""
+"""Heights of the ground around home, and relative to home, from an elevation map. Pure.
+
+If map and autopilot disagree on home's height, one of them is wrong.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -5,7 +5,11 @@ from uavrt.guidance.safety import SAFETY
 
 
 def target_amsl_m(amsl_now_m: float, relative_now_m: float, wanted_m: float) -> float:
-    """Altitude above sea level to send for a requested height above home [m]."""
+    """Altitude above sea level to send for a requested height above home [m].
+
+    Barometer drift and the autopilot's sea level offset (up to tens of metres) affect altitude
+    and height of one message alike. They cancel in the difference.
+    """
     return amsl_now_m - relative_now_m + wanted_m
 
 

@@ -1,4 +1,8 @@
-"""Fly an order step by step: each motion is requested when the one before is done. Pure."""
+"""Fly an order step by step: each motion is requested when the one before is done. Pure.
+
+`uavrt.guidance.control.authority` decides on each request. A refused request is dropped: the
+next one follows from the vehicle's state then.
+"""
 
 from collections.abc import Sequence
 from math import atan2, cos, degrees, radians

@@ -340,7 +340,10 @@ def map_fault(now: VehicleNow, limits: Limits) -> str | None:
 def check_ground(
     stations: tuple[Place, ...], now: VehicleNow, limits: Limits, height: float
 ) -> None:
-    """Refuse a path, or a return from any part of it, too close to the map's ground."""
+    """Refuse a path, or a return from any part of it, too close to the map's ground.
+
+    A climb may be late and a descent early, so the first part counts with the lower height.
+    """
     ground = limits.ground
     if ground is None:
         return

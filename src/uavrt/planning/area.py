@@ -324,7 +324,10 @@ class SearchArea:
     def _entered_areas(
         self, x: _Floats, y: _Floats, start_m: tuple[float, float]
     ) -> list[tuple[int, str]]:
-        """Numbers of legs that enter an excluded area, each with the reason."""
+        """Numbers of legs that enter an excluded area, each with the reason.
+
+        A drone blown into the margin by a gust may leave the margin, but not come closer.
+        """
         found: list[tuple[int, str]] = []
         here = np.array([start_m]).T
         for zone in self.excluded:

@@ -77,7 +77,11 @@ class ModelCheck:
 
 
 def _deviation(level_db: float, threshold_db: float, expected: Expectation) -> float:
-    """Deviation of a pulse [standard deviations], among pulses above the threshold."""
+    """Deviation of a pulse [standard deviations], among pulses above the threshold.
+
+    Far from a tag only its strongest pulses reach the threshold; a pulse's deviation is then
+    the normal deviate with the same conditional probability.
+    """
     sigma = np.sqrt(expected.variance_db2)
     above, heard = (
         special.log_ndtr((expected.level_db - one) / sigma) for one in (level_db, threshold_db)
@@ -87,7 +91,11 @@ def _deviation(level_db: float, threshold_db: float, expected: Expectation) -> f
 
 
 class Interferer:
-    """Stationary interferer that is received as the tag, and its probability."""
+    """Stationary interferer that is received as the tag, and its probability.
+
+    Its tracker weights each pulse by the probability that the interferer, not the tag, sent it.
+    It also has a probability of existence.
+    """
 
     def __init__(self, prior: TagPrior, rng: Generator) -> None:
         own = replace(

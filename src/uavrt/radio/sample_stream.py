@@ -128,7 +128,11 @@ class StreamSource(LiveSource):
         return self._filled < len(self._bytes)
 
     def _register(self, count: int) -> None:
-        """Register bytes that have arrived, also those waiting in a pipe that is not full."""
+        """Register bytes that have arrived, also those waiting in a pipe that is not full.
+
+        Bytes waiting in the pipe count as arrived, so that a slow reader does not look like a
+        late radio. A full pipe shows nothing, because the writer is waiting.
+        """
         size = self._format.bytes_per_sample
         lost = self._reported_lost()
         if lost:

@@ -1,4 +1,7 @@
-"""Interface of all sources of samples: real, replayed or simulated."""
+"""Interface of all sources of samples: real, replayed or simulated.
+
+Code that processes samples does not depend on the kind of source.
+"""
 
 from typing import Protocol
 

@@ -35,7 +35,11 @@ def parse_udp_address(text: str) -> tuple[str, int]:
 
 
 def listen(host: str, port: int) -> list[socket.socket]:
-    """Open a receiving socket for each address of a host name, such as both of localhost."""
+    """Open a receiving socket for each address of a host name, such as both of localhost.
+
+    ``localhost`` may be ``::1`` for the sender (netcat) and 127.0.0.1 here; datagrams to the
+    other address would be lost.
+    """
     places = set(_host_addresses(host, port))
     if host == "localhost":
         places |= {

@@ -247,7 +247,11 @@ class Transmission:
         return index + lost
 
     def _enqueue(self, block: bytes) -> bool:
-        """Queue a buffer; False if the reader made no room for the duration of the queue."""
+        """Queue a buffer; False if the reader made no room for the duration of the queue.
+
+        The wait also covers a pause of this program, which must not lose samples: a real
+        radio's buffers would have been read one by one meanwhile.
+        """
         try:
             self._buffers.put(block, timeout=self._buffers_s)
         except queue.Full:

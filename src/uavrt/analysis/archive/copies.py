@@ -25,6 +25,7 @@ def copies_of(
 
     Among equals, an earlier run's choice stays. Flights with samples but no pulses are never
     copies.
+    Copies are recognised as in a season's summary.
     """
     known = {row.path: row for row in flights.rows if flights.of(row.path) is row}
     listed = {

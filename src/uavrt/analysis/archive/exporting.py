@@ -221,7 +221,11 @@ def _geoparquet(archive: Path, table: str, flights: list[str] | None, directory:
 
 
 def with_points(rows: "pa.Table") -> "pa.Table":
-    """Add a column `geometry` of points on WGS 84, and the metadata of GeoParquet 1.1."""
+    """Add a column `geometry` of points on WGS 84, and the metadata of GeoParquet 1.1.
+
+    Without `crs`, coordinates are longitude and latitude of WGS 84
+    (https://geoparquet.org/releases/v1.1.0/).
+    """
     import pyarrow as pa
 
     longitude, latitude = (

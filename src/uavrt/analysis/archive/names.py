@@ -16,7 +16,11 @@ def name_flights(
     flights: Ledger[FlightRow],
     passed_over: Collection[Path] = (),
 ) -> Found:
-    """Name all new flights; existing names stay, and duplicates get more of their path."""
+    """Name all new flights; existing names stay, and duplicates get more of their path.
+
+    A duplicate name gets more of its path, such as ``2024/walk``. `recordings` and `flights`
+    are finished rows. The names of `passed_over` copies are free.
+    """
     rows: list[RecordingRow | FlightRow] = [*recordings.rows, *flights.rows]
     known = {row.path: row.flight for row in rows if Path(row.path) not in passed_over}
     taken = set(known.values())

@@ -83,7 +83,10 @@ def _size_of(system: Any, path: str, url: str) -> int:
 
 
 def _is_file(system: Any, path: str) -> bool:
-    """True for a file; a web server calls everything a file, so its name decides."""
+    """True for a file; a web server calls everything a file, so its name decides.
+
+    Listing the links of a real file would download it.
+    """
     if "http" not in system.protocol:
         return bool(system.isfile(path))
     name = path.split("://", 1)[-1].partition("/")[2]

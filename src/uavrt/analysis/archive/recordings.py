@@ -308,7 +308,10 @@ def _recording(file: Path) -> Recording:
 
 
 def read_manifest(path: Path) -> dict[Path, Recording]:
-    """Read a manifest of recordings: CSV with the columns of `MANIFEST_COLUMNS`."""
+    """Read a manifest of recordings: CSV with the columns of `MANIFEST_COLUMNS`.
+
+    Relative paths start at the manifest's folder, and empty cells are unknown values.
+    """
     remedy = f"A line has {', '.join(MANIFEST_COLUMNS)}; only path must be there"
     found: dict[Path, Recording] = {}
     try:

@@ -40,7 +40,10 @@ def flight_coverage(
     listened: Sequence[Stretch] = (),
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> Coverage:
-    """Probability that a flight detected a tag at each position, by groups or as a whole."""
+    """Probability that a flight detected a tag at each position, by groups or as a whole.
+
+    Times outside of `listened` count as not received, where given.
+    """
     way, limitations = flown_path(area, flight, tag, noise, listened)
     window_hz = frequency_window_hz(flight)
     if whole_flight and searched is not None:
@@ -87,7 +90,10 @@ def flown_path(
     noise: FlightNoise | None,
     listened: Sequence[Stretch] = (),
 ) -> tuple[AntennaPath, tuple[str, ...]]:
-    """Positions and heights above ground at which a flight could receive a tag, by interval."""
+    """Positions and heights above ground at which a flight could receive a tag, by interval.
+
+    If the times with samples are known, only these are used.
+    """
     poses = PoseColumns.of(antenna_poses(flight))
     begin = max(int(poses.time_ns[0]), flight.info.start_time_ns)
     interval_ns = tag.pulse_intervals_s[0] * NANOSECONDS_PER_SECOND

@@ -125,7 +125,10 @@ class ListenedFlight:
         cell_m: float | None = None,
         verdicts: Sequence[IntegratedVerdict] | None = None,
     ) -> "ListenedFlight":
-        """Make a map's grid around a flight, by default of 120 cells, and read its noise."""
+        """Make a map's grid around a flight, by default of 120 cells, and read its noise.
+
+        Stored whole-flight results are read unless `verdicts` are given.
+        """
         plane, east, north = flight_plane(flight)
         if cell_m is None:
             extent = max(float(np.ptp(east)), float(np.ptp(north))) + 2.0 * margin_m
@@ -297,7 +300,11 @@ def silent_maps(
     elevation: Elevation | None,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> dict[int, SilentMap]:
-    """Coverage maps, by tag, of the tags that the flight just analysed does not show."""
+    """Coverage maps, by tag, of the tags that the flight just analysed does not show.
+
+    These are the maps of `uavrt coverage FLIGHT`, made before the verdicts are saved. Tags that
+    were or may have been received have none. Parameters and errors are as in `silent_map`.
+    """
     silent = [
         (tag, one)
         for tag, one in zip(tags, verdicts, strict=True)
@@ -332,7 +339,11 @@ def _budget(tag: Tag, tag_power_dbm: float) -> LinkBudget:
 def sure_within_m(
     coverage: Coverage, east_m: NDArray[np.float64], north_m: NDArray[np.float64]
 ) -> float | None:
-    """Distance from a path within which p ≥ 0.9 everywhere [m]; None means nowhere."""
+    """Distance from a path within which p ≥ 0.9 everywhere [m]; None means nowhere.
+
+    Terrain of unknown height counts as not detected, and the map's extent is the maximum.
+    `east_m` and `north_m` (n,) are the path in the map's plane.
+    """
     from scipy.spatial import KDTree
 
     ground = coverage.ground

@@ -41,7 +41,10 @@ def basis_in_words(position: Position) -> str:
 
 
 def remarks_of(position: Position) -> tuple[str, ...]:
-    """Remarks printed next to a position's circles, such as the time of a moving tag's."""
+    """Remarks printed next to a position's circles, such as the time of a moving tag's.
+
+    The remark is omitted if the path itself is the result: by strength, or on request.
+    """
     walks = any(one.name == "walk" for one in position.cautions)
     if not position.track or not walks or position.method == "track":
         return position.remarks

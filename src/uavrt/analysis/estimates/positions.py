@@ -328,7 +328,10 @@ def check_position_method(method: str) -> None:
 
 
 def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
-    """Column count of a bearings.csv (10 or 11) or positions.csv (up to 8); 0 for others."""
+    """Column count of a bearings.csv (10 or 11) or positions.csv (up to 8); 0 for others.
+
+    Both kinds begin with a number and a file name, unlike any pulse log.
+    """
     if not Path(path).is_file():
         return 0
     every = with_commas(read_lines(path)[:_FIRST_LINES])
@@ -395,7 +398,10 @@ def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosi
 
 
 def _without_copies(logs: Sequence[Recorded], warn: Callable[[str], None]) -> list[Recorded]:
-    """Remove pulses that another log of the same flight also has at the same position."""
+    """Remove pulses that another log of the same flight also has at the same position.
+
+    One pulse at two positions was received by two drones; both records stay.
+    """
     heard = [set(map(_place_and_time, one.log.pulse_poses)) for one in logs]
     kept: list[int] = []
     for number in sorted(range(len(logs)), key=lambda one: len(heard[one]), reverse=True):

@@ -1,4 +1,9 @@
-"""Locate a tag from signal strength alone, in surveys with a monopole."""
+"""Locate a tag from signal strength alone, in surveys with a monopole.
+
+Without a directional antenna there are no bearings. Received pulses along the flight, and
+expected ones that were missed, give a position. The strongest signal is reported separately
+(`uavrt.localization.position.levels.strongest`).
+"""
 
 from contextlib import suppress
 from dataclasses import dataclass

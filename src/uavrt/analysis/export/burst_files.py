@@ -54,7 +54,10 @@ class _Port:
 
 
 def _ports(survey: Survey, bursts: Sequence[PulsePose]) -> list[_Port]:
-    """Assign a port to each burst, tuned to a listed tag's frequency or whole kilohertz."""
+    """Assign a port to each burst, tuned to a listed tag's frequency or whole kilohertz.
+
+    Other ports are tuned to the middle of the received frequencies, rounded to the kilohertz.
+    """
     listed = [survey.tag(one.pulse.tag_id) for one in bursts]
     tuned_hz = [None if tag is None else tag.frequency_hz for tag in listed]
     nominal_hz = {hz for hz in tuned_hz if hz is not None}
@@ -118,7 +121,11 @@ def sensorgnome_text(survey: Survey) -> str:
 
 
 def detections_csv(survey: Survey) -> str:
-    """Write confirmed bursts and beeps with their runs, in the columns of ``find_tags``."""
+    """Write confirmed bursts and beeps with their runs, in the columns of ``find_tags``.
+
+    ``freq`` is in kilohertz from ``nomFreq``, which is in megahertz. ``freqsd`` stays empty,
+    since all pulses of a burst share one measured frequency.
+    """
     stream = io.StringIO(newline="")
     writer = TableWriter(stream)
     writer.writerow(DETECTION_COLUMNS)

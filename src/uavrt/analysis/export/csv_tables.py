@@ -68,7 +68,10 @@ def track_csv(survey: Survey) -> str:
 
 
 def bearing_rows(survey: Survey, parent_file: str) -> list[BearingRow]:
-    """Rows of bearings for the original's ``bearings.csv``, without ambiguous turns."""
+    """Rows of bearings for the original's ``bearings.csv``, without ambiguous turns.
+
+    Turns without a clear direction are left out, since the format has no column to mark them.
+    """
     known = (one for one in survey.bearings if one.bearing.accepted)
     return [_bearing_row(one, survey, parent_file) for one in known]
 
@@ -150,7 +153,11 @@ def marks_csv(survey: Survey) -> str:
 
 
 def movebank_csv(survey: Survey) -> str:
-    """Write positions as events of Movebank, one for a resting tag, a path for a moving one."""
+    """Write positions as events of Movebank, one for a resting tag, a path for a moving one.
+
+    A resting tag has one event, at the end of its last bearing. Movebank recognises the column
+    names at the upload.
+    """
     events = [
         (one.tag_id, one.position, place)
         for one in survey.positions

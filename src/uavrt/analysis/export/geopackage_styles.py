@@ -1,4 +1,8 @@
-"""Write QML styles of GeoPackage layers into the table ``layer_styles``, which QGIS reads."""
+"""Write QML styles of GeoPackage layers into the table ``layer_styles``, which QGIS reads.
+
+Each style is a QML document with one symbol. Layers with times follow QGIS's temporal
+controller.
+"""
 
 import sqlite3
 from xml.sax.saxutils import quoteattr

@@ -32,7 +32,11 @@ _GEO_KEYS = (
 
 
 def geotiff_bytes(grid: PositionGrid | SignalSurface, description: str) -> bytes:
-    """Encode a heat map, or a map of SNR [dB] with NaN where unknown, as GeoTIFF."""
+    """Encode a heat map, or a map of SNR [dB] with NaN where unknown, as GeoTIFF.
+
+    The northern axis of `grid` may ascend or descend. `description` becomes the image
+    description tag.
+    """
     rising = grid.north_m[-1] >= grid.north_m[0]
     cells = grid.probability if isinstance(grid, PositionGrid) else grid.snr_db
     pixels = np.asarray(cells, "<f4")

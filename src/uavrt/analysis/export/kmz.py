@@ -1,4 +1,7 @@
-"""Export a survey as KMZ (OGC KML 2.2 in a zip), which Google Earth opens offline."""
+"""Export a survey as KMZ (OGC KML 2.2 in a zip), which Google Earth opens offline.
+
+The icon and each tag's heat map are files in the zip; styles are defined once.
+"""
 
 import io
 import math
@@ -251,7 +254,11 @@ def _overlay(
 
 
 def bounds(grid: PositionGrid | SignalSurface) -> tuple[float, float, float, float]:
-    """West, south, east and north edge of a heat map [deg], along its middle lines."""
+    """West, south, east and north edge of a heat map [deg], along its middle lines.
+
+    The cells are squares of the tangent plane. At 3 km and 60° latitude the error is 1.2 m, far
+    less than a cell.
+    """
     plane = TangentPlane(latitude_deg=grid.latitude_deg, longitude_deg=grid.longitude_deg)
     half_x, half_y = (abs(axis[1] - axis[0]) / 2 for axis in (grid.east_m, grid.north_m))
     middle_x, middle_y = grid.east_m.mean(), grid.north_m.mean()

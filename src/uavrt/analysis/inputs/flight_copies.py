@@ -127,7 +127,11 @@ def _alike_by_pulses(pulses: Mapping[int, _Pulses]) -> Iterator[tuple[int, int]]
 
 
 def _alike_by_times(outlines: Sequence[FlightOutline]) -> Iterator[tuple[int, int]]:
-    """Pairs of records, at least one without pulses, whose times allow one flight."""
+    """Pairs of records, at least one without pulses, whose times allow one flight.
+
+    Two records of drones are copies only if they began in the same nanosecond, since many drone
+    clocks start in 1970.
+    """
     by_start: dict[int, list[int]] = defaultdict(list)
     ground: list[int] = []
     drones: list[int] = []
@@ -168,7 +172,10 @@ def _is_same(
 
 
 def _share_pulses(one: _Pulses, other: _Pulses) -> bool:
-    """True if two records share enough pulses: same tag, starts within half a millisecond."""
+    """True if two records share enough pulses: same tag, starts within half a millisecond.
+
+    Times are compared without rounding, since pulses could all lie on a rounding edge.
+    """
     common = same = 0
     for tag_id in np.intersect1d(one.tag_id, other.tag_id):
         mine, theirs = one.tag_id == tag_id, other.tag_id == tag_id
@@ -185,7 +192,11 @@ def _share_pulses(one: _Pulses, other: _Pulses) -> bool:
 
 
 def _are_two(one: FlightOutline, other: FlightOutline) -> bool:
-    """True if one recorder wrote both as separate flights, even if its clock restarts."""
+    """True if one recorder wrote both as separate flights, even if its clock restarts.
+
+    Recordings of drones are the same only if they began in the same nanosecond. Recordings of
+    ground stations are distinguished by folder.
+    """
     if (one.pulses and other.pulses) or one.info.start_time_ns == other.info.start_time_ns:
         return False
     same_folder = one.directory.parent == other.directory.parent

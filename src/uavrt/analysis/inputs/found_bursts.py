@@ -40,6 +40,7 @@ def bursts_of_pulses(pulse_poses: Sequence[PulsePose], tags: Sequence[Tag]) -> l
 
     Each pulse belongs to the burst whose gaps fit best, or the interval to other bursts. A
     burst is confirmed if another of its tag lies whole burst intervals away.
+    A pulse that several antennas of a station received counts once, where it is strongest.
     """
     coded = [tag for tag in tags if tag.coded]
     if not coded:

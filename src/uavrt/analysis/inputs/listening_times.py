@@ -1,4 +1,8 @@
-"""Find the times at which a flight has samples for a tag; coverage excludes all others."""
+"""Find the times at which a flight has samples for a tag; coverage excludes all others.
+
+The ring buffer of a channel overwrites its beginning, a full card ends it, and a recording may
+be shorter than the flight.
+"""
 
 from collections.abc import Sequence
 

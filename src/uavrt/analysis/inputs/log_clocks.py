@@ -54,7 +54,10 @@ def clock_doubts(logs: Sequence[tuple[str | Path, Sequence[int]]]) -> list[str]:
 
 
 def pulse_doubts(logs: Sequence[tuple[str | Path, Mapping[int, Sequence[int]]]]) -> list[str]:
-    """Warnings about pairs of logs that have one tag's pulses at different times."""
+    """Warnings about pairs of logs that have one tag's pulses at different times.
+
+    This finds wrong clocks in logs that overlap, such as those of a mast that records all day.
+    """
     trains = [
         (path, {key: np.sort(np.array(times, np.int64)) for key, times in pulses.items()})
         for path, pulses in logs

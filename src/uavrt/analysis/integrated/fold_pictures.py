@@ -42,7 +42,11 @@ def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> li
 
 
 def fold_of(one: IntegratedTag) -> FlightFold:
-    """Fold a flight at a tag's interval; energies are limited and weighted as in the search."""
+    """Fold a flight at a tag's interval; energies are limited and weighted as in the search.
+
+    The search excludes pulses that are strong enough to be detected singly. The fold includes
+    them with a limited energy, as in `train_pulses`.
+    """
     energies, pulses = one.energies, one.pulses
     row = int(np.argmin(np.abs(energies.offsets_hz - pulses.offset_hz)))
     columns = max(8, round(pulses.interval_s / energies.slot_s))

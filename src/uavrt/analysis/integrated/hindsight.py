@@ -61,6 +61,7 @@ def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
     """Pulses of a tag found by whole-flight analysis, without those detected in flight.
 
     Noise reaches the energy of a slot with a pulse in at most one slot of twenty (`slots_of`).
+    Score, group and noise density are unknown.
     """
     if not result.found:
         return []

@@ -1,4 +1,8 @@
-"""Export a flight as a rosbag2 recording in MCAP, as if recorded live by ROS 2."""
+"""Export a flight as a rosbag2 recording in MCAP, as if recorded live by ROS 2.
+
+It has the messages, types and bytes of the gateway's topics, in MCAP, which ``ros2 bag play``
+and Foxglove open. Small chunks and an index make seeking fast in a large flight.
+"""
 
 import heapq
 import json

@@ -1,4 +1,8 @@
-"""Split a band into channels and send them as the original system's datagrams."""
+"""Split a band into channels and send them as the original system's datagrams.
+
+This is the engine of ``uavrt channelize``. It replaces ``airspy_channelize 375000 100`` between
+the original's programs: ``airspy_rx | csdr | netcat`` before it, detectors after it.
+"""
 
 import math
 from collections.abc import Callable, Sequence

@@ -91,7 +91,11 @@ def find_codes(
 def _code(
     middles_s: NDArray[np.float64], widths_s: NDArray[np.float64], frequency_hz: float
 ) -> MeasuredCode | None:
-    """Measure a code from bursts with equal gaps, one per row; None if not regular."""
+    """Measure a code from bursts with equal gaps, one per row; None if not regular.
+
+    A pulse's middle is measured more accurately than its start. The n-th pulses of all bursts
+    are equally long.
+    """
     beat = _beat(middles_s[:, 0])
     if beat is None:
         return None
@@ -108,7 +112,10 @@ def _code(
 
 
 def _beat(starts_s: NDArray[np.float64]) -> Beat | None:
-    """Fit the longest burst interval that divides all times between bursts."""
+    """Fit the longest burst interval that divides all times between bursts.
+
+    If every second burst is lost, the shortest time between two is more than one interval.
+    """
     shortest_s = float(np.diff(starts_s).min())
     for part in range(1, _MOST_LOST + 1):
         if shortest_s / part < TRAINS.burst_gap_s:
@@ -175,7 +182,10 @@ class BurstPulses:
 def _pulses(
     energies: NDArray[np.float32], cells: Cells
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Measure middle and width [s] of each pulse at half height in the filter's output."""
+    """Measure middle and width [s] of each pulse at half height in the filter's output.
+
+    Behind the filter, the amplitude of a rectangular pulse rises and falls linearly.
+    """
     amplitude = np.sqrt(np.pad(energies.astype(np.float64), 1))
     reach = round(_REACH_S / cells.column_s)
     around = np.lib.stride_tricks.sliding_window_view(np.pad(amplitude, reach), 2 * reach + 1)

@@ -203,7 +203,10 @@ def _line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float,
 
 
 def _enr(fit: FittedPulse, window: PulseWindow) -> float:
-    """Pulse energy over noise density, from the noise within 600 Hz before the pulse."""
+    """Pulse energy over noise density, from the noise within 600 Hz before the pulse.
+
+    The noise is the spectrum's median, since a nearby carrier fills some of its bins.
+    """
     rate_hz = window.sample_rate_hz
     quiet = without_carriers(without_impulses(window.samples, rate_hz))
     quiet = quiet[: max(32, round((fit.start_s - 0.003) * rate_hz))]

@@ -47,7 +47,11 @@ class MeasuredTag:
     """Pulse intervals, sorted by number of pulses, largest first."""
 
     def entry(self, tag_id: int, name: str | None = None) -> Tag:
-        """Make a tag list entry with margins for seasonal changes, of two intervals at most."""
+        """Make a tag list entry with margins for seasonal changes, of two intervals at most.
+
+        The interval's tolerance is 1 %, or the measured uncertainty if greater. The jitter is a
+        quarter above the largest deviation.
+        """
         rates = self.rates[:2]
         interval_s = max(rate.interval_s for rate in rates)
         uncertainty_s = max(

@@ -88,7 +88,11 @@ def without_impulses(
 
 
 def without_carriers(samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
-    """Subtract steady carriers, estimated in the outer quarters of the samples."""
+    """Subtract steady carriers, estimated in the outer quarters of the samples.
+
+    The pulse lies in the middle half, so it does not affect the estimate. Each carrier is the
+    peak of the remaining spectrum, fitted by least squares.
+    """
     count = samples.size
     outer = np.ones(count)
     outer[count // 4 : count - count // 4] = 0.0
@@ -158,7 +162,11 @@ def _frequency(pulse: NDArray[np.complex64], rate_hz: float, near_hz: float) -> 
 
 
 def _between(running: NDArray[np.complex128], first: int, last: int) -> tuple[float, float]:
-    """Interpolate both edges to a fraction of a sample, by the edge samples' amplitudes."""
+    """Interpolate both edges to a fraction of a sample, by the edge samples' amplitudes.
+
+    A sample at the edge of a pulse has that part of the amplitude that the pulse covers. Each
+    edge is shifted until the summed amplitude agrees with that inside the pulse.
+    """
     length = last - first
     inset = max(1, length // 8)
     inside = running[last - inset] - running[first + inset]

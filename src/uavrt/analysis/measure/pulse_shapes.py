@@ -100,7 +100,10 @@ def region_lines(position: Position, share: int) -> list[list[Point]]:
 
 
 def rings95(position: Position) -> list[list[Point]]:
-    """Outlines of the smallest 95 % region; an ellipse or circle where there is no grid."""
+    """Outlines of the smallest 95 % region; an ellipse or circle where there is no grid.
+
+    For local maps: not cut at the 180° meridian.
+    """
     if position.grid is not None:
         return _outlines(position.grid, 0.95)
     area = region95(position)

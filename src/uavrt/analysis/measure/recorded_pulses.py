@@ -1,4 +1,8 @@
-"""Run the detectors over any source of samples, in one thread, as ``uavrt detect`` does."""
+"""Run the detectors over any source of samples, in one thread, as ``uavrt detect`` does.
+
+One front end and one detector for each tag run in one thread. They do what the flight's
+processes do, without the sockets between.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace

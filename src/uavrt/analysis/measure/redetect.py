@@ -1,4 +1,8 @@
-"""Search a flight's recording again, and write a flight of the pulses with its poses."""
+"""Search a flight's recording again, and write a flight of the pulses with its poses.
+
+The result is an ordinary flight directory. Use it for tags that were added later, another
+frequency window, or a better detector.
+"""
 
 import shutil
 from collections.abc import Sequence
@@ -91,7 +95,10 @@ class FlightWriter:
 
 
 def posed_in(flight: Flight, pulses: Sequence[Pulse]) -> tuple[PulsePose, ...]:
-    """Give pulses the antenna's poses of a flight, in order of time and tag."""
+    """Give pulses the antenna's poses of a flight, in order of time and tag.
+
+    A pulse outside of the flight has no pose.
+    """
     settings = flight_settings(flight)
     attacher = _attacher_of(flight, AntennaSettings() if settings is None else settings.antenna)
     for pulse in pulses:

@@ -53,7 +53,11 @@ class MaximumHold:
 
 
 class Waterfall:
-    """Spectrogram around one tag's frequency, and the strongest level at each time."""
+    """Spectrogram around one tag's frequency, and the strongest level at each time.
+
+    `pulse_width_s` sets the Hann window to one and a half pulses, so that it covers a whole
+    pulse.
+    """
 
     def __init__(
         self,

@@ -27,7 +27,11 @@ _Pixels = NDArray[np.float64]
 
 
 def draw_ground(axes: "Axes", plane: TangentPlane, maps: Sequence[MapFile]) -> None:
-    """Draw the most detailed map that covers the axes, with its attribution."""
+    """Draw the most detailed map that covers the axes, with its attribution.
+
+    The tiles' web Mercator is stretched linearly to the metres of the axes. Over 4 km the error
+    is a few metres.
+    """
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     (south, north), (west, east) = plane.to_geodetic([left, right], [low, high])
     holding = [one for one in maps if one.covers(west, south, east, north)]

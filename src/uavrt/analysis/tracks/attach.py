@@ -78,6 +78,7 @@ def attach_poses(
 
     While the log says landed or disarmed, the height is set to 0, despite barometer drift. This
     distinguishes turns of a carried drone from turns in flight.
+    Poses that pulses already have are replaced.
     """
     ring = PoseRing(antenna, capacity=max(1, len(track.attitudes), len(track.positions)))
     shifted = track.shifted(ns_from_s(offset_s))
@@ -176,7 +177,11 @@ def estimate_offset(
 def _sigma_s(
     misfit: Callable[..., float], offsets_s: _Floats, covered: NDArray[np.bool_]
 ) -> float:
-    """Standard deviation of the best offset by a jackknife over consecutive eighths [s]."""
+    """Standard deviation of the best offset by a jackknife over consecutive eighths [s].
+
+    Errors of neighbouring pulses are correlated, so whole time spans are left out (Künsch 1989,
+    The jackknife and the bootstrap for general stationary observations).
+    """
     counted = np.cumsum(covered) - 1
     part_of = np.where(covered, counted * _PARTS // int(np.count_nonzero(covered)), -1)
     best = []
@@ -199,7 +204,10 @@ class _TagOnTrack:
     antenna: str
 
     def squares(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """(places,) sum of squared SNR residuals for a tag at each place [dB²]."""
+        """(places,) sum of squared SNR residuals for a tag at each place [dB²].
+
+        The model is antenna pattern and distance; the level is fitted.
+        """
         towards_e = east_m[:, None] - self.east_m[None, :]
         towards_n = north_m[:, None] - self.north_m[None, :]
         bearing = np.degrees(np.arctan2(towards_e, towards_n))
@@ -211,7 +219,10 @@ class _TagOnTrack:
         return np.asarray(np.minimum(spread**2, 100.0).sum(axis=1))
 
     def least(self, start: tuple[float, float], middle: tuple[float, float]) -> float:
-        """Smallest sum of squared residuals near a position, on ever finer grids."""
+        """Smallest sum of squared residuals near a position, on ever finer grids.
+
+        The first grid is as wide as the polar grid's cells at that distance from its `middle`.
+        """
         (east, north), best = start, np.inf
         half_m = _ROUND_CELL_M + _ROUND_CELL * math.dist(start, middle)
         steps = np.linspace(-1.0, 1.0, 9)
@@ -290,7 +301,11 @@ class _Common:
     def power_misfit(
         self, offset_s: float, antenna: str, keep: NDArray[np.bool_] | None = None
     ) -> float:
-        """Mean squared SNR residual [dB²] at a clock offset, with each tag's place fitted."""
+        """Mean squared SNR residual [dB²] at a clock offset, with each tag's place fitted.
+
+        Power falls with the square of the distance. Candidate positions are a polar grid around
+        the path.
+        """
         heard = self._heard(offset_s, antenna, keep)
         if heard is None:
             return np.nan
@@ -298,7 +313,12 @@ class _Common:
         return total / sum(len(one.snr_db) for one in heard.values())
 
     def sharper_misfit(self, offset_s: float, antenna: str) -> Callable[..., float]:
-        """Make a function like `power_misfit` for nearby offsets, with positions to a metre."""
+        """Make a function like `power_misfit` for nearby offsets, with positions to a metre.
+
+        The cells of the polar grid are tens of metres wide, but a turn's bearing is more
+        accurate. Without this step, the best offset would be one that turns all bearings to a
+        cell's middle.
+        """
         heard = self._heard(offset_s, antenna) or {}
         cells = [int(np.argmin(one.squares(*self._grid))) for one in heard.values()]
         starts = {

@@ -274,7 +274,10 @@ def channel_samples(
     on_progress: Callable[[int, int | None], None] | None,
     on_fault: Callable[[str], None] | None = None,
 ) -> dict[int, Channel]:
-    """Read a recording into the samples of the used channels, up to a fault if `on_fault`."""
+    """Read a recording into the samples of the used channels, up to a fault if `on_fault`.
+
+    With `on_fault`, a damaged recording is used up to the fault, which `on_fault` receives.
+    """
     blocks: dict[int, list[tuple[NDArray[np.complex64], int]]] = {
         channel: [] for channel in front_end.plan.channels_in_use
     }

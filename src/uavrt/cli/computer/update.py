@@ -158,7 +158,10 @@ def _watch(
 
 
 class _Reading:
-    """Reader of a service's records of one version, which reconnects after a restart."""
+    """Reader of a service's records of one version, which reconnects after a restart.
+
+    Reports of another version are ignored: after a failed restart, the old one still runs.
+    """
 
     def __init__(self, path: Path, version: Path) -> None:
         self._path, self._version = path, version

@@ -15,7 +15,11 @@ def print_json(value: object, *, indent: int = 0) -> None:
 
 
 def keep_inputs(output: str | Path, inputs: Iterable[str | Path | None]) -> None:
-    """Raise `ConfigError` if an output is one of the inputs, which opening would empty."""
+    """Raise `ConfigError` if an output is one of the inputs, which opening would empty.
+
+    For a SigMF recording, both of its files are protected. Inputs that are no paths are
+    skipped.
+    """
     target = Path(output)
     if not target.is_file():
         return

@@ -83,7 +83,10 @@ def _listed(tag: Tag, one: TagCorrection) -> str:
 
 
 def corrected_interval(tag: Tag, interval_s: float, jitter_s: float) -> Tag:
-    """Replace a tag's nearest listed interval by the measured one, or set the second."""
+    """Replace a tag's nearest listed interval by the measured one, or set the second.
+
+    An interval unlike those listed becomes the second interval, or replaces it.
+    """
     listed = list(tag.pulse_intervals_s)
     nearest = min(range(len(listed)), key=lambda place: abs(listed[place] - interval_s))
     allowed_s = max(tag.interval_uncertainty_s, 0.02 * listed[nearest])
@@ -118,7 +121,10 @@ def standing_corrections(corrections: Iterable[TagCorrection]) -> list[TagCorrec
 
 
 def shared_offset_ppm(found: Iterable[Beep]) -> float | None:
-    """Common frequency offset of two tags, or three of four [ppm]; None if they disagree."""
+    """Common frequency offset of two tags, or three of four [ppm]; None if they disagree.
+
+    Trains that may be of two tags, or of another rate, are ignored.
+    """
     off = {
         one.tag_ids: 1e6 * one.offsets_hz[0] / (one.frequency_hz - one.offsets_hz[0])
         for one in found
@@ -156,6 +162,8 @@ def correction_of(
     """Correction of a tag's frequency, or else interval, by a sender; None if none differs.
 
     A common offset of all senders in `found` is the receiver's error and is not corrected.
+    Frequency and interval are corrected one after the other: called again with the corrected
+    tag, this returns the next correction.
     """
     other_rate = beep.kind is BeepKind.OTHER_RATE
     if tag.coded or beep.kind not in MEASURED:

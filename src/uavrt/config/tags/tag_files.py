@@ -31,7 +31,11 @@ def read_tags(path: str | os.PathLike[str]) -> tuple[Tag, ...]:
 
 
 def parse_tags(content: bytes, *, name: str) -> tuple[Tag, ...]:
-    """Read tags from a file's bytes; `name` is for messages and selects the format."""
+    """Read tags from a file's bytes; `name` is for messages and selects the format.
+
+    A name that ends in ``.toml`` is TOML, in ``.yaml`` a list of codes. Other files are
+    recognised by a line that begins with ``[``, or by a heading with gaps.
+    """
     try:
         text = decode_text(content)
     except ValueError as error:

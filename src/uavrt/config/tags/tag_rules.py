@@ -92,7 +92,11 @@ def _tag(draft: TagDraft) -> Tag:
 
 
 def usual_uncertainty_ms(shortest_ms: float, width_ms: float, k: int) -> float:
-    """Interval uncertainty for a list without one [ms]: 60 ms, or as much as is searchable."""
+    """Interval uncertainty for a list without one [ms]: 60 ms, or as much as is searchable.
+
+    At most a tenth of the interval, and small enough to predict the last of K pulses within an
+    interval (see `_fault_of_group`).
+    """
     room_ms = 0.5 * (shortest_ms - 2.0 * width_ms)
     most_ms = min(0.1 * shortest_ms, shortest_ms / max(k - 1, 1), room_ms)
     return math.floor(1e3 * min(USUAL_UNCERTAINTY_MS, most_ms)) / 1e3

@@ -24,7 +24,10 @@ class Node:
 
 
 def read_yaml(text: str, faults: list[Fault]) -> list[Node]:
-    """Read the documents of a text up to a faulty line; faults are added to `faults`."""
+    """Read the documents of a text up to a faulty line; faults are added to `faults`.
+
+    Reading stops at the first line that is not YAML; documents before it are returned.
+    """
     with needs_extra(
         "ground",
         "a list in YAML",

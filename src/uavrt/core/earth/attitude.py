@@ -16,7 +16,10 @@ IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 
 def normalised(q: Quaternion) -> Quaternion:
-    """Scale a quaternion to length 1; raises `ValueError` if it is zero or not finite."""
+    """Scale a quaternion to length 1; raises `ValueError` if it is zero or not finite.
+
+    A vehicle with unknown attitude may send zeros.
+    """
     length = math.hypot(*q)
     if not (1e-6 < length < math.inf):
         raise ValueError(f"the quaternion {q} is not an attitude")
@@ -44,7 +47,10 @@ def rotated(q: Quaternion, v: Vector) -> Vector:
 
 
 def from_euler_deg(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Quaternion:
-    """Quaternion of yaw, then pitch, then roll [°] (intrinsic z, y', x''); NaN if any is."""
+    """Quaternion of yaw, then pitch, then roll [°] (intrinsic z, y', x''); NaN if any is.
+
+    All components are NaN if an angle is not finite.
+    """
     if not all(map(math.isfinite, (yaw_deg, pitch_deg, roll_deg))):
         return (math.nan,) * 4
     half_yaw, half_pitch, half_roll = (
@@ -71,7 +77,11 @@ def yaw_deg(q: Quaternion) -> float:
 
 
 def slerp(a: Quaternion, b: Quaternion, fraction: float) -> Quaternion:
-    """Interpolate between two attitudes along the shorter arc, at constant rate of turn."""
+    """Interpolate between two attitudes along the shorter arc, at constant rate of turn.
+
+    `b` and `-b` are the same attitude; autopilots send either. `fraction` outside [0, 1]
+    continues the rotation. Shoemake, "Animating rotation with quaternion curves", 1985.
+    """
     dot = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
     sign = 1.0 if dot >= 0.0 else -1.0
     angle = math.acos(min(1.0, abs(dot)))

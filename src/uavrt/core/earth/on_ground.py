@@ -16,7 +16,11 @@ Reports = Iterable[tuple[int, bool]]
 
 
 def spans_on_ground(armed: Reports, landed: Reports) -> tuple[tuple[int, int], ...]:
-    """Start and end of each time span on the ground [ns]: disarmed, or landed."""
+    """Start and end of each time span on the ground [ns]: disarmed, or landed.
+
+    Empty without a report of flying, as in a test on a turntable. A state is valid until the
+    next report.
+    """
     reports = [(time, "armed", state) for time, state in armed]
     reports += [(time, "landed", state) for time, state in landed]
     now: dict[str, bool] = {}

@@ -18,7 +18,11 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TangentPlane:
-    """Plane that touches the ellipsoid at a point, with axes east and north in metres."""
+    """Plane that touches the ellipsoid at a point, with axes east and north in metres.
+
+    Straight lines of sight are straight in it. At 10 km the earth's surface is 8 m below, which
+    does not affect bearings.
+    """
 
     latitude_deg: float
     longitude_deg: float

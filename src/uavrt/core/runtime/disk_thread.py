@@ -38,7 +38,12 @@ def at_once(job: Callable[[], T], then: Callable[[T], None]) -> bool:
 
 
 class DiskThread:
-    """Runs disk jobs for an asyncio loop in a daemon thread; must be started in the loop."""
+    """Runs disk jobs for an asyncio loop in a daemon thread; must be started in the loop.
+
+    The thread is a daemon, so that a stalled disk does not prevent the process from ending.
+    `most` limits the waiting jobs. With `early`, jobs run in the caller until the thread is
+    started.
+    """
 
     def __init__(self, most: int = MOST_JOBS, *, early: bool = False) -> None:
         self._most, self._early = most, early

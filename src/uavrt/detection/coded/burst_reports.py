@@ -149,7 +149,10 @@ def sighting_of(
 
 
 def _offsets(cells: Cells, row: int, columns: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Offset of the pulses from the columns of their largest cells [columns]."""
+    """Offset of the pulses from the columns of their largest cells [columns].
+
+    The filter of a rectangular pulse decays linearly: amplitudes on both sides give the offset.
+    """
     at = columns - cells.recent_from
     reach = max(1, cells.pulse // 3)
     left = np.sqrt(cells.recent[row, np.maximum(at - reach, 0)])

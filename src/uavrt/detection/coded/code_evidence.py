@@ -92,7 +92,10 @@ def evidence_in_step(alone: NDArray[np.float64], usable: NDArray[np.bool_]) -> f
 def evidence_of_sums(
     energies: NDArray[np.float64], *, foreign_per_hour: float, in_step: float
 ) -> NDArray[np.float64]:
-    """Log-likelihood ratio of bursts found only together, against unlisted codes."""
+    """Log-likelihood ratio of bursts found only together, against unlisted codes.
+
+    `energies` (n, bursts, pulses).
+    """
     # Either one unlisted tag is in step by chance, or pulses of several tags are.
     by_one, by_several = (
         evidence(

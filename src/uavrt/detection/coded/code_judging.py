@@ -182,7 +182,11 @@ def _finely(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[n
 def _off_place(
     cells: Cells, rows: NDArray[np.int32], at: NDArray[np.intp]
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
-    """Find pulses off their expected time, unlike the burst's others; and their energies."""
+    """Find pulses off their expected time, unlike the burst's others; and their energies.
+
+    Also returns the energies at their maxima, within a pulse width and at near frequencies:
+    only the strongest row shows the true position.
+    """
     around = cells.recent.copy()
     for apart in range(1, cells.rows_of_a_bin + 1):
         np.maximum(around[apart:], cells.recent[:-apart], out=around[apart:])
@@ -347,7 +351,11 @@ def decide(
     before: int,
     foreign_per_hour: float,
 ) -> tuple[list[Burst], int]:
-    """Accept the bursts that together explain the pulses best, each removed on trial."""
+    """Accept the bursts that together explain the pulses best, each removed on trial.
+
+    The likeliest comes first; then each is removed on trial to see whether the others explain
+    more: a third code may share pulses with two interleaved bursts.
+    """
     without: frozenset[int] = frozenset()
     best, lost = _greedy(claims, accepted_bursts, limits, before, foreign_per_hour, without)
     for _ in range(SHAPE.most_swaps):

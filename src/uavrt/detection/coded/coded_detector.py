@@ -1,4 +1,7 @@
-"""Detect coded tags: samples of a channel in, one record for each burst out."""
+"""Detect coded tags: samples of a channel in, one record for each burst out.
+
+Handles all codes of a channel together (docs/explanation/coded-tags.md).
+"""
 
 import bisect
 import math

@@ -121,7 +121,11 @@ class Sightings:
     def identify(
         self, new: Sequence[Sighting], now_ns: int, *, last: bool
     ) -> list[tuple[Sighting, Tag, tuple[int, ...]]]:
-        """Add new bursts; return those to be reported, with sender and other possible ids."""
+        """Add new bursts; return those to be reported, with sender and other possible ids.
+
+        Each comes with the ids of other possible tags; `Sighting.tag_id` is set if it is
+        confirmed.
+        """
         self._begun_ns = self._begun_ns or now_ns
         concerned = self._waiting
         for tag in {tag for one in new for tag in one.tags}:

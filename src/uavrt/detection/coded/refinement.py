@@ -17,7 +17,11 @@ from uavrt.detection.coded.tuning import REFINE
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refined:
-    """Refined times and energies (bursts, pulses) of several bursts [noise energies]."""
+    """Refined times and energies (bursts, pulses) of several bursts [noise energies].
+
+    `energies` (bursts, pulses) [noise energies]: a hidden pulse has the usual energy of noise;
+    a pulse outside of the stored samples has 0.
+    """
 
     begins: NDArray[np.float64]
     columns: NDArray[np.float64]

@@ -95,7 +95,10 @@ class AnchorSearch(RateSearch):
         return self.rows * self.width
 
     def move_to(self, memory: NDArray[np.float32], base: int, *, empty: bool = False) -> None:
-        """Move the ring buffer into `memory` (n,); its beginning is repeated at its end."""
+        """Move the ring buffer into `memory` (n,); its beginning is repeated at its end.
+
+        Its beginning is repeated behind its end, to make every stretch of a row contiguous.
+        """
         cells = memory[base : base + self.size].reshape(self.rows, self.width)
         if len(self.cells):
             cells[:] = self.cells

@@ -79,7 +79,11 @@ class Grid:
         return (start + (self.decimation - 1) / 2.0) / self.hop
 
     def power(self, samples: NDArray[np.complex64]) -> NDArray[np.float32]:
-        """Power of every cell (columns, rows), in units of a channel sample's in noise."""
+        """Power of every cell (columns, rows), in units of a channel sample's in noise.
+
+        In noise the mean power is that of one channel sample; for a pulse it is ENR + 1 times
+        as much.
+        """
         hop = self.hop // self.decimation
         count = max(0, (len(samples) - self.length) // hop + 1)
         result = np.empty((self.rows, count), np.float32)
@@ -350,7 +354,11 @@ def half_transforms(
 def _band_filter(
     *, sample_rate_hz: float, decimation: int, offset_hz: float, pass_hz: float
 ) -> NDArray[np.complex128]:
-    """Band-pass around the tag with aliases outside of ± `pass_hz`, shape (odd,)."""
+    """Band-pass around the tag with aliases outside of ± `pass_hz`, shape (odd,).
+
+    Kaiser window by Kaiser's formulas. The samples stay at their frequency, folded by the
+    decimation; the rows of the transform are folded alike.
+    """
     stop_hz = sample_rate_hz / decimation - pass_hz
     width = max(stop_hz - pass_hz, 0.02 * sample_rate_hz / decimation) / sample_rate_hz
     side = math.ceil((GRID.stopband_db - 7.95) / (2.285 * 2.0 * math.pi * width) / 2.0)
@@ -366,13 +374,19 @@ def _band_filter(
 def _windows(
     samples: NDArray[np.complex64], first: int, shape: tuple[int, int], step: int
 ) -> NDArray[np.complex64]:
-    """View of overlapping windows of contiguous samples, without a copy."""
+    """View of overlapping windows of contiguous samples, without a copy.
+
+    Much faster than `numpy.lib.stride_tricks.as_strided`, and checks that they fit the buffer.
+    """
     size = samples.itemsize
     return np.ndarray(shape, np.complex64, samples, first * size, (step * size, size))
 
 
 def sliding_maximum(power: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
-    """Maximum over ± `reach` columns, for the columns - 2 * reach with all of these."""
+    """Maximum over ± `reach` columns, for the columns - 2 * reach with all of these.
+
+    The work grows with the logarithm of `reach`.
+    """
     columns, rows = power.shape
     side_by_side = power.T.flags.c_contiguous
     # As one long row: values that cross into the next row are cut off with the margins.

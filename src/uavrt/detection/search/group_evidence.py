@@ -131,7 +131,10 @@ def _kernel(side: int, sigma: float) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=8)
 def _lattices(k: int, side: int) -> NDArray[np.intp]:
-    """Position of each pulse for each lattice around the candidate, shape (K, lattices)."""
+    """Position of each pulse for each lattice around the candidate, shape (K, lattices).
+
+    Each lattice is shifted as a whole, and its two ends are shifted against each other.
+    """
     middle, turn = np.meshgrid(np.arange(-side, side + 1), np.arange(-side, side + 1))
     inside = np.abs(middle) + np.abs(turn) <= side
     middle, turn = middle[inside], turn[inside]

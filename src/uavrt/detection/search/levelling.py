@@ -260,7 +260,10 @@ class Leveller:
     def _follow(
         self, both: NDArray[np.float32], weights: NDArray[np.float32], past: int
     ) -> _Followed:
-        """Levels of the present slots, for the search and for measuring."""
+        """Levels of the present slots, for the search and for measuring.
+
+        A rise among the newest slots may be a strong pulse: only the search counts it as noise.
+        """
         if kernels() is not None:
             return self._follow_by_kernel(both, weights, past)
         common = np.maximum(self._common(both), np.float32(LEVEL.least_level))

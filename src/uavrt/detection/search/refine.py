@@ -147,7 +147,10 @@ class Refiner:
         *,
         spread: float,
     ) -> Measured | None:
-        """Find a pulse with missing samples in its middle, where its phase breaks."""
+        """Find a pulse with missing samples in its middle, where its phase breaks.
+
+        Parameters as in `search`.
+        """
         window, buffer = self._window, self._buffer
         lead = math.ceil(half_width)
         length = window + 2 * lead + 1
@@ -276,7 +279,11 @@ class Refiner:
 
     @contextmanager
     def without(self, pulses: Sequence[Measured]) -> Iterator[None]:
-        """Remove known pulses from the samples within this context, as best fitted."""
+        """Remove known pulses from the samples within this context, as best fitted.
+
+        Each is subtracted with the best-fitting amplitude at its time and frequency. A start
+        off by half a sample leaves 4e-5 of a 20 ms pulse at 3750 S/s.
+        """
         buffer = self._buffer
         before = []
         for pulse in pulses:
@@ -360,7 +367,11 @@ class Refiner:
         )
 
     def strongest(self, pulse: Measured) -> tuple[float, float]:
-        """Frequency and power of the strongest row in the whole channel at a pulse's time."""
+        """Frequency and power of the strongest row in the whole channel at a pulse's time.
+
+        Windows half a pulse earlier and later are included: the leakage of a strong pulse cut
+        by them is as large as that of the whole.
+        """
         window, buffer = self._window, self._buffer
         half = window // 2
         size = 2 * window

@@ -42,7 +42,11 @@ def decision_span_s(tag: Tag, rate: int = 1) -> float:
 
 
 def begun_within_s(tag: Tag, rate: int = 1) -> float:
-    """Duration in which a group of the first decision can begin [s]."""
+    """Duration in which a group of the first decision can begin [s].
+
+    The original's steps are whole columns, which for tags with small uncertainties round away
+    up to a millisecond per pulse; from K = 60 on nothing would be left.
+    """
     interval_s = tag.pulse_intervals_s[rate - 1]
     begun_s = decision_span_s(tag, rate) - (tag.k - 1) * interval_s
     return max(begun_s, THRESHOLDS.least_begun * interval_s)
@@ -131,7 +135,10 @@ def young_margin(threshold: float, noise_error: float) -> float:
 
 
 def weakest_enr_db(k: int, threshold: float) -> float:
-    """ENR of K equal pulses whose sum reaches a threshold in nine groups of ten [dB]."""
+    """ENR of K equal pulses whose sum reaches a threshold in nine groups of ten [dB].
+
+    A pulse's cell has mean 1 + E and variance 1 + 2 E; their sum is approximated as normal.
+    """
     # With x = 1 + 2 E: K (x + 1) / 2 - z sqrt(K x) = threshold, a square equation in sqrt(x).
     half = THRESHOLDS.nine_of_ten / math.sqrt(k)
     root = half + math.sqrt(max(0.0, half**2 + 2.0 * threshold / k - 1.0))

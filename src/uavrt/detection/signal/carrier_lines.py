@@ -148,7 +148,11 @@ class LineCanceller:
 
 
 class _Waves:
-    """Sinusoids at given frequencies whose amplitudes follow polynomials, fitted jointly."""
+    """Sinusoids at given frequencies whose amplitudes follow polynomials, fitted jointly.
+
+    All are fitted together by conjugate gradients, since neighbours share a part of their
+    power: a few products of small matrices. Within a block an amplitude is linear.
+    """
 
     def __init__(
         self,

@@ -114,7 +114,10 @@ class SampleBuffer:
         return self._data[first - self.start : last - self.start]
 
     def extend(self, blocks: Sequence[tuple[NDArray[np.complex64], int]]) -> int:
-        """Add blocks while each continues the last; return the number of blocks added."""
+        """Add blocks while each continues the last; return the number of blocks added.
+
+        With a hundred tags nearly all of a thousand blocks a second are added here.
+        """
         if not self._stamp_index:
             return 0
         data, used, step_ns = self._data, self.end - self.start, self._ns_per_sample
@@ -198,7 +201,10 @@ class SampleBuffer:
         return any(low < last and first < high for low, high in self.lost)
 
     def weights(self, first: NDArray[Any], window: int) -> NDArray[np.float64] | None:
-        """Factors on the power of windows that compensate their lost samples; None: no loss."""
+        """Factors on the power of windows that compensate their lost samples; None: no loss.
+
+        One over each received share; 0 below `CHANNEL.least_received`.
+        """
         if not self.lost or not first.size or not self.loses(first.min(), first.max() + window):
             return None
         share = np.ones(first.shape)
@@ -254,6 +260,7 @@ def blank_impulses(
     A burst is a stretch whose power over `short` samples is 12 times the floor and 4 times the
     power a `flank` before *and* after it. Inside a pulse at least one flank is as strong as the
     middle, however strong the pulse.
+    Impulses of up to two flanks are blanked; of 1 ms, they made a false group in every segment.
     """
     if not len(samples):
         return []

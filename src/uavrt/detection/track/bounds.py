@@ -91,7 +91,10 @@ class Bounds:
         return abs(interval_s - own_s) > most_s + BOUNDS.line_sigmas * error_s
 
     def leaves_open(self, track: Track) -> bool:
-        """True if a long group's interval is uncertain enough to be another train's."""
+        """True if a long group's interval is uncertain enough to be another train's.
+
+        Of a train that began before the stream, the last pulses may fit a lattice 2 ms off.
+        """
         if self.tag.k <= FOLLOW.most_alone:
             return False
         pulses = [

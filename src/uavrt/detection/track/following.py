@@ -73,7 +73,10 @@ class Follower:
         tracks[:] = [t for t in tracks if not t.dead]
 
     def carried(self, tracks: list[Track]) -> tuple[Track, ...]:
-        """Tracks that continue after a jump of the clock; they must be confirmed again."""
+        """Tracks that continue after a jump of the clock; they must be confirmed again.
+
+        If samples are missing, they find nothing and end.
+        """
         end_s = self.seconds(self._buffer.end)
         kept = tuple(track for track in tracks if track.confirmed and not track.held)
         for track in kept:

@@ -174,7 +174,10 @@ class Judge:
         return None
 
     def _stronger_cause(self, pulse: Measured, floor: float) -> tuple[str | None, float]:
-        """Reason why a pulse has a stronger cause, or None; and excess over the noise there."""
+        """Reason why a pulse has a stronger cause, or None; and excess over the noise there.
+
+        The second value is the excess over the noise allowed at its frequency [noise powers].
+        """
         rate_hz = self._grid.sample_rate_hz
         bin_hz = rate_hz / self._grid.window
         offset, power = self._refiner.strongest(pulse)
@@ -194,7 +197,10 @@ class Judge:
     def _is_the_other_rate(
         self, group: list[Measured], search: RateSearch, noise: NDArray[np.float32]
     ) -> bool:
-        """True if the pulses between those of a group show the tag's other rate."""
+        """True if the pulses between those of a group show the tag's other rate.
+
+        Every second pulse of a rate is a train of twice the interval.
+        """
         if len(self._tag.pulse_intervals_s) < 2 or len(group) < 2:
             return False
         nominal = self._tag.pulse_intervals_s
@@ -233,12 +239,19 @@ class Judge:
 
 
 def _leak(power: float, apart_bins: float) -> float:
-    """Upper bound of the leakage of a rectangular pulse, or a part of one, at a distance."""
+    """Upper bound of the leakage of a rectangular pulse, or a part of one, at a distance.
+
+    At most 1 / (pi df tp)^2 of its power; doubled in amplitude as a margin.
+    """
     return power if apart_bins < 2.0 / math.pi else 4.0 * power / (math.pi * apart_bins) ** 2
 
 
 def _has_gaps(places: list[tuple[int, Measured]]) -> bool:
-    """True if pulses of a group are missing, such as every second one at the other rate."""
+    """True if pulses of a group are missing, such as every second one at the other rate.
+
+    Of few pulses each is compared with the strongest. Of many weak pulses some are always low:
+    then all second slots are tested together, a pulse of the same strength against none.
+    """
     powers = [pulse.power for _, pulse in places]
     if len(places) <= JUDGE.few_pulses:
         return min(powers) < JUDGE.uniformity * min(60.0, max(powers))

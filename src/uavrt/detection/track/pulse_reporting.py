@@ -49,7 +49,10 @@ class Reporter:
         return reports
 
     def owner(self, tracks: list[Track], nominal_hz: float, now_s: float) -> Track | None:
-        """Find the active track nearest to the tag's nominal frequency; ties: the newest."""
+        """Find the active track nearest to the tag's nominal frequency; ties: the newest.
+
+        Strength does not matter; of tracks at one frequency, the last to receive a pulse.
+        """
         alive = [
             t
             for t in tracks
@@ -97,7 +100,10 @@ class Reporter:
                     slot.state = "missed"
 
     def doubts(self, track: Track, *, last: bool = False) -> bool:
-        """True if bursts alone form such tracks more often than the false-alarm rate allows."""
+        """True if bursts alone form such tracks more often than the false-alarm rate allows.
+
+        A track once in doubt waits for confirmation: all its pulses are reported as confirmed.
+        """
         if track.confirmed:
             return False
         doubtful = track.odds < self._doubt

@@ -361,7 +361,10 @@ def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> 
 
 
 def _needed_noise_s(tag: Tag, searches: list[RateSearch]) -> float:
-    """Earliest time at which a group can reach a threshold and the noise is needed [s]."""
+    """Earliest time at which a group can reach a threshold and the noise is needed [s].
+
+    A cell adds at most the limit, so a threshold needs several pulses.
+    """
     soonest_s = min(
         (math.ceil(search.threshold / search.limit) - 1)
         * (interval_s - tag.interval_uncertainty_s)

@@ -440,7 +440,11 @@ class Track:
 
 
 def least_real(powers: list[float]) -> float:
-    """Minimum power of a group's pulse that stands out, from the strongest quarter."""
+    """Minimum power of a group's pulse that stands out, from the strongest quarter.
+
+    A pulse far weaker than the others and not certain by itself counts as noise. In a long
+    group most may be noise, so the strongest quarter is the reference.
+    """
     strongest = sorted(powers)[-(len(powers) // 4) :]
     return min(20.0, FOLLOW.weakest_share * sum(strongest) / len(strongest))
 

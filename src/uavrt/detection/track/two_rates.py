@@ -87,7 +87,11 @@ def decide_rate(track: Track) -> Track | None:
 
 
 def _mark_disputed(track: Track, winner: Track, starts_s: list[float]) -> None:
-    """Mark the pulses whose rate depends on the time of the switch."""
+    """Mark the pulses whose rate depends on the time of the switch.
+
+    The switch is certain, but a noise peak where only one rate expects a pulse can make a wrong
+    pulse the likelier one.
+    """
     first_s, last_s, since_s = min(starts_s), max(starts_s), winner.settled_s
     half_s = track.tag.pulse_width_s / 2.0
     for slot in track.slots:
@@ -120,14 +124,20 @@ def _margin_s(track: Track) -> float:
 
 
 def evidence(slots: Iterable[Slot], enr: float) -> float:
-    """Log-likelihood ratio of a pulse, against noise, in each of some slots."""
+    """Log-likelihood ratio of a pulse, against noise, in each of some slots.
+
+    The largest of V cells replaces the mean of their likelihoods: hence the logarithm of V.
+    """
     return sum(
         log_evidence(s.measured.power, enr) - math.log(max(s.volume, 1.0)) for s in slots
     )
 
 
 def strength(track: Track) -> float:
-    """Mean ENR of the stronger half of the last pulses, limited to 8 to 30."""
+    """Mean ENR of the stronger half of the last pulses, limited to 8 to 30.
+
+    Uses the stronger half of the last four: at the longer interval every second is noise.
+    """
     recent = [slot.measured.enr for slot in track.received]
     strongest = sorted(recent[-4:])[-2:]
     level = sum(strongest) / max(1, len(strongest))

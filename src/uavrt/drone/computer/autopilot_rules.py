@@ -66,7 +66,11 @@ def has_serial_ports(values: Mapping[str, float | None]) -> bool:
 
 
 def operator_failsafe(px4: bool, values: Mapping[str, float | None]) -> tuple[bool, str, str]:
-    """Describe what the autopilot does when it loses the operator's ground station."""
+    """Describe what the autopilot does when it loses the operator's ground station.
+
+    PX4 counts every heartbeat of type GCS, ArduPilot those of the system MAV_GCS_SYSID
+    (SYSID_MYGCS before 4.7); our ground stations send neither.
+    """
     if px4:
         action = values.get("NAV_DLL_ACT")
         text = {None: "unknown", 0.0: "none"}.get(action, f"NAV_DLL_ACT = {action}")

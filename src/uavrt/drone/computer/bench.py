@@ -1,4 +1,8 @@
-"""Check on the bench whether a drone is ready for a first flight, locally or over its link."""
+"""Check on the bench whether a drone is ready for a first flight, locally or over its link.
+
+`first_flight` evaluates the records and other facts, for ``uavrt doctor --flight`` and the
+page.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field

@@ -153,7 +153,10 @@ WantedBy=multi-user.target
 
 
 def check_plan(plan: ServicePlan, root: Path = Path("/")) -> None:
-    """Raise `UsageError` for a service that could not start or would lose recordings."""
+    """Raise `UsageError` for a service that could not start or would lose recordings.
+
+    Refused are an unknown user, a missing directory, and a directory below /tmp.
+    """
     if not root.is_dir():
         raise UsageError(f"{root} is not a directory", remedy="Check --root")
     users = root / "etc/passwd"

@@ -100,7 +100,10 @@ def install_beside(
 
 
 def python_module(environment: Path, *words: str) -> list[str]:
-    """Make the command that runs a module of an environment as root, with ``-I``."""
+    """Make the command that runs a module of an environment as root, with ``-I``.
+
+    ``-I`` prevents imports from the working directory, which may belong to the service's user.
+    """
     return [str(environment / "bin/python"), "-I", "-m", *words]
 
 
@@ -256,7 +259,11 @@ def restart_by(command: Sequence[str]) -> None:
 
 
 def restart_page() -> None:
-    """Restart an image's page with the present version; does nothing elsewhere."""
+    """Restart an image's page with the present version; does nothing elsewhere.
+
+    This separate service would otherwise use the files of the previous version until they are
+    removed.
+    """
     with suppress(OSError):
         command = ["systemctl", "try-restart", PAGE_UNIT]
         subprocess.run(command, capture_output=True, check=False)

@@ -29,7 +29,11 @@ def adopts_orphans() -> bool:
 
 
 def die_with_parent(number: signal.Signals = signal.SIGKILL) -> None:
-    """End this process when its parent ends, even by SIGKILL, even while stopped."""
+    """End this process when its parent ends, even by SIGKILL, even while stopped.
+
+    With SIGTERM as `number` the process has time to finish, but while stopped it outlives the
+    parent until continued, as by systemd.
+    """
     if not sys.platform.startswith("linux"):
         return
     parent = int(os.environ.get(PARENT_VARIABLE) or os.getppid())

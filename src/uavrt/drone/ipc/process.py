@@ -65,7 +65,10 @@ class ProcessFrame:
         self.running = False
 
     def send(self, topic: str, record: object) -> None:
-        """Queue a record that the supervisor passes on; it is sent with the next report."""
+        """Queue a record that the supervisor passes on; it is sent with the next report.
+
+        All records of a turn of the loop go together: each sending wakes the supervisor.
+        """
         self.link.put(topic, record)
 
     def receive(self, timeout_s: float = 0.0) -> list[tuple[str, Any]]:
@@ -89,7 +92,10 @@ class ProcessFrame:
         last: bool = False,
         reason: str = "",
     ) -> None:
-        """Send a health report if it is due, the last one, or changed; and queued records."""
+        """Send a health report if it is due, the last one, or changed; and queued records.
+
+        Call it in each turn of the loop: it also sends all queued records.
+        """
         now_s = monotonic_s()
         if not last and now_s < self._next_health_s and (status, ok, reason) == self._last:
             self.link.flush()

@@ -130,7 +130,11 @@ class PulseDatagramSender:
             self._note_found(pulse)
 
     def send_reports(self, reports: Iterable[SearchReport]) -> None:
-        """Send searches without a detection, except for a tag between its pulses."""
+        """Send searches without a detection, except for a tag between its pulses.
+
+        Reports come every second, pulses often less often; without this rule, a controller
+        would consider a tag lost between two pulses.
+        """
         for report in reports:
             begin_ns, end_ns = self._found_ns.get(report.tag_id, (0, -1))
             if not begin_ns <= report.time_ns <= end_ns:

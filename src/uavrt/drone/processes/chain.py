@@ -1,4 +1,7 @@
-"""The chain process: receiver and detectors in one process, for a computer with one core."""
+"""The chain process: receiver and detectors in one process, for a computer with one core.
+
+Receiver and detectors are the same as in separate processes, without sockets between them.
+"""
 
 from collections.abc import Mapping
 

@@ -286,7 +286,10 @@ class ConnectionProcess:
         self._frame.send("command", command)
 
     def _say(self, text: StatusText) -> None:
-        """Send a text to the operator and to the supervisor, which records it."""
+        """Send a text to the operator and to the supervisor, which records it.
+
+        The supervisor does not return the text, so it is sent to the ground here.
+        """
         self._frame.send("status_text", text)
         self._send_text(text)
 

@@ -219,7 +219,10 @@ class DetectorBank:
         return total
 
     def _of_channel(self, block: ChannelBlock) -> list[Tag]:
-        """Tags of a channel that are still searched, by the nearest centre."""
+        """Tags of a channel that are still searched, by the nearest centre.
+
+        A process receives the channels of its own tags only.
+        """
         half_spacing_hz = block.sample_rate_hz / 4
         return [
             tag

@@ -1,4 +1,8 @@
-"""The estimator process: bearings on the drone, for ground stations with poor links."""
+"""The estimator process: bearings on the drone, for ground stations with poor links.
+
+The process gets pulses and poses from the supervisor and sends bearings. A bearing summarises
+all pulses of a turn, so one received message replaces many lost ones.
+"""
 
 import os
 from dataclasses import dataclass

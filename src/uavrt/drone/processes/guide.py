@@ -167,7 +167,11 @@ class _Planned:
 
 
 class _Planning:
-    """Plans an order in the background, because elevation files take seconds to read."""
+    """Plans an order in the background, because elevation files take seconds to read.
+
+    Reading elevation files takes seconds, and such a silence of the guide would end the order
+    being flown.
+    """
 
     def __init__(self, asked: _OrderRequest, in_background: InBackground) -> None:
         self.asked = asked
@@ -408,7 +412,10 @@ class Guide:
             self._planner.begin(self._frame.clock.now_ns(), now)
 
     def _plan_again(self, offered: _Planned, vehicle: VehicleReport, now: VehicleNow) -> Pilot:
-        """Plan the order again at its confirmation; raises `PlanError` if no longer valid."""
+        """Plan the order again at its confirmation; raises `PlanError` if no longer valid.
+
+        Fence, terrain and return path belong to the home position of the first plan.
+        """
         if distance_m(*offered.home, *now.home) > SAFETY.home_moved_m:
             raise PlanError(
                 "home was moved while the order was planned", remedy="Request the motion again"

@@ -380,7 +380,11 @@ def _report(frame: ProcessFrame, receiver: Receiver | Capture, word: str, reason
 
 
 def take_settings(records: Iterable[tuple[str, object]], receiver: Receiver | Capture) -> None:
-    """Apply changed settings by reopening the radio at the same frequency."""
+    """Apply changed settings by reopening the radio at the same frequency.
+
+    The radio is reopened, because its programs take settings only on their command line. The
+    frequency stays, because the filters depend on it.
+    """
     for _, record in records:
         if isinstance(record, Settings):
             frequency_hz = receiver.radio.center_frequency_hz

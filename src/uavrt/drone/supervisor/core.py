@@ -176,7 +176,10 @@ class Supervisor:
         self.mission.delete_saved_state()
 
     def command(self, command: Command) -> CommandReply:
-        """Carry out a command, or explain the refusal; a repeated one gets the same reply."""
+        """Carry out a command, or explain the refusal; a repeated one gets the same reply.
+
+        The changed state is published before the reply.
+        """
         before = self.mission.state
         reply = self.mission.command(command)
         if self.mission.state is not before:

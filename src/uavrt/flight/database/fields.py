@@ -76,7 +76,10 @@ def _field(name: str, hint: Any, *, defaulted: bool) -> RecordField:
 
 
 class Columns(Generic[R]):
-    """Columns of a table of records, and the conversion of a record to a row and back."""
+    """Columns of a table of records, and the conversion of a record to a row and back.
+
+    Lists of numbers are texts with spaces, or in JSON with `lists_as_json`. NaN is NULL.
+    """
 
     def __init__(
         self, kind: type[R], order: Sequence[str] = (), *, lists_as_json: bool = False

@@ -30,7 +30,10 @@ queries_ended = threading.Event()
 
 
 def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
-    """Open a database for reading; only tables are allowed, and queries are limited."""
+    """Open a database for reading; only tables are allowed, and queries are limited.
+
+    With `mode` ``"rw"``, SQLite may checkpoint the write-ahead log; use it only for a copy.
+    """
     require_plain_files(path)
     address = f"{path.absolute().as_uri()}?mode={mode}"
     database = sqlite3.connect(address, uri=True, timeout=5.0)
@@ -81,7 +84,10 @@ def require_plain_files(path: Path) -> None:
 
 
 def limit_queries(database: sqlite3.Connection, longest_s: float = LONGEST_S) -> None:
-    """End queries after a limit of CPU time, at the end of the program, and on Ctrl-C."""
+    """End queries after a limit of CPU time, at the end of the program, and on Ctrl-C.
+
+    The limit counts this thread's CPU time, so a busy computer ends no query early.
+    """
     until_s = time.thread_time() + longest_s
     database.set_progress_handler(
         lambda: int(queries_ended.is_set() or time.thread_time() > until_s), STEPS

@@ -194,7 +194,10 @@ def inside_row(burst: BurstInside) -> Row:
 
 
 def pulse_from_row(row: Row) -> Pulse:
-    """Make a pulse from a row; raises `ValueError` or `TypeError` for wrong values."""
+    """Make a pulse from a row; raises `ValueError` or `TypeError` for wrong values.
+
+    NULL in a real column is NaN; a status of a newer version is kept.
+    """
     try:
         return PULSES.record(row)
     except msgspec.ValidationError:

@@ -1,4 +1,7 @@
-"""Query the flight in progress: received tags, and pulses that a ground station lacks."""
+"""Query the flight in progress: received tags, and pulses that a ground station lacks.
+
+A delivery is a row linked to its pulse.
+"""
 
 import sqlite3
 from collections.abc import Collection, Iterator
@@ -21,7 +24,10 @@ _UNDELIVERED = (
 
 
 def heard_tags(directory: str | Path) -> dict[int, tuple[int, int]]:
-    """Number of confirmed pulses of each tag received, and end of the newest one [ns]."""
+    """Number of confirmed pulses of each tag received, and end of the newest one [ns].
+
+    Tags without pulses are left out.
+    """
     with _opened(directory) as database:
         # The recorder makes the tables after the file: there are no pulses yet.
         made = database.execute(_MADE).fetchone()[0]

@@ -10,7 +10,10 @@ POLL_S = 0.05
 
 
 class WriterLock:
-    """Lock on a flight's directory, which a new recorder waits for."""
+    """Lock on a flight's directory, which a new recorder waits for.
+
+    A new supervisor waits here while the recorder of a killed one still writes its last pulses.
+    """
 
     def __init__(self) -> None:
         self._descriptor: int | None = None

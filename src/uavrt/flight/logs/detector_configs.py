@@ -69,7 +69,10 @@ def detector_config(
     ports: Literal["current", "thesis"] = "thesis",
     operating_mode: str = "freqSearchSoftLock",
 ) -> DetectorConfig:
-    """Describe a tag within the original's plan of 100 channels around the radio frequency."""
+    """Describe a tag within the original's plan of 100 channels around the radio frequency.
+
+    A tag outside the plan (another radio, no channelizer) gets its own channel and port 0.
+    """
     steps = round((tag.frequency_hz - center_frequency_hz) / CHANNEL_RATE_HZ)
     inside = -CHANNELS // 2 <= steps < CHANNELS // 2
     return DetectorConfig(

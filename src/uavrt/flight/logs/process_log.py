@@ -8,7 +8,11 @@ KEPT_FILES = 3
 
 
 class ProcessLog:
-    """A text log that is rotated by size; a line that cannot be written is counted."""
+    """A text log that is rotated by size; a line that cannot be written is counted.
+
+    At `max_bytes` the file is renamed, and `kept_files` older ones are kept. A missing
+    directory of `path` is made.
+    """
 
     def __init__(
         self, path: Path, *, max_bytes: int = MAX_BYTES, kept_files: int = KEPT_FILES

@@ -82,7 +82,10 @@ def _pose_from_record(record: dict[str, Any], time_ns: int) -> Pose | None:
 def _converted(
     record: dict[str, Any], kind: type[R], described: Iterable[RecordField], **more: Any
 ) -> R:
-    """Convert the described fields; unknown numbers are NaN, missing fields the default."""
+    """Convert the described fields; unknown numbers are NaN, missing fields the default.
+
+    Fields that older files lack have their default.
+    """
     values = {
         one.name: _finite_or_nan(record[one.name]) if one.kind == "real" else record[one.name]
         for one in described
@@ -97,7 +100,11 @@ def _finite_or_nan(value: Any) -> float:
 
 
 class PulseWriter:
-    """Writes pulses to a text stream line by line, so that a reader can follow."""
+    """Writes pulses to a text stream line by line, so that a reader can follow.
+
+    The caller opens and closes `stream` (open files with ``newline=""``). With `bursts` a CSV
+    gets columns for the single pulses of coded tags' bursts.
+    """
 
     def __init__(self, stream: TextIO, form: PulseFormat, *, bursts: bool = False) -> None:
         self._stream = stream
@@ -135,7 +142,10 @@ def pulse_format(name: str) -> PulseFormat:
 def read_pulse_file(
     path: str | os.PathLike[str], warn: Callable[[str], None] | None = None
 ) -> tuple[PulsePose, ...]:
-    """Read pulses that `PulseWriter` wrote; damaged lines are skipped and reported."""
+    """Read pulses that `PulseWriter` wrote; damaged lines are skipped and reported.
+
+    An unfinished last line and a byte order mark are ignored.
+    """
     name = os.fspath(path)
     with os_errors_as(FormatError, f"cannot read {name}", "Check the name"):
         content = read_file(path, TEXT_LOG)

@@ -94,7 +94,10 @@ class PulseLogs:
     def _complete(
         self, database: sqlite3.Connection, log: PulsePoseLog, tag_id: int | None
     ) -> None:
-        """Append to a log its missing pulses, of one tag or of all, compared by SQLite."""
+        """Append to a log its missing pulses, of one tag or of all, compared by SQLite.
+
+        SQLite compares in a temporary file, so memory does not grow with the flight.
+        """
         log.repair()
         with _keys_of(log, database):
             rows = database.execute(_MISSING, {"tag_id": tag_id})

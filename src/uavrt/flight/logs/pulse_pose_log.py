@@ -67,7 +67,11 @@ class _Groups:
 
 
 def parse_line(line: str, *, group_sequence: int = 0) -> PulsePose:
-    """Parse one line, uavrt's or the thesis's; raises `ValueError` for others."""
+    """Parse one line, uavrt's or the thesis's; raises `ValueError` for others.
+
+    The 23 columns lack some fields: `group_sequence` is given by the caller, the rate is 1,
+    noise and relative altitude are NaN.
+    """
     fields = [field.strip() for field in line.split(",")]
     while len(fields) > COLUMNS and not fields[-1]:
         fields.pop()  # what writes tables fills rows, or ends them, with separators

@@ -94,7 +94,11 @@ def read_outline(directory: str | os.PathLike[str]) -> FlightOutline:
 
 
 def read_pulse_levels(directory: Path) -> dict[tuple[int, int], float]:
-    """Level of each confirmed pulse [dB], by tag and start time [ns], to find copies."""
+    """Level of each confirmed pulse [dB], by tag and start time [ns], to find copies.
+
+    Levels agree to the last digit in copies of a flight, but differ between two drones that
+    receive the same pulse. A start time received over the link is rounded, without nanoseconds.
+    """
     with flight_database(directory) as database:
         found = database.execute(_LEVELS)
         levels = {(int(tag_id), int(ns)): float(level) for tag_id, ns, level in found}

@@ -122,7 +122,10 @@ def _logs_below(directory: Path) -> Iterator[Path]:
 
 
 def _is_log(path: Path) -> bool:
-    """True if a file is a log of received pulses: not empty, nor a simulation's truth."""
+    """True if a file is a log of received pulses: not empty, nor a simulation's truth.
+
+    Empty files are excluded, and the list of transmitted pulses that a simulation writes.
+    """
     if path.name == "truth.csv":
         return False
     try:

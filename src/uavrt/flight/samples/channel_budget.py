@@ -11,7 +11,10 @@ log = get_logger()
 
 
 class ChannelBudget:
-    """Recorded channel files on the disk, oldest first, and their size; no starred ones."""
+    """Recorded channel files on the disk, oldest first, and their size; no starred ones.
+
+    Files of other flights that are starred are neither counted nor removed.
+    """
 
     def __init__(self, flight: Path, most_bytes: float) -> None:
         self._flight = flight

@@ -98,7 +98,11 @@ class _Channel:
 
 
 class ChannelRecorder:
-    """Writes channels to files ``channel_148124375_Hz_0001.sigmf-data`` and ``-meta``."""
+    """Writes channels to files ``channel_148124375_Hz_0001.sigmf-data`` and ``-meta``.
+
+    Nothing is written while the disk's free space is below `FREE_SPACE_FACTOR` times
+    `minimum_free_mb`.
+    """
 
     def __init__(
         self,
@@ -144,7 +148,11 @@ class ChannelRecorder:
         return self._budget.bytes / 1e6
 
     def put(self, blocks: list[ChannelBlock]) -> None:
-        """Queue a copy of a radio block's channels, and return at once; drops if full."""
+        """Queue a copy of a radio block's channels, and return at once; drops if full.
+
+        After an overflow, blocks are dropped until half of the queue is written. This causes
+        few long gaps instead of many short ones.
+        """
         first = blocks[0]
         batch = _Batch(
             channels=tuple((block.channel, block.center_frequency_hz) for block in blocks),
@@ -398,7 +406,11 @@ def _scale_of_piece(samples: NDArray[np.complex64], peak: float) -> tuple[int, f
 
 
 def _scale_by_noise(samples: NDArray[np.complex64], bits: int) -> float:
-    """Full scale at which the noise has the wanted number of steps; 0 without noise."""
+    """Full scale at which the noise has the wanted number of steps; 0 without noise.
+
+    The noise is the median over the middle of the channel's spectrum, which excludes pulses,
+    carriers and zeros in place of lost samples.
+    """
     rows = samples[: len(samples) // WINDOW * WINDOW].reshape(-1, WINDOW)
     rows = rows[rows.all(axis=1)]
     if len(rows):

@@ -1,4 +1,8 @@
-"""Record samples as SigMF in a thread that never delays detection."""
+"""Record samples as SigMF in a thread that never delays detection.
+
+`put` only queues blocks; the thread converts and writes them. While the disk is slow or full,
+blocks are dropped, counted and marked as a gap.
+"""
 
 import threading
 from collections import deque
@@ -21,7 +25,11 @@ SETTLED_AFTER_S = 12.0
 
 
 class IQRecorder:
-    """Writes blocks as SigMF (cs16), valid at any moment, while enough disk space is free."""
+    """Writes blocks as SigMF (cs16), valid at any moment, while enough disk space is free.
+
+    The metadata describes all samples of the data file at any moment, also after a power cut.
+    Nothing is written while the disk has less than `minimum_free_mb` free.
+    """
 
     def __init__(
         self,
@@ -77,7 +85,11 @@ class IQRecorder:
         return self.file.written_samples
 
     def put(self, block: IQBlock) -> bool:
-        """Queue a copy of a block, and return at once; false if it was dropped."""
+        """Queue a copy of a block, and return at once; false if it was dropped.
+
+        After an overflow, blocks are dropped until the queue is half empty. This causes few
+        long gaps instead of many short ones.
+        """
         size = len(block.samples)
         with self._condition:
             if self._overflowing and self._waiting_samples <= self._most_waiting // 2:

@@ -78,7 +78,11 @@ class SampleFile:
     def append_stored(
         self, values: NDArray[np.int16] | NDArray[np.int8], sample_index: int, time_ns: int
     ) -> None:
-        """Write scaled, rounded, interleaved I and Q completely or not at all."""
+        """Write scaled, rounded, interleaved I and Q completely or not at all.
+
+        `sample_index` and `time_ns` are the first sample's number in the radio's stream and its
+        time [ns, UTC]; a jump begins a new stretch.
+        """
         count = values.size // 2
         try:
             if sample_index != self._next_index:
@@ -121,7 +125,10 @@ class SampleFile:
         return True
 
     def _begin_stretch(self, sample_index: int, time_ns: int) -> None:
-        """Write a stretch to the metadata before its samples, in case of a power cut."""
+        """Write a stretch to the metadata before its samples, in case of a power cut.
+
+        So a power cut leaves at worst a capture without samples, never samples at a wrong time.
+        """
         stretch = Stretch(
             sample_start=self.written_samples, global_index=sample_index, time_ns=time_ns
         )

@@ -157,7 +157,11 @@ def read_tagtracker(path: str | os.PathLike[str]) -> PulseLog:
 
 
 def write_tagtracker(stream: TextIO, pulse_poses: Iterable[PulsePose]) -> None:
-    """Write a pulse CSV as TagTracker does, kind 7, without pulses that have no pose."""
+    """Write a pulse CSV as TagTracker does, kind 7, without pulses that have no pose.
+
+    Pulses without a pose are left out: the format has no value for "unknown", and zero is a
+    place in the Atlantic.
+    """
     stream.write(HEADER + "\n")
     for one in pulse_poses:
         if one.pose is not None:

@@ -92,7 +92,11 @@ def read_ulog(path: Path) -> VehicleTrack:
 
 
 class _Damaged:
-    """A log file that reports its end after too many damaged bytes."""
+    """A log file that reports its end after too many damaged bytes.
+
+    Without it, pyulog skips unknown data byte by byte, which takes hours for gigabytes of
+    zeros.
+    """
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
@@ -116,7 +120,11 @@ class _Damaged:
 
 
 def _check_formats(file: BinaryIO) -> None:
-    """Reject records with more fields than memory can hold; raises `ValueError`."""
+    """Reject records with more fields than memory can hold; raises `ValueError`.
+
+    The definitions precede the data: ``F`` is ``name:type field;type[9] field;…``, and a type
+    may be another definition.
+    """
     fields: dict[str, list[tuple[str, int]]] = {}
     file.seek(_HEADER_BYTES)
     for _ in range(_MOST_DEFINITIONS):

@@ -432,7 +432,11 @@ def _size(path: Path) -> int | None:
 
 
 def _entry(directory: str, line: bytes) -> RemoteEntry:
-    """Parse one line of a listing; names that lead outside the flight are rejected."""
+    """Parse one line of a listing; names that lead outside the flight are rejected.
+
+    Names arrive over an open link and become local files: reject any that lead outside the
+    flight.
+    """
     name, _, size = line[1:].decode("utf-8", "replace").partition("\t")
     good = name not in ("", "..") and name.isprintable() and Path(name).name == name
     if not good or not (size or "0").isdecimal():

@@ -20,7 +20,10 @@ REMEMBERED = 500_000
 
 
 class Receipts:
-    """Tracks known pulses, and when to acknowledge them: once their hash is written."""
+    """Tracks known pulses, and when to acknowledge them: once their hash is written.
+
+    Only then is the pulse acknowledged.
+    """
 
     def __init__(
         self,

@@ -1,4 +1,8 @@
-"""Ground side of the tunnel over MAVLink: find the drone, upload tags, start, stop."""
+"""Ground side of the tunnel over MAVLink: find the drone, upload tags, start, stop.
+
+`GroundProtocol` encodes and decodes the messages without I/O; `GroundLink` exchanges them over
+MAVLink.
+"""
 
 import asyncio
 import contextlib

@@ -1,4 +1,8 @@
-"""Position of this computer from a GPS receiver that sends NMEA; unknown once it is old."""
+"""Position of this computer from a GPS receiver that sends NMEA; unknown once it is old.
+
+The receiver is on a serial port, UDP or TCP, opened by `uavrt.link.mavlink`, which also
+reconnects.
+"""
 
 import asyncio
 import contextlib

@@ -29,7 +29,11 @@ def new_store() -> int:
 
 
 def open_receipts(directory: Path, disk: Disk = at_once) -> Receipts:
-    """Open the receipts of a directory; `disk` runs their writes."""
+    """Open the receipts of a directory; `disk` runs their writes.
+
+    On a full disk hashes stay in memory until there is room. After a restart the drone then
+    sends some stored pulses again.
+    """
     path = directory / RECEIVED_NAME
     content = b""
     try:

@@ -95,7 +95,10 @@ class Estimates:
 
     @property
     def outline(self) -> tuple[tuple[int, int, int, float], ...]:
-        """Summary that changes with each new result: tag, turn, pulses and bearing or level."""
+        """Summary that changes with each new result: tag, turn, pulses and bearing or level.
+
+        For signal strengths: number of positions, and their sum rounded to a decibel.
+        """
         bearings = tuple(
             (one.tag_id, one.number, one.heard, one.bearing.bearing_deg)
             for one in self.found.bearings

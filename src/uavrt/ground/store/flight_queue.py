@@ -101,7 +101,10 @@ class FlightQueue:
             log.seldom(self._left_out, "poses and notes discarded: the disk does not answer")
 
     def commit(self, *, at_once: bool = False) -> None:
-        """Write the queue to the disk, a second after a fault; refused writes stay in it."""
+        """Write the queue to the disk, a second after a fault; refused writes stay in it.
+
+        After a fault the next try comes a second later, unless `at_once`.
+        """
         fault = self.fault
         if fault is not None and not self._reported:
             log.warning("flight not written; received data wait in memory", reason=fault)

@@ -29,7 +29,10 @@ class Written:
 
 
 class FlightWriter:
-    """Writes the flight in progress, and earlier ones not completely on the disk."""
+    """Writes the flight in progress, and earlier ones not completely on the disk.
+
+    If it raises `RecordingError`, it is called again later and the flight waits.
+    """
 
     def __init__(self, also: Callable[[Stored], object]) -> None:
         self._also = also

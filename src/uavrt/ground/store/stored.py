@@ -13,7 +13,10 @@ PULSES_NAME = "pulses.jsonl"
 
 
 class PulseLines:
-    """``pulses.jsonl``: a line for each pulse and burst content, written at once."""
+    """``pulses.jsonl``: a line for each pulse and burst content, written at once.
+
+    An existing file is continued; an incomplete last line is removed.
+    """
 
     def __init__(self, path: Path) -> None:
         self._path = path

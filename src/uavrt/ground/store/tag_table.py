@@ -127,7 +127,10 @@ def _code_cells(tag: Tag) -> Row:
 
 
 def import_rows(files: Mapping[str, str]) -> list[Row]:
-    """Import rows from ``TagInfo.txt``, ``tags.toml``, CSV, TagTracker's databases."""
+    """Import rows from ``TagInfo.txt``, ``tags.toml``, CSV, TagTracker's databases.
+
+    TagTracker keeps tags and manufacturers in two files, which must be imported together.
+    """
     tables = {name: read_csv(text) for name, text in files.items()}
     makers = {
         _key(cells["id"]): cells

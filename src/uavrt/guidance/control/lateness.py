@@ -8,7 +8,11 @@ from uavrt.guidance.safety import SAFETY
 
 
 class Lateness:
-    """Delay of reports by the autopilot's time, from TIMESYNC or the earliest message."""
+    """Delay of reports by the autopilot's time, from TIMESYNC or the earliest message.
+
+    Uses TIMESYNC if available. Otherwise the message with the smallest offset since the link
+    came up counts as not delayed.
+    """
 
     def __init__(self) -> None:
         self._least: tuple[float, float] | None = None

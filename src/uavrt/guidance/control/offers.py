@@ -142,7 +142,11 @@ def resting(
 
 
 def is_elsewhere(target: TargetSeen | None, place: PositionSeen | None) -> bool:
-    """True if the first reported target is not where the vehicle holds its position."""
+    """True if the first reported target is not where the vehicle holds its position.
+
+    In Guided, ArduPilot reports no target before it has one. A target where it holds or comes
+    to rest belongs to no order.
+    """
     if target is None or target.latitude_deg is None or place is None:
         return False
     height = target.altitude_amsl_m

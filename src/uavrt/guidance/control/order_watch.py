@@ -265,7 +265,11 @@ class OrderWatch:
         return "the vehicle has landed" if seen.on_ground and (rises or not takes_off) else None
 
     def _see_in_air(self, seen: LandedSeen) -> str | None:
-        """Check if a vehicle flies before its take-off's command, except just after arming."""
+        """Check if a vehicle flies before its take-off's command, except just after arming.
+
+        PX4 1.17 reports flight for about a second after arming on the ground. Until it reports
+        the ground again, `check` refuses the command.
+        """
         if seen.on_ground is not False:
             self.in_air_s = None
             return None

@@ -9,7 +9,12 @@ from uavrt.guidance.safety import SAFETY
 
 
 class RcWatch:
-    """Detects a stick or switch that has moved, in two messages or for 0.1 s."""
+    """Detects a stick or switch that has moved, in two messages or for 0.1 s.
+
+    A single message may be a receiver's glitch. So a switch counts as moved after two messages,
+    or after one and 0.1 s without a contrary one. `unwatched`: channels without a control, such
+    as one that carries the RSSI.
+    """
 
     def __init__(self, then: SticksSeen, unwatched: frozenset[int]) -> None:
         self._then, self._unwatched = then, unwatched

@@ -41,7 +41,10 @@ class Progress:
         self._samples: deque[_Sample] = deque()
 
     def see(self, time_s: float, *parts: Left, free: bool = False) -> None:
-        """Add the remaining distances and angles: each time the same ones in the same order."""
+        """Add the remaining distances and angles: each time the same ones in the same order.
+
+        `free`: True if the drone has no reason to brake or stop before the first has decreased.
+        """
         if all(part.now <= part.tolerance for part in parts if part.needed):
             self._samples.clear()
             return

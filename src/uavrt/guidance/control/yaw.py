@@ -17,6 +17,11 @@ class YawWatch:
     The heading may stay as it was or come nearer to its aim: the requested heading or, while
     the target is not near, its bearing. It may turn away only towards the drone's recent
     course.
+
+    `start_s`: time of the command [s]. `yaw_deg`: heading at that time [°]. `tolerance_deg`:
+    for gusts and overshoot. `wanted_deg`: requested heading. `turn_deg`, `rate_deg_s`: angle,
+    clockwise, and rate of a turn in place instead. `turning_deg_s`: rate of turn when the
+    command was sent. `exact`: the heading is a setpoint, without gusts.
     """
 
     start_s: float
@@ -120,7 +125,10 @@ class YawWatch:
         )
 
     def _follows_course(self, time_s: float, yaw_deg: float, course_deg: float | None) -> bool:
-        """True if the heading turns from its old direction towards the recent course."""
+        """True if the heading turns from its old direction towards the recent course.
+
+        A drone that reverses its course stands for a moment; this time does not count.
+        """
         if self._courses and course_deg is None:
             stood_s = self._stood_s + time_s - self._seen_s
             self._stood_s = min(stood_s, SAFETY.course_follow_s)
@@ -148,7 +156,10 @@ class YawWatch:
             self._aligned = time_s - self._looks_since_s >= SAFETY.aligned_s
 
     def _pass_aim(self, time_s: float, side_deg: float, step_deg: float) -> None:
-        """Let a setpoint brake that turns past its aim, because the aim came to meet it."""
+        """Let a setpoint brake that turns past its aim, because the aim came to meet it.
+
+        A heading that begins to turn at its aim does not pass it.
+        """
         before_deg, self._side_deg = self._side_deg, side_deg
         turned_deg, self._step_deg = self._step_deg, step_deg
         gap_s = time_s - self._seen_s
@@ -171,7 +182,10 @@ class YawWatch:
         return bool(longest) and not self._ended
 
     def _turned_on_deg(self, time_s: float, step_deg: float, off_deg: float) -> float:
-        """Largest angle by which an earlier turn may still turn away from the aim [°]."""
+        """Largest angle by which an earlier turn may still turn away from the aim [°].
+
+        A setpoint completes the earlier turn first; then it turns to its aim.
+        """
         if not self.exact:
             return _turns_on_deg(self.turning_deg_s)
         if not self._turns_on:
@@ -244,7 +258,11 @@ def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
 
 @dataclass(slots=True, kw_only=True)
 class RestingYaw:
-    """Monitors the heading of a drone that rests without an order."""
+    """Monitors the heading of a drone that rests without an order.
+
+    A turn in progress may finish and be reversed as after a command. Times are the autopilot's
+    since its start, because reports are processed late after a stall of this process.
+    """
 
     start_boot_s: float
     yaw_deg: float

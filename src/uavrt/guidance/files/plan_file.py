@@ -16,7 +16,11 @@ _PX4, _MULTIROTOR, _ABOVE_HOME = 12, 2, 1
 
 
 def survey_file(order: Order, speed_m_s: float) -> str:
-    """Write a survey as a .plan: its path at the given height, then the return."""
+    """Write a survey as a .plan: its path at the given height, then the return.
+
+    A pilot uploads and starts the plan without uavrt. Excluded areas become exclusion fences.
+    `uavrt.guidance.files.mission.survey_items` checks the order and raises `PlanError`.
+    """
     items = survey_items(order)
     fences = _fences(order.keep_out, inclusion=False)
     return _plan(items, fences, items[0].place, speed_m_s)

@@ -34,7 +34,11 @@ class SearchDecisions:
         self.held: tuple[int, ...] = ()
 
     def judge(self, time_s: float, others: Sequence[Neighbour]) -> list[int]:
-        """Mark tags as found, by this or a credible other drone; return the new ones."""
+        """Mark tags as found, by this or a credible other drone; return the new ones.
+
+        A false report could end this search. So another drone's finding counts only at the
+        accuracy set here, within the area, and while that drone searches.
+        """
         new = []
         for one in others:
             course = one.course
@@ -105,7 +109,10 @@ class SearchDecisions:
         )
 
     def _entered(self, action: Action, state: VehicleState, now: VehicleNow) -> str | None:
-        """Text on an excluded area that an action crosses, from here or the stopping point."""
+        """Text on an excluded area that an action crosses, from here or the stopping point.
+
+        The path is checked from the present position and from the stopping point.
+        """
         goal = goal_of(action)
         if goal is None:
             return None

@@ -129,7 +129,10 @@ class SharedSearch:
         return self._asked is not None
 
     def choose(self, choice: "Choice", now: VehicleNow) -> bool:
-        """Handle a choice; True if it is flown at once, False if it is requested first."""
+        """Handle a choice; True if it is flown at once, False if it is requested first.
+
+        A path already assigned needs no request. Nor does the return: drones differ in height.
+        """
         assert choice.way is not None
         begin, end = choice.way
         self._choice = choice

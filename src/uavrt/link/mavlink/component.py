@@ -388,7 +388,10 @@ class Component:
         )
 
     def _take_time(self, message: dialect.Timesync, peer: Peer, now_ns: int) -> None:
-        """Handle the autopilot's answer to a time request; `ts1` identifies the request."""
+        """Handle the autopilot's answer to a time request; `ts1` identifies the request.
+
+        The answer's target is unusable: PX4 1.17 leaves it uninitialised.
+        """
         if peer != self.discovery.autopilot or message.ts1 not in self._requests:
             self.counters["timesync_foreign"] += 1
             return

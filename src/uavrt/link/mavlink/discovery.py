@@ -73,7 +73,11 @@ def is_station(heartbeat: Heartbeat) -> bool:
 
 
 class Discovery:
-    """Tracks the autopilot (first heartbeat of component 1) and every ground station."""
+    """Tracks the autopilot (first heartbeat of component 1) and every ground station.
+
+    Ground stations are recognised by their heartbeat, whatever their numbers: QGroundControl is
+    255/190, MAVSDK 245/190, MAVProxy 255/230, uavrt 254/190.
+    """
 
     def __init__(self) -> None:
         self.autopilot: Peer | None = None
@@ -115,7 +119,10 @@ class Discovery:
         return now_ns - self._autopilot_heard_ns < AUTOPILOT_SILENCE_NS
 
     def stations(self, now_ns: int) -> tuple[Peer, ...]:
-        """Ground stations present now; without any, the last one received."""
+        """Ground stations present now; without any, the last one received.
+
+        An absent heartbeat seldom means an absent station, and sending to it costs nothing.
+        """
         present = [
             peer
             for peer, heard_ns in self._stations.items()

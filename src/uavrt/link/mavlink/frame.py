@@ -175,7 +175,10 @@ def _next_byte(buffer: bytes, place: int) -> int | None:
 
 
 def _check(raw: bytes, following: int | None) -> Frame | None:
-    """Read a frame of the right length; None if its checksum is wrong."""
+    """Read a frame of the right length; None if its checksum is wrong.
+
+    An unknown message has no known checksum; it is accepted if a frame or nothing follows.
+    """
     if raw[0] == MARKER_V2:
         _, length, incompatible, _, sequence, system_id, component_id = raw[:7]
         message_id, header = int.from_bytes(raw[7:10], "little"), HEADER_V2

@@ -1,4 +1,8 @@
-"""Run a MAVLink component on its links; the core of the connection process."""
+"""Run a MAVLink component on its links; the core of the connection process.
+
+A link moves bytes, `Component` implements the protocol, `TunnelSender` chooses link and time.
+`Connection` joins them on an asyncio loop.
+"""
 
 import asyncio
 from collections.abc import Callable, Mapping

@@ -80,6 +80,7 @@ class SendingOrder(Generic[T]):
     """Sorts the messages of several readers into the order of their sending.
 
     A message sent earlier comes in the next pass at the latest; later ones wait for that.
+    Readers are emptied one after the other, pass by pass.
     """
 
     def __init__(self, sent: Callable[[T], tuple[int, ...]]) -> None:

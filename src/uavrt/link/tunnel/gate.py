@@ -122,7 +122,10 @@ class Gate:
 
     @contextmanager
     def order(self, order: bytes, station: Ids, *, sealed: bool) -> Iterator[str | None]:
-        """Context of a motion order; yields the reason of a refusal, or None."""
+        """Context of a motion order; yields the reason of a refusal, or None.
+
+        Answers that are sent within the block belong to this order.
+        """
         refusal = self.refusal(station, sealed=sealed)
         if sealed:
             if station not in self._proving and not is_stop(order):
@@ -137,7 +140,10 @@ class Gate:
             self._proves = True
 
     def answer(self, state: bytes, station: Ids, drone: Ids) -> tuple[bytes, int, bool]:
-        """Encode an order's answer, with proof if sealed: payload, type, and if urgent."""
+        """Encode an order's answer, with proof if sealed: payload, type, and if urgent.
+
+        An unsealed order under the same ids and number is answered without one.
+        """
         sealed = self._proves and (station, number_of(state)) in self._orders
         if sealed and station in self._proving and self._keeper is not None:
             proven = self._keeper.prove_answer(state, station, drone)
@@ -163,7 +169,11 @@ class Sealer:
         return self._session is not None
 
     def accept_session(self, payload: bytes, drone: Ids) -> None:
-        """Handle an announced session, which must return a recently sent nonce."""
+        """Handle an announced session, which must return a recently sent nonce.
+
+        Only a session that returns a recently sent nonce is used: any other announcement may be
+        a recording.
+        """
         session, newest, nonce = session_of(payload, self._key, drone)
         now_s = monotonic_s()
         self._last = max(self._last, newest)

@@ -112,7 +112,10 @@ def in_generation(pulse: PulseG1, generation: Generation) -> PulseG1 | PulseG2v1
 def pulse_to_wire(
     pulse_pose: PulsePose, generation: Generation = "G1"
 ) -> PulseG0 | PulseG1 | PulseG2v1 | PulseG2:
-    """Convert a pulse to its message; an unknown pose is NaN in every field, never zero."""
+    """Convert a pulse to its message; an unknown pose is NaN in every field, never zero.
+
+    Times are seconds as f64, which near 2026 resolves 0.24 µs.
+    """
     pulse, pose = pulse_pose.pulse, pulse_pose.pose
     next_start_ns = pulse.predicted_next_start_ns
     start_time_s = pulse.start_time_ns / NANOSECONDS_PER_SECOND
@@ -241,7 +244,11 @@ def pulse_from_wire(
 
 
 def tag_of_number(tag_id: int, tags: Mapping[int, Tag]) -> Tag | None:
-    """Find the listed tag with a message's number; None if no listed tag has it."""
+    """Find the listed tag with a message's number; None if no listed tag has it.
+
+    For a tag with a second rate, the original runs a second detector under the number after the
+    tag's. So its tags have even numbers.
+    """
     first = tags.get(tag_id - 1)
     if tag_id not in tags and first is not None and len(first.pulse_intervals_s) == 2:
         return first
@@ -249,7 +256,10 @@ def tag_of_number(tag_id: int, tags: Mapping[int, Tag]) -> Tag | None:
 
 
 def _rate_of(message: PulseG0 | PulseG1, tag: Tag) -> int:
-    """Number, from 1, of the tag's interval that agrees with the predicted next pulse."""
+    """Number, from 1, of the tag's interval that agrees with the predicted next pulse.
+
+    The message has the start of the predicted window: the interval less its uncertainty.
+    """
     if message.tag_id == tag.tag_id + 1:
         return 2
     if message.predict_next_start_s == 0.0 or len(tag.pulse_intervals_s) == 1:

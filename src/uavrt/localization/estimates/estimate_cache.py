@@ -11,7 +11,11 @@ T = TypeVar("T")
 
 
 class Cache:
-    """Cache for a caller that estimates repeatedly; a value's inputs are its key."""
+    """Cache for a caller that estimates repeatedly; a value's inputs are its key.
+
+    A function computes each value from its inputs, which are also the key: no input can be
+    missing from the key.
+    """
 
     def __init__(self) -> None:
         self.more = False

@@ -392,7 +392,10 @@ def bearings_of(
     past: Sequence[HeardInTurn] = (),
     cache: Cache | None = None,
 ) -> list[TagBearing]:
-    """One bearing for each tag and each turn in place, in order of time and tag."""
+    """One bearing for each tag and each turn in place, in order of time and tag.
+
+    Pulses that a known interval predicts and that were not received count as misses.
+    """
     return _bearings(heard, how or ReadAs(), past, cache or Cache())[0]
 
 
@@ -426,7 +429,11 @@ def find(
     theirs: Sequence[TagBearing] = (),
     cache: Cache | None = None,
 ) -> Found:
-    """Estimate bearings of a receiver, and strengths of tags without; `theirs` replace."""
+    """Estimate bearings of a receiver, and strengths of tags without; `theirs` replace.
+
+    A bearing in `theirs`, from the drone, replaces one estimated here from fewer pulses of a
+    turn. The other parameters are those of `bearings_of`.
+    """
     how, cache = how or ReadAs(), cache or Cache()
     if antenna_of(heard, how) == MONOPOLE:
         return with_strengths(heard, how, [], cache)

@@ -137,7 +137,10 @@ class PulseColumns:
 
     @property
     def noise_db(self) -> _Floats:
-        """(n,) noise at each pulse over that usual at its gain [dB]; 0 if any is unknown."""
+        """(n,) noise at each pulse over that usual at its gain [dB]; 0 if any is unknown.
+
+        SNR plus this noise is a pulse's energy, which noise from one direction does not change.
+        """
         noise = self.noise_psd
         if not self.noise_known:
             return np.zeros(len(noise))
@@ -183,7 +186,11 @@ class PulseColumns:
         )
 
     def missed_ns(self, rhythm: "Rhythm | None") -> _Floats:
-        """Times of expected pulses that were not received, between received ones [ns]."""
+        """Times of expected pulses that were not received, between received ones [ns].
+
+        They lie between two pulses whose distance is a multiple of the tag's interval. A gap of
+        more than a day's pulses counts as a jump of the clock.
+        """
         if rhythm is None or len(self.time_ns) < 2:
             return np.zeros(0)
         number = np.clip(self.rate[:-1], 1, len(rhythm.intervals_s)) - 1
@@ -223,7 +230,11 @@ class FlightGround:
         poses: PoseColumns,
         lay: Callable[..., HillLosses] = HillLosses,
     ) -> "FlightGround | None":
-        """Build the ground model around a flight; None if no pose has position and height."""
+        """Build the ground model around a flight; None if no pose has position and height.
+
+        Heights of a flight count from its take-off, assumed beneath the first pose. `lay` makes
+        the ground model, or returns an earlier one.
+        """
         known = np.flatnonzero(np.isfinite(poses.latitude_deg) & np.isfinite(poses.height_m))
         if not len(known):
             return None

@@ -69,7 +69,11 @@ class LiveBearings:
             self._pulses.append(one)
 
     def changed(self) -> list[LiveBearing]:
-        """Bearings that changed since the last call; takes some milliseconds for each."""
+        """Bearings that changed since the last call; takes some milliseconds for each.
+
+        A bearing changes by new pulses or misses in its turn. All change when a finished turn
+        corrects the antenna's pattern.
+        """
         if not self._pulses:
             return []
         heard = Heard.of_records(

@@ -91,7 +91,10 @@ class Cells:
         return ellipse_of(covariance + sigma_m**2 * np.eye(2), share)
 
     def map(self, count: int, sigma_m: float) -> tuple[_Floats, _Floats, _Floats]:
-        """Probability on a regular grid around most of it: east (x,), north (y,), (y, x)."""
+        """Probability on a regular grid around most of it: east (x,), north (y,), (y, x).
+
+        Each cell's probability is spread by its width and by a shift that all share.
+        """
         east, north, step = _even_axes(self.around(GRID.map_share), count, 2.5 * sigma_m)
         sigmas_m = np.sqrt(self.width_m**2 / 12.0 + sigma_m**2 + step**2 / 12.0)
         density = np.zeros((len(north), len(east)))
@@ -158,7 +161,10 @@ def normal_radius_m(covariance_m2: _Floats, share: float) -> float:
 
 
 def shifted_m(radius_m: float, share: float, sigma_m: float = FLIGHT.place_sigma_m) -> float:
-    """Radius that still holds its share if all positions may be shifted together [m]."""
+    """Radius that still holds its share if all positions may be shifted together [m].
+
+    The radii add as squares, which is exact for round normal laws.
+    """
     return float(np.hypot(radius_m, sigma_m * np.sqrt(-2.0 * np.log(1.0 - share))))
 
 
@@ -192,7 +198,10 @@ def cells_posterior(
 
 
 def cells_refined(log_likelihood: LogLikelihood, cells: Cells, density: _Floats) -> Cells:
-    """Refine an earlier posterior's cells for a likelihood with further data."""
+    """Refine an earlier posterior's cells for a likelihood with further data.
+
+    Where it differs from the first one by a constant only, no cell is quartered again.
+    """
     added = density - cells.log_density
     rough = cells.rough | (added - np.median(added) > GRID.added_nats)
     return _quartered(
@@ -281,7 +290,11 @@ def _overlooked(
 
 
 def most_probable(cells: Cells, log_likelihood: LogLikelihood) -> tuple[float, float]:
-    """East and north of the maximum on an even grid, refined by parabolas [m]."""
+    """East and north of the maximum on an even grid, refined by parabolas [m].
+
+    It is found on an even grid over the more likely half. Cells of several sizes are blurred
+    differently and cannot be compared to the last metre.
+    """
     east, north, step = _even_axes(cells.around(0.5), GRID.peak_cells)
     y, x = (one.ravel() for one in np.meshgrid(north, east, indexing="ij"))
     values = log_likelihood(x, y, np.full(x.size, step)).reshape(len(north), len(east))

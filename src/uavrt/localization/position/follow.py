@@ -21,7 +21,12 @@ _MOVES = "the tag moved; its path is estimated from bearings"
 
 
 def followed(position: Position, model: Model, follow: Follow) -> Position:
-    """Add the path of a moving tag to a position; on request also if it may be resting."""
+    """Add the path of a moving tag to a position; on request also if it may be resting.
+
+    A tag whose data allow a fixed position keeps it, and has a path only on request. The
+    position by bearings already allows for walking; where powers contradict a fixed one, it is
+    the path's end.
+    """
     if model.stations is not None:
         return _by_bearings(position, model, follow)
     if model.powers is not None and model.track is not None:

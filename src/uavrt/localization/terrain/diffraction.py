@@ -33,7 +33,11 @@ def bullington_db(nu: _Floats, distance_m: _Floats) -> _Floats:
 def beyond_level_db(
     nu: _Floats, distance_m: _Floats, *, antenna_m: float, tag_m: float, wavelength_m: float
 ) -> _Floats:
-    """Loss of a profile beyond that of level ground [dB], by its edge's parameter ν."""
+    """Loss of a profile beyond that of level ground [dB], by its edge's parameter ν.
+
+    Over level ground ν is greatest where the ray to the mirrored antenna meets the ground: -2
+    √(2 a b / (λ d)) for heights a and b above it.
+    """
     height = np.sqrt(2.0 * antenna_m * tag_m / wavelength_m)
     level = -2.0 * height / np.sqrt(np.maximum(distance_m, 1.0))
     loss = bullington_db(nu, distance_m) - bullington_db(level, distance_m)

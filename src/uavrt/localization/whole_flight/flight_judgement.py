@@ -81,7 +81,12 @@ class Weights:
     def of(
         cls, basis: _Floats, mixing: _Floats, energies: SlotEnergies, interval_s: float
     ) -> "Weights":
-        """Derive a sum's deviation and skewness from the flight's own energies."""
+        """Derive a sum's deviation and skewness from the flight's own energies.
+
+        A train has one pulse in each interval, at a random phase, so a slot holds one with the
+        probability slot / interval. The sum's cumulants are those of all slots' weighted
+        energies, times this. Hum, tones and changing levels are included.
+        """
         shape = (len(energies.energy), len(mixing))
         square, cube = np.zeros(shape), np.zeros(shape)
         moments = np.zeros((3, len(mixing)))
@@ -210,7 +215,11 @@ def scores(
     slot_s: float,
     between_s: tuple[float, float],
 ) -> Iterator[tuple[int, _Floats, NDArray[np.float32]]]:
-    """Fold some frequencies at all intervals between two; yields all scores by fold."""
+    """Fold some frequencies at all intervals between two; yields all scores by fold.
+
+    Yields: number of the frequency, intervals (n,) [slots], and standard deviations of the
+    weighted sums (places, n, phases) as float32.
+    """
     for at, intervals, sums, scale in _folds(values, rows, weights, slot_s, between_s):
         score = weights.scaled(at) @ sums.reshape(len(sums), -1)
         yield at, intervals, score.reshape(-1, *sums.shape[1:]) * scale[:, np.newaxis]
@@ -245,7 +254,11 @@ def _folds(
 
 
 def cells_searched(slots: int, slot_s: float, between_s: tuple[float, float]) -> float:
-    """Number of distinguishable cells of a fold of one frequency, a slot apart."""
+    """Number of distinguishable cells of a fold of one frequency, a slot apart.
+
+    Cells differ by at least a slot over all pulses. A fold has rows for up to twice the
+    periods; only the true number counts.
+    """
     low_s, high_s = between_s
     cells = 0.0
     for period in base_periods(low_s, high_s, slot_s):
@@ -269,7 +282,11 @@ def hypotheses_of(energies: SlotEnergies, weights: Weights, tag: Tag) -> float:
 
 
 def correlation_slots(energies: SlotEnergies) -> _Floats:
-    """Number of slots over which each frequency's energies are correlated; 1 if not."""
+    """Number of slots over which each frequency's energies are correlated; 1 if not.
+
+    A narrow line of hum changes slowly, so its independent slots are few. The number is the sum
+    of the squared correlation over all lags.
+    """
     energy = energies.energy
     power = np.maximum(np.sum(energy**2, axis=1, dtype=np.float64), 1e-9)
     alike = [
@@ -412,7 +429,11 @@ def _loud_trains(energies: SlotEnergies, tag: Tag, most: int) -> list[FoldedTrai
 def _through_middles(
     logs: _Floats, found: Peaks, energies: SlotEnergies
 ) -> tuple[NDArray[np.intp], _Floats]:
-    """Order trains of strong pulses: likeliest first, then the most central."""
+    """Order trains of strong pulses: likeliest first, then the most central.
+
+    Frequencies next to a pulse's have fewer marks and can give less likely trains of the same
+    pulses: all these trains get their lowest probability.
+    """
     order = np.argsort(logs, kind="stable")
     if not len(order):
         return order, logs

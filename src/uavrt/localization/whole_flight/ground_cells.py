@@ -50,7 +50,11 @@ class Cells:
         return _area(self.range_m, self.width_deg, self.ratio)
 
     def region(self, share: float) -> NDArray[np.bool_]:
-        """Cells that hold a given probability, whichever path loss exponent is true."""
+        """Cells that hold a given probability, whichever path loss exponent is true.
+
+        For each exponent they are the smallest such region. After one pass the exponents cannot
+        be distinguished, and a joint region would ignore the less probable ones.
+        """
         area = self.area
         inside = np.zeros(len(area), bool)
         for probability in self.by_fall:
@@ -153,6 +157,7 @@ class Cells:
         """Radii of circles around a position that hold given probabilities [m].
 
         Each cell's probability is spread evenly over its ground, as in `region`.
+        They allow for an error that all positions of the drone share.
         """
         chosen = slice(None) if cells is None else cells
         parts = (np.arange(PLACE.points) + 0.5) / PLACE.points

@@ -168,7 +168,11 @@ def _shows_falls(heard: Sequence[HeardTrain], east_north_m: tuple[_Floats, _Floa
 def _all_logs(
     reading: _Reading, east_north_m: tuple[_Floats, _Floats], *, falls: bool
 ) -> _Floats:
-    """Log likelihood ratio and posterior of exponent, position and level over flights."""
+    """Log likelihood ratio and posterior of exponent, position and level over flights.
+
+    The error that all headings share is integrated out, by a parabola over its standard
+    deviation to both sides.
+    """
     sigma_deg = COMMON.heading_sigma_deg
     if all(one.places.track.pattern.name == MONOPOLE for one in reading.heard):
         return _turned_logs(reading, east_north_m, 0.0, falls)

@@ -1,4 +1,7 @@
-"""Other drones of the same search: their reserved paths, and the distance to all drones."""
+"""Other drones of the same search: their reserved paths, and the distance to all drones.
+
+The straight path from a drone's last reported position to its goal is reserved for it.
+"""
 
 from dataclasses import dataclass
 

@@ -201,7 +201,11 @@ class MiRate:
         return [tangents(start, middle, radius), tangents(start, middle, wide)]
 
     def _explores(self, situation: Situation) -> bool:
-        """True while no tag is near its target accuracy; paths then cover all directions."""
+        """True while no tag is near its target accuracy; paths then cover all directions.
+
+        Otherwise only paths to the tags count. A path past many walking tags gives a little
+        information on each again and again, and none is found.
+        """
         needed = min(situation.stop.needed_nats(one) for one in situation.wanted)
         return needed > _RATING.explore_nats
 

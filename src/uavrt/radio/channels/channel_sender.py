@@ -53,7 +53,11 @@ class ChannelDatagramSender:
         """Number of datagrams dropped because the system's buffer was full."""
 
     def send(self, block: ChannelBlock) -> None:
-        """Add the next block of a channel; send the frames that it completes, gaps as zeros."""
+        """Add the next block of a channel; send the frames that it completes, gaps as zeros.
+
+        A gap within a frame is filled with zeros to the frame's end; the next frame begins
+        where samples continue.
+        """
         frame = self._frames.get(block.channel)
         if frame is None:
             return

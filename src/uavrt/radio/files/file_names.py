@@ -103,7 +103,10 @@ def _facts(form: _Form, parts: dict[str, str | None]) -> NameFacts:
 
 
 def _frequency_step_hz(form: _Form, number: str, factor: float) -> float | None:
-    """Value of the last digit of a name's frequency [Hz]; None for 1 Hz or less."""
+    """Value of the last digit of a name's frequency [Hz]; None for 1 Hz or less.
+
+    rtl_433 writes six digits in all and omits zeros at the end (C's ``%g``).
+    """
     whole, _, decimals = number.partition(".")
     places = max(0, 6 - len(whole)) if form.program == "rtl_433" else len(decimals)
     step_hz: float = factor * 10.0**-places

@@ -143,7 +143,10 @@ def _segments(
 
 
 def _lost(previous: _Capture, capture: _Capture, rate_hz: float) -> int:
-    """Number of samples missing between two captures, by global indices or else by times."""
+    """Number of samples missing between two captures, by global indices or else by times.
+
+    A smaller index than before means that the radio was opened again.
+    """
     kept = capture.first - previous.first
     if previous.global_index is not None and capture.global_index is not None:
         passed = capture.global_index - previous.global_index

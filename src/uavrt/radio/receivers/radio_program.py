@@ -279,7 +279,11 @@ _MOST_PLACES = 16
 
 
 def _by_place(settings: RadioSettings, until_s: float) -> RadioSettings:
-    """Replace a numeric serial number by the device's index in the list of its program."""
+    """Replace a numeric serial number by the device's index in the list of its program.
+
+    rtl_sdr and rtl_biast would take 00000001 for the second device, and switch on its bias
+    voltage.
+    """
     wanted, program = settings.serial, PROGRAMS.get(settings.kind)
     if program is None or settings.program or not program.lists:
         return settings

@@ -107,7 +107,10 @@ ARGUMENTS: dict[str, Callable[[RadioSettings, float, int], list[str]]] = {
 
 
 def _corrected(settings: RadioSettings, frequency_hz: float) -> float:
-    """Rate or frequency corrected for a fast clock; most programs have no option for it."""
+    """Rate or frequency corrected for a fast clock; most programs have no option for it.
+
+    (hackrf_transfer has ``-C``, but reads it as an unsigned number.)
+    """
     return frequency_hz / (1.0 + settings.frequency_correction_ppm * 1e-6)
 
 

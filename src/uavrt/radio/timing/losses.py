@@ -147,7 +147,10 @@ class SourcePace:
         delays.append((received_s, delay_s))
 
     def _line(self, begin_s: float) -> tuple[float, float]:
-        """Fit a line to the smallest delays: rise per second, and relative scatter about it."""
+        """Fit a line to the smallest delays: rise per second, and relative scatter about it.
+
+        A delay that is made up later is a stall and does not count.
+        """
         settled = [point for point in self._delays if point[0] >= begin_s]
         at_s, delay_s = np.array(settled).T
         delay_s = np.minimum.accumulate(delay_s[::-1])[::-1][:-_UNSETTLED_BINS]
@@ -165,7 +168,10 @@ class SourcePace:
 
 
 class LossFinder:
-    """Finds losses from the delay of arrivals above their lower envelope [nominal s]."""
+    """Finds losses from the delay of arrivals above their lower envelope [nominal s].
+
+    The caller adds losses to later nominal seconds.
+    """
 
     def __init__(self, *, may_be_slow: bool = False) -> None:
         self.pace = SourcePace() if may_be_slow else None

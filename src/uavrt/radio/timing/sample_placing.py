@@ -102,7 +102,10 @@ class Placer:
 
     @property
     def rate_fault(self) -> str | None:
-        """Text with the measured sample rate and a remedy; None if the rate is as requested."""
+        """Text with the measured sample rate and a remedy; None if the rate is as requested.
+
+        A recording piped at more than three times real time is not a fault.
+        """
         wrong_hz = self._arrival_rate.wrong_hz
         if (
             wrong_hz is None

@@ -235,7 +235,10 @@ class TimeKeeper:
         self._bin_count += 1
 
     def lost_samples(self) -> int:
-        """Number of samples lost according to arrival times since the last call."""
+        """Number of samples lost according to arrival times since the last call.
+
+        The caller adds it to its index, as a gap.
+        """
         lost = round(self._lost_s * self._nominal_hz)
         if lost:
             self._given_s += lost / self._nominal_hz

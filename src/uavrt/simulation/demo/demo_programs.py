@@ -1,4 +1,7 @@
-"""Programs of the demo: simulated autopilot, real drone side, real ground station."""
+"""Programs of the demo: simulated autopilot, real drone side, real ground station.
+
+Each runs in its own process, as in the field; only radio, autopilot and world are simulated.
+"""
 
 import json
 import os
@@ -75,7 +78,10 @@ class DemoPaths:
 
 
 def free_udp_port(host: str = "127.0.0.1") -> int:
-    """Get an unused UDP port of `PORTS`, a different one each time."""
+    """Get an unused UDP port of `PORTS`, a different one each time.
+
+    A port chosen by the kernel could be given to another socket before it is bound.
+    """
     for port in islice(_ports, len(PORTS)):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
             try:
@@ -90,7 +96,11 @@ def free_udp_port(host: str = "127.0.0.1") -> int:
 
 
 def free_ros_domain() -> int:
-    """Get a ROS domain below 102 that is unused on this computer and by its environment."""
+    """Get a ROS domain below 102 that is unused on this computer and by its environment.
+
+    A real drone in the lab uses the environment's domain, or 0. Up to 101, the ports of a
+    domain lie below those that Linux assigns by itself (32768).
+    """
     domains = random.sample(range(1, 102), 101)
     for domain in domains:
         if str(domain) == os.environ.get("ROS_DOMAIN_ID", "").strip():
@@ -111,7 +121,11 @@ def demo_environment() -> dict[str, str]:
 def drone_settings(
     scenario: Scenario, paths: DemoPaths, companion_port: int, *, flies: bool = False
 ) -> Settings:
-    """Settings of the drone side, as in a real ``uavrt.toml`` except for the radio program."""
+    """Settings of the drone side, as in a real ``uavrt.toml`` except for the radio program.
+
+    With `flies`, the radio receives at the commanded drone's position, otherwise on the
+    scenario's flight.
+    """
     names = {one.name for one in fields(AntennaSettings)}
     mounting = {k: v for k, v in asdict(scenario.antenna).items() if k in names}
     return Settings(

@@ -104,7 +104,10 @@ class Demo:
         self._delivered = 0
 
     def run(self, picture: Path | None = None) -> dict[int, DemoSummary]:
-        """Fly once, until the end or Ctrl-C; return the summary of each drone by its number."""
+        """Fly once, until the end or Ctrl-C; return the summary of each drone by its number.
+
+        Saves a picture on request. Ctrl-C ends the flight early, with a full summary.
+        """
         require_writable(self._flight_dir)
         require_free_port(self._page_port)
         with ExitStack() as stack:

@@ -1,4 +1,7 @@
-"""Simulated drones and their ground station on this computer, started as in the field."""
+"""Simulated drones and their ground station on this computer, started as in the field.
+
+Each program runs in its own process and writes a log file; all end with the rig.
+"""
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack

@@ -21,7 +21,11 @@ def samples_lost(counters: Mapping[str, float]) -> int:
 
 
 class Cpu:
-    """CPU time of each process of the demo, the radio program's apart from the receiver's."""
+    """CPU time of each process of the demo, the radio program's apart from the receiver's.
+
+    The simulated radio program is a child of the receiver; the supervisor measures both
+    together, and they are separated here.
+    """
 
     def __init__(self) -> None:
         self.first_sample_ns = self.last_sample_ns = 0

@@ -48,7 +48,12 @@ def normal(key: int, index: ArrayLike) -> NDArray[np.float64]:
 
 
 def smooth_normal(key: int, position: float) -> float:
-    """A smooth random function of unit variance; x and y correlate by exp(-(x - y)²)."""
+    """A smooth random function of unit variance; x and y correlate by exp(-(x - y)²).
+
+    It is a sum of independent normals at multiples of 1/2, weighted with a Gaussian of standard
+    deviation 1/2 around `position`. The correlation between x and y is exp(-(x - y)²); the
+    normalization makes the variance exactly one.
+    """
     halves = 2.0 * position
     knots = np.arange(math.floor(halves) - 4, math.floor(halves) + 6)
     weights = np.exp(-0.5 * (halves - knots) ** 2)

@@ -1,4 +1,7 @@
-"""The built-in world of ``uavrt demo``: three tags and a drone that turns at three points."""
+"""The built-in world of ``uavrt demo``: three tags and a drone that turns at three points.
+
+With coded tags there are two more tags, which share a frequency.
+"""
 
 import math
 from dataclasses import replace
@@ -49,7 +52,10 @@ def demo_scenario(duration_s: float = 60.0, seed: int = 1, *, coded: bool = Fals
 
 
 def fleet_scenarios(drones: int, first: Scenario) -> list[Scenario]:
-    """Create the demo's worlds for several drones: shifted 120 m south and 10 m up each."""
+    """Create the demo's worlds for several drones: shifted 120 m south and 10 m up each.
+
+    Each flight is the first one, shifted 120 m south and 10 m up from the one before.
+    """
     return [
         replace(first, flight=_moved(first.flight, number * -_APART_M, number * _ABOVE_M))
         for number in range(drones)
@@ -69,7 +75,11 @@ def _moved(flight: Flight, north_m: float, up_m: float) -> Flight:
 
 
 def search_scenario(seed: int = 1, *, coded: bool = False) -> Scenario:
-    """Create the world of ``uavrt demo --search``: three animals, one of them walking."""
+    """Create the world of ``uavrt demo --search``: three animals, one of them walking.
+
+    The drone hovers above home until it is commanded. An antenna pointed at an animal receives
+    its tag from there; one pointed away hardly does.
+    """
     places = ((150.0, 90.0), (-40.0, 170.0), (-120.0, -130.0))
     worn = _tags(SHORTEST_S)
     if coded:

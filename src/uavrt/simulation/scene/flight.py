@@ -61,7 +61,11 @@ class VehicleState:
 
 
 def _progress(time_share: float, ease: float) -> tuple[float, float, float]:
-    """Fraction of a leg's path, its first and second derivative, with smooth ends."""
+    """Fraction of a leg's path, its first and second derivative, with smooth ends.
+
+    The speed rises as 3x² - 2x³ during the first fraction `ease` of the time, and falls in the
+    same way in the last.
+    """
     top = 1.0 / (1.0 - ease)
     if time_share <= 0.0:
         return 0.0, 0.0, 0.0
@@ -87,7 +91,10 @@ def _wobble(flight: Flight, elapsed_s: float, height_m: float, phase: float) -> 
 
 
 def vehicle_state(flight: Flight, elapsed_s: float) -> VehicleState:
-    """Compute the drone's state, tilted as a multirotor, at a time of the flight [s]."""
+    """Compute the drone's state, tilted as a multirotor, at a time of the flight [s].
+
+    Roll and pitch are those of a multirotor that needs thrust against acceleration and drag.
+    """
     place = (flight.north_m, flight.east_m, flight.height_m)
     heading = flight.heading_deg
     velocity = acceleration = (0.0, 0.0, 0.0)

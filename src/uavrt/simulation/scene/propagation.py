@@ -143,7 +143,10 @@ def _rays(
     *,
     horizontal: bool,
 ) -> Iterator[tuple[geometry.Vector, complex]]:
-    """Real and mirrored sources seen from the antenna, each with its reflection factor."""
+    """Real and mirrored sources seen from the antenna, each with its reflection factor.
+
+    The reflecting ground is a plane through the ground beneath tag and antenna.
+    """
     yield tag, 1.0
     if propagation.model == "two_ray":
         over_ground = math.hypot(tag[0] - antenna[0], tag[1] - antenna[1])

@@ -62,7 +62,11 @@ def noise_psd_dbm_hz(scenario: Scenario) -> float:
 
 
 def full_scale_factor(scenario: Scenario, gain: int | None = None) -> float:
-    """Amplitude of the samples [full scale] for 1 mW at the antenna connector."""
+    """Amplitude of the samples [full scale] for 1 mW at the antenna connector.
+
+    A wave of power P has the amplitude noise_rms·√(P / (N₀·fs)) at any sample rate, from the
+    level of the noise in the samples.
+    """
     radio = scenario.radio
     noise_mw = 10.0 ** (noise_psd_dbm_hz(scenario) / 10.0) * radio.sample_rate_hz
     steps = (radio.gain if gain is None else gain) - 21

@@ -155,7 +155,11 @@ class Ledger(Generic[R]):
                 yield name, fault
 
     def _remove_strays(self) -> None:
-        """Remove tables without a row, unless rows were set aside that may own them."""
+        """Remove tables without a row, unless rows were set aside that may own them.
+
+        If this or an interrupted run set damaged rows aside, the tables stay, since they may
+        belong to those rows. Files of other programs stay.
+        """
         unreadable = (self._output / ASIDE / self._directory.name).exists()
         known = {name for held in self._files.values() for name in held}
         for table in self._tables:

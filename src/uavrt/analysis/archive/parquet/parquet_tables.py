@@ -196,7 +196,10 @@ def need_pyarrow() -> None:
 
 
 def schema_of(record: type, *, flight: bool = False) -> "pa.Schema":
-    """Parquet schema of a record type, with times also as timestamps (``start_utc``)."""
+    """Parquet schema of a record type, with times also as timestamps (``start_utc``).
+
+    Pulses also get recording and cell. `flight` adds the flight's name to rows without it.
+    """
     import pyarrow as pa
 
     types: dict[str, Any] = {
@@ -225,7 +228,10 @@ def schema_of(record: type, *, flight: bool = False) -> "pa.Schema":
 
 
 def _for_pandas(kinds: Mapping[str, str]) -> str:
-    """Metadata that makes pandas keep the column types despite nulls."""
+    """Metadata that makes pandas keep the column types despite nulls.
+
+    See https://pandas.pydata.org/docs/development/developer.html.
+    """
     columns = [
         {
             "name": name,

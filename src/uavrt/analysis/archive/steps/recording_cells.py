@@ -35,7 +35,10 @@ def cells_of(
     cell_s: float = CELL_S,
     lead_in_s: float = LEAD_IN_S,
 ) -> list[Cell]:
-    """Divide a recording's `segments` into cells, each with a lead-in that is also read."""
+    """Divide a recording's `segments` into cells, each with a lead-in that is also read.
+
+    Cells are counted from the first sample, and lost samples count as time.
+    """
     held = [one for one in segments if one.count]
     if not held:
         return []

@@ -18,7 +18,10 @@ PLACING_STEPS = ("attach", "bearing", "localize")
 
 
 def step_keys(task: FlightTask) -> tuple[dict[str, str], dict[str, str]]:
-    """Keys of all inputs of a flight's steps, for an antenna with a pattern and a monopole."""
+    """Keys of all inputs of a flight's steps, for an antenna with a pattern and a monopole.
+
+    They depend on the flight's present files, its pulses and the settings.
+    """
     how = task.settings
     asked = [] if how.antenna is None else [Path(how.antenna)]
     estimated = task.track is not None and task.clock_offset_s is None

@@ -43,7 +43,10 @@ def run_tasks(
     should_stop: Callable[[], bool] = lambda: False,
     on_done: Callable[[int], None] = lambda _count: None,
 ) -> Iterator[tuple[int, R]]:
-    """Run tasks in `workers` processes; yields number and result of each when done."""
+    """Run tasks in `workers` processes; yields number and result of each when done.
+
+    With one worker, this process does the work.
+    """
     if workers <= 1:
         for number, task in enumerate(tasks):
             result = run_here(task, should_stop, on_done)
@@ -96,7 +99,10 @@ def run_in_pool(
     should_stop: Callable[[], bool],
     on_done: Callable[[int], None],
 ) -> Generator[tuple[int, R], None, Unfinished]:
-    """Run tasks in a pool, yield them when done, and return the unfinished ones."""
+    """Run tasks in a pool, yield them when done, and return the unfinished ones.
+
+    If the run is to stop, tasks in progress are abandoned, to be done by the next run.
+    """
     undone, queue = dict.fromkeys(numbers), iter(numbers)
     running: dict[Future[R | None], int] = {}
     broken, reported = False, 0

@@ -100,7 +100,10 @@ class Bursts:
         self._kept = held
 
     def around(self, track: Track, found: Measured) -> BurstRates:
-        """Rates of bursts of others around an expected pulse of a track."""
+        """Rates of bursts of others around an expected pulse of a track.
+
+        The track's own pulses are excluded.
+        """
         time_s, row, power = self._kept
         if not len(time_s):
             return QUIET
@@ -227,6 +230,9 @@ class Bursts:
 
 
 def beyond_noise(count: int, expected: float) -> float:
-    """Number of bursts above the noise's expected number; 0 within a margin."""
+    """Number of bursts above the noise's expected number; 0 within a margin.
+
+    Without the margin, half of the real single-pulse groups were held back.
+    """
     more = count - expected
     return more if more > BURSTS.noise_sigmas * expected**0.5 else 0.0

@@ -10,7 +10,11 @@ from uavrt.detection.track.tuning import GHOSTS
 def by_chance(
     together: int, pulses: int, *, near_s: float, interval_s: float, uncertainty_s: float
 ) -> float:
-    """Probability that pulses of a tag coincide by chance with another transmitter's."""
+    """Probability that pulses of a tag coincide by chance with another transmitter's.
+
+    Either two lattices drift past each other slowly, with any phase and any difference of
+    intervals within the uncertainty; or pulses coincide one by one.
+    """
     window_s = min(2.0 * near_s, interval_s)
     single = window_s / interval_s
     one_by_one = _at_least(together, pulses, single)

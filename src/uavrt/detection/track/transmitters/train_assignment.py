@@ -49,7 +49,10 @@ def best_assignment(able: Sequence[Mapping[int, float]]) -> list[int | None]:
 
 
 class _AssignmentSoFar:
-    """Best assignment of the trains so far, by prices of the tags."""
+    """Best assignment of the trains so far, by prices of the tags.
+
+    Each tag has a price. With prices deducted, no train gains by another tag or by none.
+    """
 
     def __init__(self, able: Sequence[Mapping[int, float]]) -> None:
         self._able = able
@@ -128,7 +131,10 @@ def losses(
 def _path_losses(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None], owner: Mapping[int, int]
 ) -> NDArray[np.float64]:
-    """Minimum loss from a train that lost its tag to a tag that is freed."""
+    """Minimum loss from a train that lost its tag to a tag that is freed.
+
+    The last row and column stand for unassigned tags and for trains without a tag.
+    """
     free = len(able)
     loss_of = np.full((free + 1, free + 1), np.inf)
     np.fill_diagonal(loss_of, 0.0)

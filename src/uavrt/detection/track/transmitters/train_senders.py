@@ -62,7 +62,10 @@ def interval_separation(one: Tag, two: Tag) -> "IntervalSeparation":
 
 
 def small_ratio(one: Tag, two: Tag) -> tuple[int, int] | None:
-    """Small ratio (2:1, 3:1, 3:2) that two tags' intervals may have; or None."""
+    """Small ratio (2:1, 3:1, 3:2) that two tags' intervals may have; or None.
+
+    The longer to the shorter: 2 to 1, 3 to 1 or 3 to 2; common pulses then fit both tags.
+    """
     pairs = [
         ((a, _bound_s(one, a)), (b, _bound_s(two, b)))
         for a in one.pulse_intervals_s
@@ -193,7 +196,11 @@ class Senders(Generic[H]):
     def _drop_begun_by_others(
         self, trains: list[Train[H]], given: list[tuple[Train[H], int, tuple[int, ...], bool]]
     ) -> bool:
-        """Drop tracks that were begun or just confirmed only by pulses of other tags."""
+        """Drop tracks that were begun or just confirmed only by pulses of other tags.
+
+        One strong pulse and the largest noise an interval before and after it make a group of
+        any tag. Another strong pulse on its lattice would confirm the group.
+        """
         dropped: set[int] = set()
         unsettled = [
             (detector, track, slots)

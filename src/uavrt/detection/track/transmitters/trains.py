@@ -119,7 +119,10 @@ class KnownPulse:
 
 
 def merge_tracks(detectors: Iterable[H]) -> list[Train[H]]:
-    """Merge the tracks of the same pulses into trains, a fast tag's tracks first."""
+    """Merge the tracks of the same pulses into trains, a fast tag's tracks first.
+
+    A fast tag's track comes before those of twice its interval, which share its pulses.
+    """
     trains: list[Train[H]] = []
     near: dict[int, list[tuple[H, Track, int]]] = {}
     """Tracks by frequency, each with the index of its train."""
@@ -144,7 +147,11 @@ def merge_tracks(detectors: Iterable[H]) -> list[Train[H]]:
 
 
 def made_of_other_trains(trains: Sequence[Train[H]], *, near_ns: float) -> list[Train[H]]:
-    """Find the trains with hardly any pulse that is not another train's."""
+    """Find the trains with hardly any pulse that is not another train's.
+
+    A lattice may coincide with other trains: one of 1254 ms has every second pulse of one of
+    1881 ms.
+    """
     found: list[Train[H]] = []
     confirmed = sorted(
         (train for train in trains if train.confirmed), key=lambda train: train.frequency_hz

@@ -123,7 +123,11 @@ class ConnectionInbox:
             }
 
     def payload(self, payload_type: int, payload: bytes, peer: Peer) -> None:
-        """Handle a payload by its row in the table of link messages, sealed ones first."""
+        """Handle a payload by its row in the table of link messages, sealed ones first.
+
+        Sealed (authenticated) messages are checked first, so a flood of unsealed messages
+        cannot block them. Rate limits apply only to messages without a valid seal.
+        """
         if payload_type == SEALED_TYPE:
             opened = self.stations.gate.open(payload, peer.place, self._link.place)
             if opened is not None:

@@ -103,7 +103,11 @@ class GroundStations:
             self._link.tunnel.send_tunnel(session, Priority.ACK, peer, SESSION_TYPE)
 
     def announce_session(self, now_ns: int) -> None:
-        """Announce, once a second, the session in which sealed commands are valid."""
+        """Announce, once a second, the session in which sealed commands are valid.
+
+        The announcement is valid only under the drone's present number. So none is made before
+        that number is known and a ground station was received: it would wait in a queue.
+        """
         component = self._link.component
         ready = component.discovery.known and component.has_number(now_ns)
         if not ready or now_ns < self._next_session_ns:

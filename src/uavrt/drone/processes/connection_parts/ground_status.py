@@ -1,4 +1,8 @@
-"""Status messages for the ground, each kind at its rate: heartbeat, detectors, texts, load."""
+"""Status messages for the ground, each kind at its rate: heartbeat, detectors, texts, load.
+
+Part of the connection process. The link may carry only 1200 bytes a second, so each kind of
+message has its own rate.
+"""
 
 import os
 import shutil
@@ -178,7 +182,10 @@ class GroundStatus:
             self._sender.send_tunnel(payload, Priority.STATUS)
 
     def _report_computer(self) -> None:
-        """Report load and free space: the last measured one while the disk is not answering."""
+        """Report load and free space: the last measured one while the disk is not answering.
+
+        A pending query is not repeated, because many queries would delay file transfers later.
+        """
         asked = not self._asking
         if asked:
             self._asking = True

@@ -1,4 +1,7 @@
-"""SNR and pulse count of each tag as MAVLink named values, for other ground stations."""
+"""SNR and pulse count of each tag as MAVLink named values, for other ground stations.
+
+The values are sent at a low rate, and only when no pulse waits.
+"""
 
 from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Mapping

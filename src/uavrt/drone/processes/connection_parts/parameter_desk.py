@@ -1,4 +1,9 @@
-"""Parameters of the drone, which ground stations can list and the supervisor sets."""
+"""Parameters of the drone, which ground stations can list and the supervisor sets.
+
+Connects MAVLink parameters (`uavrt.link.mavlink.services.parameter_service`) to the table of
+settings (`uavrt.config.parameters`) and the supervisor, which alone changes them. Part of the
+connection process.
+"""
 
 from collections import OrderedDict
 from collections.abc import Callable
@@ -105,7 +110,10 @@ class ParameterDesk:
         self.receive(request, peer, refusal, request_id, sealed=True)
 
     def reply(self, reply: CommandReply) -> None:
-        """Send the present value of a parameter, and the supervisor's reason if refused."""
+        """Send the present value of a parameter, and the supervisor's reason if refused.
+
+        Changed settings arrive before the reply, so the value is the new one.
+        """
         name, peer = self._pending.pop(reply.request_id, (None, None))
         if name is None or peer is None:
             return

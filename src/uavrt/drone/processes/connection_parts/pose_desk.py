@@ -1,4 +1,7 @@
-"""Collect the vehicle's poses, record them, and add the antenna's pose to each pulse."""
+"""Collect the vehicle's poses, record them, and add the antenna's pose to each pulse.
+
+Attitude and position come from the autopilot, or from the station itself (`own_pose`).
+"""
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress

@@ -1,4 +1,9 @@
-"""Deliver pulses to the ground: queue them, send them, and read unsent ones from disk."""
+"""Deliver pulses to the ground: queue them, send them, and read unsent ones from disk.
+
+Connects the sender (`uavrt.link.tunnel.pulses.reliable`) to the flight's database
+(`uavrt.flight.database.spool`). Part of the connection process. `Disk` reads the database, so
+that a slow disk does not delay queued pulses.
+"""
 
 from collections import OrderedDict, deque
 from collections.abc import Callable, Collection, Sequence
@@ -53,7 +58,10 @@ class PulseOutlet:
         self.receipts = 0
 
     def flight(self, directory: str, *, resumed: bool = False) -> None:
-        """Begin a flight, or resume it after a restart of this process."""
+        """Begin a flight, or resume it after a restart of this process.
+
+        A new flight is not read yet, because the recorder is creating its database.
+        """
         if directory not in self._flights:
             self._flights.append(directory)
         if resumed:

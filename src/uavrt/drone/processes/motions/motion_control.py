@@ -1,4 +1,8 @@
-"""Send the motion commands that the authority permits, until control ends."""
+"""Send the motion commands that the authority permits, until control ends.
+
+The authority (`uavrt.guidance`) decides from the autopilot's messages whether a command may be
+sent. An operator ends control by *Take back*.
+"""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass

@@ -19,7 +19,10 @@ MOST_POSES = 200
 
 
 class AwaitedPoses:
-    """Pulses that wait for a pose, and a check for poses that will never arrive."""
+    """Pulses that wait for a pose, and a check for poses that will never arrive.
+
+    A pose counts as lost once the pose of a later pulse has arrived, or after `patience_s`.
+    """
 
     def __init__(self, patience_s: float) -> None:
         self._patience_s = patience_s

@@ -1,4 +1,7 @@
-"""Raw capture: record the radio's decimated band for a set time, instead of detection."""
+"""Raw capture: record the radio's decimated band for a set time, instead of detection.
+
+The capture runs in the receiver process, in place of the receiver.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace

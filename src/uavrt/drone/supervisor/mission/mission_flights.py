@@ -65,7 +65,11 @@ class Flights:
         """True while a flight's last pulses are recorded; no flight can begin meanwhile."""
 
     def resume(self, saved: SavedState) -> SystemState | None:
-        """Resume the flight of an earlier supervisor; return its state, None without one."""
+        """Resume the flight of an earlier supervisor; return its state, None without one.
+
+        Within one boot the flight keeps its clock. After a restart of the computer a new flight
+        with a new clock begins; see `RESUME_WITHIN_S`.
+        """
         flight = saved.flight
         same_boot = saved.boot_id == boot_id()
         self.last.extend(d for d in saved.last_flights if same_boot or _recent(d))

@@ -239,7 +239,11 @@ class Mission:
         return words
 
     def _has_no_list(self, command: Command) -> bool:
-        """True if a start needs the last complete list of tags to be loaded first."""
+        """True if a start needs the last complete list of tags to be loaded first.
+
+        Another station's unfinished upload is replaced only on a sealed (authenticated)
+        command, or after that station was silent for a minute.
+        """
         if self.state is SystemState.RECEIVING_TAGS:
             alone = self.settings.now.mavlink.first_commands
             return alone and self.commander.name != command.source

@@ -22,7 +22,10 @@ TIMEOUT_S = 7.5
 
 
 class RadioTest:
-    """A running test of the radio, created where child processes are tracked."""
+    """A running test of the radio, created where child processes are tracked.
+
+    Wait for its answer in a thread.
+    """
 
     def __init__(self, settings: RadioSettings) -> None:
         question = msgspec.json.encode(settings).decode()

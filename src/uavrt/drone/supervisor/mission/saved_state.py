@@ -47,7 +47,10 @@ class StateStore(KeptFile[SavedState]):
         self._lock: int | None = None
 
     def claim(self) -> None:
-        """Lock the directory; raises `ConfigError` if another supervisor holds the lock."""
+        """Lock the directory; raises `ConfigError` if another supervisor holds the lock.
+
+        The kernel releases the lock when this process ends.
+        """
         import fcntl  # not where Windows runs the page, which reads the state
 
         try:

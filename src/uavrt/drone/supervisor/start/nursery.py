@@ -147,7 +147,11 @@ def place_descriptors(fds: list[int], places: list[int]) -> None:
 
 
 def set_process_name(name: str, module: str) -> None:
-    """Change the process name in ``top`` and the command line in ``ps``, see proc(5)."""
+    """Change the process name in ``top`` and the command line in ``ps``, see proc(5).
+
+    The arguments are in the process's own memory (arg_start and arg_end of proc(5)); Python has
+    copied them.
+    """
     ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_NAME, name.encode()[:15], 0, 0, 0)
     with suppress(OSError, ValueError, IndexError):
         with open("/proc/self/stat", encoding="utf-8", errors="replace") as file:

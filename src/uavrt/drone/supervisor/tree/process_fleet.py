@@ -223,7 +223,10 @@ class Fleet:
             self._exempt.discard(pid)
 
     def _end_orphans(self) -> None:
-        """Kill processes that a killed child has left behind, such as a radio program."""
+        """Kill processes that a killed child has left behind, such as a radio program.
+
+        One that hangs in the kernel, as on a USB device, ends later, without a wait.
+        """
         known = {i.child.pid for i in self._instances.values() if i.child is not None}
         if self._launcher.pid is not None:
             known.add(self._launcher.pid)

@@ -45,7 +45,9 @@ async def ask(link: GroundLink, request: MotionRequest) -> MotionState:
 
 
 async def confirm(link: GroundLink, offer: MotionState, *, sticks_unseen: bool) -> MotionState:
-    """Confirm a proposed order; without an answer the drone is stopped. Raises as `ask`."""
+    """Confirm a proposed order; without an answer the drone is stopped. Raises as `ask`.
+    The first error is raised. If the stop is not answered either, that error is its cause.
+    """
     number = new_number()
     confirmation = MotionConfirmation(
         request_id=number,

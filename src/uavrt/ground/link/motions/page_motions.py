@@ -1,4 +1,8 @@
-"""Request, confirm and stop motions of the drone for the page; the drone decides."""
+"""Request, confirm and stop motions of the drone for the page; the drone decides.
+
+The drone decides, and reports what it would fly; this module only passes messages. Previews use
+the same functions with which the drone plans.
+"""
 
 import asyncio
 import itertools

@@ -18,7 +18,10 @@ NUMBERED_FROM = 2**31
 
 
 class CommandEncoder:
-    """Encodes commands for one protocol version of the drone."""
+    """Encodes commands for one protocol version of the drone.
+
+    In G2 each command gets a request id, never 0.
+    """
 
     def __init__(self, generation: Generation) -> None:
         self._generation: Generation = generation
@@ -26,7 +29,11 @@ class CommandEncoder:
         self._last_id = random.randrange(1, NUMBERED_FROM)
 
     def upload(self, tags: Sequence[Tag]) -> list[bytes]:
-        """Encode the messages of a tag upload, in order; raises `LinkError` if impossible."""
+        """Encode the messages of a tag upload, in order; raises `LinkError` if impossible.
+
+        The first message begins the upload, each tag has one, and the last ends it. A coded
+        tag's message has type `CODED_TAG_TYPE`, all others type 0.
+        """
         coded = [tag.tag_id for tag in tags if tag.coded]
         if coded and self._generation == "G0":
             raise LinkError(

@@ -61,7 +61,10 @@ _WORDS = {
 
 
 class Guard:
-    """ASGI middleware: hosts (and own addresses), origins, password, security headers."""
+    """ASGI middleware: hosts (and own addresses), origins, password, security headers.
+
+    IP addresses of this machine are allowed if a password is set.
+    """
 
     def __init__(
         self, app: ASGIApp, *, hosts: frozenset[str] = frozenset(), password: str | None = None

@@ -15,7 +15,11 @@ digits (36⁸) last 4 years."""
 
 
 class PasswordLimit:
-    """Limits wrong passwords to five a minute per address, never the right one."""
+    """Limits wrong passwords to five a minute per address, never the right one.
+
+    The right password is never delayed by other addresses' guesses. A browser with the cookie
+    needs no password.
+    """
 
     def __init__(self, now_s: Callable[[], float] = monotonic_s) -> None:
         self._now_s = now_s

@@ -34,7 +34,11 @@ class TagApi:
         return tag_table.rows_from_tags(self._vehicle.store.tags)
 
     async def put(self, request: Request) -> Any:
-        """Store the tag table if it has no faults, and is as ``If-Match`` says, if given."""
+        """Store the tag table if it has no faults, and is as ``If-Match`` says, if given.
+
+        ``If-Match: "VERSION"`` stores it only if the table still has that version, since
+        another page may have changed it.
+        """
         rows = await json_body(request)
         tags, faults = await self._worker.call(tag_table.tags_from_rows, rows)
         if faults:

@@ -16,7 +16,10 @@ YAW = "yaw_deg"
 def chosen_columns(
     cells: NDArray[np.float64], columns: tuple[str, ...], names: str | None
 ) -> Response:
-    """Response of the requested columns as little-endian float64, all by default."""
+    """Response of the requested columns as little-endian float64, all by default.
+
+    May include ``yaw_deg``; None: all columns.
+    """
     wanted = columns if names is None else tuple(names.split(","))
     unknown = set(wanted) - {*columns, YAW}
     if unknown:

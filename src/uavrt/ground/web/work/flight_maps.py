@@ -1,4 +1,8 @@
-"""Results about a whole flight after its end: tags found in its samples, coverage maps."""
+"""Results about a whole flight after its end: tags found in its samples, coverage maps.
+
+Both use the functions of ``uavrt integrate`` and ``uavrt coverage``. `map_jobs` makes the
+coverage map; the page polls until it is ready.
+"""
 
 import math
 from dataclasses import asdict, dataclass

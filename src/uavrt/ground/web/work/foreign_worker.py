@@ -41,7 +41,10 @@ _ENDS = {
 
 
 class ForeignWorker:
-    """Calls module-level functions in another process, with limits on time and memory."""
+    """Calls module-level functions in another process, with limits on time and memory.
+
+    Functions must be on module level; arguments and results must be picklable.
+    """
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
@@ -211,7 +214,11 @@ def _plain(error: UavrtError) -> type[UavrtError]:
 
 
 def _limit() -> None:
-    """Limit this process's CPU time and memory by the kernel, except on Windows."""
+    """Limit this process's CPU time and memory by the kernel, except on Windows.
+
+    Windows has no such limits, and macOS none for memory; there only the timer of `_asked` ends
+    the process.
+    """
     try:
         import resource
     except ImportError:

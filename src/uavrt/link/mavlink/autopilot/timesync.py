@@ -147,7 +147,10 @@ class TimeSync:
         self._line = self._fit()
 
     def add_one_way(self, remote_ns: int, received_ns: int) -> None:
-        """Handle a boot time of an autopilot that does not answer TIMESYNC."""
+        """Handle a boot time of an autopilot that does not answer TIMESYNC.
+
+        The smallest differences of the last seconds are the offset plus the shortest delay.
+        """
         offset = received_ns - remote_ns
         if not self._one_way or received_ns - self._one_way_bin_ns >= ONE_WAY_BIN_NS:
             self._one_way_bin_ns = received_ns
@@ -167,7 +170,10 @@ class TimeSync:
         return remote_ns + self._least_offset(remote_ns + bound[-1][1])
 
     def _least_offset(self, at_ns: int) -> int:
-        """Offset at a time, by the lower bound of the messages' offsets and its slope."""
+        """Offset at a time, by the lower bound of the messages' offsets and its slope.
+
+        The slope follows from the messages of smallest delay in the first and second half.
+        """
         points = list(self._one_way)
         half = len(points) // 2
         early = min(points[:half], key=lambda point: point[1])
@@ -193,7 +199,12 @@ class TimeSync:
         return abs(self._error_ns(trip)) > allowed or fell
 
     def _fit(self) -> tuple[int, int, float]:
-        """Fit the line through the shortest round trips; of equal ones the newest counts."""
+        """Fit the line through the shortest round trips; of equal ones the newest counts.
+
+        First the shortest trip of every 2 s (initially of less) is taken, then the shortest of
+        these, so that they spread over the window. While the span is too short for a skew, the
+        line goes through the shortest trip with the previous skew, at first 0.
+        """
         shortest: dict[int, RoundTrip] = {}
         span_ns = self._trips[-1].local_ns - self._trips[0].local_ns
         piece_ns = min(BIN_NS, span_ns // 6 + 1)

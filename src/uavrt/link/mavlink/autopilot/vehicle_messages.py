@@ -167,7 +167,11 @@ def _failing(message: dialect.SysStatus, now_s: float) -> Iterator[FailsafeSeen]
 
 
 def command_message(command: VehicleCommand, system_id: int) -> Message:
-    """Make the message of a command to the autopilot; DO_REPOSITION by COMMAND_INT."""
+    """Make the message of a command to the autopilot; DO_REPOSITION by COMMAND_INT.
+
+    DO_REPOSITION goes by COMMAND_INT in GLOBAL_INT, which both autopilots interpret correctly;
+    other commands by COMMAND_LONG.
+    """
     number = MavCmd[command.name]
     head: dict[str, Any] = {
         "target_system": system_id,

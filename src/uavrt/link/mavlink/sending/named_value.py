@@ -8,7 +8,11 @@ _DIGITS = string.digits + string.ascii_uppercase
 
 
 def value_name(kind: str, tag_id: int) -> str:
-    """Name of a tag's value, such as ``SNR_2``; long ids are in base 36 (``SNRLFLS``)."""
+    """Name of a tag's value, such as ``SNR_2``; long ids are in base 36 (``SNRLFLS``).
+
+    Ten bytes hold an id of six digits. A longer id is written in base 36 without the underscore
+    (``SNRLFLS`` is tag 1 000 000).
+    """
     if tag_id < DECIMAL_BELOW:
         return f"{kind}_{tag_id}"
     digits = ""

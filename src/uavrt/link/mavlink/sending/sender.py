@@ -1,4 +1,7 @@
-"""Send messages to the ground: choose the link and the time."""
+"""Send messages to the ground: choose the link and the time.
+
+`PacedSender` sends over one link; `TunnelSender` has one for each link and chooses.
+"""
 
 import asyncio
 from collections import deque
@@ -99,7 +102,11 @@ class PacedSender:
             self._pump()
 
     def _pump(self) -> None:
-        """Send the messages that may be sent now; set a timer for the next one."""
+        """Send the messages that may be sent now; set a timer for the next one.
+
+        Timers cost less than a task, whose wake-ups at 200 messages a second cost more than the
+        messages.
+        """
         self._cancel_timer()
         while (wait_ns := self._queue.wait_ns(now_ns := self._clock_ns())) is not None:
             if wait_ns == 0 and self._may_send():

@@ -15,7 +15,11 @@ MAX_CHUNKS = 8
 
 
 def chunks_of(text: str, severity: int, text_id: int) -> list[Statustext]:
-    """Cut a text of at most 400 bytes into STATUSTEXT messages, between characters."""
+    """Cut a text of at most 400 bytes into STATUSTEXT messages, between characters.
+
+    A longer one has an id and numbered pieces; the last piece is shorter than 50 bytes, or
+    empty.
+    """
     pieces, piece = [], b""
     for character in text.replace("\0", " "):
         encoded = character.encode(errors="replace")
@@ -35,7 +39,10 @@ def chunks_of(text: str, severity: int, text_id: int) -> list[Statustext]:
 
 
 class TextLimiter:
-    """Limits uncritical texts: ten at once, then one in 2 s, no repetition within 10 s."""
+    """Limits uncritical texts: ten at once, then one in 2 s, no repetition within 10 s.
+
+    A fault that repeats must not fill the radio link. Critical and worse texts always go.
+    """
 
     def __init__(self) -> None:
         self._tokens = float(TEXT_BURST)

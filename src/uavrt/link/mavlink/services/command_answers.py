@@ -33,7 +33,11 @@ def answer_command(
     bytewise: bool = True,
     metadata: Metadata | None = None,
 ) -> list[Message]:
-    """Return the messages that answer a command; one to all only if it is served here."""
+    """Return the messages that answer a command; one to all only if it is served here.
+
+    A command to all components is answered only if this one serves it. A ground station could
+    take "not supported" for the autopilot's refusal of a take-off.
+    """
     asked = _asked_message(message)
     if asked == dialect.ComponentMetadata.ID and metadata is not None:
         return [

@@ -449,7 +449,11 @@ class FileServer:
             self._disk(partial(close, session.file), _nothing)
 
     def _room_for(self, peer: Peer, now_ns: int) -> bool:
-        """True if a client may open another file, if need be by closing an old session."""
+        """True if a client may open another file, if need be by closing an old session.
+
+        Idle sessions are closed first. Then the client with the most sessions, if it has more
+        than one, loses the one unused for longest.
+        """
         if len(self._sessions) < MAX_SESSIONS:
             return True
         held = Counter(holder for holder, _ in self._sessions)

@@ -48,7 +48,11 @@ class ParameterServer:
         self._bytewise = bytewise
 
     def receive(self, message: Requests) -> list[dialect.ParamValue] | ParameterChange:
-        """Handle a request; return the answers, or the requested change."""
+        """Handle a request; return the answers, or the requested change.
+
+        A request for an unknown name or index is not answered, because it may mean a parameter
+        of the autopilot.
+        """
         match message:
             case dialect.ParamRequestList():
                 return [self.value(name) for name in self._names]
@@ -75,7 +79,11 @@ class ParameterServer:
 
 
 def encode_value(value: float, kind: int, bytewise: bool) -> float:
-    """Encode a value for the float field of a parameter message."""
+    """Encode a value for the float field of a parameter message.
+
+    An integer below -2**22 or from 0x7F800001 would be a signalling NaN there, which Python
+    does not preserve; no parameter of uavrt needs such values.
+    """
     layout = _FORMATS.get(kind)
     if layout is None or not bytewise:
         return value

@@ -168,7 +168,10 @@ def domain_id_of(settings: Ros2Settings, environment: Mapping[str, str]) -> int:
 
 
 def reach_of(environment: Mapping[str, str]) -> Reach:
-    """Network reach that ROS 2's variables allow, limited to that of `interfaces`."""
+    """Network reach that ROS 2's variables allow, limited to that of `interfaces`.
+
+    ROS_LOCALHOST_ONLY (Humble) overrides ROS_AUTOMATIC_DISCOVERY_RANGE, as in ROS 2.
+    """
     if environment.get("ROS_LOCALHOST_ONLY", "").strip() == "1":
         return "computer"
     text = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").strip()
@@ -190,7 +193,11 @@ def reach_of(environment: Mapping[str, str]) -> Reach:
 def cyclone_config(
     interfaces: tuple[str, ...], reach: Reach = "interfaces", warnings_path: str = ""
 ) -> str:
-    """Make Cyclone DDS's configuration for the loopback and the given interfaces."""
+    """Make Cyclone DDS's configuration for the loopback and the given interfaces.
+
+    The loopback is always included, and named as a peer, so that ROS 2 bound to it is found.
+    Only participants with the same tag find each other.
+    """
     wanted = interfaces if reach == "interfaces" else ()
     named = "".join(f"<NetworkInterface name={quoteattr(name)}/>" for name in wanted)
     tracing = (
@@ -385,7 +392,11 @@ class Participant:
                 time.sleep(READ_PAUSE_S)
 
     def _read_once(self) -> None:
-        """Take the messages of all readers, with those arriving meanwhile, in sending order."""
+        """Take the messages of all readers, with those arriving meanwhile, in sending order.
+
+        Without this order, the end of an upload could overtake some of its tags, and a start
+        command the end.
+        """
         for _ in range(PASSES):
             found = self._take_all()
             self._learn_senders()
@@ -430,7 +441,10 @@ class Participant:
             self._senders.add_writer(handle, key, writer.topic_name)
 
     def _announced(self, reader: Any) -> Iterator[Any]:
-        """Yield announcements singly, since a name that is not UTF-8 loses those with it."""
+        """Yield announcements singly, since a name that is not UTF-8 loses those with it.
+
+        A name that is not UTF-8 raises, and everything taken together with it is lost.
+        """
         for _ in range(ANNOUNCED_LIMIT):
             try:
                 samples = reader.take(1)

@@ -27,7 +27,11 @@ Ids = tuple[int, int]
 
 
 class Fixed:
-    """Base of messages with a fixed length; the fields are in the order of the layout."""
+    """Base of messages with a fixed length; the fields are in the order of the layout.
+
+    A text is the last field: NUL-terminated, cut to its size. Where several commands have the
+    same layout, the command is the first field.
+    """
 
     __slots__: tuple[str, ...] = ()
     COMMAND: ClassVar[CommandId | None] = None
@@ -70,7 +74,10 @@ Decoders = dict[tuple[int, int], Decoder]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandMessage:
-    """A command with the fields of its row (`uavrt.core.commands`), aligned as in C."""
+    """A command with the fields of its row (`uavrt.core.commands`), aligned as in C.
+
+    Older senders lack fields at the end.
+    """
 
     GENERATION: ClassVar[Generation]
     HEAD: ClassVar[tuple[str, ...]] = ("command",)

@@ -40,7 +40,10 @@ class PulseDelivery:
         return True
 
     def station_came(self) -> None:
-        """Handle a new ground station, for which pulses are read from the database."""
+        """Handle a new ground station, for which pulses are read from the database.
+
+        Pulses not recorded yet are missing there; `recorded` handles them.
+        """
         self._news = set(self._unrecorded)
 
     def recorded(self, key: PulseKey) -> bool:

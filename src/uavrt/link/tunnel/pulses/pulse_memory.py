@@ -54,7 +54,10 @@ class PulseMemory(Generic[T]):
         return len(self._waiting)
 
     def keys(self, store: int) -> set[ItemKey]:
-        """Keys of pulses that need not be read from disk for a store; all for `PLAIN`."""
+        """Keys of pulses that need not be read from disk for a store; all for `PLAIN`.
+
+        Other pulses in memory may be for other stores only, and must be read for this one too.
+        """
         return {
             entry.pulse
             for entry in self._entries.values()

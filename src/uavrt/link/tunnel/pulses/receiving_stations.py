@@ -99,7 +99,11 @@ class Stores:
         return any(self._stores[number].acknowledges for number in numbers)
 
     def must_repeat(self, numbers: Collection[int]) -> bool:
-        """True if a pulse must be sent again, because a confirmed store lacks it."""
+        """True if a pulse must be sent again, because a confirmed store lacks it.
+
+        Stores without any acknowledgement may be made up and must not fill the window; if they
+        exist, they get the pulse from disk.
+        """
         if self.any_confirmed(numbers):
             return True
         for number in numbers:

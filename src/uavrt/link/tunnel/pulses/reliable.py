@@ -186,7 +186,11 @@ class ReliableSender(Generic[T]):
             self.repeats += 1
 
     def _add_twin(self, entry: Entry[T]) -> None:
-        """Send a repetition twice while nothing else waits, since a loss costs a time-out."""
+        """Send a repetition twice while nothing else waits, since a loss costs a time-out.
+
+        With few unacknowledged pulses, each loss costs a time-out. At 20 % loss, 4 % of the
+        pulses would need a second time-out, with twins 0.8 %. The link is idle anyhow.
+        """
         again = entry.sends > 1 and not entry.twin and not self.pulses.waiting
         entry.twin = again and self.stores.any_confirmed(entry.missing_at)
         if entry.twin:

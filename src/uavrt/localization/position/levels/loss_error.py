@@ -19,7 +19,10 @@ _Floats = NDArray[np.floating[Any]]
 
 
 def doubtful_db(lost_db: _Floats) -> _Floats:
-    """Additional loss if the relative error of the losses is 1 [dB] (P.526-15, eq. 31)."""
+    """Additional loss if the relative error of the losses is 1 [dB] (P.526-15, eq. 31).
+
+    Near grazing, some metres of height change a loss by up to 6 dB (P.526-15, equation 31).
+    """
     return np.asarray(
         lost_db - LOSS.grazing_db * np.expm1(lost_db * (-1.0 / LOSS.grazing_fall_db))
     )

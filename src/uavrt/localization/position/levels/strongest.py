@@ -108,7 +108,11 @@ def in_band(track: PowerTrack, band: tuple[float, float]) -> PowerTrack:
 def signal_section(
     track: PowerTrack, latitude_deg: float, longitude_deg: float
 ) -> SignalSection:
-    """Compute the side view of a survey: SNR by height and by distance from a position."""
+    """Compute the side view of a survey: SNR by height and by distance from a position.
+
+    Around the tag a monopole's field is the same in all directions. The side view shows the
+    null above the tag, and the effect of height.
+    """
     heard = ~np.isnan(track.snr_db)
     if len(height_bands(track.height_m[heard])) < 2:
         raise UsageError("a side view needs pulses at two heights", remedy="Fly at two heights")

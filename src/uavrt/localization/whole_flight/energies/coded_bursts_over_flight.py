@@ -208,7 +208,8 @@ def log_ratio_parts(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Density and distribution function of a burst's mean energy, over those of noise.
 
-    The sum over p pulses of strength S is a noncentral chi-square of 2 p degrees of freedom.
+    The sum over p pulses of strength S is a noncentral chi-square of 2 p degrees of freedom
+    (Johnson, Kotz and Balakrishnan 1995, Continuous Univariate Distributions 2, 29).
     """
     total, power = pulses * energy, pulses * strength
     x = 2.0 * np.sqrt(total * power)

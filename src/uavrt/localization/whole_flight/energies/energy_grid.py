@@ -112,7 +112,10 @@ class SlotEnergies:
 
 
 def joined(parts: Sequence[SlotEnergies]) -> SlotEnergies:
-    """Join energies of consecutive parts of a flight, and standardise them as a whole."""
+    """Join energies of consecutive parts of a flight, and standardise them as a whole.
+
+    Columns left out around a part's slots are counted with it.
+    """
     first = parts[0] if parts else None
     if first is None:
         raise ValueError("there are no energies to join")

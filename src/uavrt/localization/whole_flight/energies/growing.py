@@ -1,4 +1,8 @@
-"""Measure slot energies of a flight in progress: each half minute once, then stored."""
+"""Measure slot energies of a flight in progress: each half minute once, then stored.
+
+The energies equal those of a whole recording: a block is measured with its neighbours on both
+sides, and standardised together with all others.
+"""
 
 import math
 
@@ -59,7 +63,11 @@ class GrowingEnergies:
     def take(
         self, samples: NDArray[np.complex64], there: NDArray[np.bool_], start_ns: int
     ) -> int:
-        """Measure the blocks that are complete now; returns their number."""
+        """Measure the blocks that are complete now; returns their number.
+
+        The samples are from `gather`, beginning at or before `needed_from_ns`; samples missing
+        before the first count as gaps.
+        """
         since_s = (start_ns - self._start_ns) / NANOSECONDS_PER_SECOND
         offset = round(since_s * self._rate_hz)
         before = len(self._parts)

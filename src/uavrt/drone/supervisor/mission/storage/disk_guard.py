@@ -46,7 +46,10 @@ class DiskGuard:
             self._card_faults, self._note_failed = 0, False
 
     def check(self) -> list[tuple[int, str]]:
-        """Measure free space, remove flights if needed, check the card; blocks."""
+        """Measure free space, remove flights if needed, check the card; blocks.
+
+        Blocks: call it in a thread.
+        """
         self._note()
         self.free_mb = self._measure()
         texts: list[tuple[int, str]] = []
@@ -111,7 +114,11 @@ class DiskGuard:
         return None
 
     def _removable_flights(self) -> list[Path]:
-        """Removable flights, oldest first: neither newest, starred nor in progress."""
+        """Removable flights, oldest first: neither newest, starred nor in progress.
+
+        A flight counts together with its copies, which are removed first because they contain
+        less.
+        """
         flights = [path for path in flights_in_order(self._directory) if not path.is_symlink()]
         present = None if self._flight is None else self._flight.name
         return [
