@@ -94,8 +94,8 @@ class FlightTuning:
     gain_step_db: float = 3.0
     """Smallest step of the noise that is a change of gain [dB]; smaller ones move little."""
     steady_noise_db: float = 2.0
-    """Range of the noise of so many pulses below which it is steady [dB]; measured densities
-    scatter by 0.3 dB (standard deviation)."""
+    """Range of the noise of `gain_pulses` pulses below which it is steady [dB]. Measured
+    densities scatter by 0.3 dB (standard deviation)."""
 
     live_turn_ns: int = 900_000_000_000
     """Longest duration of a turn in flight [ns]; older poses and pulses are dropped."""

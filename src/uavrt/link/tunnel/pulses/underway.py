@@ -92,7 +92,7 @@ class Underway(Generic[T]):
         return self._by_hash.get(number)
 
     def finished(self, number: int) -> Entry[T] | None:
-        """Pulse with a payload hash that was acknowledged or given up lately, or None."""
+        """Recently acknowledged or abandoned pulse with a payload hash, or None."""
         return self._done.get(number)
 
     def remove(self, entry: Entry[T]) -> None:
