@@ -73,7 +73,11 @@ def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
             noted = dict(zip(names, [*cells, *[""] * len(names)], strict=False))
             rows.append(_noted_row(noted) if names else _row(cells))
         except (ValueError, IndexError) as error:
-            remedy = "A bearings.csv has 10 columns: tag, file, bearing, tau, latitude, …"
+            remedy = (
+                f"The heading names the columns: {', '.join(names)}"
+                if names
+                else "A bearings.csv has 10 columns: tag, file, bearing, tau, latitude, …"
+            )
             raise wrong_line(path, number, error, remedy) from None
     return tuple(rows)
 
