@@ -38,10 +38,12 @@ data = np.frombuffer(sys.stdin.buffer.read(), np.complex64)
 taps = firwin(81, 1 / 8, window="hamming")
 # csdr's output begins when its filter is full: no zeros before the first sample.
 out = upfirdn(taps, data, 1, 8)[10 : data.size // 8].astype(np.complex64).tobytes()
+began = time.monotonic()
 for start in range(0, len(out), 16312):  # 2039 samples, as csdr writes
+    # At the radio's pace; after a pause of a busy computer all that waited comes at once.
+    time.sleep(max(began + start / 3e6 - time.monotonic(), 0.0))
     sys.stdout.buffer.write(out[start : start + 16312])
     sys.stdout.buffer.flush()
-    time.sleep(16312 / 6e6)  # twice as fast as the radio
 """
 # Reads what comes, as netcat does, but cuts where netcat would not: within samples.
 NETCAT = """
