@@ -19,6 +19,7 @@ from uavrt.simulation.demo.search_together import TogetherDemo
 from uavrt.simulation.demo.worlds import flight_world, search_world
 from uavrt.simulation.scene.demo_world import fleet_scenarios
 from uavrt.simulation.scene.scenario import Scenario
+from uavrt.simulation.vehicle.airframe import Flavour
 
 SEARCH_S = 600.0
 
@@ -31,6 +32,7 @@ def demo(
     coded: Annotated[bool, Parameter(negative="")] = False,
     duration: Seconds | None = None,
     seed: Seed | None = None,
+    autopilot: Flavour = "px4",
     flight_dir: Path = Path("flights"),
     port: Port = 0,
     browser: bool = True,
@@ -65,6 +67,8 @@ def demo(
     seed
         Seed of everything random in the simulated world; 1 unless given, or the scenario
         file's.
+    autopilot
+        Autopilot that the simulated one behaves like.
     flight_dir
         Directory in which the flight directory is created.
     port
@@ -86,9 +90,11 @@ def demo(
         limit_s = duration or SEARCH_S
         world = search_world(scenario, limit_s=limit_s, seed=seed, coded=coded)
         if drones > 1:
-            _search_together(drones, world, limit_s, flight_dir, json_summary=json_summary)
+            _search_together(
+                drones, world, limit_s, flight_dir, autopilot, json_summary=json_summary
+            )
         else:
-            _search(world, limit_s, flight_dir, json_summary=json_summary)
+            _search(world, limit_s, flight_dir, autopilot, json_summary=json_summary)
         return
     world = flight_world(scenario, duration_s=duration, seed=seed, coded=coded)
     if picture is not None:
@@ -104,6 +110,7 @@ def demo(
         page_port=port if drones > 1 or (not headless and has_page()) else None,
         on_page=_opener(browser, console),
         on_ros_domain=_print_domain if headless else None,
+        autopilot=autopilot,
     ).run(picture)
     if json_summary:
         print_json({"drones": flown} if drones > 1 else flown[1])
@@ -118,12 +125,20 @@ def demo(
         screen.print(f"flight: {summary.flight_directory}", soft_wrap=True)
 
 
-def _search(world: Scenario, limit_s: float, flight_dir: Path, *, json_summary: bool) -> None:
+def _search(
+    world: Scenario,
+    limit_s: float,
+    flight_dir: Path,
+    autopilot: Flavour,
+    *,
+    json_summary: bool,
+) -> None:
     """Let the drone search by itself; exit with 1 unless it has found all animals."""
     out = sys.stderr if json_summary else sys.stdout
     summary = SearchDemo(
         scenario=world,
         limit_s=limit_s,
+        autopilot=autopilot,
         flight_dir=flight_dir,
         say=lambda line: print(line, file=out, flush=True),
     ).run()
@@ -140,12 +155,19 @@ def _search(world: Scenario, limit_s: float, flight_dir: Path, *, json_summary: 
 
 
 def _search_together(
-    drones: int, world: Scenario, limit_s: float, flight_dir: Path, *, json_summary: bool
+    drones: int,
+    world: Scenario,
+    limit_s: float,
+    flight_dir: Path,
+    autopilot: Flavour,
+    *,
+    json_summary: bool,
 ) -> None:
     """Let several drones search together; exit with 1 unless they have found all animals."""
     out = sys.stderr if json_summary else sys.stdout
     summary = TogetherDemo(
         drones=drones,
+        autopilot=autopilot,
         scenario=world,
         limit_s=limit_s,
         flight_dir=flight_dir,

@@ -35,6 +35,7 @@ from uavrt.simulation.demo.workplace import require_free_port, workplace
 from uavrt.simulation.scene.flight import Flight
 from uavrt.simulation.scene.scenario import Scenario
 from uavrt.simulation.scene.world import World
+from uavrt.simulation.vehicle.airframe import Flavour
 
 START_LEAD_S = 2.5
 """Delay of the simulated world's start after the programs' [s]; these need 1.5 s."""
@@ -94,12 +95,13 @@ class Demo:
         console: Console | None = None,
         on_page: Callable[[str], None] | None = None,
         on_ros_domain: Callable[[int], None] | None = None,
+        autopilot: Flavour = "px4",
     ) -> None:
         self._scenarios, self._duration_s = scenarios, scenarios[0].duration_s
         self._flight_dir, self._page_port = flight_dir, page_port
         self._console, self._on_page = console, on_page
         self._on_ros_domain = on_ros_domain
-        self._rig, self._clock = Rig(), Clock.start()
+        self._rig, self._clock = Rig(autopilot), Clock.start()
         self._drones: list[_Drone] = []
         self._delivered = 0
 

@@ -21,6 +21,7 @@ from uavrt.simulation.demo.rig import Rig, starting_in
 from uavrt.simulation.demo.telling import in_plain_words
 from uavrt.simulation.demo.workplace import workplace
 from uavrt.simulation.scene.scenario import Scenario
+from uavrt.simulation.vehicle.airframe import Flavour
 
 RADIUS_M = 260.0
 WISH_M = 25.0
@@ -139,13 +140,14 @@ class SearchDemo:
         limit_s: float,
         flight_dir: Path,
         say: Callable[[str], None],
+        autopilot: Flavour = "px4",
         among: Among | None = None,
     ) -> None:
         self._among = among
         self.scenario = scenario
         self._limit_s, self._flight_dir = limit_s, flight_dir
         self._say = say
-        self._rig = Rig()
+        self._rig = Rig(autopilot)
         self._seen = _Seen()
 
     def run(self) -> SearchSummary:

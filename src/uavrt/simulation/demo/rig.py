@@ -23,6 +23,7 @@ from uavrt.simulation.demo.demo_programs import (
 )
 from uavrt.simulation.scene.scenario import Scenario
 from uavrt.simulation.scene.scenario_file import write_scenario
+from uavrt.simulation.vehicle.airframe import Flavour
 
 
 def starting_in(scenario: Scenario, seconds: float) -> Scenario:
@@ -55,10 +56,13 @@ class SimulatedDrone:
 
 
 class Rig:
-    """Starts programs, and ends them when its `with` block ends."""
+    """Starts programs, and ends them when its `with` block ends.
 
-    def __init__(self) -> None:
-        self._stack = ExitStack()
+    `flavour`: autopilot that each drone's simulated one behaves like.
+    """
+
+    def __init__(self, flavour: Flavour = "px4") -> None:
+        self._stack, self._flavour = ExitStack(), flavour
 
     def __enter__(self) -> Self:
         return self
@@ -115,6 +119,7 @@ class Rig:
                 paths.directory,
                 "autopilot",
                 *("--scenario", str(paths.scenario), "--system-id", str(system_id)),
+                *("--flavour", self._flavour),
                 *("--companion", f"127.0.0.1:{companion_port}"),
                 *("--ground", f"127.0.0.1:{ground_port}"),
                 *(("--flies", "--path", str(paths.flown)) if flies else ()),

@@ -16,6 +16,7 @@ from uavrt.simulation.demo.rig import Rig
 from uavrt.simulation.demo.workplace import workplace
 from uavrt.simulation.scene.flown_path import FlownPath
 from uavrt.simulation.scene.scenario import Scenario
+from uavrt.simulation.vehicle.airframe import Flavour
 
 STEP_NS = ns_from_s(0.2)
 
@@ -57,7 +58,9 @@ class TogetherDemo:
         limit_s: float,
         flight_dir: Path,
         say: Callable[[str], None],
+        autopilot: Flavour = "px4",
     ) -> None:
+        self._autopilot: Flavour = autopilot
         self._drones, self._scenario, self._limit_s = drones, scenario, limit_s
         self._flight_dir, self._say = flight_dir.resolve(), say
         self._searches: dict[int, SearchDemo] = {}
@@ -103,6 +106,7 @@ class TogetherDemo:
             limit_s=self._limit_s,
             flight_dir=directory,
             say=lambda line: self._say(f"drone {number}: {line}"),
+            autopilot=self._autopilot,
             among=Among(number=number, ground_port=ground_port, start_ns=start_ns),
         )
         try:

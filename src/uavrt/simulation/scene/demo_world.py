@@ -78,12 +78,14 @@ def search_scenario(seed: int = 1, *, coded: bool = False) -> Scenario:
     """Create the world of ``uavrt demo --search``: three animals, one of them walking.
 
     The drone hovers above home until it is commanded. An antenna pointed at an animal receives
-    its tag from there; one pointed away hardly does.
+    its tag from there; one pointed away hardly does. The walking animal stays in the area, so
+    that the drone can pass it on every side.
     """
     places = ((150.0, 90.0), (-40.0, 170.0), (-120.0, -130.0))
-    worn = _tags(SHORTEST_S)
+    lynx, otter, badger = _tags(SHORTEST_S)
+    worn: tuple[SimulatedTag, ...] = (lynx, replace(otter, heading_deg=300.0), badger)
     if coded:
-        lynx, *others = worn
+        _, *others = worn
         worn = (
             lynx,
             *(

@@ -5,12 +5,10 @@ Defaults are those of PX4 1.17 and ArduCopter 4.7. Nearly all take effect after 
 """
 
 from collections.abc import Mapping
-from typing import Literal
 
 from uavrt.link.mavlink.dialect import MavParamType, ParamValue
 from uavrt.link.mavlink.services.parameter_service import ParameterServer, Requests
-
-Flavour = Literal["px4", "ardupilot"]
+from uavrt.simulation.vehicle.airframe import Flavour
 
 COMPANION_PORT, GROUND_PORT = "companion", "ground"
 PX4_DEFAULTS: dict[str, float] = {

@@ -1,7 +1,6 @@
 """Messages of the simulated autopilot about a vehicle that obeys commands."""
 
 from pathlib import Path
-from typing import Literal
 
 from uavrt.core.earth.attitude import from_euler_deg
 from uavrt.core.messages import Pose
@@ -10,6 +9,7 @@ from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.message import Message
 from uavrt.simulation.scene.flown_path import PathWriter
 from uavrt.simulation.scene.geometry import TangentPlane
+from uavrt.simulation.vehicle.airframe import Flavour
 from uavrt.simulation.vehicle.simulated_flying import FlyingVehicle
 from uavrt.simulation.vehicle.vehicle_telemetry import (
     home_message,
@@ -19,7 +19,6 @@ from uavrt.simulation.vehicle.vehicle_telemetry import (
     wind_message,
 )
 
-Flavour = Literal["px4", "ardupilot"]
 STEP_NS = ns_from_s(0.02)
 SLOWEST_NS: dict[str, dict[int, int]] = {
     "px4": {dialect.CurrentMode.ID: ns_from_s(0.5)},

@@ -14,7 +14,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Literal
 
 from uavrt.core.clock import Clock
 from uavrt.core.log import get_logger
@@ -25,6 +24,7 @@ from uavrt.link.mavlink.dialect import MavCmd, MavProtocolCapability, MavResult
 from uavrt.link.mavlink.discovery import GCS_SYSTEM_ID
 from uavrt.link.mavlink.frame import Frame, FrameParser, FrameWriter
 from uavrt.link.mavlink.message import Message
+from uavrt.simulation.vehicle.airframe import Flavour
 from uavrt.simulation.vehicle.autopilot_parameters import (
     COMPANION_PORT,
     GROUND_PORT,
@@ -44,7 +44,6 @@ from uavrt.simulation.vehicle.vehicle_telemetry import home_message
 
 log = get_logger()
 
-Flavour = Literal["px4", "ardupilot"]
 
 BUSY_WAKE_S = 0.004
 """Period of the main loop while messages wait [s]; that of PX4 in simulation."""

@@ -6,13 +6,12 @@ as on PX4 and ArduPilot; a complete new list replaces the old one at once.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal
 
 from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.dialect import MavMissionResult, MavMissionType
 from uavrt.link.mavlink.message import Message
+from uavrt.simulation.vehicle.airframe import Flavour
 
-Flavour = Literal["px4", "ardupilot"]
 Place = tuple[int, int]
 REQUEST_PERIOD_S: dict[Flavour, float] = {"px4": 0.25, "ardupilot": 1.0}
 GIVE_UP_S: dict[Flavour, float] = {"px4": 5.0, "ardupilot": 8.0}
