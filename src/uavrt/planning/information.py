@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from uavrt.localization.position.levels.level_belief import antenna_gain_db
 from uavrt.localization.position.levels.loss_error import LossError, doubtful_db
 from uavrt.localization.position.trackers import Hypotheses, TagPrior
-from uavrt.localization.position.tuning import LOSS, POWER
+from uavrt.localization.position.tuning import POWER, LastingError
 from uavrt.planning.beliefs import TagBelief
 from uavrt.planning.drone_model.drone_motion import Legs
 
@@ -42,7 +42,7 @@ def expected_levels_db(
 ) -> tuple[_Singles, _Singles | float]:
     """Expected level of each hypothesis along paths [dB], (legs, samples, hypotheses).
 
-    The second result is the variance (legs, samples) due to the elevation map [dB²]. Travelling
+    The second result is the variance (legs, samples) of the lasting error [dB²]. Travelling
     hypotheses continue at their velocity; `walked_m`, east and north of each leg and hypothesis
     (legs, 1, hypotheses), is added.
     """
@@ -63,9 +63,13 @@ def expected_levels_db(
     if prior.path_gain is not None:
         level = level + prior.path_gain(dx, dy, listener.above_tags_m)
     wrong2: _Singles | float = 0.0
-    error = LossError.of_columns(some.loss_error)
+    error = LossError.of_columns(prior.lasting_error, some.loss_error)
     if error is not None:
-        doubtful = doubtful_db(np.asarray(lost))
+        doubtful = (
+            np.full_like(level, prior.shadowing_db)
+            if prior.hills is None
+            else doubtful_db(np.asarray(lost))
+        )
         level = level - error.mean * doubtful
         wrong2 = np.mean(error.variance * doubtful**2, axis=2)
     return np.asarray(level, np.float32), wrong2
@@ -131,7 +135,7 @@ class _Pulses:
     per_db2: _Singles
     """(legs, samples) number of pulses divided by the variance of one pulse's level [1/dB²]."""
     alike_db2: _Floats
-    """(legs,) variance of the level common to a leg's pulses, from the elevation map [dB²]."""
+    """(legs,) variance of the level common to a leg's pulses, from a lasting error [dB²]."""
     span_s: _Floats
 
     def as_one(self) -> "_Pulses":
@@ -163,26 +167,28 @@ def _pulses(prior: TagPrior, some: Hypotheses, legs: Legs, listener: Listener) -
     level = np.maximum(level, np.float32(listener.threshold_db))
     pulses = spans / samples / listener.pulse_s * (1.0 - prior.missed_share)
     noise2 = prior.fading_db**2 + _walked_db2(some, legs, spans, listener.above_tags_m)
-    alike2, apart2 = _terrain_variance(wrong2, legs, spans / listener.pulse_s)
+    alike2, apart2 = _lasting_variance(
+        prior.lasting_error, wrong2, legs, spans / listener.pulse_s
+    )
     noise2 = noise2 + apart2
     per_pulse = (pulses[:, None] / noise2).astype(np.float32)
     return _Pulses(level_db=level, per_db2=per_pulse, alike_db2=alike2, span_s=spans)
 
 
-def _terrain_variance(
-    wrong2: _Singles | float, legs: Legs, pulses: _Floats
+def _lasting_variance(
+    law: LastingError | None, wrong2: _Singles | float, legs: Legs, pulses: _Floats
 ) -> tuple[_Floats, _Floats | float]:
-    """Variance by terrain: common to a leg (legs,), and of single pulses (legs, samples) [dB²].
+    """Variance by a lasting error: of a leg (legs,) and of its pulses (legs, samples) [dB²].
 
-    Pulses of a turn in place pass the same hills, so the direction to the tag stays known.
+    Pulses of a turn in place have the same error, so the direction to the tag stays known.
     Along a path the error changes slowly: all pulses of a stretch count as one.
     """
-    if isinstance(wrong2, float):
+    if law is None or isinstance(wrong2, float):
         return np.zeros(len(pulses)), 0.0
     far = np.hypot(np.diff(legs.east_m), np.diff(legs.north_m)).sum(axis=1)
-    alike = np.exp(-far / LOSS.correlation_m)
+    alike = np.exp(-far / law.correlation_m)
     together = np.maximum(
-        pulses * np.minimum(LOSS.correlation_m / np.maximum(far, 1.0), 1.0), 1.0
+        pulses * np.minimum(law.correlation_m / np.maximum(far, 1.0), 1.0), 1.0
     )
     apart2 = ((1.0 - alike) * together)[:, None] * wrong2
     return alike * wrong2.mean(axis=1), apart2

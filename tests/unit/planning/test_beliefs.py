@@ -87,7 +87,7 @@ def test_the_stop_rule_wants_the_circle_and_the_existence_and_the_model() -> Non
 
 def test_pulses_that_do_not_fit_the_place_fail_the_check() -> None:
     belief = TagBelief(1, PRIOR, np.random.default_rng(5), particles=4000)
-    flown_past(belief, there=True, bias_db=14.0, seed=6)
+    flown_past(belief, there=True, bias_db=20.0, seed=6)
     check = belief.model_check()
     assert not check.passed, str(check)
 
@@ -156,6 +156,7 @@ def test_a_strength_that_wanders_is_never_known_better_than_it_wanders() -> None
             level_db=30.0,
             level_sigma_db=6.0,
             level_drift_db_per_root_s=drift,
+            shadowing_db=0.0,
             motion=(1.0, 0.0, 0.0),
         )
         belief = TagBelief(1, prior, np.random.default_rng(5), particles=200)

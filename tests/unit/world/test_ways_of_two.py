@@ -35,7 +35,8 @@ async def search(page: AskedPage, base: str, world: World, height_m: float) -> N
     """Begin a search from a page."""
     world.detect(*world.tags)
     await until(lambda: "detector-1" in world.health)
-    wish = {"action": "search", "radius_m": 150, "wish_m": 30, "height_m": height_m}
+    area = {"radius_m": 150, "wish_m": 30, "height_m": height_m, "duration_s": 240}
+    wish = {"action": "search", **area}
     offer = (await page.ask("POST", f"{base}/api/motion/ask", wish)).json
     yes = {"order_id": offer["order_id"], "sticks_unseen": True}
     assert (await page.ask("POST", f"{base}/api/motion/confirm", yes)).status == 200
@@ -63,7 +64,7 @@ async def test_drones_that_search_learn_of_each_other_and_get_their_ways_in_turn
             await page.until(lambda state: state["motion"], f"{second}/api/state")
             await search(page, "", one, 40.0)
             await search(page, second, two, 60.0)
-            await until(granted, 120.0)
+            await until(granted, 240.0)
     for world, other in ((one, 2), (two, 1)):
         words = world.of(Neighbour)
         assert {word.vehicle for word in words} <= {0, other}

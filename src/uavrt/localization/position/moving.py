@@ -65,6 +65,7 @@ def path_by_powers(
     prior = TagPrior(
         area=_around(ends[0], half_m),
         fading_db=TRACK.fading_factor * fading_db,
+        shadowing_db=0.0,
         turning_m_s_per_root_s=TRACK.turning_m_s_per_root_s,
         pattern=powers.antenna,
         hills=hills,

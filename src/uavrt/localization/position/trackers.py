@@ -23,7 +23,7 @@ from uavrt.localization.position.levels.level_belief import (
     false_pulse_density,
 )
 from uavrt.localization.position.levels.loss_error import LossError
-from uavrt.localization.position.tuning import LEVEL, TRACK
+from uavrt.localization.position.tuning import LEVEL, LOSS, TRACK, LastingError
 from uavrt.localization.terrain.hill_losses import HillLosses
 
 _Floats = NDArray[np.floating[Any]]
@@ -71,8 +71,8 @@ class TagPrior:
     """Change of a traveller's velocity in each direction [m/s/√s]: 5° a second at 1 m/s."""
     motion: tuple[float, float, float] = (0.5, 0.25, 0.25)
     """Shares of the time in which an animal rests, browses, and travels."""
-    exponent: float = 2.5
-    exponent_sigma: float = 0.5
+    exponent: float = 3.0
+    exponent_sigma: float = 0.7
     """Standard deviation of the path loss exponent; 0 if it is known."""
     missed_share: float = LEVEL.by_chance
     """Share of pulses missed by chance, at any strength."""
@@ -82,6 +82,15 @@ class TagPrior:
     """Propagation model: level relative to plain spreading; None: plain spreading."""
     hills: HillLosses | None = None
     """Ground model; None: level ground. Heights count from a tag at the take-off."""
+    shadowing_db: float = 2.0
+    """Standard deviation of the shadowing on level ground [dB]; 0: none."""
+
+    @property
+    def lasting_error(self) -> LastingError | None:
+        """Kind of the lasting error of levels; None if there is none."""
+        if self.hills is not None:
+            return LOSS.hills
+        return LOSS.shadowing if self.shadowing_db > 0.0 else None
 
 
 def _estimate(
@@ -119,7 +128,7 @@ class Hypotheses:
     level_variance_db2: _Singles
     exponent: _Singles
     loss_error: _Singles
-    """Relative error of the losses behind hills, for each hypothesis."""
+    """(n, 3) columns of a `LossError` for each hypothesis; (n, 0) without one."""
     east_m_s: _Singles
     north_m_s: _Singles
     wandering_m_per_root_s: _Singles
@@ -190,7 +199,7 @@ class _Particles:
     mode: NDArray[np.int8]
     exponent: _Singles
     loss_error: _Singles
-    """(n, 3) columns of a `LossError`; (n, 0) without a ground model."""
+    """(n, 3) columns of a `LossError`; (n, 0) without one."""
     mean_db: _Singles
     variance_db2: _Singles
     origin: NDArray[np.int32]
@@ -246,8 +255,8 @@ class _MotionModel:
             exponent=self._plausible(exponent),
             loss_error=(
                 np.empty((count, 0), np.float32)
-                if prior.hills is None
-                else LossError.before_pulses(count).columns()
+                if prior.lasting_error is None
+                else LossError.before_pulses(prior.lasting_error, count).columns()
             ),
             mean_db=np.full(count, level, np.float32),
             variance_db2=np.full(count, variance, np.float32),
@@ -454,7 +463,7 @@ class ParticleTracker:
             false alarms.
         """
         state, prior = self._state, self._prior
-        error = LossError.of_columns(state.loss_error)
+        error = LossError.of_columns(prior.lasting_error, state.loss_error)
         if error is not None:  # decorrelated by the drone's movement since the last pulse
             here = float(heard.east_m), float(heard.north_m)
             state.loss_error = error.after(self._heard_from_m, here).columns()
@@ -510,9 +519,9 @@ class ParticleTracker:
             mean_db=state.mean_db,
             variance_db2=state.variance_db2,
             known=prior.level_sigma_db == 0.0,
-            error=LossError.of_columns(state.loss_error),
+            error=LossError.of_columns(prior.lasting_error, state.loss_error),
         )
-        behind = GroundEffect.hills(prior.hills, heard, state.east_m, state.north_m)
+        behind = self._ground_effect(heard)
         expected = level.expected_db(
             heard, state.east_m, state.north_m, state.exponent, prior.pattern, behind
         )
@@ -525,6 +534,14 @@ class ParticleTracker:
         if behind is None:
             return level, expected, prior.fading_db, None
         return level, expected, behind.scatter_db(prior.fading_db), behind
+
+    def _ground_effect(self, heard: Listening) -> GroundEffect | None:
+        state, prior = self._state, self._prior
+        if prior.hills is not None:
+            return GroundEffect.hills(prior.hills, heard, state.east_m, state.north_m)
+        if prior.shadowing_db > 0.0:
+            return GroundEffect.shadowing(prior.shadowing_db, state.east_m)
+        return None
 
     def take_bearing(
         self, east_m: float, north_m: float, posterior: NDArray[np.float64]

@@ -322,19 +322,34 @@ class LevelTuning:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LossErrorTuning:
-    """Constants for the error of losses behind hills, relative to those by the map."""
+class LastingError:
+    """An error of expected levels that pulses reveal, and that changes along the path."""
 
-    mean: float = 0.4
-    """Mean relative error: round tops lose up to twice as much (P.526-15, 4.2), woods more."""
-    sigma: float = 0.5
-    """Standard deviation of the relative error before any pulse."""
-    correlation_m: float = 800.0
+    mean: float
+    sigma: float
+    """Standard deviation of the error before any pulse."""
+    correlation_m: float
     """Length of the drone's path over which the error's correlation falls to 1 / e [m]."""
+    limits: tuple[float, float]
+    """Minimum and maximum mean of the error after pulses."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LossErrorTuning:
+    """Constants for errors of levels that last: behind hills, and by shadowing."""
+
+    hills: LastingError = LastingError(
+        mean=0.4, sigma=0.5, correlation_m=800.0, limits=(-0.7, 2.5)
+    )
+    """Error of losses relative to those by the map; round tops lose up to twice as much
+    (P.526-15, 4.2), woods more."""
+    shadowing: LastingError = LastingError(
+        mean=0.0, sigma=1.0, correlation_m=30.0, limits=(-4.0, 4.0)
+    )
+    """Shadowing in units of its standard deviation. Its correlation is exponential in the path
+    (Gudmundson 1991, "Correlation model for shadow fading in mobile radio systems")."""
     pulse_share: float = 0.05
     """Standard deviation of each pulse's own part, as a share of the loss."""
-    limits: tuple[float, float] = (-0.7, 2.5)
-    """Minimum and maximum mean of the relative error after pulses."""
     grazing_db: float = 6.0
     """Change of loss by some metres of height where a path grazes a hill [dB]."""
     grazing_fall_db: float = 3.0

@@ -121,15 +121,19 @@ class GroundEffect:
     """Height of the ground above that at the take-off [m]."""
     lost_db: _Floats
     doubtful_db: _Floats
-    """Additional loss if the relative error of the losses is 1 [dB]."""
+    """Additional loss if the lasting error is 1 [dB]."""
+
+    @classmethod
+    def shadowing(cls, shadowing_db: float, like: _Floats) -> "GroundEffect":
+        """Shadowing on level ground, of the given standard deviation, for all positions."""
+        none = np.zeros_like(like)
+        return cls(rise_m=none, lost_db=none, doubtful_db=np.full_like(like, shadowing_db))
 
     @classmethod
     def hills(
-        cls, hills: HillLosses | None, heard: Listening, east_m: _Floats, north_m: _Floats
-    ) -> "GroundEffect | None":
-        """Ground effect between the drone and each position; None over level ground."""
-        if hills is None:
-            return None
+        cls, hills: HillLosses, heard: Listening, east_m: _Floats, north_m: _Floats
+    ) -> "GroundEffect":
+        """Ground effect between the drone and each position."""
         up_m = float(heard.height_m) + hills.tag_m
         drone = (float(heard.east_m), float(heard.north_m), up_m)
         lost = hills.loss_db(drone, east_m, north_m).astype(east_m.dtype)
@@ -153,7 +157,7 @@ class LevelBelief:
     known: bool = False
     """True if the strength is known and not estimated."""
     error: LossError | None = None
-    """Relative error of the losses behind hills; None over level ground."""
+    """Lasting error of the levels; None if there is none."""
 
     def expected_db(
         self,

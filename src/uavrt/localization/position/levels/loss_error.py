@@ -1,10 +1,12 @@
-"""Estimate the error of a ground model's losses at each position, with a tag's strength.
+"""Estimate a lasting error of the levels at each position, with a tag's strength.
 
 Behind a rounded hilltop, in woods, or with a map some metres off, pulses lose more or less than
-the map predicts. The error persists while the drone flies along the same side of the hill. As
-an independent error of each pulse, twenty of them would rule out the truth. It is therefore one
-unknown that pulses update and that decorrelates along the drone's path. The independent part
-must be small: otherwise each pulse would make positions deeper behind a hill less probable.
+the map predicts. The error persists while the drone flies along the same side of the hill. On
+level ground the same holds for shadowing: reflections from the ground, plants, and the animal's
+body change the level by some decibels over tens of metres. As an independent error of each
+pulse, twenty of them would rule out the truth. It is therefore one unknown that pulses update
+and that decorrelates along the drone's path. Behind hills, the independent part must be small:
+otherwise each pulse would make positions deeper behind a hill less probable.
 """
 
 from dataclasses import dataclass, replace
@@ -13,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.localization.position.tuning import LOSS
+from uavrt.localization.position.tuning import LOSS, LastingError
 
 _Floats = NDArray[np.floating[Any]]
 
@@ -30,28 +32,35 @@ def doubtful_db(lost_db: _Floats) -> _Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LossError:
-    """Normal distribution of the losses' relative error, if the tag is at each position."""
+    """Normal distribution of the lasting error, if the tag is at each position.
 
+    Behind hills it is relative to the losses, else in standard deviations of the shadowing.
+    """
+
+    law: LastingError
     mean: _Floats
     variance: _Floats
     with_level_db: _Floats
     """Covariance of the error with the tag's strength [dB]."""
 
     @classmethod
-    def before_pulses(cls, shape: tuple[int, ...] | int) -> "LossError":
+    def before_pulses(cls, law: LastingError, shape: tuple[int, ...] | int) -> "LossError":
         """Distribution of the error before any pulse."""
         return cls(
-            mean=np.full(shape, LOSS.mean, np.float32),
-            variance=np.full(shape, LOSS.sigma**2, np.float32),
+            law=law,
+            mean=np.full(shape, law.mean, np.float32),
+            variance=np.full(shape, law.sigma**2, np.float32),
             with_level_db=np.zeros(shape, np.float32),
         )
 
     @classmethod
-    def of_columns(cls, columns: _Floats) -> "LossError | None":
-        """Convert (n, 3) columns to a distribution; None from (n, 0), without ground model."""
-        if not columns.shape[1]:
+    def of_columns(cls, law: LastingError | None, columns: _Floats) -> "LossError | None":
+        """Convert (n, 3) columns to a distribution; None without a law."""
+        if law is None:
             return None
-        return cls(mean=columns[:, 0], variance=columns[:, 1], with_level_db=columns[:, 2])
+        return cls(
+            law=law, mean=columns[:, 0], variance=columns[:, 1], with_level_db=columns[:, 2]
+        )
 
     def columns(self) -> NDArray[np.float32]:
         """(n, 3) the error's mean, variance, and covariance with the tag's strength."""
@@ -63,12 +72,14 @@ class LossError:
         """Distribution after a movement of the drone, which partly decorrelates the error."""
         if was_m is None or was_m == now_m:
             return self
+        law = self.law
         kept = float(
-            np.exp(-np.hypot(now_m[0] - was_m[0], now_m[1] - was_m[1]) / LOSS.correlation_m)
+            np.exp(-np.hypot(now_m[0] - was_m[0], now_m[1] - was_m[1]) / law.correlation_m)
         )
         return LossError(
-            mean=LOSS.mean + kept * (self.mean - LOSS.mean),
-            variance=LOSS.sigma**2 + kept**2 * (self.variance - LOSS.sigma**2),
+            law=law,
+            mean=law.mean + kept * (self.mean - law.mean),
+            variance=law.sigma**2 + kept**2 * (self.variance - law.sigma**2),
             with_level_db=kept * self.with_level_db,
         )
 
@@ -77,6 +88,6 @@ class LossError:
         with_pulse = self.with_level_db - doubtful * self.variance
         return replace(
             self,
-            mean=np.clip(self.mean + with_pulse * moved, *LOSS.limits),
+            mean=np.clip(self.mean + with_pulse * moved, *self.law.limits),
             variance=np.maximum(self.variance - with_pulse**2 * shrunk, 1e-6),
         )
