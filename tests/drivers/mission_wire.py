@@ -6,7 +6,7 @@ from collections.abc import Callable
 from uavrt.link.mavlink.autopilot.mission_transfer import MissionTransfer
 from uavrt.link.mavlink.discovery import Peer
 from uavrt.link.mavlink.message import Message
-from uavrt.simulation.vehicle.fake_autopilot import Flavour
+from uavrt.simulation.vehicle.airframe import Flavour
 from uavrt.simulation.vehicle.mission_store import MissionStore
 
 VEHICLE, OWN = Peer(1, 1), (254, 190)

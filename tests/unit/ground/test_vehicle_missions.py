@@ -17,7 +17,8 @@ from uavrt.guidance.files.mission import MissionItem, difference, survey_items
 from uavrt.guidance.operator_orders import Order
 from uavrt.link.mavlink import dialect
 from uavrt.simulation.demo.demo_programs import free_udp_port
-from uavrt.simulation.vehicle.fake_autopilot import AutopilotSettings, FakeAutopilot, Flavour
+from uavrt.simulation.vehicle.airframe import Flavour
+from uavrt.simulation.vehicle.fake_autopilot import AutopilotSettings, FakeAutopilot
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 FIELD = ((46.5, 8.0), (46.5, 8.002), (46.501, 8.002), (46.501, 8.0))

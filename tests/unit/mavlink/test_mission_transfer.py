@@ -17,7 +17,7 @@ from uavrt.link.mavlink.autopilot.mission_transfer import (
     with_home,
 )
 from uavrt.link.mavlink.message import Message
-from uavrt.simulation.vehicle.fake_autopilot import Flavour
+from uavrt.simulation.vehicle.airframe import Flavour
 
 BOTH: tuple[Flavour, ...] = ("px4", "ardupilot")
 MISSION = (
