@@ -154,13 +154,8 @@ def test_circles_hold_tags_in_shadowing_that_lasts_for_tens_of_metres() -> None:
         east_m, north_m = np.random.default_rng((7, seed)).uniform(100.0, 500.0, 2)
         prior = TagPrior(area=AREA, fading_db=3.0)
         tracker = ParticleTracker(prior, np.random.default_rng(seed), particles=2000)
-        error = listen_along(
-            tracker,
-            still(float(tag[0]), float(tag[1]), 150),
-            seed=seed,
-            shadowing_db=2.5,
-            exponent=2.2,
-        )
+        path = still(float(east_m), float(north_m), 150)
+        error = listen_along(tracker, path, seed=seed, shadowing_db=2.5, exponent=2.2)
         held.append(error < tracker.estimate().radius95_m)
     assert np.mean(held) > 0.88
 
