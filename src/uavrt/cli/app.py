@@ -44,7 +44,7 @@ which is imported when the command is called."""
 
 
 def make_app(*, summaries: bool = False, added: bool = False) -> App:
-    """Make the command line; with `summaries` no command is imported, `added` are plug-ins."""
+    """Make the command line; `summaries`: import no command; `added`: with plug-in commands."""
     made = App(
         name="uavrt",
         help=uavrt.__doc__,

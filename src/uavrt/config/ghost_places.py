@@ -1,8 +1,8 @@
 """Compute frequencies where a receiver shows ghosts of a strong signal, such as mirror images.
 
-If a ghost of one tag may appear at another tag's frequency, one detector process gets both
-tags, while the load stays even. One process then compares both trains at once. Through the
-supervisor a train would arrive a second later, and some flights would confirm a ghost.
+If a ghost of one tag may appear at another tag's frequency, one detector process searches for
+both tags, as far as the load stays even. It compares both pulse trains at once. By way of the
+supervisor process, a train would arrive a second later, and some flights would confirm a ghost.
 """
 
 import itertools
@@ -11,21 +11,25 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 HIGHEST = 9
-"""Highest harmonic considered of a signal's distance from the centre frequency."""
+"""Highest multiple of a signal's offset from the centre frequency at which a ghost is
+assumed."""
 _NEAR_HZ = 15.0
 _NEAR_HZ_PER_MULTIPLE = 3.0
 _NEIGHBOUR_HZ = 1000.0
-"""Distance from the original below which a signal is a neighbour or a leak, no ghost [Hz]."""
+"""Smallest distance between a signal and its ghost [Hz]; nearer signals count as leakage."""
 _USUAL_HZ = 500.0
-"""Largest assumed error of a tag's label [Hz], also in a wider search."""
+"""Largest assumed error of a tag's labelled frequency [Hz], even if the search band is
+wider."""
 _MULTIPLES = sorted(set(range(-HIGHEST, HIGHEST + 1)) - {0, 1}, key=lambda m: (abs(m), m))
-"""Harmonics of a signal's distance from the centre, lowest first; -1 is the mirror image."""
+"""Multiples of a signal's offset from the centre frequency at which ghosts appear, lowest
+first; -1 is the mirror image."""
 _PRODUCTS = (
     *((2, -1), (-1, 2), (3, -2), (-2, 3)),
     *((1, 1), (-1, -1), (1, -1), (-1, 1), (-2, -1), (-1, -2)),
 )
-"""Multiples of two signals' distances from the centre that add up to a ghost's. Nonlinear
-amplifiers make the first four; a converter that treats I and Q separately makes the others."""
+"""Pairs of multiples; two signals' offsets from the centre frequency, multiplied by them,
+add up to a ghost's. Nonlinear amplifiers make the first four; a converter that treats I and
+Q separately makes the others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +42,7 @@ class Receiver:
     def makes(
         self, ghost_hz: float, original_hz: float, partners_hz: Iterable[float] = ()
     ) -> bool:
-        """True if a signal, alone or with its partners, may cause a ghost at a frequency."""
+        """True if a signal, alone or mixed with one of `partners_hz`, may cause this ghost."""
         if abs(ghost_hz - original_hz) < _NEIGHBOUR_HZ:
             return False
         return any(
@@ -54,7 +58,7 @@ class Receiver:
         nominal_hz: float,
         half_width_hz: float,
     ) -> float:
-        """Share of a tag's search band in which a signal may cause a ghost, 0 to 1."""
+        """Share (0 to 1) of a tag's search band that ghosts of a signal may occupy."""
         half_hz = min(half_width_hz, _USUAL_HZ)
         inside_hz = 0.0
         for place_hz, near_hz in self._places(original_hz, partners_hz):
@@ -65,7 +69,7 @@ class Receiver:
         return min(1.0, inside_hz / (2.0 * half_hz))
 
     def multiple(self, ghost_hz: float, original_hz: float, window_hz: float) -> int | None:
-        """Lowest harmonic of a signal that may be in a search band, or None; -1: the image."""
+        """Order of a signal's lowest ghost in a search band (-1: mirror image), or None."""
         original = original_hz - self.center_frequency_hz
         for multiple in _MULTIPLES:
             miss_hz = self._apart_hz(ghost_hz, multiple * original)
@@ -76,7 +80,7 @@ class Receiver:
     def _places(
         self, original_hz: float, partners_hz: Iterable[float]
     ) -> Iterator[tuple[float, float]]:
-        """Distance of each possible ghost from the centre, and tolerance [Hz]; not aliased."""
+        """Offset of each possible ghost from the centre before aliasing, and tolerance [Hz]."""
         original = original_hz - self.center_frequency_hz
         for multiple in _MULTIPLES:
             yield multiple * original, _NEAR_HZ + _NEAR_HZ_PER_MULTIPLE * abs(multiple)

@@ -212,7 +212,7 @@ def _plain(text: str) -> str:
 
 
 def _rule(kind: str, text: str) -> str:
-    """Text of a custom rule; pydantic reports only the name of the rule's function."""
+    """Explain a violated custom rule; pydantic reports only the name of the rule's function."""
     if kind == "predicate_failed" and "is_ros_namespace" in text:
         return "a ROS namespace has letters, digits and single underscores, like drone1"
     return text.lower()

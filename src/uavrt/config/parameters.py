@@ -239,7 +239,7 @@ def with_parameter(settings: Settings, name: str, value: float) -> Settings:
 def check_start(
     settings: Settings | None, center_frequency_hz: float | None, gain: float | None
 ) -> int | None:
-    """Check frequency and gain of a start or capture command; return the gain."""
+    """Check a start or capture command; return its gain, None if it gives none."""
     if center_frequency_hz is not None:
         row = PARAMETERS["RADIO_FREQ_KHZ"]
         if not row.low <= center_frequency_hz / row.scale <= row.high:

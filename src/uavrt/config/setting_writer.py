@@ -25,7 +25,7 @@ _MOST_LINES = 200
 
 
 def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
-    """Write some settings, if all are allowed, and return the new text."""
+    """Write changes into ``uavrt.toml``; return all settings. Raises `ConfigError`."""
     target = Path(path)
     settings, text = changed_settings(target, changes)
     with os_errors_as(
@@ -39,7 +39,7 @@ def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
 
 
 def changed_settings(path: Path, changes: Changes) -> tuple[Settings, str]:
-    """Apply changes; returns settings and new text. Raises as `change_settings`."""
+    """Apply changes; return settings and new text, unwritten. Raises as `change_settings`."""
     try:
         written = read_file(path, SETTINGS) if path.exists() else None
         before = default_settings_text() if written is None else decode_text(written)
@@ -77,7 +77,7 @@ def _with_value(text: str, table: str, key: str, value: Value) -> str:
 
 
 def _end_of_value(lines: list[str], first: int) -> int:
-    """Number of the last line of a value, given the first line; counted from 1."""
+    """Number of the last line of a value, given its first line; counted from 1."""
     for last in range(first, min(len(lines), first + _MOST_LINES) + 1):
         try:
             tomllib.loads("\n".join(lines[first - 1 : last]))
@@ -88,7 +88,7 @@ def _end_of_value(lines: list[str], first: int) -> int:
 
 
 def _left_out(lines: list[str], header: int, key: str) -> int | None:
-    """Find a setting's commented default, ``# key =``, that `default_settings_text` wrote."""
+    """Index of the line ``# key =`` that stands for an unset setting; None if there is none."""
     for number in range(header, len(lines)):
         if lines[number].startswith("["):
             return None

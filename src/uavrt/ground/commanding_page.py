@@ -6,11 +6,11 @@ from uavrt.core.errors import CommandRefused
 
 
 class Commander:
-    """Allows commands from one page; the others watch until one of them takes over.
+    """Allows commands from one page; the others only watch until one of them takes over.
 
     Scripts may always command. The first connected page keeps command when it is reloaded. Once
-    it has disconnected, the next page that sends a command takes over.
-    A page sends its name when it connects and with each request.
+    it has disconnected, the next page that sends a command takes over. A page sends its name
+    when it connects and with each request; None stands for a script.
     """
 
     def __init__(self, page: str | None = None) -> None:

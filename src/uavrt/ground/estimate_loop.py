@@ -104,7 +104,7 @@ class EstimateLoop:
         )
 
     def _take(self, found: Estimates, flight_id: str | None) -> None:
-        """Send new estimates to the pages, and let the other vehicles use them."""
+        """Send new estimates to the pages, and let the other vehicles' estimates use them."""
         if found.outline != self.latest.outline:
             for companion in self._companions():
                 companion.soon()

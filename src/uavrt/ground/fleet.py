@@ -115,11 +115,11 @@ class Fleet:
         self._show()
 
     def records(self) -> list[dict[str, Any]]:
-        """Records of all vehicles, as each page shows them."""
+        """Records of all vehicles, the main one first: number, name, contact, state, pose."""
         return [vehicle_record(one.vehicle) for one in self.sessions]
 
     def _take_course(self, session: GroundSession, course: Course) -> None:
-        """Store a drone's reported course; send changes to the other drones in batches."""
+        """Store a drone's report of position and leg; send changes to the other drones."""
         number = session.vehicle.identity.system_id
         if number is None or not self._assignments.take(number, course, monotonic_s()):
             return
@@ -133,7 +133,7 @@ class Fleet:
             self._report_courses()
 
     def _report_courses(self) -> None:
-        """Send the other drones' courses to each drone that flies by commands."""
+        """Send each drone in motion the other drones' reports of position and leg."""
         self._tell_due = False
         numbers = {one.vehicle.identity.system_id: one for one in self.sessions}
         flying = [

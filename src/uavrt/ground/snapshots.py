@@ -74,7 +74,7 @@ def snapshot(vehicle: ServedVehicle) -> dict[str, Any]:
 
 
 def beep_record(vehicle: ServedVehicle, beep: Beep) -> dict[str, Any]:
-    """Record of a measured sender for the page: a description, and tags it can correct."""
+    """Record of a measured pulse train: a description, and the tags it may correct."""
     found = (
         correction_of(tag, beep, 0, vehicle.drone.beeps)
         for tag in vehicle.store.tags
@@ -86,7 +86,7 @@ def beep_record(vehicle: ServedVehicle, beep: Beep) -> dict[str, Any]:
 
 
 def all_vehicles(vehicle: ServedVehicle) -> list[ServedVehicle]:
-    """Records of all vehicles, the main one first; empty if there is only one."""
+    """All served vehicles, the main one first; empty if there is only one."""
     if not vehicle.companions:
         return []
     return sorted([vehicle, *vehicle.companions], key=lambda one: one.store.system_id or 0)

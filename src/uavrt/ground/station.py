@@ -48,14 +48,15 @@ class StationSettings:
     my_place: str | None = None
     """Address of a GPS receiver; None: the last used."""
     dem: str | None = None
-    """Elevation files; None: the last used."""
+    """Elevation file or folder; None: the last used."""
     archive: str | None = None
     """Directory that `uavrt batch` wrote; None: the last used."""
     tags: tuple[Tag, ...] | None = None
-    """Tag file; None: the last used."""
+    """Tags to search for; None: the last used."""
     start: bool = False
     further_vehicles: tuple[int, ...] = ()
-    """System numbers of vehicles to serve beside the first and those of the last run."""
+    """MAVLink system ids of vehicles to serve in addition to the first and those of the last
+    run."""
     keys: LinkKeys = NO_KEYS
 
 

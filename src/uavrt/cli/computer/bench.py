@@ -91,7 +91,7 @@ class _SystemWatch:
         return [one for one in found if has_charge or one.what != "battery"]
 
     def _usual_noise(self, status: SystemStatus | None) -> float | None:
-        """Noise of past flights [dB]; read only once the present flight is known."""
+        """Usual noise of past flights, without the present one [dB]; None while unknown."""
         if status is not None and not self._compared:
             now = Path(status.flight_directory).name if status.flight_directory else None
             flights = flights_in_order(Path(self._settings.recording.directory))

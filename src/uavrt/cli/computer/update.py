@@ -158,7 +158,7 @@ def _watch(
 
 
 class _Reading:
-    """Reader of a service's records of one version, which reconnects after a restart.
+    """Reads the service's status records of one version, and reconnects after a restart.
 
     Reports of another version are ignored: after a failed restart, the old one still runs.
     """

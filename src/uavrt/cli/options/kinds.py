@@ -60,7 +60,7 @@ Tally = Annotated[int, Parameter(validator=Between(least=0))]
 """Number of things, zero included."""
 Seconds = Annotated[float, Parameter(validator=Between(above=0, unit="s"))]
 SecondsApart = Annotated[float, Parameter(validator=Between(least=-1e9, most=1e9, unit="s"))]
-"""Difference of two clocks [s], at most thirty years, since unset clocks begin in 1970."""
+"""Difference of two clocks [s], at most 1e9, since unset clocks begin in 1970."""
 Minutes = Annotated[float, Parameter(validator=Between(above=0, unit="min"))]
 Hertz = Annotated[float, Parameter(validator=Between(above=0, unit="Hz"))]
 TagFrequency = Annotated[float, Parameter(validator=Between(least=20e6, most=1e9, unit="Hz"))]

@@ -143,7 +143,7 @@ def _row(tag: "Tag", budget: "LinkBudget") -> dict[str, Any]:
 
 
 def _whole_flight_db(tag: "Tag", antenna: str, pulses: int) -> tuple[float, float]:
-    """ENR of the strongest pulse required in a flight that turns in place [dB]."""
+    """Energy-to-noise ratio that the strongest pulse needs for Pd .5 and .9 [dB]."""
     import numpy as np
 
     from uavrt.analysis.measure.antenna_files import antenna_named
@@ -180,7 +180,7 @@ def _median_db(noise: list[dict[str, Any]]) -> float:
 
 
 def _reach(needed: tuple[float, float], budget: "LinkBudget") -> dict[str, Any]:
-    """Required ENR [dB] and distance [m] for Pd .5 and .9, with the link budget as records."""
+    """Required energy-to-noise ratio [dB] and distance [m] for Pd .5 and .9, and the budget."""
     distances = [budget.distance_m(enr) for enr in needed]
     return {
         "enr50_db": round(needed[0], 2),

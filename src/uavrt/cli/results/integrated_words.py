@@ -43,7 +43,7 @@ def sentence(one: "IntegratedTag", silent: "SilentMap | None" = None) -> str:
 
 
 def slots_in_words(one: "IntegratedTag") -> str:
-    """Sentence on the number of a train's expected pulses, and how many are significant."""
+    """Sentence on the number of pulses expected in a train, and how many are significant."""
     from uavrt.analysis.integrated.hindsight import slots_of
 
     slots = slots_of(one)
@@ -133,7 +133,7 @@ def sentence_of_flights(one: "TagOfFlights", silent: "Sequence[SilentMap | None]
 def record_of_flights(
     one: "TagOfFlights", silences: "Sequence[SilenceRecord | None]"
 ) -> dict[str, Any]:
-    """JSON record of several flights' result for a tag, from the strongest, with all pulses."""
+    """JSON record of a tag in several flights; interval and frequency of the clearest one."""
     from uavrt.analysis.integrated.integrated_records import PlaceRecord
 
     each = [

@@ -20,8 +20,7 @@ LAST_S = 1.0
 class TerminalLines:
     """Prints lines in order, in a separate thread; drops and counts those beyond the limit.
 
-    It stops printing when the reader has closed the pipe, and drops lines beyond the limit.
-    Lines not printed are counted.
+    Printing stops when the reader has closed the pipe.
     """
 
     def __init__(self, stream: TextIO | None = None, *, most: int = MOST_WAITING) -> None:

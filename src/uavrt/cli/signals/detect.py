@@ -446,7 +446,7 @@ def _report(
 
 
 def _may_be_lost(summary: DetectionSummary, source: SampleSource) -> str:
-    """Sentence on samples that a live stream may have lost in addition to the counted ones."""
+    """Sentence on samples that a live stream may have lost without counting them."""
     why = getattr(source, "unseen_losses", None)
     if why is not None:
         return f"{why}: times count from the first sample, and losses do not show"

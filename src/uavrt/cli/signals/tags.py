@@ -232,7 +232,7 @@ def _databases(path: Path) -> dict[str, str]:
 
 
 def _warn_of_unselected(path: Path) -> None:
-    """Print the tags that TagTracker does not search for, since our tag files do."""
+    """Warn of tags that TagTracker's list excludes: our tag file would search for them."""
     from uavrt.ground.store.tag_table import not_selected
 
     left_out = not_selected(_databases(path)) if path.suffix.lower() == ".db" else None
@@ -419,7 +419,7 @@ def _rate_lines(rate: "MeasuredRate") -> list[str]:
 
 
 def _print_similar_tags(found: "Sequence[Tag]") -> Iterator[str]:
-    """Print which tags of one band may be confused, and how to separate them."""
+    """Sentences on tags of one band that may be confused, and how to separate them."""
     from uavrt.config.settings import DetectionSettings
     from uavrt.config.tags.code_rules import words_of_near_codes
     from uavrt.config.tags.tag_bands import tags_by_band

@@ -436,7 +436,7 @@ class _Terminal:
             return False
 
     async def _follow(self, link: GroundLink, order_id: int) -> int:
-        """Print the progress of this order until the motion ends; 0 if it was completed."""
+        """Print an order's progress until it ends; return the exit status, 0 if completed."""
         while True:
             state = asyncio.create_task(self._states.get())
             stopping = asyncio.create_task(self._stopping.wait())

@@ -103,7 +103,7 @@ class MonitorView:
 
     @property
     def losses(self) -> float:
-        """Counts of everything lost or refused."""
+        """Total of all counters of lost or refused items, over all processes."""
         processes = self.status.processes if self.status else ()
         return sum(p.counters.get(name, 0.0) for p in processes for name in LOSSES)
 
@@ -212,7 +212,7 @@ def _number(tag_id: int, last: Pulse | None) -> str:
 
 
 def _usable(searched: SearchReport | None) -> str:
-    """Usable fraction of the time, and ENR of the weakest tag that would have been found."""
+    """Text: usable share of the time, and energy-to-noise ratio found with Pd 0.9 [dB]."""
     if searched is None or searched.usable_share is None:
         return "–"
     weakest_db = searched.weakest_enr_db

@@ -95,7 +95,7 @@ def run(
 
 
 def without_autopilot(settings: Settings) -> Settings:
-    """Disable the autopilot link if the pose has another source; raises `ConfigError`."""
+    """Settings without the autopilot, if the pose has another source; raises `ConfigError`."""
     if settings.pose.source == "autopilot":
         return settings
     pose_address(settings.pose)

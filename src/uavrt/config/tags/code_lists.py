@@ -160,7 +160,7 @@ def _table(tag: Node, name: str | None, faults: list[Fault]) -> dict[str, _Cell]
 def _draft(
     table: dict[str, _Cell], line: int, faults: list[Fault], absent: Sequence[str] = ()
 ) -> TagDraft:
-    """Convert a row to a tag; missing fields in `absent` are not reported again."""
+    """Convert a row to a tag; a missing field is reported unless it is in `absent`."""
     draft = TagDraft(line=line, gaps=())
     given = {quantity for key in (*table, *absent) if (quantity := _quantity(key))}
     interval_s: float | None = None

@@ -23,7 +23,7 @@ GAP_TOLERANCE_S = 1.5e-3
 """Maximum sum of a burst's gap errors for the burst to match a code [s]."""
 BURST_TOLERANCE_MS = 4.0
 _UNLIKE_MS = 0.01
-"""Minimum difference between two gaps to be distinct [ms]."""
+"""Difference from which two gaps count as different [ms]."""
 _SAME_KHZ = 1.0
 _MHZ = {"Hz": 1e-6, "MHz": 1.0}
 
@@ -121,7 +121,7 @@ class _Codes:
         self._known: dict[tuple[int, ...], list[tuple[_Code, int]]] = {}
 
     def first(self, code: _Code, place: int) -> int:
-        """Index of the first tag with an equal code; this tag's `place` if there is none."""
+        """Index of the first tag with an equal code, or `place`, this tag's index, if new."""
         numbers = (*code.gaps_ms, code.interval_ms, code.frequency_khz)
         if not all(map(math.isfinite, numbers)):
             return place  # reported elsewhere

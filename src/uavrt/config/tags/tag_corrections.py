@@ -8,11 +8,12 @@ from typing import Final, Literal
 from uavrt.core.messages import Beep, BeepKind, Tag
 
 MEASURED: Final = (BeepKind.LISTED, BeepKind.OFF_LABEL, BeepKind.OTHER_RATE)
-"""Kinds of measured senders that may correct the list."""
+"""Kinds of measured pulse trains from which a tag's list entry may be corrected."""
 DRIFT: Final = 0.005
-"""Assumed relative change of a measured interval with temperature and battery."""
+"""Assumed relative change of a measured interval with temperature and battery (0.005: 0.5
+%)."""
 LEAST_UNCERTAINTY: Final = 0.01
-"""Relative difference from a listed interval up to which a measured interval confirms it."""
+"""Relative difference up to which a measured interval confirms the listed one (0.01: 1 %)."""
 _DRIFT_HZ: Final = 100.0
 """Difference from the labelled frequency above which the label is corrected [Hz]; a fifth of
 the usual search window."""
@@ -41,16 +42,16 @@ class TagCorrection:
     after: Tag
 
     def applied(self, tag: Tag) -> Tag:
-        """Copy a tag with this correction; its other property is unchanged."""
+        """Copy of a tag with the corrected frequency or intervals; all else is unchanged."""
         return _listed_as(tag, self.after, self.what)
 
     def undone(self, tag: Tag, time_ns: int) -> "TagCorrection":
-        """Correction that restores the entry that a tag had before this correction."""
+        """Correction, made at `time_ns`, that restores a tag's entry from before this one."""
         after = _listed_as(tag, self.before, self.what)
         return replace(self, time_ns=time_ns, before=tag, after=after)
 
     def undoes(self, other: "TagCorrection") -> bool:
-        """True if this correction restores the entry that the tag had before the other one."""
+        """True if this correction restores the entry from before the `other` correction."""
         same = (self.tag_id, self.what) == (other.tag_id, other.what)
         return same and self.applied(other.before) == other.before
 
@@ -83,9 +84,10 @@ def _listed(tag: Tag, one: TagCorrection) -> str:
 
 
 def corrected_interval(tag: Tag, interval_s: float, jitter_s: float) -> Tag:
-    """Replace a tag's nearest listed interval by the measured one, or set the second.
+    """Copy of a tag with a measured interval in place of a listed one, and its jitter [s].
 
-    An interval unlike those listed becomes the second interval, or replaces it.
+    The nearest listed interval is replaced, or, if it is beyond the uncertainty, the second
+    one.
     """
     listed = list(tag.pulse_intervals_s)
     nearest = min(range(len(listed)), key=lambda place: abs(listed[place] - interval_s))
@@ -121,9 +123,9 @@ def standing_corrections(corrections: Iterable[TagCorrection]) -> list[TagCorrec
 
 
 def shared_offset_ppm(found: Iterable[Beep]) -> float | None:
-    """Common frequency offset of two tags, or three of four [ppm]; None if they disagree.
+    """Frequency offset that two tags, or three of four, share [ppm]; None if they do not.
 
-    Trains that may be of two tags, or of another rate, are ignored.
+    Pulse trains that may be of two tags, or have an unlisted interval, are ignored.
     """
     off = {
         one.tag_ids: 1e6 * one.offsets_hz[0] / (one.frequency_hz - one.offsets_hz[0])
@@ -143,7 +145,7 @@ def _agrees(ppm: float, shared_ppm: float) -> bool:
 
 
 def shared_offset_in_words(found: Iterable[Beep]) -> list[str]:
-    """Sentence on the common offset of all tags, and the remedy; empty if there is none."""
+    """One sentence on the offset common to all tags, and the remedy; empty without one."""
     ppm = shared_offset_ppm(found)
     if ppm is None:
         return []
@@ -152,18 +154,18 @@ def shared_offset_in_words(found: Iterable[Beep]) -> list[str]:
 
 
 def words_of_beeps(found: Sequence[Beep]) -> list[str]:
-    """Sentences on the senders that differ from the tag list."""
+    """Sentences on the measured pulse trains that differ from the tag list."""
     return [str(one) for one in found if one.odd] + shared_offset_in_words(found)
 
 
 def correction_of(
     tag: Tag, beep: Beep, time_ns: int, found: Sequence[Beep] = ()
 ) -> TagCorrection | None:
-    """Correction of a tag's frequency, or else interval, by a sender; None if none differs.
+    """Correction of a tag by a measured pulse train `beep`; None if the list entry is right.
 
-    A common offset of all senders in `found` is the receiver's error and is not corrected.
-    Frequency and interval are corrected one after the other: called again with the corrected
-    tag, this returns the next correction.
+    The frequency is corrected first; called again with the corrected tag, this returns the
+    correction of the interval. An offset common to all trains in `found` is the receiver's
+    error and is not corrected.
     """
     other_rate = beep.kind is BeepKind.OTHER_RATE
     if tag.coded or beep.kind not in MEASURED:
@@ -191,7 +193,7 @@ def correction_of(
 
 
 def still_holds(beep: Beep, tags: Iterable[Tag]) -> bool:
-    """True while the list entries that a sender was compared with are unchanged or removed."""
+    """True while no tag that a pulse train was compared with has been corrected since."""
     at_hz = beep.frequency_hz if beep.image_of_hz is None else beep.image_of_hz
     away_hz = dict(zip(beep.tag_ids, beep.offsets_hz, strict=True))
     for tag in tags:
@@ -207,7 +209,7 @@ def still_holds(beep: Beep, tags: Iterable[Tag]) -> bool:
 
 
 def _is_searched(tag_id: int, beep: Beep) -> bool:
-    """True if a tag that may be the sender is searched for at the sender's frequency."""
+    """True if the pulse train is within the band searched for a tag that may be its sender."""
     place = beep.tag_ids.index(tag_id)
     return place == 0 or abs(beep.offsets_hz[place]) <= _SEARCH_HZ
 
@@ -222,7 +224,7 @@ def keeps_interval(tag: Tag, interval_s: float, error_s: float = 0.0) -> bool:
 
 
 def _is_narrow(tag: Tag, interval_s: float) -> bool:
-    """True if a correction of the interval would not narrow the search."""
+    """True if the listed interval is so near and exact that correcting it gains nothing."""
     uncertainty_s = tag.interval_uncertainty_s
     off_s = min(abs(interval_s - listed_s) for listed_s in tag.pulse_intervals_s)
     two_rates = len(tag.pulse_intervals_s) > 1  # their uncertainty is unchanged

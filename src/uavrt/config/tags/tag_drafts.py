@@ -29,7 +29,7 @@ class Fault:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """A number as typed, with its name in the file."""
+    """A number as typed, with its name, line and unit in the file."""
 
     number: float
     label: str

@@ -267,7 +267,7 @@ def _entry(key: str, value: float, line: int) -> Entry:
 
 
 def _nearest(key: str, known: Sequence[str], faults: list[Fault]) -> str | None:
-    """Most similar valid key; omitted in a file with more faults than are listed."""
+    """Valid key most similar to a misspelt one; None if none is, or after too many faults."""
     if key in known:
         return key
     if len(faults) > MOST_FAULTS:

@@ -1,7 +1,7 @@
 """Connect `uavrt fetch` to the drone over the fastest of several links.
 
-The drone treats this program as a member of the ground's MAVLink system that is no ground
-station, and sends it no pulses.
+To the drone, this program is a component of the ground's MAVLink system but no ground station,
+so it receives no pulses.
 """
 
 import asyncio
@@ -21,7 +21,7 @@ from uavrt.link.mavlink.sending.signing import Signing, SigningKey
 
 BEAT_S = 1.0
 OWN_COMPONENT = 197
-"""MAVLink component id of this program; different from the ground station's, 190."""
+"""MAVLink component id of `uavrt fetch`; different from the ground station's, 190."""
 PINGS = 4
 PING_S = 0.25
 

@@ -37,7 +37,7 @@ TRIES = 10
 BURST_GAP_NS = ns_from_s(2.0)
 """Silence after which a burst counts as finished [ns]."""
 BURST_NS = ns_from_s(20.0)
-"""Longest duration of a burst [ns]; the part received until then is kept."""
+"""Longest duration of a burst [ns]; the part received by then is kept."""
 BURST_BYTES = 1 << 20
 """Maximum number of bytes accepted from one burst; the rest is requested again."""
 STALL_NS = ns_from_s(60.0)
@@ -271,7 +271,7 @@ class FileClient:
     def _request(
         self, opcode: Opcode, *, data: bytes = b"", offset: int = 0, size: int | None = None
     ) -> bytes:
-        """Encode the next request; replies to earlier requests are dropped."""
+        """Encode the next request; from now on only a reply to it is accepted."""
         while not self._replies.empty():
             self._replies.get_nowait()
         self._sequence += 1
@@ -432,11 +432,7 @@ def _size(path: Path) -> int | None:
 
 
 def _entry(directory: str, line: bytes) -> RemoteEntry:
-    """Parse one line of a listing; names that lead outside the flight are rejected.
-
-    Names arrive over an open link and become local files: reject any that lead outside the
-    flight.
-    """
+    """Parse one line of a listing; raises `LinkError` for a name that leads elsewhere."""
     name, _, size = line[1:].decode("utf-8", "replace").partition("\t")
     good = name not in ("", "..") and name.isprintable() and Path(name).name == name
     if not good or not (size or "0").isdecimal():

@@ -32,7 +32,7 @@ _LACKING = (
 
 
 def place_for(new: Path, place: Path) -> Path:
-    """Path for a new file: its own name, or a new name if a different file has that name."""
+    """Path for a new file: `place`, or a new name if another flight's file has that name."""
     if not place.exists() and not place.is_symlink():
         return place
     if place.is_file():
@@ -47,7 +47,7 @@ def place_for(new: Path, place: Path) -> Path:
 
 
 def others(place: Path) -> list[Path]:
-    """List the local files that got another name because their own name was in use."""
+    """List the copies of a local file from other flights: ``NAME.other-1`` and so on."""
     return [p for p in place.parent.glob("*") if p.name.startswith(place.name + OTHER_SUFFIX)]
 
 

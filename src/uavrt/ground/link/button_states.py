@@ -60,7 +60,7 @@ def action_states(now: Situation) -> dict[str, dict[str, Any]]:
 
 
 def _asked_for(action: str) -> dict[str, Any]:
-    """Fields that the operator must fill in; those of a start or capture are settings."""
+    """Names and units of an action's fields that the page asks for; empty without any."""
     row = COMMAND_OF_ACTION.get(action)
     if row is None or not row.fields or not (row.button and row.button.asking):
         return {}

@@ -53,7 +53,7 @@ def _number(body: Any, name: str) -> float:
 
 
 def _correction(vehicle: ServedVehicle, request: Any) -> TagCorrection:
-    """Read which correction of a tag is requested; raises `FormatError`."""
+    """Find the requested correction of a tag, or its undoing; raises `FormatError`."""
     now_ns = vehicle.clock.now_ns()
     tag_id = request.get("tag_id") if isinstance(request, dict) else None
     tag = next((one for one in vehicle.store.tags if one.tag_id == tag_id), None)
@@ -219,7 +219,7 @@ class Commands:
         return f"{text}{await asyncio.to_thread(_gain_in_words, correction)}"
 
     def _link_to_correct(self, *, searched: bool) -> GroundLink | None:
-        """Link to a drone that searches for the tag, or did so until contact was lost."""
+        """Link to a drone that searches for the tag; None: only the list is to be corrected."""
         vehicle, now = self._vehicle, self._vehicle.situation()
         lost = now.state is None and not vehicle.flight.keeper.ended
         lost = lost and (now.drone_present or now.silent_s < _SWITCHED_OFF_S)

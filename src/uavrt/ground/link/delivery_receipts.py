@@ -20,10 +20,7 @@ REMEMBERED = 500_000
 
 
 class Receipts:
-    """Tracks known pulses, and when to acknowledge them: once their hash is written.
-
-    Only then is the pulse acknowledged.
-    """
+    """Tracks stored pulses; each is acknowledged once its hash is on the disk."""
 
     def __init__(
         self,

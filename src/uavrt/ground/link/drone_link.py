@@ -129,7 +129,7 @@ class GroundLink:
 
     @property
     def link(self) -> Link | None:
-        """The first MAVLink link that is open."""
+        """The first MAVLink link that is open; None without one."""
         return next(iter(self._links.links), None)
 
     async def run(self, *addresses: str) -> None:
@@ -281,7 +281,7 @@ class GroundLink:
 
 
 def _without_codes(error: LinkError) -> LinkError:
-    """Explain a missing answer about a coded tag: older software lacks that message."""
+    """Explain a missing answer about a coded tag: older drone software lacks that message."""
     return LinkError(
         f"{error.message}; if it answers otherwise, its software knows no coded tags",
         remedy="Update the drone, give it its list itself with `uavrt run --tags`, or send the "

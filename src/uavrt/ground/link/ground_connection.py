@@ -17,7 +17,7 @@ from uavrt.ground.store.ground_settings import GroundStore
 
 
 class Connection:
-    """The link to a vehicle. `make_link`: constructor of the link, called with keywords."""
+    """The link to one vehicle; `make_link` constructs it from keyword arguments."""
 
     def __init__(
         self,
@@ -98,7 +98,7 @@ class Connection:
         self.link = self._serving = self.watch = None
 
     def serve(self, now_ns: int) -> VehicleWatch | None:
-        """Send the requests to the vehicle that are due now; None without an open link."""
+        """Send the requests due to the vehicle; return its state, None without an open link."""
         if self._serving is not None and self._serving.done():
             # A link that was given up for another has no exception, and raises when asked.
             ended = None if self._serving.cancelled() else self._serving.exception()
@@ -120,7 +120,7 @@ class Connection:
             self._feed.note(3, text)
 
     def forget_vehicle(self) -> None:
-        """Switch to another vehicle on the same link."""
+        """Clear the previous vehicle's state, as another one on this link is now served."""
         if self.link is not None:
             self.link.protocol.forget()
             self.watch = VehicleWatch(self.link.protocol.own, self._identity)

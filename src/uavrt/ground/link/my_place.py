@@ -59,7 +59,7 @@ class MyPlace:
         }
 
     def take(self, sentence: Sentence) -> None:
-        """Read the position from an NMEA sentence."""
+        """Store the position that an NMEA sentence contains, if any."""
         place = sentence.place
         if place is not None:
             self._place, self._heard_s = place, self._clock_s()

@@ -56,9 +56,9 @@ log = get_logger()
 DRONE_SILENCE_NS = ns_from_s(6.0)
 """Silence after which the drone counts as lost [ns], as in the original ground station."""
 FILES_NS = ns_from_s(3.0)
-"""Time after a file request for which our heartbeats announce a file transfer [ns]."""
+"""Time after a file request during which our heartbeats announce a file transfer [ns]."""
 ORDERS = 16
-"""Number of recent motion orders whose answers are still accepted."""
+"""Number of recent motion orders of which answers are still accepted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,7 +155,7 @@ class GroundProtocol:
         self._texts = TextAssembler()
 
     def forget(self) -> None:
-        """Detect the vehicle again, after the operator has chosen another."""
+        """Clear the drone's address; the next drone of the chosen vehicle is used."""
         self.drone, self._heard_ns = None, 0
 
     def set_tags(self, tags: Iterable[Tag]) -> None:

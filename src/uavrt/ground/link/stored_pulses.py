@@ -1,8 +1,8 @@
 """Record which pulses a ground station's directory holds, for receipts after a restart.
 
-``received.bin`` begins with the store's number in 8 bytes. An 8-byte hash of each pulse's
-payload follows, written after the pulse itself. A directory without this file is a new store,
-and the drone sends it the whole flight.
+``received.bin`` begins with 8 bytes, a random number that identifies the store. An 8-byte hash
+of each pulse's payload follows, written after the pulse itself. A directory without this file
+is a new store, and the drone sends it the whole flight.
 """
 
 import errno
@@ -24,7 +24,7 @@ _FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 def new_store() -> int:
-    """Draw a random number for an empty store."""
+    """Draw the random number by which the drone recognises a new, empty store."""
     return 1 + secrets.randbelow(2**32 - 1)
 
 

@@ -1,7 +1,8 @@
 """Detect a drone side on this computer that records flights in the page's directory.
 
 The supervisor's files identify the directory. The page's copy of a flight gets the name of the
-drone's recording. So a star on either protects both, and the drone's disk guard removes both.
+drone's recording. So a star on either protects both, and where disk space runs out both are
+removed.
 """
 
 from pathlib import Path

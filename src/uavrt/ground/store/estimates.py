@@ -38,7 +38,7 @@ from uavrt.localization.terrain.elevation import Elevation
 from uavrt.localization.terrain.elevation_files import open_elevation
 
 SECTORS = 16
-"""Number of sectors of the pulse rose, as in the original system's finest rotation."""
+"""Number of directions in the plot of a turn's SNR, as in the original's finest rotation."""
 LIVE_AT_ONCE = {"bearing": 1, "position": 1, "survey": 1}
 """Maximum number of results of each kind computed in one estimate of a flight in progress,
 after the first estimate. Each takes some 80 ms of a core; further tags follow in turn."""
@@ -119,7 +119,7 @@ class Estimator:
         self._past: tuple[tuple[Path, str, float], list[HeardInTurn]] | None = None
 
     def past(self, place: Path, antenna: AntennaChoice) -> Sequence[HeardInTurn]:
-        """Readable turns of the drone's past flights, to learn its antenna pattern from."""
+        """Turns in place of the drone's past flights, to learn its antenna pattern from."""
         if antenna.pattern == MONOPOLE:
             return ()
         key = (place, antenna.pattern, antenna.offset_deg)
@@ -187,13 +187,13 @@ class Estimator:
 
 
 def _on_ground(one: LiveBearing, spans_ns: Sequence[tuple[int, int]]) -> bool:
-    """True for a drone's bearing from a turn that was on the ground, as reported later."""
+    """True for a drone's bearing from a turn while on the ground, as reported later."""
     middle_ns = (one.start_time_ns + one.end_time_ns) // 2
     return any(first <= middle_ns <= last for first, last in spans_ns)
 
 
 def _bearing(one: TagBearing, heard: Heard, offset_deg: float) -> Record:
-    """Record of a bearing for the page; one computed on the drone has no rose."""
+    """Record of a bearing for the page; one from the drone has no SNR by direction."""
     assert one.turn is not None
     return bearing_record(one) | {
         "turn": one.number,
@@ -249,7 +249,7 @@ def _position(one: TagPosition) -> Record:
 
 
 def _regions(grid: PositionGrid | None) -> Record:
-    """Outlines of the smallest 50 % and 95 % regions, and the heat map."""
+    """Outlines of the smallest 50 % and 95 % regions, and heat map; empty without a grid."""
     if grid is None:
         return {"region50": [], "region95": [], "heat": None}
     outlines = {
@@ -262,7 +262,7 @@ def _regions(grid: PositionGrid | None) -> Record:
 
 
 def _heat(grid: PositionGrid) -> Record:
-    """Probability as bytes, north row first, and the corners clockwise from the north-west."""
+    """Square root of the probability as bytes, north row first; corners from the north-west."""
     plane = TangentPlane(latitude_deg=grid.latitude_deg, longitude_deg=grid.longitude_deg)
     step_e = float(grid.east_m[1] - grid.east_m[0]) / 2.0
     step_n = float(grid.north_m[1] - grid.north_m[0]) / 2.0

@@ -31,7 +31,8 @@ class Written:
 class FlightWriter:
     """Writes the flight in progress, and earlier ones not completely on the disk.
 
-    If it raises `RecordingError`, it is called again later and the flight waits.
+    `also`: called with each written item before the flight is committed; if it raises
+    `RecordingError`, the flight waits and the call is repeated later.
     """
 
     def __init__(self, also: Callable[[Stored], object]) -> None:
@@ -39,7 +40,7 @@ class FlightWriter:
         self._flight: FlightRecorder | None = None
         self._ending: list[FlightRecorder] = []
         self._listed: deque[Stored] = deque()
-        """Items not yet passed to `also`."""
+        """Items that the function `also` has not accepted yet."""
         self._discarded = 0
 
     def begin(self, info: FlightInfo, *, among_the_drones: bool) -> None:

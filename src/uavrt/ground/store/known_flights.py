@@ -40,11 +40,11 @@ class FlightChoice:
     """Criteria that select flights for a list."""
 
     tag_id: int | None = None
-    """Flights that searched for this tag."""
+    """Only flights that searched for this tag; None: all."""
     since_ns: int | None = None
-    """Flights that ended at or after this time [ns since 1970]."""
+    """Only flights that ended at or after this time [ns since 1970]; None: all."""
     before_ns: int | None = None
-    """Flights that began before this time [ns since 1970]."""
+    """Only flights that began before this time [ns since 1970]; None: all."""
 
     def holds(self, flight: FlightSummary) -> bool:
         """True if a flight meets all criteria."""

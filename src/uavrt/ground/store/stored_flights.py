@@ -237,7 +237,11 @@ class FlightLibrary:
         )
 
     def usual_noise_db(self, system_id: int | None, *, but: str | None) -> float | None:
-        """Usual idle receiver noise in past flights that may be of a vehicle [dB]."""
+        """Usual receiver noise at rest [dB] in a vehicle's past flights; None if unknown.
+
+        `system_id`: flights of unnamed vehicles count too; None: any vehicle. `but`: flight to
+        skip.
+        """
         flights = (
             flight
             for flight in self.summaries()

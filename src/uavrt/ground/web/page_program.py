@@ -82,8 +82,7 @@ def page_address(settings: ServerSettings, sock: socket.socket) -> str:
 async def _tidied() -> None:
     """Free unused memory periodically, until cancelled; imported modules are exempt.
 
-    Imported modules are exempted from garbage collection, which becomes faster. The first
-    estimate or report imports more; a slow collection then exempts those as well.
+    The first estimate or report imports more; a slow collection then exempts those as well.
     """
     gc.freeze()
     heap, freezes = HeapKeeper(monotonic_s(), period_s=TIDY_S), 1

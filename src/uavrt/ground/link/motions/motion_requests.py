@@ -46,7 +46,9 @@ async def ask(link: GroundLink, request: MotionRequest) -> MotionState:
 
 async def confirm(link: GroundLink, offer: MotionState, *, sticks_unseen: bool) -> MotionState:
     """Confirm a proposed order; without an answer the drone is stopped. Raises as `ask`.
-    The first error is raised. If the stop is not answered either, that error is its cause.
+
+    `sticks_unseen`: True if the operator accepts that the drone has no RC link. If the stop is
+    not answered either, its error is the cause of the raised one.
     """
     number = new_number()
     confirmation = MotionConfirmation(

@@ -1,7 +1,7 @@
 """Request, confirm and stop motions of the drone for the page; the drone decides.
 
 The drone decides, and reports what it would fly; this module only passes messages. Previews use
-the same functions with which the drone plans.
+the drone's own planning functions.
 """
 
 import asyncio
@@ -153,7 +153,7 @@ class MotionCommands:
     async def upload(
         self, wish: Any, call: Callable[..., Awaitable[Any]] = asyncio.to_thread
     ) -> dict[str, Any]:
-        """Upload a survey as the autopilot's mission; `call` runs the check of the path."""
+        """Upload a survey as the autopilot's mission; `call` checks the path in a thread."""
         order = Order.of(_request(wish))
         await call(survey_items, order)  # what is none is refused without a link, too
         link = self._vehicle.connection.link

@@ -13,9 +13,10 @@ from uavrt.core.earth.geodesy import distance_m
 from uavrt.core.messages import Course, Neighbour
 
 MOST_LAG = 100
-"""Largest lag of a sequence number that means delay; a larger one means a restarted drone."""
+"""Sequence numbers may lag by this much in late reports; a larger lag means a restarted
+drone."""
 MOVED_M = 5.0
-"""Distance by which a goal must move, without a request, to count as a new path [m]."""
+"""Distance by which a drone's reported goal must move to count as a new path [m]."""
 FIRST_REPORTS_S = 3.0
 """Wait after the first report before paths are assigned [s], in which all drones report."""
 _ROUND = 0x10000
@@ -29,18 +30,18 @@ class _Member:
     granted: int = 0
     denied: int = 0
     path: tuple[tuple[float, float], ...] = ()
-    """Points of the path that is assigned, not flown: [latitude, longitude] in degrees."""
+    """Points of a path assigned but not yet flown: (latitude, longitude) in degrees."""
 
 
 class PathAssignments:
-    """Paths of all drones that have reported a course."""
+    """Present and assigned paths of all drones that have reported their leg."""
 
     def __init__(self) -> None:
         self._members: dict[int, _Member] = {}
         self._begun_s: float | None = None
 
     def take(self, vehicle: int, course: Course, now_s: float) -> bool:
-        """Store a drone's course; return True if the other drones must be informed at once."""
+        """Store a drone's report; return True if the other drones must be informed at once."""
         one = self._members.get(vehicle)
         if self._begun_s is None:
             self._begun_s = now_s
@@ -82,7 +83,7 @@ class PathAssignments:
     def recipients(self, flying: Collection[int]) -> set[int]:
         """Select the drones that get reports about other drones.
 
-        With several drones: all that fly or ever sent a course; a single one while it requests
+        With several drones: all that fly or ever sent a report; a single one while it requests
         a path. A drone that once got a report needs further ones, else it is never assigned a
         path again.
         """
@@ -115,7 +116,7 @@ class PathAssignments:
 
 
 def _leaves_path(before: Course, course: Course) -> bool:
-    """True if a drone's goal moved without a request, as for a return or another order."""
+    """True if a drone changed its goal without requesting a path, as for a return."""
     if course.flown != before.flown or course.goal == course.place:
         return False
     return distance_m(*before.goal, *course.goal) > MOVED_M

@@ -7,8 +7,8 @@ SKEW_PULSES = 5
 ones, sent again after a gap."""
 LATE_NS = 10 * NANOSECONDS_PER_SECOND
 AHEAD_NS = 3 * NANOSECONDS_PER_SECOND
-"""Limits of a prompt pulse's delay: `LATE_NS` behind and `AHEAD_NS` ahead of our clock [ns]. A
-usual delay is 0.5 to 2 s; the drone's clock is wrong if all delays are outside."""
+"""Limits of a prompt pulse's delay: `LATE_NS` behind and `AHEAD_NS` ahead of our clock [ns].
+A usual delay is 0.5 to 2 s; the drone's clock is wrong if all delays are outside."""
 
 
 class ClockSkew:

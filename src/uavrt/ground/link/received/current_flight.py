@@ -25,7 +25,7 @@ from uavrt.link.mavlink.links.address import parse_address
 log = get_logger()
 
 LATE_PULSES_NS = 5 * NANOSECONDS_PER_SECOND
-"""Time after a stop from which a pulse, unless sent before, is the next flight's [ns]."""
+"""Margin after a stop [ns]; a pulse that began later than this belongs to the next flight."""
 COMMIT_S = 0.15
 """Interval in which pulses are collected for one write [s]; receipts follow each write."""
 BATTERY_STEP_PERCENT = 5
@@ -33,7 +33,7 @@ BATTERY_STEP_PERCENT = 5
 ENDS_WITHIN_S = 10.0
 """Longest wait for a slow disk when the session ends [s]."""
 _LOOKS_BACK = 10
-"""Number of past flights searched for measured senders to show at the start of a flight."""
+"""Number of past flights searched for the last measured pulse trains, to show at the start."""
 
 
 class CurrentFlight:
@@ -74,7 +74,7 @@ class CurrentFlight:
         return flight_id
 
     def _drones_own(self) -> Path | None:
-        """Path of this flight's recording by a drone side on this computer; None without."""
+        """Recording of this flight by a drone side on this computer; None if there is none."""
         if self._store.system_id is not None:
             return None
         with suppress(ConfigError):
@@ -110,7 +110,7 @@ class CurrentFlight:
         self._store.set_flight(None)
 
     def is_of_next(self, event: PulsePose, skew_ns: int) -> bool:
-        """True for a pulse sent after the end: another station has started detection."""
+        """True for a pulse from after the flight's end: another station restarted detection."""
         if not self.keeper.ended or self._stopped_ns is None:
             return False
         return event.pulse.start_time_ns + skew_ns > self._stopped_ns + LATE_PULSES_NS
@@ -181,7 +181,7 @@ class CurrentFlight:
 
 
 def last_beeps(directory: Path, flight_id: str | None, tags: tuple[Tag, ...]) -> list[Beep]:
-    """Read the measured senders of a flight; None: of the last flight that has any."""
+    """Read the pulse trains measured in a flight; None: in the last flight that has any."""
     paths = directory.glob(f"{flight_id or '*'}/flight.sqlite")
     with suppress(OSError):
         for path in sorted(paths, key=lambda one: -one.stat().st_mtime)[:_LOOKS_BACK]:

@@ -23,7 +23,7 @@ class DroneReports:
         self.heard: dict[int, int] = {}
         """Time of the last report from each tag's detector [ns]."""
         self.beeps: list[Beep] = []
-        """Latest measurement of each sender of pulses in this flight."""
+        """Latest measurement of each pulse train in this flight, of listed or unknown tags."""
         self.bearings: dict[tuple[int, int], LiveBearing] = {}
         self.last_pulse_s = 0.0
         self.bench = Bench()
@@ -49,7 +49,7 @@ class DroneReports:
         return self._skew.learn(now_ns - event.pulse.end_time_ns)
 
     def take_beep(self, beep: Beep, corrections: Iterable[TagCorrection]) -> bool:
-        """Store a measured sender; False for a repeated or outdated measurement."""
+        """Store a measured pulse train; False for a repeated or outdated measurement."""
         if beep in self.beeps or self._is_outdated(beep, corrections):
             return False
         keep_beep(self.beeps, beep)
@@ -57,7 +57,7 @@ class DroneReports:
         return True
 
     def _is_outdated(self, beep: Beep, corrections: Iterable[TagCorrection]) -> bool:
-        """True for a measurement made before this station corrected the sender's tag."""
+        """True for a measurement from before this station corrected the tag's list entry."""
         return not still_holds(beep, self.sent_tags) and any(
             one.tag_id in beep.tag_ids and still_holds(beep, (one.before,))
             for one in corrections
@@ -78,7 +78,7 @@ class DroneReports:
         self._present = False
 
     def recall(self, beeps: Iterable[Beep]) -> None:
-        """Add senders that were measured before this program's start."""
+        """Add the pulse trains that were measured before this program's start."""
         self.beeps += beeps
         drop_beeps(self.beeps)
 

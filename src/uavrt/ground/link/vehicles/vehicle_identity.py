@@ -13,8 +13,8 @@ from uavrt.link.mavlink import dialect
 DRONE_COMPONENT = 191
 """MAVLink component id of uavrt's drone side."""
 FOREIGN_NS = ns_from_s(60.0)
-"""Time for which a reply with a foreign unique number counts [ns]; the autopilot is queried
-three times in it."""
+"""Time for which a reply with another autopilot's unique number counts [ns]; the autopilot
+is queried three times in it."""
 MAX_OTHERS = 16
 JUMP_M, RETURN_M, JUMPS = 40.0, 15.0, 4
 """Two stations share one number if the position jumps by `JUMP_M` [m] and returns within
@@ -76,7 +76,7 @@ class _Places:
     def __init__(self) -> None:
         self._last: tuple[float, float] | None = None
         self._before: tuple[float, float] | None = None
-        """Position before the last impossibly fast move."""
+        """Position before the last impossibly fast move; None without one."""
         self._back = 0
 
     def take(self, place: tuple[float, float]) -> bool:

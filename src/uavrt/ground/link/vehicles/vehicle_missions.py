@@ -44,7 +44,7 @@ class Uploaded:
     items: int
     sent_again: int
     strange: int
-    """Number of messages received during the upload and not used."""
+    """Number of unexpected messages received during the upload and ignored."""
 
 
 @dataclass(slots=True, kw_only=True)

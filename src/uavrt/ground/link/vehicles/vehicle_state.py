@@ -88,7 +88,8 @@ class VehicleWatch:
         self.disk_free_mb: float | None = None
         """Free space on the drone's flight disk [MB]; None: not reported."""
         self.round_trip_s: float | None = None
-        """Round-trip time of the last ping to the drone's companion [s]."""
+        """Round-trip time of the last ping to the drone's onboard computer [s]; None:
+        unknown."""
         self.loss = LossMeter()
         self._attitude: tuple[float, float, float, float] | None = None
         self._heard_ns = 0
@@ -174,7 +175,7 @@ class VehicleWatch:
         return messages
 
     def ping(self, now_ns: int) -> Message:
-        """Build the next ping. It is addressed to all; the drone's companion answers."""
+        """Build the next ping, addressed to all; the drone's onboard computer answers it."""
         self._ping_number += 1
         return dialect.Ping(
             time_usec=now_ns // 1000,

@@ -28,7 +28,7 @@ class Served:
 
 
 def access_list(served: Served, asked: URL) -> list[dict[str, Any]]:
-    """Addresses and Wi-Fi for other devices: kind, text and QR code; empty if only local."""
+    """Addresses and Wi-Fi for other devices: kind, text, QR code; empty if none can connect."""
     if served.host in LOOPBACK:
         return []
     found = [("page", address) for address in addresses(served, asked)]

@@ -34,10 +34,10 @@ class TagApi:
         return tag_table.rows_from_tags(self._vehicle.store.tags)
 
     async def put(self, request: Request) -> Any:
-        """Store the tag table if it has no faults, and is as ``If-Match`` says, if given.
+        """Store the tag table if it has no faults and no other page has changed it.
 
-        ``If-Match: "VERSION"`` stores it only if the table still has that version, since
-        another page may have changed it.
+        ``If-Match: "VERSION"`` names the version that this page has edited; without it, any is
+        replaced.
         """
         rows = await json_body(request)
         tags, faults = await self._worker.call(tag_table.tags_from_rows, rows)
