@@ -11,7 +11,10 @@ REMEDY = "`(umask 077; openssl rand -hex 32 > FILE)` makes one"
 
 
 def read_key_file(path: str | Path, what: str, *, least: int, most: int) -> bytes:
-    """Read a secret key of hexadecimal digits that only its owner may read."""
+    """Read a secret key of `least` to `most` bytes, written as hexadecimal digits.
+
+    Raises `ConfigError` if the file is unreadable or invalid, or if other users may read it.
+    """
     with os_errors_as(ConfigError, f"cannot read the {what} {path}", REMEDY):
         text = read_file(path, KEYS).decode("ascii", "replace")
         # Windows stores permissions elsewhere.

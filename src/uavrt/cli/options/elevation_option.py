@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def elevation_of(dem: Path | None, *, sea: bool = False) -> "Elevation | None":
-    """Open elevation files; None without any. Raises `ConfigError` or `FormatError`."""
+    """Open elevation files; `sea`: other ground is water. None without any file."""
     if dem is None and sea:
         raise ConfigError(
             "--sea has no effect without elevation files",

@@ -25,7 +25,7 @@ def require_content(paths: Sequence[Path]) -> None:
 
 
 def refuse(given: dict[str, bool], why: str) -> None:
-    """Reject options that would be ignored; raises `ConfigError` with the reason."""
+    """Raise `ConfigError`, ending in `why`, for any option whose value in `given` is true."""
     for option, wrong in given.items():
         if wrong:
             raise ConfigError(f"{option} {why}", remedy=f"Leave {option} out")

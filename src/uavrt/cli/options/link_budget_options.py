@@ -47,7 +47,7 @@ class Budget:
         pulse_width_s: float,
         drone_noise_db: float = 0.0,
     ) -> "LinkBudget":
-        """Link budget of a tag and a drone."""
+        """Link budget between a tag of a radiated power and a drone at a height [m]."""
         from uavrt.planning.detectability.link_budget import LinkBudget
 
         return LinkBudget(

@@ -118,7 +118,7 @@ async def _list_samples(client: FileClient, flight: str) -> None:
 
 
 async def _wanted(client: FileClient, flight: str, left: tuple[str, ...]) -> list[RemoteEntry]:
-    """List the files to fetch, small ones first; without a name, those of the newest flight."""
+    """List a flight's files, without sample kinds in `left`, small first; "": newest flight."""
     path = PurePosixPath("/" + flight.strip("/"))
     if not flight:
         names = await drone_flights(client)

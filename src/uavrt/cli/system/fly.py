@@ -250,7 +250,7 @@ def _check_search(action: str, request: MotionRequest) -> None:
 
 
 def _survey(request: MotionRequest | None, use: str) -> Order:
-    """Plan a survey for a mission; other motions are rejected."""
+    """Order of the requested survey; raises `ConfigError` for any other motion."""
     if request is None or request.action != "survey":
         raise ConfigError(
             f"only a survey is {use}", remedy="uavrt fly survey --area FILE --height 60"
@@ -298,7 +298,7 @@ async def _upload(
 
 
 async def _fence(address: str, keys: LinkKeys, save: Path | None, *, json_lines: bool) -> int:
-    """Show the vehicle's fence, and write it to a file."""
+    """Show the vehicle's fence, and write it to `save` if given; return the exit status 0."""
     async with _connected(address, keys) as link:
         fence = await link.missions.fence()
     text = (

@@ -31,7 +31,7 @@ _MHZ = {"Hz": 1e-6, "MHz": 1.0}
 def faults_of_gaps(
     gaps: Sequence[Entry], interval: Entry | None, width: Entry | None
 ) -> list[tuple[Entry, str]]:
-    """Check the gaps and the burst interval of one code, all in milliseconds."""
+    """Check gaps and burst interval of one code [ms]; return each wrong entry and its fault."""
     if not gaps:
         return []  # reported when they were read
     width_ms = CODED_PULSE_WIDTH_MS if width is None else width.number
@@ -50,7 +50,7 @@ def faults_of_gaps(
 def _faults_of_numbers(
     gaps: Sequence[Entry], width_ms: float
 ) -> tuple[float, list[tuple[Entry, str]]]:
-    """Check each gap; return the factor that converts the gaps to milliseconds, and faults."""
+    """Check each gap; return the factor that makes the gaps milliseconds, and the faults."""
     if all(0.0 < 1e3 * gap.number < MAX_GAP_MS and gap.number < width_ms for gap in gaps):
         seconds = ", ".join(f"{1e3 * gap.number:.10g}" for gap in gaps)
         return 1e3, [(gaps[0], f"looks like seconds but is read as ms: write {seconds}")]
@@ -68,7 +68,7 @@ def _faults_of_numbers(
 
 
 def faults_of_codes(drafts: Sequence[TagDraft]) -> list[Fault]:
-    """Check all codes of a list: there are not too many, and no two are equal."""
+    """Faults of a whole list of codes: too many, or several that are equal."""
     coded = [draft for draft in drafts if draft.gaps]
     found: list[Fault] = []
     if len(coded) > MAX_CODES:

@@ -101,7 +101,7 @@ class FileClient:
         self._replies: asyncio.Queue[FtpPacket] = asyncio.Queue(MOST_REPLIES)
         self.repeats = 0
         self.dropped = 0
-        """Replies dropped because the queue was full."""
+        """Number of replies dropped because the queue was full."""
 
     def receive(self, payload: bytes) -> None:
         """Queue a reply of the drone's file server."""
@@ -157,7 +157,7 @@ class FileClient:
         return RemoteTree(files=tuple(files), left_out=left_out)
 
     async def checksum(self, path: str) -> int:
-        """Query the checksum of a file, which the drone computes."""
+        """Query the checksum (CRC-32) of a file, which the drone computes."""
         reply = await self._ask(
             Opcode.CALC_FILE_CRC32, data=path.encode(), tries=CHECKSUM_TRIES
         )
@@ -319,7 +319,7 @@ def _soon(wait_ns: int) -> float:
 
 
 def require_room(entries: Iterable[RemoteEntry], place: Path, *, samples: bool) -> None:
-    """Raise if a flight exceeds this disk or, without `samples`, has an implausible size."""
+    """Raise `RecordingError` if a flight exceeds the disk or, without samples, `MOST_BYTES`."""
     whole = sum(entry.size or 0 for entry in entries)
     if whole > MOST_BYTES and not samples:
         raise RecordingError(

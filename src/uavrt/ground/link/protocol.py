@@ -253,7 +253,7 @@ class GroundProtocol:
         return [self._message(payload, SEALED_TYPE) for payload in sealed]
 
     def _read(self, payload_type: int, payload: bytes) -> GroundEvent | None:
-        """Decode a payload of any type; None if it is no event for the page."""
+        """Decode a payload of any type; None for one that only this class uses, or unknown."""
         if payload_type == PAYLOAD_TYPE:
             event = self._event(decode(payload, self._generation))
             self.counters["unexpected_payloads"] += event is None

@@ -146,9 +146,9 @@ class Estimator:
     ) -> Estimates:
         """Estimate all bearings and positions of a flight in its present state.
 
-        `companions`: estimates of other vehicles, used for tags of the same number and
-        frequency: the received one, else that searched for, else that in `listed`. A bearing
-        computed on the drone stays if it used more pulses of its turn than have reached the
+        `companions`: other vehicles' estimates, used for a tag if number and frequency agree.
+        Its frequency is the received one, else the searched one, else that in `listed`. A
+        bearing in `from_drone` stays if it used more pulses of its turn than have reached the
         ground.
         """
         sent = {tag.tag_id for tag in tags}

@@ -37,7 +37,7 @@ BURST_COMES_WITHIN_S = 60.0
 """Longest wait for a coded burst whose pulses arrived before it [s]; the drone repeats it until
 it is acknowledged. If it does not arrive, it belongs to another ground station's flight."""
 MOST_EARLY = 1000
-"""Maximum number of burst contents that wait for their burst."""
+"""Maximum number of messages with pulse times that wait for their burst."""
 
 
 class FlightKeeper:
@@ -73,9 +73,9 @@ class FlightKeeper:
         self._begun: set[Path] = set() if begun is None else begun
         self._before: tuple[Path | None, frozenset[tuple[int, int]]] = (None, frozenset())
         self._early_s: dict[tuple[int, int], float] = {}
-        """Time at which the content of each missing burst first arrived [s]."""
+        """Time at which pulse times of each missing burst first arrived [s]."""
         self.without_burst = 0
-        """Number of burst contents discarded because their burst did not arrive."""
+        """Number of messages with pulse times discarded because their burst did not arrive."""
         self.flight_id: str | None = None
         self.start_time_ns = 0
         self.ended = True
@@ -161,7 +161,7 @@ class FlightKeeper:
         return True
 
     def put_inside(self, burst: BurstInside) -> bool:
-        """Add content to a burst of this flight; False if the burst is of another flight."""
+        """Store the pulse times of a burst; False if the burst is of another flight."""
         if burst.key in self._live.keys:
             self._store(burst)
             if burst.also_possible_tag_ids:
@@ -199,7 +199,7 @@ class FlightKeeper:
         self.write(health)
 
     def write(self, record: Writable) -> None:
-        """Add a record, such as a search report; a tag replaces the one of its number."""
+        """Add a record, such as a search report; a `Tag` replaces the tag of the same id."""
         self._record(lambda flight: flight.write(record))
 
     def add_text(self, severity: int, text: str, time_ns: int) -> None:
@@ -208,7 +208,7 @@ class FlightKeeper:
         self._record(lambda flight: flight.write_status_text(said, time_ns))
 
     def add_note(self, text: str, time_ns: int) -> None:
-        """Add an operator's mark, also after the end of the flight."""
+        """Add a remark of the operator, also after the end of the flight."""
         if self._path is not None:
             self.queue.record(lambda flight: flight.write_note(text, time_ns))
 

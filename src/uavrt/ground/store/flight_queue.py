@@ -128,7 +128,7 @@ class FlightQueue:
         self._on_written()
 
     def mended(self) -> str:
-        """Return a repaired fault of the flight's database, only once."""
+        """Text on a repaired fault of the flight's database, returned once; else empty."""
         text, self._mended = self._mended, ""
         return text
 

@@ -165,7 +165,7 @@ class FlightLibrary:
         self._quiet = FlightCache(lambda path: read_quiet_noise_db(Path(path)))
 
     def summaries(self) -> list[FlightSummary]:
-        """List all readable flights, newest first, the drone's by its order file."""
+        """List all readable flights, newest first; the drone's by its file of their order."""
         found = []
         with suppress(FileNotFoundError), os.scandir(self.directory) as entries:
             for entry in entries:
@@ -182,7 +182,7 @@ class FlightLibrary:
     def find(
         self, choice: FlightChoice, after: int, limit: int
     ) -> tuple[int, list[FlightSummary]]:
-        """Number of flights that match, and one page of them, newest first."""
+        """Number of matching flights, and `limit` of them from index `after`, newest first."""
         found = [flight for flight in self.summaries() if choice.holds(flight)]
         return len(found), found[after : after + limit]
 
@@ -376,7 +376,7 @@ def _mark(star: Path, starred: bool) -> None:
 
 
 def _is_of(flight: FlightSummary, system_id: int | None) -> bool:
-    """True if a flight may be of this vehicle."""
+    """True if a flight may be of this vehicle: the numbers are equal, or one is unknown."""
     number = None if flight.vehicle is None else flight.vehicle.partition(",")[0]
     return None in (number, system_id) or number == str(system_id)
 

@@ -53,7 +53,7 @@ def is_selected(cell: str) -> bool:
 
 
 def _with_whole_name(cells: list[str], before: int, after: int, joined: str) -> list[str]:
-    """Rejoin a name that contains separators, since the number of the other cells is known."""
+    """Rejoin a name split at separators: it is between `before` and `after` other cells."""
     last = next((place for place in range(len(cells), 0, -1) if cells[place - 1]), 0)
     cells = cells[:last]
     end = last - after
@@ -82,7 +82,7 @@ def _is_maker(cells: Sequence[str]) -> bool:
 
 
 def number_in_cell(written: object) -> float | None:
-    """Read a number with a decimal point or comma."""
+    """Read a number with a decimal point or comma; None for anything else."""
     try:
         number = (
             math.nan if isinstance(written, bool) else float(str(written).replace(",", "."))

@@ -37,7 +37,7 @@ _LOOKS_BACK = 10
 
 
 class CurrentFlight:
-    """The flight in progress, or else the last flight."""
+    """The flight in progress, or the last one after its end."""
 
     def __init__(
         self,
@@ -56,7 +56,7 @@ class CurrentFlight:
         )
         self.marks: list[Mark] = []
         self.resumed = False
-        """True if a restart of this program interrupted the flight."""
+        """True if this flight was resumed after a restart of this program."""
         self._store, self._clock, self._feed = store, clock, feed
         self._stopped_ns: int | None = None
         self._home_kept: tuple[str | None, tuple[float, float] | None] = (None, None)
@@ -136,12 +136,12 @@ class CurrentFlight:
             self.keeper.add_note(battery_note(percent), now_ns)
 
     def show_soon(self, event: PulsePose | BurstInside, record: dict[str, Any]) -> None:
-        """Show a received record after the next write, which follows within a second."""
+        """Show a pulse or burst on the pages after the next write, which follows within 1 s."""
         self._unshown.append((event, record))
         self.commit_soon()
 
     def commit_soon(self) -> None:
-        """Request a write of all data received until `COMMIT_S` from now."""
+        """Schedule a write of all received data, at least `COMMIT_S` after the last write."""
         if not self._commit_due:
             self._commit_due = True
             wait_s = max(0.0, self._committed_s + COMMIT_S - monotonic_s())

@@ -51,7 +51,7 @@ class Feed:
             self._on_event(event)
 
     def note(self, severity: int, text: str, *, source: str = "ground") -> None:
-        """Write a log line and send it to all pages."""
+        """Write a line of a MAVLink severity (4: warning) to the log and to all pages."""
         line = self.log.add(self._clock.now_ns(), severity, text, source)
         self.hub.send("log", line)
         if source == "ground" and severity <= _WARNING:

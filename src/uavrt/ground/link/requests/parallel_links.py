@@ -28,7 +28,7 @@ RETRY_S = 3.0
 FIRST_SIGNING_LINK_ID = 1
 
 Listener = Callable[[Frame, int], None]
-"""Function that receives each frame and the index of its link."""
+"""Function called with each received frame and the index of its link."""
 
 
 class Links:
@@ -138,7 +138,7 @@ class DroneLinks:
         return self._shared.open_ones if self._joined else ()
 
     async def open(self, addresses: Sequence[str]) -> list[asyncio.Task[None]]:
-        """Open all links; without addresses, join those opened by another session."""
+        """Open all links, or join those of another session; return tasks that retry others."""
         self._shared.listen(self._hear)
         opening = await self._shared.open(addresses) if addresses else []
         self._joined = True

@@ -37,7 +37,7 @@ class DroneContact:
             raise self._missing()
 
     def _missing(self) -> LinkError:
-        """Explain why there is no contact: the drone uses another key, or is absent."""
+        """Error for missing contact: the drone uses another signing key, or is not received."""
         if self._drone_refused:
             return LinkError(
                 f"the drone (component {DRONE_COMPONENT}) is received, but its frames "
@@ -52,7 +52,7 @@ class DroneContact:
         )
 
     def unanswered(self, number: int, waited_s: float) -> LinkError:
-        """Explain a missing answer: the drone requires a signature, or is out of contact."""
+        """Error for an unanswered command: the drone requires signatures, or is silent."""
         text = f"the drone did not answer command {number} in {waited_s:g} s"
         if self._drone_signs and self._signing is None:
             return LinkError(

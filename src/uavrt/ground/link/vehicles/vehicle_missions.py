@@ -54,7 +54,7 @@ class _Autopilot:
 
 
 class VehicleMissions:
-    """Uploads and downloads missions, one at a time, unless the vehicle flies one."""
+    """Uploads and downloads missions, one at a time; no upload while the vehicle flies one."""
 
     def __init__(
         self, own: Peer, send: Callable[[Message], None], system_id: Callable[[], int | None]
@@ -63,7 +63,7 @@ class VehicleMissions:
         self._send, self._system_id = send, system_id
         self._autopilots: dict[int, _Autopilot] = {}
         self._homes: dict[int, tuple[float, float]] = {}
-        """Home positions received since the last request."""
+        """Home positions (latitude, longitude) [deg] since the last request, by system id."""
         self._transfer: MissionTransfer | None = None
         self._uploads = False
         self._busy = asyncio.Lock()
@@ -192,7 +192,7 @@ class VehicleMissions:
             self._transfer.silent = isinstance(error, LinkError)
 
     def _vehicle(self) -> tuple[Peer, Behaviour]:
-        """Get the vehicle's address and its state."""
+        """Address and type of the vehicle's autopilot; raises if none or several answer."""
         heard, ours = self._heard(), self._system_id()
         if ours is not None:
             heard = {number: one for number, one in heard.items() if number == ours}

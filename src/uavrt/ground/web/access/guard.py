@@ -167,7 +167,7 @@ class Guard:
         return kind == "Bearer" and self._right(bearer, scope)
 
     def _right(self, given: str, scope: Scope) -> bool:
-        """True for the right password; False for a while after too many attempts."""
+        """True for the right password; after too many wrong ones False without a check."""
         assert self._password is not None
         address = _address(scope)
         if self.guesses.wait_s(address) > 0.0:

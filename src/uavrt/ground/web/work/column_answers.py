@@ -16,9 +16,9 @@ YAW = "yaw_deg"
 def chosen_columns(
     cells: NDArray[np.float64], columns: tuple[str, ...], names: str | None
 ) -> Response:
-    """Response of the requested columns as little-endian float64, all by default.
+    """Response of the requested columns as little-endian float64.
 
-    May include ``yaw_deg``; None: all columns.
+    `names`: separated by commas, also ``yaw_deg``; None: all columns.
     """
     wanted = columns if names is None else tuple(names.split(","))
     unknown = set(wanted) - {*columns, YAW}
@@ -40,7 +40,7 @@ def chosen_columns(
 
 
 def thinned(cells: NDArray[np.float64], most: int) -> NDArray[np.float64]:
-    """Thin an array (m, n) evenly to `most` entries; the last one is always kept."""
+    """Thin the columns of an array (m, n) evenly to `most`; the last one is always kept."""
     count = cells.shape[1]
     step = max(1, -(-count // max(1, most)))
     # Backwards, because where the drone is now matters more than where it began.

@@ -26,7 +26,7 @@ _MOST_CORNERS = 500
 
 
 def integrated_record(flight: Path) -> Record:
-    """Record of a whole flight's results, with the pulses found afterwards, thinned evenly."""
+    """Results of ``uavrt integrate`` as a record: tags, and found pulses, thinned evenly."""
     from uavrt.analysis.whole_flights.verdict_words import verdict_facts
 
     verdicts, pulses = read_integrated(flight)

@@ -216,8 +216,7 @@ def _plain(error: UavrtError) -> type[UavrtError]:
 def _limit() -> None:
     """Limit this process's CPU time and memory by the kernel, except on Windows.
 
-    Windows has no such limits, and macOS none for memory; there only the timer of `_asked` ends
-    the process.
+    Windows has no such limits, and macOS none for memory; there only `WALL_S` ends the process.
     """
     try:
         import resource

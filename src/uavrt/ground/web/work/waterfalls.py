@@ -115,7 +115,7 @@ def picture(
     column_s: float,
     frequencies_hz: NDArray[np.float64],
 ) -> Picture:
-    """Scale powers (columns, rows) to bytes relative to the noise; missing ones become 0."""
+    """Scale powers (columns, rows) to bytes, in dB over the noise; no power becomes 0."""
     with np.errstate(divide="ignore"):
         level_db = 10.0 * np.log10(power / noise)
     cells = np.clip(255.0 * (level_db - LOWEST_DB) / SPAN_DB, 0.0, 255.0).astype(np.uint8)
