@@ -40,13 +40,13 @@ STATE_S = 1.0
 class GroundSession:
     """The session of one vehicle; `run` serves it until cancelled.
 
-    `on_event`: called with each event from the drone before the pages get it. Pulses and burst
-    contents are written before that.
+    `on_event`: called with each event from the drone before the pages get it. Pulses and the
+    pulse times of bursts are on the disk by then.
     `links`: links shared with the sessions of other vehicles; the first session opens them.
     `companions`: gets this session; returns those of the other vehicles.
     `my_place`: the first session's GPS receiver; None: this session opens its own.
     `estimating`: lock held while estimates are computed, by one session at a time.
-    `on_course`: called with this session and each course that its drone reports.
+    `on_course`: called with this session and each report of its drone's position and leg.
     `also`: called in the disk thread with each stored pulse.
     """
 

@@ -53,7 +53,7 @@ def _is_empty(path: Path) -> bool:
 
 
 def start_time_ns(text: str | None) -> int | None:
-    """Read --start-time; raises `ConfigError` if it is not a time."""
+    """Time of --start-time [ns since 1970], None if not given; raises `ConfigError`."""
     if text is None:
         return None
     try:

@@ -7,7 +7,7 @@ from uavrt.core.messages import Tag
 
 
 def warn_of_near_codes(tags: Sequence[Tag], window_hz: float | None = None) -> None:
-    """Print a warning for each pair of similar codes within the search's frequency window."""
+    """Warn of pairs of similar codes within `window_hz` of each other; None: usual window."""
     if not any(tag.coded for tag in tags):
         return
     from uavrt.config.settings import DetectionSettings

@@ -49,7 +49,8 @@ class MappedTag:
     in_hindsight: bool = False
     """True if ``uavrt integrate`` found the tag in the whole flight."""
     silent: "SilentAround | None" = None
-    """Coverage of an undetected tag; None for a plan, or if the tag was detected."""
+    """Where an undetected tag would have been detected; None for a plan, or if it was
+    detected."""
     noise: str | None = None
     files: tuple[Path, ...] = ()
 

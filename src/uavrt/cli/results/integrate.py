@@ -380,7 +380,7 @@ def _check_unused_options(opened: dict[str, Any]) -> None:
 def _silent(
     asked: _Options, flight: "Flight", results: "list[IntegratedTag]"
 ) -> "dict[int, SilentMap]":
-    """Coverage map of each tag that was not found, by tag id; problems are printed."""
+    """By tag id: map of where a tag not found would have been detected; prints problems."""
     from uavrt.analysis.covered.silence import silent_maps
     from uavrt.analysis.integrated.hindsight import verdict_of
 

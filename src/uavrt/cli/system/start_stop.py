@@ -37,7 +37,7 @@ def start_detection(
 
 
 def stop_detection(reader: StatusReader) -> str:
-    """Stop detecting; get the flight's directory. Raises `CommandRefused` or `UavrtError`."""
+    """Stop detection; return the flight's directory. Raises `UavrtError` if refused."""
     return _ask(reader, "stop_detection", 1)
 
 

@@ -216,7 +216,7 @@ class FileClient:
         return size
 
     async def _burst(self, offset: int, end: int) -> dict[int, bytes]:
-        """Request a burst, and store its parts from byte `offset` to byte `end`."""
+        """Request a burst; return its parts between bytes `offset` and `end`, by offset."""
         self._send(self._request(Opcode.BURST_READ_FILE, offset=offset, size=DATA_SIZE))
         got: dict[int, bytes] = {}
         until_s = _soon(BURST_NS)
@@ -264,7 +264,7 @@ class FileClient:
         raise _silent("the drone's file server")
 
     async def _reply(self, wait_ns: int, until_s: float) -> FtpPacket | None:
-        """Get the next reply; None if no matching one arrives in time."""
+        """Next reply to the last request; None after `wait_ns` or at the time `until_s`."""
         left_s = min(wait_ns / NANOSECONDS_PER_SECOND, until_s - monotonic_s())
         return None if left_s <= 0.0 else await within(left_s, self._replies.get())
 
@@ -286,7 +286,7 @@ class FileClient:
 
 
 class _StallWatch:
-    """Aborts a transfer that receives less than `least` within `STALL_NS`."""
+    """Aborts a transfer that gains less than `least` bytes or entries within `STALL_NS`."""
 
     def __init__(self, least: int, what: str, start: int = 0) -> None:
         self._least, self._what = least, what

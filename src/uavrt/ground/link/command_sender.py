@@ -179,7 +179,7 @@ class Commands:
     async def correct_tag(self, request: Any) -> str:
         """Correct a listed tag by a measurement, on the drone and then in the list.
 
-        ``{"tag_id": …, "frequency_hz": …}`` identifies the measured sender by its frequency;
+        ``{"tag_id": …, "frequency_hz": …}`` identifies the measured signal by its frequency;
         ``"undo": true`` restores the values before the last correction. If the drone refuses or
         does not answer, the list is unchanged.
         """

@@ -85,7 +85,7 @@ class Estimates:
     bearings: list[Record]
     positions: list[Record]
     found: Found = field(default_factory=Found)
-    """Results that other vehicles use for their own positions of the tags."""
+    """Bearings and signal levels, from which other vehicles' sessions locate the tags too."""
     more: bool = False
     """True while received data is still to be evaluated."""
 

@@ -69,7 +69,7 @@ class FlightQueue:
 
     @property
     def progress(self) -> tuple[int, int]:
-        """Number of accepted pulses and burst contents, and how many of them are durable."""
+        """Number of accepted pulses and pulse times of bursts, and of the durable ones."""
         return self._taken, self._durable
 
     @property

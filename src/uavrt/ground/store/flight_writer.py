@@ -63,7 +63,7 @@ class FlightWriter:
             write(self._flight)
 
     def store(self, item: Stored) -> None:
-        """Write a pulse or burst content into the flight in progress."""
+        """Write a pulse, or the pulse times of a burst, into the flight in progress."""
         assert self._flight is not None
         if isinstance(item, PulsePose):
             self._flight.write_pulses([item])
@@ -72,7 +72,7 @@ class FlightWriter:
         self._listed.append(item)
 
     def store_before(self, path: Path, burst: BurstInside) -> None:
-        """Write burst content into an earlier flight; discard it if that flight was removed."""
+        """Write a burst's pulse times into an earlier flight, unless it was removed."""
         if not FlightLayout(path).database.exists():
             self._discarded += 1
             log.seldom(self._discarded, "content of a burst discarded: its flight is gone")

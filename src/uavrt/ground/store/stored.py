@@ -13,7 +13,7 @@ PULSES_NAME = "pulses.jsonl"
 
 
 class PulseLines:
-    """``pulses.jsonl``: a line for each pulse and burst content, written at once.
+    """``pulses.jsonl``: a line for each pulse and each burst's pulse times, written at once.
 
     An existing file is continued; an incomplete last line is removed.
     """

@@ -256,7 +256,7 @@ class FlightLibrary:
             return None
 
     def places(self, flight_id: str) -> Places:
-        """Take-off position and marks of a flight; raises as `summary`."""
+        """Take-off position and the operator's marks of a flight; raises as `summary`."""
         with self._database(flight_id) as database:
             return places_of(
                 database.execute("SELECT time_ns, text FROM notes ORDER BY time_ns").fetchall()

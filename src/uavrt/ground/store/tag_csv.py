@@ -1,4 +1,4 @@
-"""Tables of tags as CSV: ours and TagTracker's databases, with or without a header line.
+"""Tables of tags as CSV: uavrt's and TagTracker's databases, with or without a header line.
 
 TagTracker writes ``TagInfo.db`` (selected, id, name, manufacturer, MHz) as CSV without a header
 line. Its ``TagManufacturer.db`` has id, name, two intervals, the meaning of each, pulse width,

@@ -1,4 +1,4 @@
-"""Begin, resume, write, show and end the ground's own flight of one vehicle."""
+"""Begin, resume, write, show and end the ground station's recording of a vehicle's flight."""
 
 import asyncio
 from collections.abc import Callable

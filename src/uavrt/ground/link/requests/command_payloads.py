@@ -20,7 +20,7 @@ NUMBERED_FROM = 2**31
 class CommandEncoder:
     """Encodes commands for one protocol version of the drone.
 
-    In G2 each command gets a request id, never 0.
+    In version G2 each command gets a request id, never 0.
     """
 
     def __init__(self, generation: Generation) -> None:

@@ -104,7 +104,7 @@ class Links:
                 await self._open(number, address)
 
     def _hear(self, frame: Frame, number: int) -> None:
-        """Pass a frame to all listeners; an error in one does not stop the rest."""
+        """Pass a frame to all listeners; an error in one does not stop the others."""
         with ExitStack() as stack:
             for listener in reversed(self._listeners):
                 stack.callback(listener, frame, number)

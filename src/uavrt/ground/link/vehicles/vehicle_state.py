@@ -29,7 +29,7 @@ UNKNOWN_SPACE = 0xFFFF_FFFF
 
 
 class LossMeter:
-    """Recent frame loss of a sender, from the gaps in its sequence numbers."""
+    """Recent frame loss of a MAVLink component, from the gaps in its sequence numbers."""
 
     def __init__(self) -> None:
         self._seen: deque[tuple[int, int]] = deque()
@@ -88,8 +88,7 @@ class VehicleWatch:
         self.disk_free_mb: float | None = None
         """Free space on the drone's flight disk [MB]; None: not reported."""
         self.round_trip_s: float | None = None
-        """Round-trip time of the last ping to the drone's onboard computer [s]; None:
-        unknown."""
+        """Round-trip time of the last ping to the onboard computer [s]; None: unknown."""
         self.loss = LossMeter()
         self._attitude: tuple[float, float, float, float] | None = None
         self._heard_ns = 0
@@ -136,7 +135,7 @@ class VehicleWatch:
         return system_id == self.identity.system_id and not self.present(now_ns)
 
     def _hear(self, peer: Peer, now_ns: int) -> None:
-        """Handle an autopilot's heartbeat: our vehicle's, or any while ours is unknown."""
+        """Handle a heartbeat of the vehicle's autopilot, or of any before one is chosen."""
         ours = self.identity.system_id
         if ours is None:
             if not self.present(now_ns) and peer.system_id not in self.identity.excluded:

@@ -96,11 +96,11 @@ class Api:
         return asdict(store.settings)
 
     async def facts(self, request: Request) -> Any:
-        """Operator, species and other facts that appear in reports."""
+        """Texts for reports, such as operator and species."""
         return await asyncio.to_thread(facts_in, self._vehicle.store.directory)
 
     async def put_facts(self, request: Request) -> Any:
-        """Change some facts; they apply to all flights without a report.toml of their own."""
+        """Change some texts; they apply to all flights without a report.toml of their own."""
         values, folder = await json_body(request), self._vehicle.store.directory
         return await asyncio.to_thread(change_facts, folder, values)
 

@@ -1,4 +1,4 @@
-"""Read and change the facts for reports, stored in report.toml in the folder of flights."""
+"""Read and change the texts for reports, stored in report.toml in the folder of flights."""
 
 from dataclasses import asdict
 from pathlib import Path

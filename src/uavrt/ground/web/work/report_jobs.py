@@ -19,8 +19,7 @@ POLICY = (
 )
 """Content security policy of a report: no scripts, since people typed the names in it."""
 FACTS = "report.toml"
-"""Name of the file with facts about flights, written by people
-(`uavrt.analysis.inputs.flight_facts`)."""
+"""File of texts about flights, written by people (`uavrt.analysis.inputs.flight_facts`)."""
 
 
 class Reporter:
