@@ -39,7 +39,7 @@ def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
 
 
 def changed_settings(path: Path, changes: Changes) -> tuple[Settings, str]:
-    """Apply changes; return settings and new text, unwritten. Raises as `change_settings`."""
+    """Apply changes; return settings and new text, unwritten. Raises `ConfigError`."""
     try:
         written = read_file(path, SETTINGS) if path.exists() else None
         before = default_settings_text() if written is None else decode_text(written)

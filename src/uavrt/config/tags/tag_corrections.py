@@ -86,8 +86,8 @@ def _listed(tag: Tag, one: TagCorrection) -> str:
 def corrected_interval(tag: Tag, interval_s: float, jitter_s: float) -> Tag:
     """Copy of a tag with a measured interval in place of a listed one, and its jitter [s].
 
-    The nearest listed interval is replaced, or, if it is beyond the uncertainty, the second
-    one.
+    The nearest listed interval is replaced; if that differs by more than its uncertainty, the
+    measured one becomes the second interval.
     """
     listed = list(tag.pulse_intervals_s)
     nearest = min(range(len(listed)), key=lambda place: abs(listed[place] - interval_s))

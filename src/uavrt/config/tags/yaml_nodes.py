@@ -24,10 +24,7 @@ class Node:
 
 
 def read_yaml(text: str, faults: list[Fault]) -> list[Node]:
-    """Read the documents of a text up to a faulty line; faults are added to `faults`.
-
-    Reading stops at the first line that is not YAML; documents before it are returned.
-    """
+    """Read the YAML documents before any faulty line; faults are added to `faults`."""
     with needs_extra(
         "ground",
         "a list in YAML",

@@ -144,7 +144,7 @@ class Commands:
             return directory or "detecting"
 
     async def stop(self) -> str:
-        """Stop detection or capture whatever state the drone last reported."""
+        """Stop detection or capture, whatever state the drone last reported."""
         if (reason := unreachable(self._vehicle.situation())) is not None:
             raise LinkError(reason)
         link = self._vehicle.connection.link
@@ -233,7 +233,7 @@ class Commands:
         return vehicle.connection.link if in_flight else None
 
     async def parameters(self) -> dict[str, float]:
-        """Query the drone's parameters."""
+        """Query the drone's parameters; return the values by name."""
         return await self._allowed("parameters").parameters.list_all()
 
     async def set_parameter(self, wish: Any) -> str:

@@ -197,7 +197,7 @@ class GroundProtocol:
     def tunnel_message(
         self, payload: bytes, payload_type: int = PAYLOAD_TYPE
     ) -> dialect.Tunnel:
-        """Address a payload to the drone; raises `LinkError` before a drone is found."""
+        """Make a TUNNEL message to the drone; raises `LinkError` before a drone is found."""
         if self.drone is None:
             raise LinkError(
                 "no contact with the drone yet",

@@ -115,7 +115,7 @@ class FlightKeeper:
         return path.name
 
     def resume(self, flight_id: str) -> bool:
-        """Continue with a flight after a restart, in this thread; False if it is gone."""
+        """Continue with a flight after a restart, in this thread; False if it is unreadable."""
         path = self._directory / flight_id
         if Path(flight_id).name != flight_id:
             return False
@@ -151,7 +151,7 @@ class FlightKeeper:
             self.queue.record(write)
 
     def add_pulse(self, item: PulsePose) -> bool:
-        """Add a pulse; False for a repeated one. Raises as `FlightQueue.store`."""
+        """Add a pulse; False for a repeated one. Raises `RecordingError` if too many wait."""
         key = item.pulse.key
         if key in self._live.keys:
             return False

@@ -101,9 +101,9 @@ class FlightQueue:
             log.seldom(self._left_out, "poses and notes discarded: the disk does not answer")
 
     def commit(self, *, at_once: bool = False) -> None:
-        """Write the queue to the disk, a second after a fault; refused writes stay in it.
+        """Write the queue to the disk, one second after a fault unless `at_once`.
 
-        After a fault the next try comes a second later, unless `at_once`.
+        Writes that the disk refuses stay in the queue.
         """
         fault = self.fault
         if fault is not None and not self._reported:

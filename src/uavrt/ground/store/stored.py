@@ -31,7 +31,7 @@ class PulseLines:
             self._keys.update(item.pulse.key for item in read_pulse_file(path))
 
     def write(self, event: PulsePose | BurstInside) -> bool:
-        """Write a line; False if the pulse is in the file. Raises as the constructor."""
+        """Write a line; False if the pulse is in the file. Raises `RecordingError`."""
         if isinstance(event, BurstInside):
             self._append(inside_record(event))
         elif event.pulse.key in self._keys:

@@ -239,8 +239,8 @@ class FlightLibrary:
     def usual_noise_db(self, system_id: int | None, *, but: str | None) -> float | None:
         """Usual receiver noise at rest [dB] in a vehicle's past flights; None if unknown.
 
-        `system_id`: flights of unnamed vehicles count too; None: any vehicle. `but`: flight to
-        skip.
+        `system_id`: the vehicle (flights of unknown ones count too), None: any. `but`: flight
+        to skip.
         """
         flights = (
             flight
@@ -256,7 +256,7 @@ class FlightLibrary:
             return None
 
     def places(self, flight_id: str) -> Places:
-        """Take-off position and the operator's marks of a flight; raises as `summary`."""
+        """Take-off position and operator's marks of a flight; `UsageError` or `FormatError`."""
         with self._database(flight_id) as database:
             return places_of(
                 database.execute("SELECT time_ns, text FROM notes ORDER BY time_ns").fetchall()

@@ -25,7 +25,7 @@ def new_number() -> int:
 def motion_request(
     action: str, places: Sequence[tuple[float, float]] = (), **values: object
 ) -> MotionRequest:
-    """Encode a request for a motion; raises `UsageError` for an unknown one."""
+    """Build a motion request with a new number; raises `UsageError` for an unknown action."""
     if action not in MOTION_ACTIONS:
         known = ", ".join(sorted(MOTION_ACTIONS))
         raise UsageError(f"there is no motion {action[:40]!r}", remedy=f"Choose from {known}")
@@ -40,7 +40,10 @@ def motion_request(
 
 
 async def ask(link: GroundLink, request: MotionRequest) -> MotionState:
-    """Request a motion; return the drone's proposed order. Nothing moves yet."""
+    """Request a motion; return the drone's proposed order. Nothing moves yet.
+
+    Raises `CommandRefused` if the drone refuses, or `LinkError` without an answer.
+    """
     return await link.motion(encode_request(request), request.request_id)
 
 
@@ -68,6 +71,6 @@ async def confirm(link: GroundLink, offer: MotionState, *, sticks_unseen: bool) 
 
 
 async def stop(link: GroundLink) -> MotionState:
-    """Stop the drone and end uavrt's control. Raises as `ask`."""
+    """Stop the drone and end uavrt's control; if this raises as `ask`, a pilot must stop it."""
     number = new_number()
     return await link.motion(encode_stop(MotionStop(request_id=number)), number)

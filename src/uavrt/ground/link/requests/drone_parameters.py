@@ -1,4 +1,4 @@
-"""List and set the drone's parameters by the MAVLink protocol; authenticated with a key."""
+"""List and set the drone's parameters by MAVLink; with a key, requests are authenticated."""
 
 import asyncio
 import math

@@ -177,7 +177,7 @@ class DroneLinks:
         return [n for n, ns in sorted(self._drone_heard_ns.items()) if self._fresh(ns, now_ns)]
 
     def answer(self, message: Message) -> None:
-        """Send a message on the link used for pulses; if silent there, on the best link."""
+        """Send a message on the link that carries pulses; if that is silent, on the best."""
         fresh = self._fresh(self._drone_heard_ns.get(self._pulses_by), self._clock_ns())
         self.send(message, self._pulses_by if fresh else None)
 

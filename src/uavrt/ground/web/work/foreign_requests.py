@@ -37,5 +37,5 @@ def imported_tags(content: bytes) -> dict[str, Any]:
 
 
 def area_in_body(content: bytes) -> dict[str, Any]:
-    """Read the area in a file, or a circle; raises as `area_of_file`."""
+    """Read the area in a file, or a circle; raises `FormatError`."""
     return area_of_file(read_body(content, UPLOADED_FILE))

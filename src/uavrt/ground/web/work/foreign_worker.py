@@ -73,7 +73,7 @@ class ForeignWorker:
             self._waiting -= 1
 
     def result(self, function: Callable[..., T], *arguments: Any) -> T:
-        """Call a function in the process, and wait for its result; raises as `call`."""
+        """Call a function in the process, and wait for its result; raises `UavrtError`."""
         question = pickle.dumps((function, arguments), pickle.HIGHEST_PROTOCOL)
         with self._lock:
             process = self._running()
