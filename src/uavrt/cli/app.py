@@ -70,7 +70,7 @@ def make_app(*, summaries: bool = False, added: bool = False) -> App:
 
 
 def _default(value: object) -> str | None:
-    """Format a default for the help; switches that are off and empty values are left out."""
+    """Default of an option as shown in its help; None for off, None and empty values."""
     if value is None or value is False or value in ("", ()):
         return None
     return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)

@@ -42,7 +42,7 @@ class Receiver:
     def makes(
         self, ghost_hz: float, original_hz: float, partners_hz: Iterable[float] = ()
     ) -> bool:
-        """True if a signal, alone or mixed with one of `partners_hz`, may cause this ghost."""
+        """True if a signal, alone or with `partners_hz`, may cause a ghost at `ghost_hz`."""
         if abs(ghost_hz - original_hz) < _NEIGHBOUR_HZ:
             return False
         return any(

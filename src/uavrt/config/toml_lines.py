@@ -42,7 +42,7 @@ def find_lines(text: str) -> dict[Path, int]:
 
 
 def line_of(lines: dict[Path, int], path: Path) -> int | None:
-    """Line number of a value, or else of the nearest enclosing table or key."""
+    """Line number of a value, or else of the nearest enclosing table or key, or None."""
     for length in range(len(path), 0, -1):
         if path[:length] in lines:
             return lines[path[:length]]

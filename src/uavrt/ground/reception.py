@@ -1,4 +1,4 @@
-"""Distribute frames of one vehicle's autopilot and events of its drone."""
+"""Pass frames of a vehicle's autopilot and events of its drone to the parts that use them."""
 
 from collections.abc import Callable
 from dataclasses import asdict, replace

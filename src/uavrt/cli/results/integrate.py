@@ -298,7 +298,7 @@ def _together(
     listed: "Sequence[Tag] | None",
     ids: tuple[int, ...],
 ) -> tuple[bool, _Results]:
-    """Search several flights together, one tag at a time to save memory."""
+    """Search several flights together, tag by tag to save memory; True if any was found."""
     from uavrt.analysis.whole_flights.several_flights import (
         common_tags,
         judge_together,

@@ -33,7 +33,7 @@ def keep_inputs(output: str | Path, inputs: Iterable[str | Path | None]) -> None
 
 
 def check_place(output: Path, *, overwrite: bool = False) -> None:
-    """Raise `ConfigError` if `output` cannot be written, before the work starts."""
+    """Raise `ConfigError` if `output` cannot be written, or exists without `overwrite`."""
     if output.is_dir():
         raise ConfigError(f"{output} is a directory", remedy="Name a file in it")
     if output.exists() and not overwrite:

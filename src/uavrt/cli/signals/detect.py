@@ -198,7 +198,7 @@ def _name(beeps: Sequence[Beep]) -> None:
 
 
 def _warn_of_cost(tags: Sequence[Tag], settings: DetectionSettings, *, live: bool) -> None:
-    """Warn that a tag list needs more than one core in real time, before the work starts."""
+    """Warn of a search that exceeds a core: `live` samples get lost, a recording takes long."""
     warn_of_near_codes(tags, settings.frequency_window_hz)
     cores = search_cost(tags, cpu_s, settings=settings)
     if cores <= 1.0:
@@ -316,7 +316,7 @@ def open_source(recording: str, options: dict[str, Any]) -> SampleSource:
 
 @contextmanager
 def _pulse_output(name: str, *, bursts: bool) -> Iterator[Write]:
-    """Open the output at once, so that a wrong path is reported before the work starts."""
+    """Open the output file, - for stdout, before the work starts; yield its write function."""
     if Path(name).suffix.lower() in (".xls", ".xlsx", ".ods"):
         raise ConfigError(
             f"{name}: uavrt does not write spreadsheet files",

@@ -193,7 +193,7 @@ def _print_domain(domain: int) -> None:
 
 
 def _opener(browser: bool, console: Console | None) -> Callable[[str], None]:
-    """Open the page if there is a screen, and print its address."""
+    """Function that prints the page's address, and opens it if `browser` and on a screen."""
 
     def show(address: str) -> None:
         if console is not None:

@@ -12,9 +12,9 @@ from uavrt.core.errors import ConfigError
 
 GROUND_STOP_S = 20.0
 OWN_COMPONENT = 192
-"""MAVLink component of the page on the drone's computer (MAV_COMP_ID_ONBOARD_COMPUTER2). With
-the usual 190, the drone side would confuse it with a ground station at the radio and answer
-only one."""
+"""MAVLink component id of the page on the drone's computer (MAV_COMP_ID_ONBOARD_COMPUTER2).
+With the usual 190, the drone side would confuse it with a ground station at the radio and
+answer only one."""
 
 
 def with_local_link(settings: Settings) -> tuple[Settings, str]:

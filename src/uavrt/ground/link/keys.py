@@ -14,8 +14,8 @@ class LinkKeys:
     """A station's component id, and up to two keys."""
 
     component_id: int = 190
-    """MAVLink component in system 254, usually 190. Stations of the same drone need different
-    ones, since the drone answers each component on one link only."""
+    """MAVLink component id in system 254, usually 190. Stations of the same drone need
+    different ones, since the drone answers each component on one link only."""
     as_gcs: bool = False
     """Use system 255 and type GCS, which the original system's drone side requires."""
     command: Key | None = None

@@ -21,7 +21,7 @@ def is_drone_directory(directory: Path) -> bool:
 
 
 def flight_under_way(directory: Path) -> Path | None:
-    """Path of the flight that the drone side on this computer is recording in a directory."""
+    """Path of the flight that this computer's drone side is recording; None if none is."""
     try:
         saved = read_record(directory / STATE_NAME, SavedState)
     except (OSError, FormatError):

@@ -69,7 +69,7 @@ class FlightKeeper:
         self.queue = FlightQueue(directory, disk, also, on_written)
         self._live = LiveColumns()
         self._path: Path | None = None
-        """Directory of the open flight."""
+        """Directory of the open flight; None without one."""
         self._begun: set[Path] = set() if begun is None else begun
         self._before: tuple[Path | None, frozenset[tuple[int, int]]] = (None, frozenset())
         self._early_s: dict[tuple[int, int], float] = {}

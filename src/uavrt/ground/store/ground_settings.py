@@ -133,12 +133,13 @@ class GroundStore:
         self.vehicle: tuple[int | None, str | None] = (
             _vehicle(kept) if self.current_flight else (None, None)
         )
-        """System id and unique number of the served vehicle."""
+        """System id and unique number of the served vehicle; None unless a flight is in
+        progress."""
         self.further_vehicles = _numbers(kept.get("further_vehicles"))
         """System ids of the further vehicles."""
         page = kept.get("commander") if self.current_flight else None
         self.commander: str | None = page if isinstance(page, str) else None
-        """Name of the commanding page, kept for a restart in flight."""
+        """Name of the commanding page, kept for a restart in flight; None without a flight."""
         self.settings = GroundSettings()
         settings = kept.get("settings")
         for name, value in settings.items() if isinstance(settings, dict) else ():

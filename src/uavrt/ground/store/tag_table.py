@@ -30,7 +30,7 @@ FIELDS: dict[str, Quantity] = {
     "k": "k",
     "false_alarm_percent": "false_alarm_probability",
 }
-"""Columns of the table in the users' units, with their descriptions."""
+"""Columns of the page's table, in the users' units, and the quantity in each."""
 CODE_FIELDS = ("kind", "gaps_ms")
 """Further columns, of coded tags only. Their interval is that between bursts."""
 KINDS = ("beeping", "coded")

@@ -49,7 +49,7 @@ class ProposedMotion:
     way: Places
     time_ns: int
     page: str | None
-    """Name of the page that requested the motion."""
+    """Name of the page that requested the motion; None for a script."""
 
 
 class MotionCommands:

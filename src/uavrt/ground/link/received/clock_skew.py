@@ -20,7 +20,7 @@ class ClockSkew:
         self._least_delay_ns: int | None = None
 
     def learn(self, delay_ns: int) -> str | None:
-        """Add the delay of a pulse; return a message when an offset is first found."""
+        """Add the delay of a pulse [ns]; return a message at the first offset, else None."""
         self._delays += 1
         self._least_delay_ns = min(delay_ns, self._least_delay_ns or delay_ns)
         if self._delays < SKEW_PULSES:

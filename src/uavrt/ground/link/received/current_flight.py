@@ -84,7 +84,7 @@ class CurrentFlight:
         return None
 
     async def resume(self, library: FlightLibrary) -> tuple[Tag, ...] | None:
-        """Continue with the flight that a restart interrupted; return the flight's tags."""
+        """Continue a flight that a restart interrupted; return its tags, None without one."""
         kept, disk = self._store.current_flight, self._store.disk
         if kept is None:
             return None

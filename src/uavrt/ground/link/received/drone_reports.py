@@ -37,13 +37,13 @@ class DroneReports:
         return self._skew.skew_ns
 
     def take_heartbeat(self, heartbeat: DroneHeartbeat) -> SystemState | None:
-        """Store the drone's reported state; return the previous state."""
+        """Store the drone's reported state; return the previous one, None if unknown."""
         before, self.state = self.state, heartbeat.state
         self.temperature_c = heartbeat.cpu_temperature_c
         return before
 
     def take_pulse(self, event: PulsePose, now_ns: int) -> str | None:
-        """Add the time of a pulse; return a message when a clock offset is first found."""
+        """Add the time of a pulse; return a message at the first clock offset, else None."""
         self.heard[event.pulse.tag_id] = now_ns
         self.last_pulse_s = monotonic_s()
         return self._skew.learn(now_ns - event.pulse.end_time_ns)

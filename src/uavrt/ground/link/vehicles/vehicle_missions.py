@@ -112,7 +112,7 @@ class VehicleMissions:
         return await self.upload(await call(survey_items, order, known, home))
 
     async def home(self) -> tuple[float, float]:
-        """Query the vehicle's home; raises `CommandRefused` or `LinkError`."""
+        """Query the vehicle's home [deg]; raises `CommandRefused` or `LinkError`."""
         self._homes.clear()
         asks = round(HOME_WITHIN_S / ASKS_EVERY_S)
         for _ in range(asks):

@@ -79,7 +79,7 @@ class VehicleWatch:
         self.landed: bool | None = None
         """True if the autopilot reports that it is on the ground; None: not reported."""
         self.pose: Pose | None = None
-        """The vehicle's latest pose, timed by the ground's clock."""
+        """The vehicle's latest pose, timed by the ground's clock; None: not received."""
         self.home: tuple[float, float] | None = None
         """Home position, latitude and longitude [deg]; None: not reported."""
         self.radio: RadioLevels | None = None
@@ -97,7 +97,7 @@ class VehicleWatch:
         self._ping_number = 0
 
     def receive(self, frame: Frame, now_ns: int) -> Pose | None:
-        """Handle a frame; return the vehicle's pose if its position is new."""
+        """Handle a frame; return the vehicle's pose if its position is new, else None."""
         message = frame.message()
         if isinstance(message, dialect.RadioStatus):
             self._take_radio(message)

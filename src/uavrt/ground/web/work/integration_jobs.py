@@ -47,7 +47,7 @@ class IntegrationJobs:
 
 
 async def _judged(flight: Path, dem: str) -> str | None:
-    """Run ``uavrt integrate``; return its error text if it fails."""
+    """Run ``uavrt integrate``; return its error text, None if it succeeds."""
     code, text = await run_uavrt("integrate", str(flight), *(("--dem", dem) if dem else ()))
     return None if code in (0, _NONE_FOUND) else text or "the search of the flight failed"
 

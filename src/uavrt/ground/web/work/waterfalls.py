@@ -252,7 +252,7 @@ def _blocks(source: RecordingSource) -> Iterator[IQBlock]:
 
 
 def _noise(power: NDArray[np.float32]) -> float:
-    """Median of the cells that are not empty."""
+    """Median power of the cells that are not empty; 1 if all are."""
     return float(np.median(power[power > 0.0])) if power.any() else 1.0
 
 
