@@ -219,7 +219,7 @@ class Commands:
         return f"{text}{await asyncio.to_thread(_gain_in_words, correction)}"
 
     def _link_to_correct(self, *, searched: bool) -> GroundLink | None:
-        """Link to a drone that searches for the tag; None: only the list is to be corrected."""
+        """Link to a drone in detection if the tag is `searched`; None: correct list only."""
         vehicle, now = self._vehicle, self._vehicle.situation()
         lost = now.state is None and not vehicle.flight.keeper.ended
         lost = lost and (now.drone_present or now.silent_s < _SWITCHED_OFF_S)
