@@ -41,7 +41,7 @@ class GroundSession:
     """The session of one vehicle; `run` serves it until cancelled.
 
     `on_event`: called with each event from the drone before the pages get it. Pulses and the
-    pulse times of bursts are on the disk by then.
+    pulse times of bursts are written before that.
     `links`: links shared with the sessions of other vehicles; the first session opens them.
     `companions`: gets this session; returns those of the other vehicles.
     `my_place`: the first session's GPS receiver; None: this session opens its own.

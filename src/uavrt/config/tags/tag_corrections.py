@@ -10,8 +10,7 @@ from uavrt.core.messages import Beep, BeepKind, Tag
 MEASURED: Final = (BeepKind.LISTED, BeepKind.OFF_LABEL, BeepKind.OTHER_RATE)
 """Kinds of measured pulse trains from which a tag's list entry may be corrected."""
 DRIFT: Final = 0.005
-"""Assumed relative change of a measured interval with temperature and battery (0.005: 0.5
-%)."""
+"""Assumed relative change of an interval with temperature and battery (0.005: 0.5 %)."""
 LEAST_UNCERTAINTY: Final = 0.01
 """Relative difference up to which a measured interval confirms the listed one (0.01: 1 %)."""
 _DRIFT_HZ: Final = 100.0

@@ -58,7 +58,7 @@ DRONE_SILENCE_NS = ns_from_s(6.0)
 FILES_NS = ns_from_s(3.0)
 """Time after a file request during which our heartbeats announce a file transfer [ns]."""
 ORDERS = 16
-"""Number of recent motion orders of which answers are still accepted."""
+"""Number of recent motion orders kept; answers to older ones are ignored."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
