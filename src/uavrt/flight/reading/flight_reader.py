@@ -60,7 +60,7 @@ class Flight:
 
 
 def read_flight(directory: str | os.PathLike[str]) -> Flight:
-    """Read a flight, even in progress, without most health records; raises `FormatError`."""
+    """Read a flight, even in progress, without health records; raises `FormatError`."""
     with flight_database(Path(directory)) as database:
         return Flight(
             info=flight_info(database, Path(directory)),

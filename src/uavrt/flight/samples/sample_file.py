@@ -97,7 +97,7 @@ class SampleFile:
         self._next_index = sample_index + count
 
     def break_off(self) -> None:
-        """End the present stretch; the next samples begin a new one."""
+        """End the present stretch of gapless samples; the next samples begin a new one."""
         self._next_index = None
 
     def close(self) -> None:

@@ -36,14 +36,15 @@ at 20 % loss all are lost once in 600 flights of half an hour."""
 ECHO_S = 5.0
 """Largest accepted age of a nonce or of an announced session [s]."""
 ASKED = 6
-"""Number of nonces without an echo after which the drone's uavrt counts as older. At 20 % loss
-each way this happens by chance once in 500 starts, and only repeats the request."""
+"""Number of nonces that the drone did not return after which its software counts as too old for
+sealed sessions. At 20 % loss each way this happens by chance once in 500 starts, and only
+repeats the request."""
 MAX_ANNOUNCED = 4096
 """Largest number of remembered session announcements; a drone has fewer in a year."""
 FILES_S = 3.0
 """Time for which a sealed keepalive announces file requests [s]."""
 SEALED_ORDERS = 64
-"""Largest number of remembered sealed motion orders, whose answers need a proof."""
+"""Largest number of remembered sealed motion orders, whose answers must carry a keyed hash."""
 OLD_STATION = "this ground station's uavrt is older than the drone's. Update it; stop works"
 
 log = get_logger()
@@ -69,7 +70,7 @@ class Gate:
         self._files_s: dict[Ids, float] = {}
         """Time of each station's last sealed keepalive that announces file requests [s]."""
         self._proving: set[Ids] = set()
-        """Stations that check proofs, because they have sent a sealed keepalive."""
+        """Stations that check the keyed hash of answers: they have sent a sealed keepalive."""
         self._orders: OrderedDict[tuple[Ids, int], None] = OrderedDict()
         """Station and request id of recent sealed motion orders."""
         self._proves = True
@@ -122,7 +123,7 @@ class Gate:
 
     @contextmanager
     def order(self, order: bytes, station: Ids, *, sealed: bool) -> Iterator[str | None]:
-        """Context of a motion order; yields the reason of a refusal, or None.
+        """Context in which a motion order is handled; yields the reason of a refusal, or None.
 
         Answers that are sent within the block belong to this order.
         """
@@ -140,9 +141,10 @@ class Gate:
             self._proves = True
 
     def answer(self, state: bytes, station: Ids, drone: Ids) -> tuple[bytes, int, bool]:
-        """Encode an order's answer, with proof if sealed: payload, type, and if urgent.
+        """Encode an order's answer; return payload, payload type, and True if it is urgent.
 
-        An unsealed order under the same ids and number is answered without one.
+        The answer to a sealed order gets a keyed hash (proof), unless an unsealed order with
+        the same ids and number is being answered.
         """
         sealed = self._proves and (station, number_of(state)) in self._orders
         if sealed and station in self._proving and self._keeper is not None:

@@ -42,7 +42,7 @@ class TagView:
             self.last = pulse
 
     def per_minute(self, now_s: float, running_s: float) -> float:
-        """Pulses per minute in the last `RATE_WINDOW_S`."""
+        """Pulses per minute in the last `RATE_WINDOW_S`, or `running_s` if that is shorter."""
         while self.times_s and self.times_s[0] < now_s - RATE_WINDOW_S:
             self.times_s.popleft()
         return len(self.times_s) * 60.0 / max(1.0, min(RATE_WINDOW_S, running_s))

@@ -68,7 +68,7 @@ class _Braking:
     early_s: float
     """Time by which braking begins early, because the jerk is limited [s]."""
     early_while_accelerating_s: float
-    """The same while the speed towards the target still grows [s]."""
+    """Time by which braking begins early while the speed to the target still grows [s]."""
 
 
 _BRAKING: dict[Flavour, _Braking] = {

@@ -34,8 +34,8 @@ class _Turning:
 
 
 SETPOINT_AGE_S = 0.04
-"""Greatest age of a reported heading setpoint [s]; differences of reports of PX4 1.17 (SIH)
-vary by a quarter."""
+"""Greatest age of a reported heading setpoint [s]; as in PX4 1.17 (SIH), the change from report
+to report then varies by a quarter."""
 SETTLED_DEG = 0.3
 """Angle to the commanded heading within which PX4's setpoint equals it exactly [°]."""
 _TURNING: dict[Flavour, _Turning] = {

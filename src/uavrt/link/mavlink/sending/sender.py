@@ -138,7 +138,7 @@ class PacedSender:
 
 
 class LinkView:
-    """One link's view of a source that several links share: only the used link takes."""
+    """One link's access to a source that several links share; only the active link takes."""
 
     def __init__(
         self, source: Source, link: int, group: "TunnelSender", views: list["LinkView"]
@@ -147,7 +147,7 @@ class LinkView:
         self._copies: deque[Item] = deque(maxlen=COPIES)
 
     def wait_ns(self, now_ns: int) -> int | None:
-        """Time until a message may be sent by this link [ns]; None without any."""
+        """Time until this link has a message to send [ns]; None without any."""
         if self._copies:
             return 0
         return self._source.wait_ns(now_ns) if self._group.link == self._link else None
@@ -170,7 +170,7 @@ class LinkView:
         return None
 
     def leave(self, given: Item) -> None:
-        """Queue a copy of another link's message; drop the oldest if too many wait."""
+        """Queue a copy of a message that another link took; drop the oldest if too many."""
         self._group.copies_dropped += len(self._copies) == COPIES
         self._copies.append(given)
 

@@ -20,7 +20,7 @@ MAX_PAYLOAD = 128
 """Largest payload of one MAVLink TUNNEL message [bytes]."""
 
 PAYLOAD_TYPE = 0
-"""Payload type of every version of the original: MAV_TUNNEL_PAYLOAD_TYPE_UNKNOWN."""
+"""Payload type of every version of the original protocol: MAV_TUNNEL_PAYLOAD_TYPE_UNKNOWN."""
 
 Ids = tuple[int, int]
 """System and component id of a MAVLink component, such as a ground station."""

@@ -27,8 +27,9 @@ store is ignored as made up or not receiving [ns]."""
 IGNORED_NS = ns_from_s(60.0)
 MOST_IGNORED = 64
 PATIENCE, SENDS_OF_PATIENCE = 8, 32
-"""Maximum number of sendings of a burst's content to a store that acknowledged none; after 32
-in total, 1. At 40 % loss each way, none of 32 is answered in one case of a million."""
+"""How often a burst's single pulses are sent to a store that acknowledged none: 8 times, but
+once after 32 in total. At 40 % loss each way, none of 32 is answered in one of a million
+cases."""
 
 
 @dataclass(slots=True)
