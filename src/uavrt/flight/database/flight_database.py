@@ -48,7 +48,8 @@ class FlightDatabase:
         self.repeated_pulses = 0
         """Number of pulses already recorded before, such as after a sender's restart."""
         self.refused_records = 0
-        """Number of records that no database can store, such as numbers beyond 64 bits."""
+        """Number of records dropped as SQLite cannot store them, such as integers above 64
+        bits."""
 
     def connected(self) -> sqlite3.Connection:
         """Database connection, opened if necessary."""

@@ -30,7 +30,7 @@ queries_ended = threading.Event()
 
 
 def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
-    """Open a database for reading; only tables are allowed, and queries are limited.
+    """Open a database for reading; refuse views and the like, and limit the queries' time.
 
     With `mode` ``"rw"``, SQLite may checkpoint the write-ahead log; use it only for a copy.
     """

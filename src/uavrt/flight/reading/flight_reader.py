@@ -56,7 +56,8 @@ class Flight:
     notes: tuple[tuple[int, str], ...]
     """Notes on the flight, each with its time [ns, UTC]."""
     on_ground_ns: tuple[tuple[int, int], ...] = ()
-    """Pairs of first and last time on the ground by the autopilot [ns]; empty if unknown."""
+    """First and last time of each stay on the ground, by the autopilot [ns]; empty if
+    unknown."""
 
 
 def read_flight(directory: str | os.PathLike[str]) -> Flight:

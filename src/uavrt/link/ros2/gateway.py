@@ -147,7 +147,7 @@ class Gateway:
             )
 
     def _limits_of(self, topic: str) -> str:
-        """Text on the limits of a topic."""
+        """Text on how many messages a topic accepts at once and per second."""
         if topic in self._bus.inbox.closed:
             return "Pulses of other computers are not read: [ros2] accept_pulses = false"
         row = TOPICS.get(topic)

@@ -45,7 +45,7 @@ class Upload:
         self.add(None, lost)
 
     def quiet(self, lost: int) -> None:
-        """Set the number of tag messages lost before the next upload."""
+        """Set how many tag messages were lost so far; only later losses count for an upload."""
         if not self.open:
             self._lost_before = lost
 

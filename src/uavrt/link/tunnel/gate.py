@@ -171,7 +171,7 @@ class Sealer:
         return self._session is not None
 
     def accept_session(self, payload: bytes, drone: Ids) -> None:
-        """Handle an announced session, which must return a recently sent nonce.
+        """Handle the drone's announcement of its session; raises `TunnelError` if invalid.
 
         Only a session that returns a recently sent nonce is used: any other announcement may be
         a recording.

@@ -254,7 +254,7 @@ class LossFinder:
         return second_s
 
     def shift(self, seconds: float) -> None:
-        """Reduce all lateness by `seconds`, because the envelope has moved."""
+        """Subtract `seconds` from all lateness: the line of earliest arrivals has moved."""
         for cell in self._cells:
             cell.late_s -= seconds
 

@@ -98,7 +98,7 @@ class SearchSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Among:
-    """Number and start of a drone among several that search together."""
+    """One of several drones that search together: its number, ground port and start time."""
 
     number: int
     ground_port: int

@@ -170,7 +170,7 @@ class DemoView:
         ]
 
     def _process_table(self, *, narrow: bool) -> RenderableType:
-        """Table of the processes; in a narrow terminal two in a row, the status if faulty."""
+        """Table of the processes; `narrow`: two in a row, and only faulty ones' status."""
         table = plain_table(*(2 * ("process", "CPU", "MB") if narrow else _PROCESSES))
         known = {one.process: one for one in (self.status.processes if self.status else ())}
         rows: list[list[RenderableType]] = []

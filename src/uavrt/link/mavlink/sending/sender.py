@@ -24,7 +24,8 @@ log = get_logger()
 TICK_S = 0.05
 TUNNEL_SIZE = 128
 COPIES = 256
-"""Largest number of pulses that wait on each further link that must carry them too."""
+"""Largest number of copied pulses that wait on a link other than the one that carries
+pulses."""
 UNSENT = 64
 """Largest number of messages to all stations kept until the first ground station appears. In
 the queue they would delay replies to file clients, which are not ground stations."""

@@ -441,10 +441,7 @@ class Participant:
             self._senders.add_writer(handle, key, writer.topic_name)
 
     def _announced(self, reader: Any) -> Iterator[Any]:
-        """Yield announcements singly, since a name that is not UTF-8 loses those with it.
-
-        A name that is not UTF-8 raises, and everything taken together with it is lost.
-        """
+        """Yield announcements singly: one name that is not UTF-8 loses all taken with it."""
         for _ in range(ANNOUNCED_LIMIT):
             try:
                 samples = reader.take(1)

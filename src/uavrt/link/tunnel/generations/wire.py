@@ -151,7 +151,7 @@ def decoders_of(*kinds: type[Fixed]) -> Decoders:
 
 
 def decoders_by_length(generation: Generation, length: int, decode: Decoder) -> Decoders:
-    """Make one decoder for all commands without fields of a protocol generation."""
+    """Make one decoder for a generation's commands whose payload has this length [bytes]."""
     return {
         (row.number, length): decode
         for row in COMMANDS.values()

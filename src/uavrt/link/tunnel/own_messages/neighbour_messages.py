@@ -38,7 +38,7 @@ Place = tuple[float, float]
 
 
 def encode_course(course: Course, most: int = MAX_COURSE) -> bytes:
-    """Encode a drone's course, with as many tags as fit; raises `TunnelError`."""
+    """Encode a drone's course with the tags that fit in `most` bytes; raises `TunnelError`."""
     here = course.place
     latitude, longitude = here
     asked = course.asked_way or (here, here)

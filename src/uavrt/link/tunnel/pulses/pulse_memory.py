@@ -17,10 +17,10 @@ from uavrt.link.tunnel.pulses.receiving_stations import PLAIN, Stores
 from uavrt.link.tunnel.pulses.underway import Entry, EntryKey, ItemKey, T, Underway
 
 PROBES, PROBE_NS = 4, ns_from_s(1.0)
-"""Largest number of probes at once; time to the next [ns]. A probe repeats a pulse for stores
+"""Largest number of probes at once; time to the next [ns]. A probe repeats a pulse for stations
 that never acknowledged. At 40 % loss each way, one of four is answered in five cases of six."""
 MOST_PROBES = 64
-"""Largest number of pulses in memory that only unconfirmed stores lack; others stay on disk."""
+"""Largest number of pulses in memory that only stations without acknowledgement lack."""
 CAPACITY = 2048
 """Largest number of pulses in memory, about 4 MB; others stay on disk."""
 REFILL_AT = 256
