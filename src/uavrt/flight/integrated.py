@@ -132,7 +132,8 @@ class FlightFold:
     length_s: float
     """Duration of the flight, which all rows together cover [s]."""
     profile: tuple[float, ...]
-    """(columns,) sum of the energies over the flight; the train's phase is in the middle."""
+    """(columns,) sum of the energies over the flight; the pulse train is in the middle
+    column."""
     raster: tuple[tuple[float, ...], ...]
     """(rows, columns) energies; the flight's beginning is the first row."""
 

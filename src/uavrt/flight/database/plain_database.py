@@ -68,7 +68,7 @@ def _odd_name(database: sqlite3.Connection) -> str | None:
 
 @lru_cache(maxsize=64)
 def _may_compute(definition: str) -> bool:
-    """True if a table's definition may have a generated column; cached over flights."""
+    """True if a table's definition may have a generated column; cached for all databases."""
     return _COMPUTED.search(definition) is not None
 
 

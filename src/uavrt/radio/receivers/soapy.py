@@ -30,7 +30,7 @@ _ROUNDING_S: Final = 1e-4
 """Largest time step that counts as rounding of drivers' time stamps and not as a gap [s]."""
 _SAME: Final = 1e-4
 _SAME_HZ: Final = 1000.0
-"""Maximum difference between requested and actual frequency [Hz]."""
+"""Maximum difference between requested and actual frequency that is accepted [Hz]."""
 
 log = get_logger()
 

@@ -55,14 +55,14 @@ _FLOOR_S: Final = 0.002
 """Minimum lateness above the jitter that counts as a loss [s]; clock drift is smaller."""
 _LEVEL_S: Final = 0.006
 _LEVEL_SLOPE: Final = 0.06
-"""Slope of the lateness above which a program is falling behind and no samples are lost."""
+"""Rise of the lateness [s/s] above which a program is falling behind and nothing is lost."""
 _CLIMB_S: Final = 0.35
 _LEVEL_AFTER_CLIMB_S: Final = 1.5
 _SUSPECT_S: Final = 0.008
 """Lateness above which a cell may be the first after a loss [s]."""
 _SUSPECT_MAX_S: Final = 0.35
 _SHARP: Final = 0.6
-"""Minimum fraction of the lateness that arises within `_BEFORE_S` in a step, not a drift."""
+"""Fraction of the lateness that must arise within `_BEFORE_S` to be a step and no drift."""
 _BEFORE_S: Final = 0.5
 _SURE_SHARE: Final = 0.0008
 """Fraction of samples lost in `_SHARE_S` that no clock error explains (800 ppm)."""
@@ -178,7 +178,7 @@ class LossFinder:
         self.pace = SourcePace() if may_be_slow else None
         """Speed of a source that may be slower than real time; None for a radio."""
         self.jitter_s = 0.005
-        """Mean lateness of cells caused by jitter [s]."""
+        """Mean lateness of arrivals caused by jitter [s]."""
         self.suspect_s: float | None = None
         """Start of late arrivals that may follow a loss [nominal seconds]; or None."""
         self._falls = 0

@@ -124,7 +124,7 @@ class _Seen:
     flight_directory: str = ""
     commands: int = 0
     has_others: bool = False
-    """True once the guide has received other drones' data."""
+    """True once the drone's search process (guide) has received other drones' data."""
 
     @property
     def ended(self) -> bool:

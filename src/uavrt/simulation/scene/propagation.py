@@ -29,7 +29,7 @@ class Wall(ScenarioRecord):
     """A long flat vertical reflector: a building front, a cliff."""
 
     north_m: float
-    """A point of the wall, north of home [m]."""
+    """Position of a point on the wall: distance north of home [m]."""
     east_m: float
     facing_deg: float
     """Compass direction of the wall's normal [°]; only that side reflects."""

@@ -84,7 +84,7 @@ class SimulatedTag(ScenarioRecord):
     listed: bool = True
     """True if the operator searches for the tag; False for another tag nearby."""
     north_m: float = 0.0
-    """Position at the start, north of home [m]."""
+    """Position at the start: distance north of home [m]."""
     east_m: float = 0.0
     height_m: NonNegative = 0.5
     speed_m_s: NonNegative = 0.0

@@ -90,7 +90,7 @@ ORDER_OF_USE = {
 }
 """Order of messages with the same time stamp: tags first, then their release, then a start."""
 GOODBYE_S = 0.2
-"""Wait for the acknowledgement of the empty list of nodes [s]; other nodes then drop them."""
+"""Longest wait at the end for others to acknowledge the empty list of nodes [s]."""
 
 
 Reach = Literal["interfaces", "computer", "off"]

@@ -64,7 +64,7 @@ def encode_course(course: Course, most: int = MAX_COURSE) -> bytes:
 
 
 def _offset(here: Place, place: Place) -> tuple[int, int]:
-    """Offset of a position north and east of another [units of the course message]."""
+    """Offset of a position north and east of `here`, in the course message's units."""
     north, east = (
         round((there - own) / _COARSE) for own, there in zip(here, place, strict=True)
     )
