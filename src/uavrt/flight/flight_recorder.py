@@ -174,7 +174,7 @@ class FlightRecorder:
         self._add(self._urgent, rows)
 
     def write_command(self, command: Command, reply: CommandReply | None, time_ns: int) -> None:
-        """Record a command and its answer."""
+        """Record a command and its answer; `reply` is None if there was no answer."""
         row = schema.command_row(command, reply, time_ns)
         self._add(self._others, [(schema.INSERT_COMMAND, row)])
 

@@ -79,7 +79,7 @@ class SilentAround:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntegratedVerdict:
-    """Whole-flight result for one tag."""
+    """Result of the whole-flight analysis for one tag."""
 
     tag_id: int
     found: bool

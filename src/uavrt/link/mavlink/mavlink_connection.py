@@ -186,7 +186,7 @@ class Connection:
         }
 
     def peers(self) -> dict[str, str]:
-        """Present peers, for a log line."""
+        """Texts that name the present autopilot and ground stations, for a log line."""
         discovery = self.component.discovery
         stations = discovery.stations(self._clock_ns())
         return {

@@ -93,7 +93,7 @@ class Gate:
         return None if self._keeper is None else self._keeper.announcement(drone, nonce)
 
     def open(self, payload: bytes, sender: Ids, drone: Ids) -> tuple[int, bytes] | None:
-        """Open a sealed payload; None (and counted) if its seal is invalid."""
+        """Open a sealed payload: kind and content; None, and counted, if its seal is bad."""
         try:
             if self._keeper is None:
                 raise TunnelError("this drone has no key", payload)

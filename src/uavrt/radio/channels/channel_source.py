@@ -63,7 +63,7 @@ class ChannelDatagramSource(DatagramSource):
         self._listen(address)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next frame in order; see `SampleSource.read`."""
+        """Get the next frame in order of time; None after `timeout_s` without one."""
         deadline_s = None if timeout_s is None else monotonic_s() + timeout_s
         while True:
             self._receive()

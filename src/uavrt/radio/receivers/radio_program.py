@@ -117,7 +117,7 @@ class ProgramSource(StreamSource):
         return (*self._first, *self._lines)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block; see `SampleSource.read`."""
+        """Get the next block, or None after `timeout_s`; raises as `SampleSource.read`."""
         if self._closed:
             raise EOFError(f"{self.name} was closed")
         return super().read(timeout_s)

@@ -35,7 +35,7 @@ class TagView:
     delivered: int = 0
 
     def add(self, pulse: Pulse, now_s: float) -> None:
-        """Add a detected pulse."""
+        """Add a detected pulse of the tag; `now_s`: time on the viewer's clock [s]."""
         self.detected += 1
         self.times_s.append(now_s)
         if self.last is None or pulse.start_time_ns > self.last.start_time_ns:

@@ -60,7 +60,7 @@ class Propagation(ScenarioRecord):
     ground_permittivity: Annotated[float, Ge(1)] = 15.0
     ground_conductivity_s_m: Annotated[float, Ge(0)] = 5e-3
     doppler: bool = True
-    """Shift the frequency by the closing speed (5 Hz at 10 m/s)."""
+    """True to shift the frequency by the closing speed (5 Hz at 10 m/s)."""
     wall: tuple[Wall, ...] = ()
     fading: Fading = field(default_factory=Fading)
 

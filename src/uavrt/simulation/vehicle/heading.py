@@ -71,7 +71,7 @@ class Heading:
         self.wanted_deg, self._turn_left_deg = wanted_deg, 0.0
 
     def turn(self, by_deg: float, rate_deg_s: float) -> None:
-        """Turn by an angle, clockwise [°]."""
+        """Turn clockwise by an angle [°] at a rate [°/s]."""
         self._turn_left_deg, self._turn_rate_deg_s = by_deg, rate_deg_s
 
     def advance(self, bearing_deg: float | None, step_s: float) -> None:

@@ -58,7 +58,7 @@ WAITING = 32
 
 @dataclass(slots=True)
 class Session:
-    """A file opened by a client."""
+    """A file opened by a client of the file server."""
 
     file: BinaryIO | bytes
     size: int

@@ -62,7 +62,7 @@ class Header(RosMessage):
 
 @ros_message("std_msgs/Bool")
 class Flag(RosMessage):
-    """A message with one truth value."""
+    """A message with one truth value (std_msgs/Bool)."""
 
     data: Bool = False
 
