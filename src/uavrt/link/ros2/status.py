@@ -1,4 +1,4 @@
-"""State of the original's three components, derived from the state of uavrt's processes.
+"""State of the original system's three components, derived from the state of uavrt's processes.
 
 The radio's program and the channelizer are one process here, the receiver; a detector process
 serves several tags. Each component reports its own parts: the radio by its kind and serial

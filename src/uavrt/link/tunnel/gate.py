@@ -1,4 +1,4 @@
-"""Drone: decide which ground stations may command. Ground: seal commands."""
+"""Decide on the drone which ground stations may command; seal commands on the ground."""
 
 import secrets
 from collections import OrderedDict
@@ -81,7 +81,7 @@ class Gate:
         return self._keeper is not None and self._key_required
 
     def refusal(self, sender: Ids, *, sealed: bool) -> str | None:
-        """Reason why a sender may not command; None if it may."""
+        """Reason why a sender may not command, by a sealed or open message; None if it may."""
         if self._commanders and sender[0] not in self._commanders:
             return f"system {sender[0]} may not command: see mavlink.commanders"
         if self.locked and not sealed:

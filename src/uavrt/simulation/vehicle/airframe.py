@@ -157,7 +157,7 @@ class Airframe:
         )
 
     def move(self, target: Target | None, step_s: float, *, paused: bool) -> None:
-        """Move for a short time, towards the target or by the velocity setpoint; None: stop."""
+        """Move for `step_s` to the target or by the velocity setpoint; without either: stop."""
         climb, level = 0.0, (0.0, 0.0, 0.0)
         if self.velocity_setpoint is not None:
             velocity, asked_s = self.velocity_setpoint

@@ -10,7 +10,7 @@ from uavrt.link.mavlink.services.metadata import Metadata
 
 
 def capabilities(*, bytewise: bool) -> int:
-    """MAV_PROTOCOL_CAPABILITY bits; `bytewise`: integer parameters are sent as bytes."""
+    """MAV_PROTOCOL_CAPABILITY bits; `bytewise`: True if integer parameters are bytes."""
     encoding = (
         MavProtocolCapability.PARAM_ENCODE_BYTEWISE
         if bytewise

@@ -122,7 +122,7 @@ class DiagnosticStatus(RosMessage):
 
 
 OK, WARN, ERROR, STALE = 0, 1, 2, 3
-"""Levels of a `DiagnosticStatus`."""
+"""Values of a `DiagnosticStatus`'s level, as in diagnostic_msgs."""
 
 
 @ros_message("diagnostic_msgs/DiagnosticArray")

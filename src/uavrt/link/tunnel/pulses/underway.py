@@ -76,7 +76,7 @@ class Underway(Generic[T]):
         return len(self._sent)
 
     def add(self, entry: Entry[T], number: int, now_ns: int, *, awaited: bool) -> None:
-        """Add a message that is sent now; `number` is its payload's hash."""
+        """Add a message sent now, by its payload's hash; `awaited`: an answer is expected."""
         self._order += 1
         if self._unanswered_since_ns is None and awaited:
             self._unanswered_since_ns = now_ns
