@@ -66,7 +66,7 @@ class Gate:
         self.refused = 0
         """Number of sealed messages that were forged, repeated or damaged."""
         self._sealed_s: dict[Ids, float] = {}
-        """Time of each station's last valid seal [s]."""
+        """Time of each station's last message with a valid seal (keyed hash) [s]."""
         self._files_s: dict[Ids, float] = {}
         """Time of each station's last sealed keepalive that announces file requests [s]."""
         self._proving: set[Ids] = set()
@@ -106,11 +106,11 @@ class Gate:
         return opened
 
     def silent_s(self) -> dict[Ids, float]:
-        """Time since the last valid seal of each station that has sent one [s]."""
+        """Time since each station's last validly sealed message [s]; others are left out."""
         return {station: monotonic_s() - last_s for station, last_s in self._sealed_s.items()}
 
     def keepalive(self, inside: bytes, station: Ids, drone: Ids) -> bytes | None:
-        """Handle a sealed keepalive; return the announcement with its nonce, or None."""
+        """Handle a sealed keepalive; return the session with its nonce, None if it has none."""
         self._proving.add(station)
         nonce, files = read_keepalive(inside)
         if files:
@@ -154,7 +154,7 @@ class Gate:
 
 
 class Sealer:
-    """Seals the ground station's messages with the shared key."""
+    """Seals the ground station's messages: adds a keyed hash made with the shared key."""
 
     def __init__(self, key: Key, own: Ids) -> None:
         self._key = key
@@ -222,7 +222,7 @@ class Sealer:
         return self._seal(parameter_content(name, value), PARAMETER_INSIDE)
 
     def answer(self, payload: bytes, request_ids: Iterable[int]) -> bytes:
-        """Check the proof of an answer to a sealed order; raises `TunnelError`."""
+        """Check and remove the keyed hash of an order's answer; `TunnelError` if forged."""
         if self._session is None:
             raise TunnelError("reply before the drone announced its session: ignored", payload)
         return proven_answer(payload, self._key, self._session, self._own, request_ids)

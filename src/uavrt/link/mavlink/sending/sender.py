@@ -24,8 +24,7 @@ log = get_logger()
 TICK_S = 0.05
 TUNNEL_SIZE = 128
 COPIES = 256
-"""Largest number of copied pulses that wait on a link other than the one that carries
-pulses."""
+"""Largest number of copied pulses that wait on a link that is not the preferred one."""
 UNSENT = 64
 """Largest number of messages to all stations kept until the first ground station appears. In
 the queue they would delay replies to file clients, which are not ground stations."""
@@ -232,7 +231,7 @@ class TunnelSender:
         target: Peer | None = None,
         payload_type: int = 0,
     ) -> None:
-        """Queue a payload for a target or all; raises `TunnelError` above 128 bytes."""
+        """Queue a payload for one peer, or for all (None); `TunnelError` above 128 bytes."""
         if len(payload) > TUNNEL_SIZE:
             raise TunnelError(f"a payload has at most 128 bytes, not {len(payload)}", payload)
         place = None if target is None else target.place

@@ -28,8 +28,7 @@ IGNORED_NS = ns_from_s(60.0)
 MOST_IGNORED = 64
 PATIENCE, SENDS_OF_PATIENCE = 8, 32
 """How often a burst's single pulses are sent to a store that acknowledged none: 8 times, but
-once after 32 in total. At 40 % loss each way, none of 32 is answered in one of a million
-cases."""
+once after 32 in total. At 40 % loss each way, none of 32 is answered once in a million."""
 
 
 @dataclass(slots=True)
