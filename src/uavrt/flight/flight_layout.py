@@ -104,10 +104,7 @@ class FlightLayout:
 def new_flight_directory(
     directory: Path, start_time_ns: int, is_taken: Callable[[Path], bool] = Path.exists
 ) -> Path:
-    """Path for a new flight directory, ``flight_log_<UTC>``, with ``_2`` … if taken.
-
-    A further flight with the same time gets ``_2``, ``_3`` …
-    """
+    """Unused path for a new flight: ``flight_log_<UTC>``, with ``_2``, ``_3`` … if taken."""
     path = directory / f"flight_log_{flight_stamp(start_time_ns)}"
     number = 2
     while is_taken(path):
@@ -132,7 +129,7 @@ def require_writable(directory: Path) -> None:
 def stamp_of(flight: str) -> Stamp:
     """Size and modification time of a flight's database and its write-ahead log.
 
-    Paths are text because each display of the list checks thousands of flights.
+    `flight` is text and no `Path`, for speed: each display of the list checks thousands.
     """
     size, changed = 0, 0
     for path in (f"{flight}/flight.sqlite", f"{flight}/flight.sqlite-wal"):

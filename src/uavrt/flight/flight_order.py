@@ -24,7 +24,7 @@ _COPY = re.compile(rf"(.+?)(?:{GROUND_COPY}|{FETCHED_COPY})(?:_\d+)?", re.DOTALL
 
 
 def note_flight(flight: Path) -> None:
-    """Append a new flight to the list; raises `OSError` if the disk fails."""
+    """Append a new flight's name to its folder's list; raises `OSError` if the disk fails."""
     path = flight.parent / FLIGHT_ORDER
     names = _noted(path)
     if names and names[-1] == flight.name:
@@ -70,15 +70,12 @@ def flights_in_order(directory: Path) -> list[Path]:
 
 
 def order_noted(directory: Path) -> dict[str, int]:
-    """Number of each listed flight in the order of flights, by the flight's name."""
+    """Position of each listed flight by its name; 0 is the oldest."""
     return {name: number for number, name in enumerate(_noted(directory / FLIGHT_ORDER))}
 
 
 def flown_before(flight: Path) -> list[Path] | None:
-    """Flights of the folder flown before this one, oldest first; None if it is not listed.
-
-    None if the flight is not listed, so that only its clock gives the order.
-    """
+    """Flights of the same folder flown before this one, oldest first; None if not listed."""
     name = flown_name(flight.name)
     if name not in order_noted(flight.parent):
         return None
@@ -89,7 +86,7 @@ def flown_before(flight: Path) -> list[Path] | None:
 
 
 def names_in_order(names: Iterable[str], noted: Iterable[str]) -> list[str]:
-    """Sort names of flights by the folder's list, the oldest first."""
+    """Sort names of flights, oldest first, by `noted`, the names in the folder's list."""
     place = {name: number for number, name in enumerate(noted)}
 
     def key(name: str) -> tuple[int, str, str]:

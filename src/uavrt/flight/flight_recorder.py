@@ -90,7 +90,7 @@ class FlightRecorder:
         self.dropped_records = 0
         """Number of records dropped because too many waited for a failing disk."""
         self.mended = ""
-        """Text on the last database fault that was repaired, for the operator."""
+        """Operator text on the last repair of a damaged database; empty if there was none."""
 
     @classmethod
     def create(cls, info: FlightInfo, settings: Settings | None = None) -> "FlightRecorder":
@@ -157,7 +157,7 @@ class FlightRecorder:
         self._add(self._urgent, [(schema.UPDATE_INSIDE, schema.inside_row(burst))])
 
     def write(self, *records: Writable) -> None:
-        """Add other records; a tag replaces the one with the same number."""
+        """Add records other than pulses; a tag replaces an earlier tag with the same id."""
         for record in records:
             sql, row_of = _STATEMENTS[type(record)]
             self._add(self._others, [(sql, row_of(record))])
@@ -174,7 +174,7 @@ class FlightRecorder:
         self._add(self._urgent, rows)
 
     def write_command(self, command: Command, reply: CommandReply | None, time_ns: int) -> None:
-        """Record a command and its answer."""
+        """Record a command and its answer; `reply` is None if there was no answer."""
         row = schema.command_row(command, reply, time_ns)
         self._add(self._others, [(schema.INSERT_COMMAND, row)])
 
@@ -183,10 +183,10 @@ class FlightRecorder:
         self._add(self._others, [(schema.INSERT_NOTE, (time_ns, text))])
 
     def commit(self, *, pulses_only: bool = False) -> None:
-        """Commit all waiting records, or only pulses; after an error they wait in memory.
+        """Commit all waiting records; after an error they stay in memory.
 
-        With `pulses_only` these are only pulses with their poses and deliveries, so that later
-        commits write fewer half-full pages.
+        `pulses_only` commits only pulses, their poses and deliveries; other records wait, so
+        that fewer half-full pages are written.
         """
         try:
             if not self._begun:
@@ -212,7 +212,7 @@ class FlightRecorder:
         self.failed_commits += not self.database.checkpoint(self._logs.sync)
 
     def is_suspect(self) -> bool:
-        """True if the disk may refuse the next commit, by its state and free space."""
+        """True if the next commit may fail: disk full or read-only, or database file gone."""
         root = self.layout.root
         try:
             full = shutil.disk_usage(root).free < LEAST_FREE_BYTES

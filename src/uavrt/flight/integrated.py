@@ -2,7 +2,7 @@
 
 The flight's own log is never changed. ``integrated/pulses.jsonl`` contains pulses as written by
 ``uavrt detect``, with the status *integrated*. ``integrated/tags.json`` contains the result for
-each tag, and ``integrated/folds.json`` the flight folded at the tag's interval. A new result
+each tag, and ``integrated/folds.json`` the energies folded at the tag's interval. A new result
 for a tag replaces the old one.
 """
 
@@ -43,7 +43,7 @@ class IntegratedPart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchedFor:
-    """Tag and settings of a search; if nothing is found, only a tag like this is excluded."""
+    """Tag and settings of a search; finding nothing excludes only a tag with these values."""
 
     frequency_hz: float
     """Frequency in the tag list [Hz]; the fields up to `gaps_s` are also from the tag list."""
@@ -56,7 +56,7 @@ class SearchedFor:
     frequency_window_hz: float
     """Half-width of the searched band [Hz]."""
     most_drift: float
-    """Largest relative change of the interval over the flight."""
+    """Largest relative change of the pulse interval over the flight that was searched."""
     antenna: str
     """Name of the antenna pattern used."""
     antenna_assumed: bool
@@ -65,7 +65,7 @@ class SearchedFor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SilentAround:
-    """Area around a flight that excludes a tag that was not found."""
+    """Area around a flight in which the search would have found the tag, had it been there."""
 
     tag_power_dbm: float
     """Assumed radiated power of the tag [dBm]."""
@@ -79,7 +79,7 @@ class SilentAround:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntegratedVerdict:
-    """Whole-flight result for one tag."""
+    """Result of the whole-flight analysis for one tag."""
 
     tag_id: int
     found: bool
@@ -104,22 +104,23 @@ class IntegratedVerdict:
     flights: int = 1
     """Number of flights analysed together; the position is then from the middle of all."""
     heard_live: int = 0
-    """Number of the pulse train's pulses that the flight's own log contains."""
+    """Number of the found train's pulses that were already detected during the flight."""
     remarks: str = ""
     """Limitations of the figures, such as missing terrain heights."""
     ambiguous: bool = False
-    """True if another train on this frequency, at a small interval ratio, may be the tag's."""
+    """True if another pulse train on this frequency may be the tag's: the ratio of both
+    intervals is simple, such as 3/2."""
     listened: str = ""
     """Time spans with samples of the tag's channel, as ISO 8601 intervals; empty if unknown."""
     parts: tuple[IntegratedPart, ...] = field(default=(), metadata=_NO_COLUMN)
-    """Possible positions, most likely first; `latitude_deg` is that of their middle."""
+    """Possible positions, most likely first; `latitude_deg` etc. give their middle."""
     region50: tuple[Ring, ...] = field(default=(), metadata=_NO_COLUMN)
     """Smallest region that contains the tag with a probability of 50 %."""
     region95: tuple[Ring, ...] = field(default=(), metadata=_NO_COLUMN)
     searched: SearchedFor | None = field(default=None, metadata=_NO_COLUMN)
     """Tag and settings of the search; None in results of earlier versions."""
     silent: SilentAround | None = field(default=None, metadata=_NO_COLUMN)
-    """Area that excludes the tag; None if the tag was received, or no area was computed."""
+    """Area where the search would have found the tag; None if found or not computed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,7 +132,8 @@ class FlightFold:
     length_s: float
     """Duration of the flight, which all rows together cover [s]."""
     profile: tuple[float, ...]
-    """(columns,) sum of the energies over the flight; the train's phase is in the middle."""
+    """(columns,) sum of the energies over the flight; the pulse train is in the middle
+    column."""
     raster: tuple[tuple[float, ...], ...]
     """(rows, columns) energies; the flight's beginning is the first row."""
 
@@ -149,7 +151,7 @@ def write_integrated(
     pulses: Iterable[PulsePose],
     folds: Sequence[FlightFold] = (),
 ) -> Path:
-    """Write the results of some tags into a flight's folder; other tags' results stay."""
+    """Write the results of some tags, keeping those of others; return the results' folder."""
     judged = {one.tag_id for one in verdicts}
     old_verdicts, old_pulses = read_integrated(flight)
     kept = [one for one in old_verdicts if one.tag_id not in judged]
@@ -194,7 +196,7 @@ def read_integrated(
 
 
 def read_folds(flight: str | os.PathLike[str]) -> tuple[FlightFold, ...]:
-    """Read the folded flights of the analysed tags, if any; raises `FormatError` if damaged."""
+    """Read the folded energies of all analysed tags; raises `FormatError` if damaged."""
     path = FlightLayout(Path(flight)).integrated_directory / "folds.json"
     if not path.is_file():
         return ()

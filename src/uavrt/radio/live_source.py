@@ -79,7 +79,7 @@ class LiveSource:
 
     @property
     def samples_unsure(self) -> int:
-        """Number of lost samples that may be a wrong clock rate instead."""
+        """Number of samples counted as lost that a wrong clock rate may explain instead."""
         return self._placer.unsure
 
     @property

@@ -78,7 +78,7 @@ class StreamSource(LiveSource):
         self._poll.register(descriptor, select.POLLIN)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block, cut before a late arrival that may follow a loss."""
+        """Get the next block; None after `timeout_s`. A block ends before a possible loss."""
         deadline_s = None if timeout_s is None else monotonic_s() + timeout_s
         self._compact()
         if not self._waiting_since_ns:

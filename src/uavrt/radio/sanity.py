@@ -20,7 +20,7 @@ class SampleCheck:
         self._dead_s = 0.0
 
     def look(self, block: IQBlock) -> None:
-        """Check one block: `RadioGarbled` if not samples, `RadioStalled` if all are zero."""
+        """Raise `RadioGarbled` if a block is no signal, `RadioStalled` after 1 s of zeros."""
         values = block.samples.view(np.float32)
         if values.size == 0:
             return

@@ -45,9 +45,9 @@ class SimulatedRecording:
     samples: int
     pulses: int
     outside: tuple[int, ...]
-    """Tags with frequencies outside the recorded band."""
+    """Ids of the tags with frequencies outside the recorded band."""
     cut: tuple[int, ...]
-    """Tags that TagInfo.txt cannot fully describe: with a second interval, or a code."""
+    """Ids of tags that TagInfo.txt cannot fully describe: with a second interval, or coded."""
 
 
 def simulate_to_directory(

@@ -21,7 +21,7 @@ Row = tuple[Any, ...]
 Kind = Literal["whole", "real", "switch", "word", "wholes", "reals"]
 
 IN_NO_TABLE = "in no table"
-"""Metadata key that marks a field without a column, because its value is not a plain one."""
+"""Key in a field's dataclass metadata: the field gets no column, as its value is nested."""
 _KINDS: dict[Any, Kind] = {int: "whole", float: "real", bool: "switch", str: "word"}
 SQL_TYPES: dict[Kind, str] = {
     "whole": "INTEGER",
@@ -78,7 +78,7 @@ def _field(name: str, hint: Any, *, defaulted: bool) -> RecordField:
 class Columns(Generic[R]):
     """Columns of a table of records, and the conversion of a record to a row and back.
 
-    Lists of numbers are texts with spaces, or in JSON with `lists_as_json`. NaN is NULL.
+    A list of numbers is stored as text, with spaces or (`lists_as_json`) as JSON; NaN as NULL.
     """
 
     def __init__(
@@ -105,7 +105,7 @@ class Columns(Generic[R]):
         self._json = lists_as_json
 
     def row(self, record: R) -> Row:
-        """Values of a record in the order of the columns."""
+        """A record's values, converted for SQLite, in the order of the columns."""
         row = list(self._values(record))
         for place, _ in self._lists:
             numbers = row[place]
@@ -114,7 +114,7 @@ class Columns(Generic[R]):
         return tuple(row)
 
     def values(self, row: Row) -> dict[str, Any]:
-        """Values of a row by name; raises `ValueError` or `TypeError` for wrong ones."""
+        """Values of a row by column name; raises `ValueError` or `TypeError` if invalid."""
         values = list(row)
         for place in self._reals:
             if values[place] is None:
@@ -128,7 +128,7 @@ class Columns(Generic[R]):
         return dict(zip(self.types, values, strict=True))
 
     def record(self, row: Row) -> R:
-        """Make a record from a row; raises as `values`."""
+        """Make a record from a row; raises `ValueError` or `TypeError` for invalid values."""
         return msgspec.convert(self.values(row), self._kind)  # faster than its constructor
 
 

@@ -44,11 +44,12 @@ class FlightDatabase:
         self.syncs = 0
         """Number of fsync calls: one per commit, two per checkpoint."""
         self.committed_pulses = 0
-        """Number of new pulses written since this object was made."""
+        """Number of new pulses committed by this object."""
         self.repeated_pulses = 0
         """Number of pulses already recorded before, such as after a sender's restart."""
         self.refused_records = 0
-        """Number of records that no database can store, such as numbers beyond 64 bits."""
+        """Number of records dropped as SQLite cannot store them, such as integers above 64
+        bits."""
 
     def connected(self) -> sqlite3.Connection:
         """Database connection, opened if necessary."""
@@ -126,7 +127,7 @@ class FlightDatabase:
     def insert(
         self, pulses: Iterable[Pulse | PulsePose], *others: Iterable[Statement]
     ) -> list[PulsePose]:
-        """Insert all rows in one transaction; return the pulses that got a new pose."""
+        """Insert all rows in one transaction; return the pulses that had no pose row before."""
         database = self.connected()
         new: list[PulsePose] = []
         counts = {"pulses": 0, "repeated": 0, "refused": 0}
@@ -150,7 +151,7 @@ class FlightDatabase:
         return new
 
     def checkpoint(self, first: Callable[[], None]) -> bool:
-        """Checkpoint the write-ahead log after `first`, if it is due; False if that failed."""
+        """If it is due, call `first`, then checkpoint the write-ahead log; False on failure."""
         if self._durable:
             with suppress(OSError):
                 if self._layout.write_ahead_log.stat().st_size > WAL_BYTES:
@@ -179,14 +180,14 @@ class FlightDatabase:
             self.syncs += 1
 
     def without_pose(self, most: int) -> list[Pulse]:
-        """Oldest recorded pulses without a known pose; None while the disk fails."""
+        """Oldest recorded pulses without a pose row, at most `most`; empty on a disk fault."""
         with suppress(sqlite3.Error, OSError, ValueError, TypeError):
             rows = self.connected().execute(schema.SELECT_PULSES_WITHOUT_POSE, (most,))
             return [schema.pulse_from_row(row) for row in rows]
         return []
 
     def poses_around(self, time_ns: int, reach_ns: int) -> list[Pose]:
-        """Committed vehicle poses around a time; empty while the disk fails."""
+        """Committed vehicle poses within `reach_ns` of a time; empty while the disk fails."""
         with suppress(sqlite3.Error, OSError, ValueError, TypeError):
             span = (time_ns - reach_ns, time_ns + reach_ns)
             rows = self.connected().execute(schema.SELECT_POSES, span)

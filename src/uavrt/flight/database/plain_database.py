@@ -1,7 +1,7 @@
-"""Open flight databases of unknown origin safely.
+"""Open flight databases of unknown origin, such that a bad one cannot block the program.
 
-A view in place of a table may never finish, SQLite waits for a pipe next to the database, and a
-running query ignores Ctrl-C. So a bad flight directory must not affect other flights.
+A view in place of a table may compute without end, SQLite waits for a pipe that lies next to
+the database, and a running query ignores Ctrl-C.
 """
 
 import os
@@ -18,7 +18,7 @@ STEPS = 50_000
 LONGEST_VALUE_BYTES = 16_000_000
 """Largest size of one value [bytes]; a flight's settings have about 10 kB."""
 LONGEST_S = 120.0
-"""Longest use of a database [s]; reading 100 000 pulses takes one second."""
+"""Largest CPU time for queries on one opened database [s]; 100 000 pulses take one second."""
 _SUFFIXES = ("", "-wal", "-shm", "-journal")
 LONGEST_DEFINITION = 20_000
 """Largest number of characters in a table's definition, which may contain a default value."""
@@ -30,7 +30,7 @@ queries_ended = threading.Event()
 
 
 def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
-    """Open a database for reading; only tables are allowed, and queries are limited.
+    """Open a database for reading; refuse views and the like, and limit the queries' time.
 
     With `mode` ``"rw"``, SQLite may checkpoint the write-ahead log; use it only for a copy.
     """
@@ -52,7 +52,7 @@ def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
 
 
 def _odd_name(database: sqlite3.Connection) -> str | None:
-    """Name of a view, generated column or long default, whose values are not in the file."""
+    """Name of a view, generated column or long default in a database; None if there is none."""
     made = "SELECT name, type, sql FROM sqlite_master WHERE sql IS NOT NULL"
     hidden = "SELECT 1 FROM pragma_table_xinfo(?) WHERE hidden > 1"
     for name, kind, text in database.execute(made):
@@ -68,7 +68,7 @@ def _odd_name(database: sqlite3.Connection) -> str | None:
 
 @lru_cache(maxsize=64)
 def _may_compute(definition: str) -> bool:
-    """True if a table's definition may have a generated column; cached over flights."""
+    """True if a table's definition may have a generated column; cached for all databases."""
     return _COMPUTED.search(definition) is not None
 
 

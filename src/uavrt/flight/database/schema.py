@@ -188,7 +188,7 @@ def _lacking(database: sqlite3.Connection) -> dict[str, list[str]]:
 
 
 def inside_row(burst: BurstInside) -> Row:
-    """Values of a burst's single pulses, for `UPDATE_INSIDE`."""
+    """Values of the single pulses in a coded tag's burst, in the order of `UPDATE_INSIDE`."""
     cells = (getattr(burst, name) for name in _INSIDE)
     return (*(" ".join(map(repr, numbers)) or None for numbers in cells), *burst.key)
 

@@ -1,6 +1,6 @@
 """Query the flight in progress: received tags, and pulses that a ground station lacks.
 
-A delivery is a row linked to its pulse.
+Each row of the table of deliveries links a pulse to a ground station that received it.
 """
 
 import sqlite3
@@ -24,7 +24,7 @@ _UNDELIVERED = (
 
 
 def heard_tags(directory: str | Path) -> dict[int, tuple[int, int]]:
-    """Number of confirmed pulses of each tag received, and end of the newest one [ns].
+    """By tag id: number of confirmed pulses, and end time of the newest one [ns, UTC].
 
     Tags without pulses are left out.
     """
@@ -38,9 +38,10 @@ def heard_tags(directory: str | Path) -> dict[int, tuple[int, int]]:
 def undelivered(
     directory: str | Path, store: int, limit: int, without: Collection[tuple[int, int]] = ()
 ) -> tuple[list[PulsePose], bool]:
-    """Recorded pulses that a ground station lacks, the newest first, and if there are more.
+    """Recorded pulses that a ground station lacks, the newest first; True if there are more.
 
-    For `store` 0, a station without receipts, only pulses not sent to any station.
+    `store`: the ground station's number; 0, for stations that acknowledge nothing, gives pulses
+    not sent to any. `without`: tag id and start time [ns] of pulses to leave out.
     """
     with _opened(directory) as database:
         schema.read_older(database)

@@ -56,7 +56,7 @@ class DetectorConfig:
     data_port: int
     log_path: str = ""
     operating_mode: str = "freqSearchHardLock"
-    """One of the original's four search modes (`uavrt.detection.modes.OperatingMode`)."""
+    """One of the original detector's search modes (`uavrt.detection.modes.OperatingMode`)."""
     excluded_hz: tuple[tuple[float, float], ...] = ()
     """Frequency ranges that are not searched, relative to the channel's centre [Hz]."""
 
@@ -69,9 +69,9 @@ def detector_config(
     ports: Literal["current", "thesis"] = "thesis",
     operating_mode: str = "freqSearchSoftLock",
 ) -> DetectorConfig:
-    """Describe a tag within the original's plan of 100 channels around the radio frequency.
+    """Describe a tag for the original's detectors: 100 channels around the radio frequency.
 
-    A tag outside the plan (another radio, no channelizer) gets its own channel and port 0.
+    A tag outside that plan (another radio, no channelizer) gets its own channel and port 0.
     """
     steps = round((tag.frequency_hz - center_frequency_hz) / CHANNEL_RATE_HZ)
     inside = -CHANNELS // 2 <= steps < CHANNELS // 2

@@ -82,10 +82,7 @@ def _pose_from_record(record: dict[str, Any], time_ns: int) -> Pose | None:
 def _converted(
     record: dict[str, Any], kind: type[R], described: Iterable[RecordField], **more: Any
 ) -> R:
-    """Convert the described fields; unknown numbers are NaN, missing fields the default.
-
-    Fields that older files lack have their default.
-    """
+    """Make a record: unknown numbers become NaN, and missing fields get their default."""
     values = {
         one.name: _finite_or_nan(record[one.name]) if one.kind == "real" else record[one.name]
         for one in described

@@ -51,7 +51,7 @@ class PulseLogs:
         self._retry_at_s = 0.0
 
     def write(self, database: sqlite3.Connection) -> None:
-        """Append new pulses; after a failure the logs are completed later."""
+        """Append the added pulses; after a failure, complete the logs from `database` later."""
         if not self._new and not self._behind:
             return
         if self._behind:

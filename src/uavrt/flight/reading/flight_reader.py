@@ -56,11 +56,12 @@ class Flight:
     notes: tuple[tuple[int, str], ...]
     """Notes on the flight, each with its time [ns, UTC]."""
     on_ground_ns: tuple[tuple[int, int], ...] = ()
-    """Pairs of first and last time on the ground by the autopilot [ns]; empty if unknown."""
+    """First and last time of each stay on the ground, by the autopilot [ns]; empty if
+    unknown."""
 
 
 def read_flight(directory: str | os.PathLike[str]) -> Flight:
-    """Read a flight, even in progress, without most health records; raises `FormatError`."""
+    """Read a flight, even in progress, without health records; raises `FormatError`."""
     with flight_database(Path(directory)) as database:
         return Flight(
             info=flight_info(database, Path(directory)),

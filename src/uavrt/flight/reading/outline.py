@@ -26,7 +26,7 @@ _LEVELS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeardTag:
-    """Number of confirmed pulses of one tag in a flight, without ghosts."""
+    """Number of confirmed pulses of one tag in a flight, without artefacts of the receiver."""
 
     pulses: int
     first_ns: int
@@ -42,7 +42,7 @@ class FlightOutline:
     """Time of the flight's last record [ns]."""
     heard: dict[int, HeardTag]
     all_pulses: int
-    """Number of pulses of any status, ghosts included."""
+    """Number of pulses of any status, including artefacts made by the receiver."""
     of_ground: bool
     """True if a ground station recorded the flight, False if the drone did."""
     vehicle: str | None

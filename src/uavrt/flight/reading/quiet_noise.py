@@ -26,10 +26,7 @@ _NOISE = (
 
 
 def read_quiet_noise_db(directory: str | os.PathLike[str]) -> float | None:
-    """Median noise of a flight's receiver at rest [dB re units/Hz]; None without take-off.
-
-    None if the drone never took off, as in a bench check.
-    """
+    """Median noise of a flight's receiver at rest [dB re units/Hz]; None without take-off."""
     with flight_database(Path(directory)) as database:
         (taken_off_ns,) = database.execute(
             "SELECT min(time_ns) FROM poses WHERE altitude_relative_m > ?", (_IN_THE_AIR_M,)
@@ -45,7 +42,7 @@ def read_quiet_noise_db(directory: str | os.PathLike[str]) -> float | None:
 
 
 def usual_noise_db(levels_db: Iterable[float | None]) -> float | None:
-    """Median of the noise of flights, the newest first [dB]; None without any value."""
+    """Median noise level of the first 10 flights that have one [dB]; None without any."""
     known = list(islice((one for one in levels_db if one is not None), MOST_FLIGHTS))
     return median(known) if known else None
 

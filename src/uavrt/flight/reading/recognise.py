@@ -56,7 +56,7 @@ _REMEDY = (
 
 
 def read_pulses(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
-    """Read the pulses of a flight directory or a log; see `read_pulse_log` for errors."""
+    """Read the pulses of a flight directory or a log of any format; raises `FormatError`."""
     return read_pulse_log(path).pulse_poses
 
 
@@ -122,10 +122,7 @@ def _logs_below(directory: Path) -> Iterator[Path]:
 
 
 def _is_log(path: Path) -> bool:
-    """True if a file is a log of received pulses: not empty, nor a simulation's truth.
-
-    Empty files are excluded, and the list of transmitted pulses that a simulation writes.
-    """
+    """True if a file logs received pulses: not empty, nor a simulation's list of pulses."""
     if path.name == "truth.csv":
         return False
     try:
@@ -216,7 +213,7 @@ def _is_thesis(line: str) -> bool:
 
 
 def _original(path: Path) -> tuple[str, ...]:
-    """Warnings for the original's pulse_pose_log.txt; uavrt writes more decimals in it."""
+    """Warnings for a pulse_pose_log.txt of the original system, known by its decimals."""
     rows = [cells for line in read_lines(path) if len(cells := cells_of(line)) == COLUMNS]
     if all(len(cells[1].partition(".")[2]) == _DECIMALS_OF_OURS for cells in rows):
         return ()

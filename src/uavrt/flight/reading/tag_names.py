@@ -18,7 +18,7 @@ _SAME_HZ = 500.0
 
 
 def tags_with_names(tags: Iterable[Tag], directory: Path) -> tuple[Tag, ...]:
-    """Name unnamed tags by the tag list in the flight's folder, or in ``ground``."""
+    """Name unnamed tags by ``tags.toml`` or ``ground/tags.toml`` next to the flight."""
     listed = tuple(tags)
     if all(tag.name for tag in listed):
         return listed
@@ -34,7 +34,7 @@ def _named(tag: Tag, known: dict[int, Tag]) -> Tag:
 
 
 def _near(directory: Path) -> tuple[Tag, ...]:
-    """Tag list of the ground station; empty if missing or unreadable."""
+    """Tags in ``tags.toml`` or ``ground/tags.toml`` next to a flight; empty if unreadable."""
     above = os.path.dirname(os.path.abspath(directory))
     for path in (f"{above}/tags.toml", f"{above}/ground/tags.toml"):
         if os.path.isfile(path):

@@ -11,9 +11,9 @@ log = get_logger()
 
 
 class ChannelBudget:
-    """Recorded channel files on the disk, oldest first, and their size; no starred ones.
+    """Recorded channel files on the disk, oldest first, and their total size.
 
-    Files of other flights that are starred are neither counted nor removed.
+    Files of other flights that the user has starred (protected) are not counted nor removed.
     """
 
     def __init__(self, flight: Path, most_bytes: float) -> None:

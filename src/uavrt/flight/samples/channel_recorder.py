@@ -394,7 +394,7 @@ def _needed(peak: float, bits: int) -> float:
 
 
 def _scale_of_piece(samples: NDArray[np.complex64], peak: float) -> tuple[int, float, bool]:
-    """Bits and full scale of a new file, and whether the scale exceeds the noise's need."""
+    """Bits and full scale of a new file; True if a strong signal required a wider scale."""
     fitting = _scale_by_noise(samples, 8)
     if 0.0 < _needed(peak, 8) <= fitting:
         return 8, fitting, False

@@ -123,7 +123,7 @@ class IQRecorder:
             self.file.close()
 
     def _next_blocks(self) -> list[IQBlock]:
-        """Wait for enough blocks to write; none at the end."""
+        """Wait until enough blocks are queued and return them; an empty list means the end."""
         with self._condition:
             while self._waiting_samples < self._worth_waking and not self._closing:
                 self._condition.wait()

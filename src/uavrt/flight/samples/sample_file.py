@@ -72,7 +72,7 @@ class SampleFile:
         return max(0, len(self._stretches) - 1)
 
     def append(self, samples: NDArray[np.complex64], sample_index: int, time_ns: int) -> None:
-        """Scale and write samples, completely or not at all; see `append_stored`."""
+        """Scale and write samples, completely or not at all; arguments as `append_stored`."""
         self.append_stored(self._as_int16(samples), sample_index, time_ns)
 
     def append_stored(
@@ -97,7 +97,7 @@ class SampleFile:
         self._next_index = sample_index + count
 
     def break_off(self) -> None:
-        """End the present stretch; the next samples begin a new one."""
+        """End the present stretch of gapless samples; the next samples begin a new one."""
         self._next_index = None
 
     def close(self) -> None:

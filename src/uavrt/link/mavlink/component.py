@@ -29,7 +29,7 @@ from uavrt.link.mavlink.services.parameter_service import Requests
 
 HEARTBEAT_NS = ns_from_s(1.0)
 ALONE_NS = ns_from_s(3.0)
-"""Time without an autopilot after which the component takes the usual system number [ns]."""
+"""Time without an autopilot after which the component works with system number 1 [ns]."""
 FALLBACK_SYSTEM_ID = 1
 TIMESYNC_FAST_NS = ns_from_s(0.1)
 TIMESYNC_SLOW_NS = ns_from_s(1.0)
@@ -290,7 +290,7 @@ class Component:
             self._handlers.radio_status(message)
 
     def _may_answer(self, peer: Peer, now_ns: int) -> bool:
-        """True if an answer may bypass the queue; limited, except to the autopilot."""
+        """True if `peer` may be answered at once; rate-limited except for the autopilot."""
         if peer == self.discovery.autopilot or self._answers.take(now_ns):
             return True
         self.counters["questions_passed_over"] += 1

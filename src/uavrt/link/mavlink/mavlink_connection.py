@@ -127,7 +127,7 @@ class Connection:
             await asyncio.sleep(TICK_S)
 
     def command_autopilot(self, message: Message) -> None:
-        """Send to the autopilot at once or not at all; a late order could follow a takeover."""
+        """Send to the autopilot at once or never: later, the pilot may have taken over."""
         if self.commands_leave:
             self._ways[AUTOPILOT_LINK].send(message, self.component.system_id)
         else:
@@ -186,7 +186,7 @@ class Connection:
         }
 
     def peers(self) -> dict[str, str]:
-        """Present peers, for a log line."""
+        """Texts that name the present autopilot and ground stations, for a log line."""
         discovery = self.component.discovery
         stations = discovery.stations(self._clock_ns())
         return {

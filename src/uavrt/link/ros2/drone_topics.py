@@ -54,7 +54,7 @@ class DroneTopics:
             self._bus.publish("burst", convert.burst_to_ros(pulse, directory))
 
     def record(self, record: object) -> None:
-        """Publish a record on the topics that are made of its type."""
+        """Publish a record on the topics whose messages are made from its type."""
         for topic in TOPICS.values():
             if topic.made_of is not None and isinstance(record, topic.made_of[0]):
                 self._bus.publish(
@@ -70,7 +70,7 @@ class DroneTopics:
         self._parts.clear()
 
     def flight_changed(self, *, started: bool) -> None:
-        """Publish that a flight has started or ended; the flight's clock may change."""
+        """Publish a flight's start or end; restart the schedule, as the clock may differ."""
         self._next_status_ns = self._next_pose_ns = 0
         self._next_heartbeat_ns.clear()
         self._show_detectors()

@@ -94,7 +94,7 @@ class Gateway:
                 self._topics.record(record)
 
     def take_flight(self, flight: FlightInfo | None) -> None:
-        """Publish that a flight has started, or ended (None); the flight's clock may change."""
+        """Publish that a flight has started (None: ended), and start the schedule over."""
         self._drone.status_heard_ns = self._now_ns()
         started, self._drone.flight = flight is not None and self._drone.flight is None, flight
         self._topics.flight_changed(started=started)
@@ -147,7 +147,7 @@ class Gateway:
             )
 
     def _limits_of(self, topic: str) -> str:
-        """Text on the limits of a topic."""
+        """Text on how many messages a topic accepts at once and per second."""
         if topic in self._bus.inbox.closed:
             return "Pulses of other computers are not read: [ros2] accept_pulses = false"
         row = TOPICS.get(topic)

@@ -79,8 +79,8 @@ T = TypeVar("T")
 class SendingOrder(Generic[T]):
     """Sorts the messages of several readers into the order of their sending.
 
-    A message sent earlier comes in the next pass at the latest; later ones wait for that.
-    Readers are emptied one after the other, pass by pass.
+    Readers are emptied one after the other, pass by pass. A message sent before those of one
+    pass is found in the next pass at the latest, so each pass waits for the next one.
     """
 
     def __init__(self, sent: Callable[[T], tuple[int, ...]]) -> None:

@@ -116,7 +116,7 @@ class RosCommands:
             self._log.write(4, "the gateway restarted while tags came: send all tags again")
 
     def nothing_came(self) -> None:
-        """Record the number of tag messages lost while no upload is open."""
+        """Note the tag messages lost so far, so that the next upload does not count them."""
         self._upload.quiet(self._lost_tags())
 
     def unreadable_tag(self) -> None:

@@ -1,4 +1,4 @@
-"""State of the original's three components, derived from the state of uavrt's processes.
+"""State of the original system's three components, derived from the state of uavrt's processes.
 
 The radio's program and the channelizer are one process here, the receiver; a detector process
 serves several tags. Each component reports its own parts: the radio by its kind and serial
@@ -27,7 +27,7 @@ STALE_AFTER_S = 3.0
 def component_status(
     component: str, status: SystemStatus | None, age_s: float, settings: Settings
 ) -> tuple[DiagnosticStatus, ...]:
-    """State of one component; empty while nothing is meant to run."""
+    """State of a component by a report `age_s` old; empty while nothing is meant to run."""
     if status is None or status.state is not SystemState.DETECTING:
         return ()
     stale = age_s > STALE_AFTER_S

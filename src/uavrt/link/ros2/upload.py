@@ -1,6 +1,6 @@
 """Count the tags of an upload over ROS 2, so that no search starts with fewer. Pure.
 
-The original's messages have no count: a refused or lost tag was silently not searched for.
+The original system's messages have no count, so a lost tag was silently not searched for.
 """
 
 from collections.abc import Iterable
@@ -39,13 +39,13 @@ class Upload:
             self._ids.add(tag_id)
 
     def resume(self, tag_ids: Iterable[int], lost: int) -> None:
-        """Continue an earlier gateway's upload; the change of gateway may have lost a tag."""
+        """Continue an earlier gateway's upload; count one more tag, which may be lost."""
         for tag_id in tag_ids:
             self.add(tag_id, lost)
         self.add(None, lost)
 
     def quiet(self, lost: int) -> None:
-        """Set the number of tag messages lost before the next upload."""
+        """Set how many tag messages were lost so far; only later losses count for an upload."""
         if not self.open:
             self._lost_before = lost
 

@@ -73,7 +73,7 @@ class _PendingCommand:
 
 
 class Operations:
-    """Progress of the operations that stations started; `version`: number sent in G2."""
+    """Progress of the operations that stations started; `version`: sent protocol version."""
 
     def __init__(self, version: int) -> None:
         self._version = version

@@ -1,4 +1,4 @@
-"""Drone: decide which ground stations may command. Ground: seal commands."""
+"""Decide on the drone which ground stations may command; seal commands on the ground."""
 
 import secrets
 from collections import OrderedDict
@@ -36,14 +36,15 @@ at 20 % loss all are lost once in 600 flights of half an hour."""
 ECHO_S = 5.0
 """Largest accepted age of a nonce or of an announced session [s]."""
 ASKED = 6
-"""Number of nonces without an echo after which the drone's uavrt counts as older. At 20 % loss
-each way this happens by chance once in 500 starts, and only repeats the request."""
+"""Number of nonces that the drone did not return after which its software counts as too old for
+sealed sessions. At 20 % loss each way this happens by chance once in 500 starts, and only
+repeats the request."""
 MAX_ANNOUNCED = 4096
 """Largest number of remembered session announcements; a drone has fewer in a year."""
 FILES_S = 3.0
 """Time for which a sealed keepalive announces file requests [s]."""
 SEALED_ORDERS = 64
-"""Largest number of remembered sealed motion orders, whose answers need a proof."""
+"""Largest number of remembered sealed motion orders, whose answers must carry a keyed hash."""
 OLD_STATION = "this ground station's uavrt is older than the drone's. Update it; stop works"
 
 log = get_logger()
@@ -65,11 +66,11 @@ class Gate:
         self.refused = 0
         """Number of sealed messages that were forged, repeated or damaged."""
         self._sealed_s: dict[Ids, float] = {}
-        """Time of each station's last valid seal [s]."""
+        """Time of each station's last message with a valid seal (keyed hash) [s]."""
         self._files_s: dict[Ids, float] = {}
         """Time of each station's last sealed keepalive that announces file requests [s]."""
         self._proving: set[Ids] = set()
-        """Stations that check proofs, because they have sent a sealed keepalive."""
+        """Stations that check the keyed hash of answers: they have sent a sealed keepalive."""
         self._orders: OrderedDict[tuple[Ids, int], None] = OrderedDict()
         """Station and request id of recent sealed motion orders."""
         self._proves = True
@@ -80,7 +81,7 @@ class Gate:
         return self._keeper is not None and self._key_required
 
     def refusal(self, sender: Ids, *, sealed: bool) -> str | None:
-        """Reason why a sender may not command; None if it may."""
+        """Reason why a sender may not command, by a sealed or open message; None if it may."""
         if self._commanders and sender[0] not in self._commanders:
             return f"system {sender[0]} may not command: see mavlink.commanders"
         if self.locked and not sealed:
@@ -92,7 +93,7 @@ class Gate:
         return None if self._keeper is None else self._keeper.announcement(drone, nonce)
 
     def open(self, payload: bytes, sender: Ids, drone: Ids) -> tuple[int, bytes] | None:
-        """Open a sealed payload; None (and counted) if its seal is invalid."""
+        """Open a sealed payload: kind and content; None, and counted, if its seal is bad."""
         try:
             if self._keeper is None:
                 raise TunnelError("this drone has no key", payload)
@@ -105,11 +106,11 @@ class Gate:
         return opened
 
     def silent_s(self) -> dict[Ids, float]:
-        """Time since the last valid seal of each station that has sent one [s]."""
+        """Time since each station's last validly sealed message [s]; others are left out."""
         return {station: monotonic_s() - last_s for station, last_s in self._sealed_s.items()}
 
     def keepalive(self, inside: bytes, station: Ids, drone: Ids) -> bytes | None:
-        """Handle a sealed keepalive; return the announcement with its nonce, or None."""
+        """Handle a sealed keepalive; return the session with its nonce, None if it has none."""
         self._proving.add(station)
         nonce, files = read_keepalive(inside)
         if files:
@@ -122,7 +123,7 @@ class Gate:
 
     @contextmanager
     def order(self, order: bytes, station: Ids, *, sealed: bool) -> Iterator[str | None]:
-        """Context of a motion order; yields the reason of a refusal, or None.
+        """Context in which a motion order is handled; yields the reason of a refusal, or None.
 
         Answers that are sent within the block belong to this order.
         """
@@ -140,9 +141,10 @@ class Gate:
             self._proves = True
 
     def answer(self, state: bytes, station: Ids, drone: Ids) -> tuple[bytes, int, bool]:
-        """Encode an order's answer, with proof if sealed: payload, type, and if urgent.
+        """Encode an order's answer; return payload, payload type, and True if it is urgent.
 
-        An unsealed order under the same ids and number is answered without one.
+        The answer to a sealed order gets a keyed hash (proof), unless an unsealed order with
+        the same ids and number is being answered.
         """
         sealed = self._proves and (station, number_of(state)) in self._orders
         if sealed and station in self._proving and self._keeper is not None:
@@ -152,7 +154,7 @@ class Gate:
 
 
 class Sealer:
-    """Seals the ground station's messages with the shared key."""
+    """Seals the ground station's messages: adds a keyed hash made with the shared key."""
 
     def __init__(self, key: Key, own: Ids) -> None:
         self._key = key
@@ -169,7 +171,7 @@ class Sealer:
         return self._session is not None
 
     def accept_session(self, payload: bytes, drone: Ids) -> None:
-        """Handle an announced session, which must return a recently sent nonce.
+        """Handle the drone's announcement of its session; raises `TunnelError` if invalid.
 
         Only a session that returns a recently sent nonce is used: any other announcement may be
         a recording.
@@ -220,7 +222,7 @@ class Sealer:
         return self._seal(parameter_content(name, value), PARAMETER_INSIDE)
 
     def answer(self, payload: bytes, request_ids: Iterable[int]) -> bytes:
-        """Check the proof of an answer to a sealed order; raises `TunnelError`."""
+        """Check and remove the keyed hash of an order's answer; `TunnelError` if forged."""
         if self._session is None:
             raise TunnelError("reply before the drone announced its session: ignored", payload)
         return proven_answer(payload, self._key, self._session, self._own, request_ids)

@@ -246,8 +246,8 @@ def pulse_from_wire(
 def tag_of_number(tag_id: int, tags: Mapping[int, Tag]) -> Tag | None:
     """Find the listed tag with a message's number; None if no listed tag has it.
 
-    For a tag with a second rate, the original runs a second detector under the number after the
-    tag's. So its tags have even numbers.
+    For a tag with a second rate, the original system runs a second detector under the number
+    after the tag's. So its tags have even numbers.
     """
     first = tags.get(tag_id - 1)
     if tag_id not in tags and first is not None and len(first.pulse_intervals_s) == 2:

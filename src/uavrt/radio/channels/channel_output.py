@@ -15,7 +15,7 @@ from uavrt.radio.channels.channel_sender import ChannelDatagramSender
 
 
 class ChannelOutput:
-    """Channelizes a band for the original's detectors, and sends the tags' channels."""
+    """Channelizes a band for the original system's detectors, and sends the tags' channels."""
 
     def __init__(
         self,
@@ -39,7 +39,7 @@ class ChannelOutput:
         ]
         self._front_end = front_end([tag.frequency_hz for tag in inside])
         self.left_out = len(tags) - len(inside)
-        """Number of tags outside the original's band."""
+        """Number of tags outside the band of the original system's channels."""
         ports: dict[int, list[int]] = {}
         for tag in inside:
             channel = self._front_end.channel_of(tag.frequency_hz)

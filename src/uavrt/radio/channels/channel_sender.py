@@ -81,7 +81,7 @@ class ChannelDatagramSender:
                 self._complete(block.channel, frame)
 
     def close(self) -> None:
-        """Close the sockets; as in the original, an incomplete frame is not sent."""
+        """Close the sockets; like the original channelizer, send no incomplete frame."""
         for sock in self._sockets.values():
             sock.close()
 

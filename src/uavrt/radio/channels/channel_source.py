@@ -23,7 +23,7 @@ from uavrt.radio.live_source import DatagramSource
 
 TOLERANCE_S: Final = 0.005
 """Maximum error of a time stamp for a frame to count as the next one [s]. The thesis's stamps
-are truncated to 1 ms; the original's step by 5.4 ms when its count restarts."""
+are truncated to 1 ms; the newer channelizer's step by 5.4 ms when its count restarts."""
 HELD_FRAMES: Final = 4
 """Number of later frames that ends the wait for a missing one: 1.1 s of a channel."""
 SILENCE_S: Final = 1.5
@@ -63,7 +63,7 @@ class ChannelDatagramSource(DatagramSource):
         self._listen(address)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next frame in order; see `SampleSource.read`."""
+        """Get the next frame in order of time; None after `timeout_s` without one."""
         deadline_s = None if timeout_s is None else monotonic_s() + timeout_s
         while True:
             self._receive()
@@ -146,7 +146,10 @@ class FrameOrder:
         self._held.sort(key=lambda frame: frame[0])
 
     def take(self, *, wait: bool = True) -> tuple[int, NDArray[np.complex64], int] | None:
-        """Get the next frame: time [ns], samples, and the number of samples lost before it."""
+        """Get the next frame: time [ns], samples, and the number of samples lost before it.
+
+        None without a frame, or (`wait`) while a missing earlier frame may still arrive.
+        """
         if not self._held:
             return None
         time_ns, samples = self._held[0]

@@ -57,7 +57,7 @@ class JoinedRecording:
         return sum(segment.count for one in self._layouts for segment in one.segments)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block; see `SampleSource.read`. Reading never waits."""
+        """Get the next block at once; raises `EOFError` at the end of the last recording."""
         del timeout_s
         while True:
             if self._source is None:

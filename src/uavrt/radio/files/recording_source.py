@@ -166,7 +166,7 @@ class RecordingSource:
         return "; ".join(f"{what} by {who}" for what, who in origins if who != SAID)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block; see `SampleSource.read`. Reading never waits."""
+        """Get the next block at once; raises `EOFError` at the end of the recording."""
         del timeout_s
         if self._done == self._segment.count:
             self._next_segment()

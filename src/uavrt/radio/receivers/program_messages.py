@@ -67,7 +67,7 @@ ANSWERS: tuple[tuple[str, str, Cause], ...] = (
     ("SoapySDR", "sample rate", Cause.RATE),
     ("SoapySDR", "frequency", Cause.FREQUENCY),
 )
-"""Program, part of its output, and the cause; the first matching row counts."""
+"""Program, text in its output, and the cause that this text shows; the first match counts."""
 
 
 _NOT_LISTED = (

@@ -76,7 +76,7 @@ class ProgramSource(StreamSource):
         self._program = PROGRAMS[settings.kind]
         command += _overrun_arguments(self._program, settings, self._answers_until_s)
         self._seen = any(one.kind == settings.kind for one in usb_radios())
-        """True if a known USB device was plugged in at the start."""
+        """True if a USB radio of the configured kind was plugged in at the start."""
         self._startup_s, self._stall_s = startup_s, stall_s
         self._first: list[str] = []
         self._lines: deque[str] = deque(maxlen=_LINES)
@@ -117,7 +117,7 @@ class ProgramSource(StreamSource):
         return (*self._first, *self._lines)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block; see `SampleSource.read`."""
+        """Get the next block, or None after `timeout_s`; raises as `SampleSource.read`."""
         if self._closed:
             raise EOFError(f"{self.name} was closed")
         return super().read(timeout_s)

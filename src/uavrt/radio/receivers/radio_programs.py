@@ -107,9 +107,9 @@ ARGUMENTS: dict[str, Callable[[RadioSettings, float, int], list[str]]] = {
 
 
 def _corrected(settings: RadioSettings, frequency_hz: float) -> float:
-    """Rate or frequency corrected for a fast clock; most programs have no option for it.
+    """Rate or frequency to request from a radio with a wrong clock to get the wanted one [Hz].
 
-    (hackrf_transfer has ``-C``, but reads it as an unsigned number.)
+    The programs have no option for this; hackrf_transfer has ``-C``, but reads it as unsigned.
     """
     return frequency_hz / (1.0 + settings.frequency_correction_ppm * 1e-6)
 

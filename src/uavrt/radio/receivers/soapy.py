@@ -30,7 +30,7 @@ _ROUNDING_S: Final = 1e-4
 """Largest time step that counts as rounding of drivers' time stamps and not as a gap [s]."""
 _SAME: Final = 1e-4
 _SAME_HZ: Final = 1000.0
-"""Maximum difference between requested and actual frequency [Hz]."""
+"""Maximum difference between requested and actual frequency that is accepted [Hz]."""
 
 log = get_logger()
 
@@ -105,7 +105,7 @@ class SoapySource(LiveSource):
         )
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block; see `SampleSource.read`."""
+        """Get the next block, or None after `timeout_s`; raises as `SampleSource.read`."""
         deadline_s = None if timeout_s is None else monotonic_s() + timeout_s
         self._samples[: self._filled - self._given] = self._samples[self._given : self._filled]
         self._filled -= self._given

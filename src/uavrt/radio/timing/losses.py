@@ -55,21 +55,21 @@ _FLOOR_S: Final = 0.002
 """Minimum lateness above the jitter that counts as a loss [s]; clock drift is smaller."""
 _LEVEL_S: Final = 0.006
 _LEVEL_SLOPE: Final = 0.06
-"""Slope of the lateness above which a program is falling behind and no samples are lost."""
+"""Rise of the lateness [s/s] above which a program is falling behind and nothing is lost."""
 _CLIMB_S: Final = 0.35
 _LEVEL_AFTER_CLIMB_S: Final = 1.5
 _SUSPECT_S: Final = 0.008
 """Lateness above which a cell may be the first after a loss [s]."""
 _SUSPECT_MAX_S: Final = 0.35
 _SHARP: Final = 0.6
-"""Minimum fraction of the lateness that arises within `_BEFORE_S` in a step, not a drift."""
+"""Fraction of the lateness that must arise within `_BEFORE_S` to be a step and no drift."""
 _BEFORE_S: Final = 0.5
 _SURE_SHARE: Final = 0.0008
 """Fraction of samples lost in `_SHARE_S` that no clock error explains (800 ppm)."""
 _SHARE_S: Final = 30.0
 _EARLY_CELLS: Final = 12
 _PACE_BIN_S: Final = 0.25
-"""Period [s]. The smallest delay of each shows how fast a source sends its samples."""
+"""Period of each smallest delay of arrivals, by which a source's speed is measured [s]."""
 _UNSETTLED_BINS: Final = 2
 """Number of newest periods that are ignored, because a stall there may still be made up."""
 _PACE_SPANS: Final = ((5.0, 0.4), (10.0, 0.7))
@@ -77,12 +77,12 @@ _PACE_SPANS: Final = ((5.0, 0.4), (10.0, 0.7))
 At 0.9 to 0.995 times real time the scatter is 0.1 to 0.5 and 0.1 to 0.9, also on a busy
 computer. Losses of 1 to 15 % of the samples give at least 0.54 and 0.93."""
 _UNEVEN: Final = 3.0
-"""Ratio of scatter to its limit above which the delays rise in steps."""
+"""Ratio of the delays' scatter to its limit in `_PACE_SPANS` above which they rise in steps."""
 _SLOW_RATE: Final = 0.003
 """Minimum rise of the delay, per unit of time, that marks a slow source."""
 _SCATTER_S: Final = 0.0005
 _SCATTER_SHARE: Final = 0.002
-"""Fraction of the rise that, added to `_SCATTER_S`, is the unit of the scatter."""
+"""The scatter of delays is divided by `_SCATTER_S` plus this fraction of their total rise."""
 _STEP: Final = 2.0
 """Smallest step of the delays, as a multiple of their rise before and after it."""
 
@@ -93,13 +93,13 @@ class Loss:
 
     duration_s: float
     since_s: float
-    """Start of the late arrivals [nominal seconds]."""
+    """Start of the late arrivals, in samples divided by the nominal rate [s]."""
     sharp: bool
     """True if the delay rose within half a second, as a step; False for a drift."""
     inside_s: float
     """Length of the late transfer that contains the loss [s]; 0 if the loss lies before it."""
     sure: bool
-    """False for a slow drift that may be a wrong clock rate instead."""
+    """False if the delay rose slowly, which a wrong clock rate may explain instead."""
 
 
 @dataclass(slots=True)
@@ -168,16 +168,17 @@ class SourcePace:
 
 
 class LossFinder:
-    """Finds losses from the delay of arrivals above their lower envelope [nominal s].
+    """Finds losses from the lateness of arrivals: their delay above that of the earliest ones.
 
-    The caller adds losses to later nominal seconds.
+    Positions in the stream are nominal seconds: samples, lost ones included, divided by the
+    nominal rate. The caller adds a found loss to later positions.
     """
 
     def __init__(self, *, may_be_slow: bool = False) -> None:
         self.pace = SourcePace() if may_be_slow else None
         """Speed of a source that may be slower than real time; None for a radio."""
         self.jitter_s = 0.005
-        """Mean lateness of cells caused by jitter [s]."""
+        """Mean lateness of arrivals caused by jitter [s]."""
         self.suspect_s: float | None = None
         """Start of late arrivals that may follow a loss [nominal seconds]; or None."""
         self._falls = 0
@@ -196,7 +197,7 @@ class LossFinder:
         self._began_s: float | None = None
 
     def expect(self, at_s: float) -> None:
-        """Record that the radio reports losses; less evidence is then needed for a while."""
+        """Register that the radio reports losses; less evidence is then needed for a while."""
         self._known_until_s = at_s + _KNOWN_S
 
     def put(self, at_s: float, arrived_s: float, late_s: float) -> Loss | None:
@@ -253,7 +254,7 @@ class LossFinder:
         return second_s
 
     def shift(self, seconds: float) -> None:
-        """Reduce all lateness by `seconds`, because the envelope has moved."""
+        """Subtract `seconds` from all lateness: the line of earliest arrivals has moved."""
         for cell in self._cells:
             cell.late_s -= seconds
 

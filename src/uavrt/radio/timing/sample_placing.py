@@ -61,7 +61,7 @@ class Placer:
         """Index of the next sample to be passed on, including lost ones."""
         self.lost = 0
         self.unsure = 0
-        """Number of lost samples that may be a wrong clock rate instead."""
+        """Number of samples counted as lost that a wrong clock rate may explain instead."""
         self._inferred = 0
         self._rate_hz = sample_rate_hz
         self._arrival_rate = ArrivalRate(sample_rate_hz)

@@ -54,8 +54,8 @@ _SLOPE_PAUSE_S = 1.0
 _FAR_S = 0.005
 _FAR_IN_S = 0.5
 _DOUBT_S = 10.0
-"""Three limits [s]: earliness of the measured line above which times are corrected faster, time
-of that correction, and time after a loss in which it applies."""
+"""Time after a loss [s] in which times later than the measured clock by more than `_FAR_S` are
+corrected with time constant `_FAR_IN_S`, faster than `_SLEW`."""
 
 
 class NominalTimes:
@@ -100,7 +100,7 @@ class TimeKeeper:
         """Duration of losses found and not yet returned by `lost_samples` [s]."""
         self._unsure_s = 0.0
         self.unsure_samples = 0
-        """Number of samples returned as lost that may be a wrong clock rate instead."""
+        """Number of samples returned as lost that a wrong clock rate may explain instead."""
         self.inside = 0
         """Length of the late transfer [samples] that contains the last loss; 0 if the loss lies
         before the transfer."""

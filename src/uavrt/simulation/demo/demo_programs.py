@@ -63,17 +63,17 @@ class DemoPaths:
 
     @property
     def tags(self) -> Path:
-        """The operator's tag list."""
+        """File with the operator's tag list."""
         return self.directory / "tags.toml"
 
     @property
     def status_socket(self) -> Path:
-        """Socket with the supervisor's records."""
+        """UNIX socket on which the supervisor publishes its records."""
         return self.directory / "status.sock"
 
     @property
     def flown(self) -> Path:
-        """Recorded true path of a commanded drone."""
+        """File with the true path of a drone that flies commands."""
         return self.directory / "flown.path"
 
 

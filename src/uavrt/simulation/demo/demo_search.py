@@ -25,8 +25,7 @@ from uavrt.simulation.vehicle.airframe import Flavour
 
 RADIUS_M = 260.0
 WISH_M = 35.0
-"""Wished accuracy [m]: of a walking animal from which it keeps 30 m, the drone seldom learns
-more."""
+"""Target accuracy of positions [m]; a walking animal 30 m away is seldom located better."""
 BATTERY_WH = 120.0
 SPEED_M_S = 8.0
 START_LEAD_S = 2.0
@@ -68,7 +67,7 @@ class SearchSummary:
     decisions: int
     commands: int
     guide_cpu_percent: float
-    """CPU time of the guide during the search [% of one core]."""
+    """Mean CPU use of the process that plans the search (guide) [% of one core]."""
     guide_memory_mb: float
     flight_directory: str
 
@@ -99,7 +98,7 @@ class SearchSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Among:
-    """Number and start of a drone among several that search together."""
+    """One of several drones that search together: its number, ground port and start time."""
 
     number: int
     ground_port: int
@@ -125,7 +124,7 @@ class _Seen:
     flight_directory: str = ""
     commands: int = 0
     has_others: bool = False
-    """True once the guide has received other drones' data."""
+    """True once the drone's search process (guide) has received other drones' data."""
 
     @property
     def ended(self) -> bool:

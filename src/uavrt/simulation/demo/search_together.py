@@ -33,7 +33,7 @@ class TogetherSummary:
 
     @property
     def found(self) -> set[str]:
-        """Number of animals found by any drone."""
+        """Ids, as text, of the tags that at least one drone found."""
         return {
             tag
             for drone in self.drones.values()

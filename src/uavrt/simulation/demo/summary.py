@@ -31,7 +31,7 @@ class TagSummary:
 
     transmitted: int
     detectable: int
-    """Number of pulses sent with a true ENR of 14 dB or more at the antenna."""
+    """Number of sent pulses whose true energy over noise density (ENR) was 14 dB or more."""
     detected: int
     """Number of pulses found and recorded on the drone."""
     delivered: int
@@ -120,7 +120,7 @@ def summarize_tag(
 
 
 def sampled_span(first_ns: int, last_ns: int, recorded: Iterable[Pulse]) -> tuple[int, int]:
-    """Extend the reported time of a flight's samples, perhaps incomplete, to all pulses."""
+    """First and last time of a flight's samples [ns, UTC], widened to include all pulses."""
     limit_ns = ns_from_s(MATCH_TIME_S)
     times = [pulse.start_time_ns for pulse in recorded]
     return (

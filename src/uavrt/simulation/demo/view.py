@@ -35,14 +35,14 @@ class TagView:
     delivered: int = 0
 
     def add(self, pulse: Pulse, now_s: float) -> None:
-        """Add a detected pulse."""
+        """Add a detected pulse of the tag; `now_s`: time on the viewer's clock [s]."""
         self.detected += 1
         self.times_s.append(now_s)
         if self.last is None or pulse.start_time_ns > self.last.start_time_ns:
             self.last = pulse
 
     def per_minute(self, now_s: float, running_s: float) -> float:
-        """Pulses per minute in the last `RATE_WINDOW_S`."""
+        """Pulses per minute in the last `RATE_WINDOW_S`, or `running_s` if that is shorter."""
         while self.times_s and self.times_s[0] < now_s - RATE_WINDOW_S:
             self.times_s.popleft()
         return len(self.times_s) * 60.0 / max(1.0, min(RATE_WINDOW_S, running_s))
@@ -170,7 +170,7 @@ class DemoView:
         ]
 
     def _process_table(self, *, narrow: bool) -> RenderableType:
-        """Table of the processes; in a narrow terminal two in a row, the status if faulty."""
+        """Table of the processes; `narrow`: two in a row, and only faulty ones' status."""
         table = plain_table(*(2 * ("process", "CPU", "MB") if narrow else _PROCESSES))
         known = {one.process: one for one in (self.status.processes if self.status else ())}
         rows: list[list[RenderableType]] = []

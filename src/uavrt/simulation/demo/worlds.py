@@ -15,13 +15,13 @@ FLIGHT_S = 120.0
 SHORTEST_S = 20.0
 """Shortest flight with a scenario file [s]; detection takes some seconds to begin."""
 AFTER_S = 120.0
-"""Duration of the world after a search, for the return flight [s]."""
+"""Simulated time after the end of a search, for the return flight [s]."""
 
 
 def flight_world(
     file: Path | None, *, duration_s: float | None, seed: int | None, coded: bool
 ) -> Scenario:
-    """World in which the drone flies planned legs, without commands."""
+    """World where the drone flies planned legs; `file` None: the built-in world."""
     if file is None:
         return demo_scenario(duration_s or FLIGHT_S, 1 if seed is None else seed, coded=coded)
     scenario = _of_file(file, seed, coded)

@@ -16,7 +16,8 @@ from uavrt.simulation.scene.world import World
 SHORTEST_S = 40.0
 """Shortest demo [s]; it leaves 4.3 s for the flight between two turns."""
 SEARCHED_ENR_DB = 24.0
-"""ENR of the animals in a search, with the antenna pointed at them from home [dB]."""
+"""Pulse energy over noise density of the animals in a search, received at home with the antenna
+pointed at them [dB]."""
 SEARCH_HEIGHT_M = 40.0
 _SHORTEST_TURN_S = 7.8
 """Shortest duration of a full turn [s]: 46°/s on average, 57.7°/s at most."""
@@ -24,7 +25,8 @@ CODED_HZ = 148_640_000.0
 _APART_M = 120.0
 _ABOVE_M = 10.0
 _PEAK_ENR_DB = 33.0
-"""ENR without fading, the antenna at the three points' centre pointed at a tag [dB]."""
+"""Pulse energy over noise density without fading, at the three points' centre with the antenna
+pointed at a tag [dB]."""
 
 
 def demo_scenario(duration_s: float = 60.0, seed: int = 1, *, coded: bool = False) -> Scenario:
@@ -52,10 +54,7 @@ def demo_scenario(duration_s: float = 60.0, seed: int = 1, *, coded: bool = Fals
 
 
 def fleet_scenarios(drones: int, first: Scenario) -> list[Scenario]:
-    """Create the demo's worlds for several drones: shifted 120 m south and 10 m up each.
-
-    Each flight is the first one, shifted 120 m south and 10 m up from the one before.
-    """
+    """Create the demo's worlds for several drones, each 120 m south and 10 m above the last."""
     return [
         replace(first, flight=_moved(first.flight, number * -_APART_M, number * _ABOVE_M))
         for number in range(drones)
@@ -114,7 +113,7 @@ def search_scenario(seed: int = 1, *, coded: bool = False) -> Scenario:
 
 
 def searched_scenario(scenario: Scenario, seconds: float) -> Scenario:
-    """Create a world in which the drone hovers until it is commanded."""
+    """Copy a world for at least `seconds`, in which the drone hovers until it is commanded."""
     return replace(
         scenario,
         duration_s=max(scenario.duration_s, seconds),
@@ -268,7 +267,7 @@ def _centre(duration_s: float) -> Flight:
 
 
 def _with_power(scenario: Scenario, stand: Flight, enr_db: float) -> Scenario:
-    """Tags with powers that give them an ENR at boresight, as received from a position."""
+    """Copy a world; its tag powers give `enr_db` at boresight, as received at `stand`."""
     probe = replace(
         scenario,
         flight=replace(stand, wobble_deg=0.0),

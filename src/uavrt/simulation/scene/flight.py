@@ -18,11 +18,11 @@ _MOVE_EASE = 0.35
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leg(ScenarioRecord):
-    """A part of the flight that starts and ends at rest; omitted values stay the same."""
+    """A part of the flight that starts and ends at rest; what is None stays unchanged."""
 
     duration_s: Annotated[float, Gt(0)]
     north_m: float | None = None
-    """End of the leg, north of home [m]; None: unchanged."""
+    """End position of the leg: distance north of home [m]; None: unchanged."""
     east_m: float | None = None
     height_m: Annotated[float, Ge(0)] | None = None
     turn_deg: float = 0.0
@@ -34,7 +34,7 @@ class Flight(ScenarioRecord):
     """The whole flight; the drone rests before the first leg and after the last."""
 
     north_m: float = 0.0
-    """Start of the flight, north of home [m]."""
+    """Start position: distance north of home [m]."""
     east_m: float = 0.0
     height_m: Annotated[float, Ge(0)] = 0.0
     heading_deg: float = 0.0

@@ -29,7 +29,7 @@ class Wall(ScenarioRecord):
     """A long flat vertical reflector: a building front, a cliff."""
 
     north_m: float
-    """A point of the wall, north of home [m]."""
+    """Position of a point on the wall: distance north of home [m]."""
     east_m: float
     facing_deg: float
     """Compass direction of the wall's normal [°]; only that side reflects."""
@@ -60,7 +60,7 @@ class Propagation(ScenarioRecord):
     ground_permittivity: Annotated[float, Ge(1)] = 15.0
     ground_conductivity_s_m: Annotated[float, Ge(0)] = 5e-3
     doppler: bool = True
-    """Shift the frequency by the closing speed (5 Hz at 10 m/s)."""
+    """True to shift the frequency by the closing speed (5 Hz at 10 m/s)."""
     wall: tuple[Wall, ...] = ()
     fading: Fading = field(default_factory=Fading)
 
@@ -82,7 +82,10 @@ class Link:
 def ground_reflection(
     propagation: Propagation, grazing_rad: float, frequency_hz: float, *, horizontal: bool
 ) -> complex:
-    """Fresnel reflection coefficient of the ground, with permittivity ε - j·18·10⁹·σ/f."""
+    """Fresnel reflection coefficient of the ground, for horizontal or vertical polarization.
+
+    The permittivity is ε - j·18·10⁹·σ/f.
+    """
     permittivity = complex(
         propagation.ground_permittivity,
         -18e9 * propagation.ground_conductivity_s_m / frequency_hz,

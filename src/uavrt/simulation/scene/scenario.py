@@ -84,7 +84,7 @@ class SimulatedTag(ScenarioRecord):
     listed: bool = True
     """True if the operator searches for the tag; False for another tag nearby."""
     north_m: float = 0.0
-    """Position at the start, north of home [m]."""
+    """Position at the start: distance north of home [m]."""
     east_m: float = 0.0
     height_m: NonNegative = 0.5
     speed_m_s: NonNegative = 0.0
@@ -118,7 +118,7 @@ class SimulatedTag(ScenarioRecord):
 
     @property
     def tag(self) -> Tag:
-        """The tag as in the operator's list."""
+        """The tag with the properties in the operator's list, which may be wrong."""
         usual_s, usual_k = (1e-3 * BURST_TOLERANCE_MS, CODED_K) if self.gaps_s else (0.0, 3)
         slack_s = self.interval_uncertainty_s
         return Tag(
@@ -182,7 +182,7 @@ class Scenario(ScenarioRecord):
 
     @property
     def center_frequency_hz(self) -> float:
-        """Default radio frequency [Hz]."""
+        """Radio frequency in the scenario, else the middle of the tags' frequencies [Hz]."""
         if self.radio.center_frequency_hz is not None:
             return self.radio.center_frequency_hz
         frequencies = [tag.frequency_hz for tag in self.tag] or [150e6]
@@ -226,7 +226,7 @@ class Scenario(ScenarioRecord):
         return self._pose(time_ns, *self.antenna_state(time_ns))
 
     def tag_position_ned_m(self, tag: SimulatedTag, time_ns: int) -> geometry.Vector:
-        """Position of a tag from home [m, NED]."""
+        """Position of a tag from home at a time in UTC [m, north-east-down]."""
         walked = tag.speed_m_s * max(0.0, self.elapsed_s(time_ns))
         north, east, _ = geometry.rotate(
             geometry.from_euler_deg(0.0, 0.0, tag.heading_deg), (walked, 0.0, 0.0)

@@ -68,7 +68,7 @@ class _Braking:
     early_s: float
     """Time by which braking begins early, because the jerk is limited [s]."""
     early_while_accelerating_s: float
-    """The same while the speed towards the target still grows [s]."""
+    """Time by which braking begins early while the speed to the target still grows [s]."""
 
 
 _BRAKING: dict[Flavour, _Braking] = {
@@ -157,7 +157,7 @@ class Airframe:
         )
 
     def move(self, target: Target | None, step_s: float, *, paused: bool) -> None:
-        """Move for a short time, towards the target or by the velocity setpoint; None: stop."""
+        """Move for `step_s` to the target or by the velocity setpoint; without either: stop."""
         climb, level = 0.0, (0.0, 0.0, 0.0)
         if self.velocity_setpoint is not None:
             velocity, asked_s = self.velocity_setpoint

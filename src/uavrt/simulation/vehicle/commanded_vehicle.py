@@ -24,7 +24,8 @@ SLOWEST_NS: dict[str, dict[int, int]] = {
     "px4": {dialect.CurrentMode.ID: ns_from_s(0.5)},
     "ardupilot": {},
 }
-"""Period of PX4 1.17's CURRENT_MODE, regardless of requests [ns]."""
+"""Fixed periods of messages by autopilot and message id [ns], whatever is requested: PX4 1.17's
+CURRENT_MODE."""
 FLOWN_IDS = frozenset(
     {
         dialect.GlobalPositionInt.ID,
@@ -110,7 +111,7 @@ class Flown:
         )
 
     def message(self, message_id: int, boot_ms: int) -> Message | None:
-        """Create a message; None if the vehicle has nothing to report."""
+        """Create the message with an id; None if the vehicle has nothing to report in it."""
         match message_id:
             case dialect.GlobalPositionInt.ID:
                 return position_message(self.vehicle, boot_ms)

@@ -60,7 +60,7 @@ CAPABILITIES = (
     | MavProtocolCapability.MISSION_FENCE
 )
 REBOOT_NS = ns_from_s(1.5)
-"""Silence during a restart [ns]."""
+"""Time without any message during the autopilot's restart [ns]."""
 MAX_LATE_NS = ns_from_s(0.5)
 """Age above which telemetry is skipped, because this program was paused [ns]."""
 ARDUPILOT_RING = 256 * 149
@@ -87,7 +87,7 @@ class AutopilotSettings:
     clock_skew_ppm: float = 0.0
     """Rate error of the boot clock against UTC [ppm]; PX4 in simulation: -15 000."""
     mute_clock: bool = False
-    """Leave TIMESYNC messages unanswered."""
+    """True to leave TIMESYNC messages unanswered."""
     boot_time_s: float = 20.0
     companion_jitter_s: float = 0.0
     ground_jitter_s: float = 0.0
@@ -98,12 +98,12 @@ class AutopilotSettings:
     armed: bool = True
     parameters: Mapping[str, float] = field(default_factory=dict)
     flies: bool = False
-    """Hover at the start of the flight and obey commands; otherwise fly the scenario's flight.
-    """
+    """True to hover at the start of the flight and obey commands; False to fly the scenario's
+    flight."""
     sticks: bool = False
-    """Simulate a remote control that is switched on, with its sticks centred."""
+    """True to simulate a remote control that is switched on, with its sticks centred."""
     on_ground: bool = False
-    """With `flies`: stand on the ground and wait to be armed."""
+    """True to stand on the ground at first and wait to be armed; only with `flies`."""
     path: Path | None = None
     """File to which a commanded vehicle writes its path, for the simulated radio."""
 

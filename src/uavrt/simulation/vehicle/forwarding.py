@@ -17,8 +17,8 @@ PASS_NS = 4_000_000
 HEADER_BYTES = 12
 """Bytes stored with each message: header and checksum of MAVLink 2."""
 ITEM_BYTES = 4
-"""Size of the ring buffer's own length word [bytes]. With both, five 92-byte and three 128-byte
-tunnel payloads fit in a burst, as measured."""
+"""Size of the ring buffer's own length word [bytes]. With header and length word, five 92-byte
+and three 128-byte tunnel payloads fit in a burst, as measured."""
 
 
 class ForwardRing:

@@ -34,8 +34,8 @@ class _Turning:
 
 
 SETPOINT_AGE_S = 0.04
-"""Greatest age of a reported heading setpoint [s]; differences of reports of PX4 1.17 (SIH)
-vary by a quarter."""
+"""Greatest age of a reported heading setpoint [s]; as in PX4 1.17 (SIH), the change from report
+to report then varies by a quarter."""
 SETTLED_DEG = 0.3
 """Angle to the commanded heading within which PX4's setpoint equals it exactly [°]."""
 _TURNING: dict[Flavour, _Turning] = {
@@ -71,7 +71,7 @@ class Heading:
         self.wanted_deg, self._turn_left_deg = wanted_deg, 0.0
 
     def turn(self, by_deg: float, rate_deg_s: float) -> None:
-        """Turn by an angle, clockwise [°]."""
+        """Turn clockwise by an angle [°] at a rate [°/s]."""
         self._turn_left_deg, self._turn_rate_deg_s = by_deg, rate_deg_s
 
     def advance(self, bearing_deg: float | None, step_s: float) -> None:

@@ -125,7 +125,7 @@ class FlyingVehicle:
 
     @property
     def commanded(self) -> bool:
-        """True in the mode in which commands are flown."""
+        """True in the flight mode that obeys motion commands: AUTO.LOITER or GUIDED."""
         return self.mode == MODES[self.flavour]["hold"]
 
     def latitude_longitude(self) -> tuple[float, float]:

@@ -59,7 +59,7 @@ def target_message(
 
 
 def wind_message(vehicle: FlyingVehicle, boot_ms: int) -> dialect.Wind | dialect.WindCov:
-    """Wind message, different for each autopilot."""
+    """Wind message of the vehicle: WIND from ArduPilot, WIND_COV from PX4."""
     north, east = vehicle.body.frame.wind_m_s
     if vehicle.flavour == "ardupilot":
         comes_deg = math.degrees(math.atan2(-east, -north))

@@ -278,6 +278,6 @@ class MissionDownload(MissionTransfer):
 
 
 def with_home(items: Sequence[MissionItem], *, home_first: bool) -> tuple[MissionItem, ...]:
-    """Insert a home item before a mission, as ArduPilot stores home in item 0."""
+    """Insert a home item before a mission if `home_first`: ArduPilot stores home in item 0."""
     first = (MissionItem(command=16),) if home_first else ()
     return (*first, *items)

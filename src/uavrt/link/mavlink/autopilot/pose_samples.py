@@ -20,7 +20,7 @@ def attitude_sample(message: AttitudeQuaternion, time_ns: int) -> AttitudeSample
 
 
 def is_place(latitude_1e7: int, longitude_1e7: int) -> bool:
-    """True for a position on the globe [1e-7 deg]; 0, 0 is none, as it means no fix."""
+    """True for a position on the globe [1e-7 deg]; False for 0, 0, which means no GNSS fix."""
     on_globe = abs(latitude_1e7) <= 900_000_000 and abs(longitude_1e7) <= 1_800_000_000
     return on_globe and (latitude_1e7 != 0 or longitude_1e7 != 0)
 

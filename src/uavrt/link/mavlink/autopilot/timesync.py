@@ -18,7 +18,7 @@ LEAST_SPAN_S = 4.0
 """Minimum time span of round trips for a reliable skew, even on a slow link [s]."""
 CLEAR_SPAN_S = 0.5
 CLEAR_SKEW = 0.002
-"""Largest uncertainty of a skew that is used from a shorter time span: 2 ms in a second."""
+"""Largest uncertainty at which a skew from less than `LEAST_SPAN_S` is used: 2 ms a second."""
 ONE_WAY_NS = ns_from_s(3.0)
 """Time over which messages are collected before their smallest delay is used [ns]."""
 ONE_WAY_BIN_NS = ns_from_s(1.0)
@@ -45,7 +45,7 @@ class TimeSync:
     round trip. The shortest trips waited least. If the boot clock falls, or jumps by more than
     any delay explains, the window restarts, because the autopilot was restarted.
 
-    `window_s`: time for which a round trip counts. `keep`: share used for the line, the
+    `window_s`: time for which a round trip counts. `keep`: fraction used for the line, the
     shortest ones, of the shortest round trips of every 2 s. `jump_s`: error beyond the
     uncertainty of round trips and skew that means another clock; below one second it must occur
     in two consecutive answers.

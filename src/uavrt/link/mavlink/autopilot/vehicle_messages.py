@@ -50,8 +50,8 @@ WATCHED_HZ: dict[int, float] = {
     dialect.Wind.ID: 0.2,
     dialect.WindCov.ID: 0.2,
 }
-"""Messages that show a takeover in time, with their rates [Hz]. PX4 reports its mode by
-CURRENT_MODE, ArduPilot by HEARTBEAT; each also has its own message for the wind."""
+"""Messages that show at once that the pilot takes over, with their rates [Hz]. PX4 reports its
+mode by CURRENT_MODE, ArduPilot by HEARTBEAT; each also has its own message for the wind."""
 NO_CHANNEL_US = 65_535
 STICKS, MOST_CHANNELS = 4, 18
 TIMED = (dialect.GlobalPositionInt, dialect.AttitudeQuaternion, dialect.SystemTime)
@@ -167,7 +167,7 @@ def _failing(message: dialect.SysStatus, now_s: float) -> Iterator[FailsafeSeen]
 
 
 def command_message(command: VehicleCommand, system_id: int) -> Message:
-    """Make the message of a command to the autopilot; DO_REPOSITION by COMMAND_INT.
+    """Make the MAVLink message of a command to the autopilot with number `system_id`.
 
     DO_REPOSITION goes by COMMAND_INT in GLOBAL_INT, which both autopilots interpret correctly;
     other commands by COMMAND_LONG.

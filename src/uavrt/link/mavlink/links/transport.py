@@ -38,7 +38,7 @@ async def keep_open(
     opened: Callable[[Link | None], None],
     failed: Callable[[UavrtError], None],
 ) -> NoReturn:
-    """Read a receiver until cancelled; reopen it when it fails."""
+    """Open a link, retrying until it opens, and pass its frames to `take` until cancelled."""
     link = None
     try:
         while link is None:

@@ -42,7 +42,8 @@ CAPACITY = {Priority.ACK: 64, Priority.STATUS: 64, Priority.OTHER: 32}
 """Largest number of queued messages of each priority."""
 URGENT = (Priority.ACK, Priority.STATUS)
 ROOM_BYTES = {Priority.VALUE: 45, Priority.OTHER: 160, Priority.FILE: 280}
-"""Room for a pulse that a message of low priority leaves [bytes]: its own longest frame."""
+"""Bytes that must be left in the rate limiter's token bucket for a pulse when a message of low
+priority is sent: that priority's longest frame."""
 OTHER_PATIENCE_NS = ns_from_s(2.0)
 """Longest wait behind pulses for answers to stations that do not command [ns]."""
 

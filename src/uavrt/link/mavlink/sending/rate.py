@@ -28,7 +28,7 @@ FRAME_OVERHEAD = 17
 BURST_BYTES = 300.0
 DEBT_BYTES = 1000.0
 PULSE_WAIT_S = 0.005
-"""Longest wait of a pulse behind other messages [s]; on fast links, timers are coarser."""
+"""Wait of a pulse behind other messages that is accepted [s]; timers resolve no less."""
 RADIO_FRESH_NS = ns_from_s(5.0)
 ACKS_FRESH_NS = ns_from_s(30.0)
 ROUND_NS = ns_from_s(0.25)

@@ -44,7 +44,7 @@ class Routes:
         self._doubted_until[link] = now_ns + DOUBT_NS
 
     def link_to(self, peer: Peer, now_ns: int) -> int:
-        """Number of the link to a peer; if all are silent, that on which it was heard last."""
+        """Number of the link to a peer; if all are silent, the one that received it last."""
         links = self._heard.get(peer)
         if not links:
             return 0

@@ -24,7 +24,7 @@ log = get_logger()
 TICK_S = 0.05
 TUNNEL_SIZE = 128
 COPIES = 256
-"""Largest number of pulses that wait on each further link that must carry them too."""
+"""Largest number of copied pulses that wait on a link that is not the preferred one."""
 UNSENT = 64
 """Largest number of messages to all stations kept until the first ground station appears. In
 the queue they would delay replies to file clients, which are not ground stations."""
@@ -138,7 +138,7 @@ class PacedSender:
 
 
 class LinkView:
-    """One link's view of a source that several links share: only the used link takes."""
+    """One link's access to a source that several links share; only the active link takes."""
 
     def __init__(
         self, source: Source, link: int, group: "TunnelSender", views: list["LinkView"]
@@ -147,7 +147,7 @@ class LinkView:
         self._copies: deque[Item] = deque(maxlen=COPIES)
 
     def wait_ns(self, now_ns: int) -> int | None:
-        """Time until a message may be sent by this link [ns]; None without any."""
+        """Time until this link has a message to send [ns]; None without any."""
         if self._copies:
             return 0
         return self._source.wait_ns(now_ns) if self._group.link == self._link else None
@@ -170,7 +170,7 @@ class LinkView:
         return None
 
     def leave(self, given: Item) -> None:
-        """Queue a copy of another link's message; drop the oldest if too many wait."""
+        """Queue a copy of a message that another link took; drop the oldest if too many."""
         self._group.copies_dropped += len(self._copies) == COPIES
         self._copies.append(given)
 
@@ -231,7 +231,7 @@ class TunnelSender:
         target: Peer | None = None,
         payload_type: int = 0,
     ) -> None:
-        """Queue a payload for a target or all; raises `TunnelError` above 128 bytes."""
+        """Queue a payload for one peer, or for all (None); `TunnelError` above 128 bytes."""
         if len(payload) > TUNNEL_SIZE:
             raise TunnelError(f"a payload has at most 128 bytes, not {len(payload)}", payload)
         place = None if target is None else target.place

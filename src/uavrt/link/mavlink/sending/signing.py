@@ -48,7 +48,7 @@ COMMANDING = frozenset(
         dialect.FileTransferProtocol.ID,
     }
 )
-"""Messages never accepted unsigned under ``autopilot``, as anyone can claim component id 1."""
+"""Messages that the setting ``autopilot`` refuses unsigned: anyone can claim component id 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +108,7 @@ class Signing:
         return SigningTimes(newest=self._last_ticks, streams=streams)
 
     def remember(self, times: SigningTimes, *, behind_s: float) -> None:
-        """Restore stored times, which may be up to `behind_s` older than the newest [s]."""
+        """Restore stored times plus `behind_s`, since they may be that much out of date."""
         behind = round(behind_s * NANOSECONDS_PER_SECOND / TICK_NS)
         self._last_ticks = max(self._last_ticks, times.newest)
         for system_id, component_id, link_id, ticks in times.streams:

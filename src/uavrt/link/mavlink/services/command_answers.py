@@ -10,7 +10,7 @@ from uavrt.link.mavlink.services.metadata import Metadata
 
 
 def capabilities(*, bytewise: bool) -> int:
-    """MAV_PROTOCOL_CAPABILITY bits; `bytewise`: integer parameters are sent as bytes."""
+    """MAV_PROTOCOL_CAPABILITY bits; `bytewise`: True if integer parameters are bytes."""
     encoding = (
         MavProtocolCapability.PARAM_ENCODE_BYTEWISE
         if bytewise
@@ -33,7 +33,7 @@ def answer_command(
     bytewise: bool = True,
     metadata: Metadata | None = None,
 ) -> list[Message]:
-    """Return the messages that answer a command; one to all only if it is served here.
+    """Return the messages that answer a command; `direct`: it is addressed to this component.
 
     A command to all components is answered only if this one serves it. A ground station could
     take "not supported" for the autopilot's refusal of a take-off.
@@ -55,7 +55,7 @@ def answer_command(
 
 
 def _asked_message(message: dialect.CommandLong | dialect.CommandInt) -> int | None:
-    """Id of the message that a command requests."""
+    """Id of the message that a command requests; None for any other command."""
     match message.command:
         case MavCmd.REQUEST_MESSAGE:
             param1 = message.param1
@@ -69,7 +69,7 @@ def _asked_message(message: dialect.CommandLong | dialect.CommandInt) -> int | N
 
 
 def _identity(message_id: int, uptime_ms: int, able: int) -> Message | None:
-    """Messages that describe this component's version and capabilities."""
+    """Make the message with this id on version and capabilities (`able`); None for others."""
     match message_id:
         case dialect.AutopilotVersion.ID:
             return dialect.AutopilotVersion(

@@ -58,7 +58,7 @@ WAITING = 32
 
 @dataclass(slots=True)
 class Session:
-    """A file opened by a client."""
+    """A file opened by a client of the file server."""
 
     file: BinaryIO | bytes
     size: int
@@ -297,7 +297,7 @@ class FileServer:
     def _on_disk(
         self, peer: Peer, request: FtpPacket, job: Callable[[], T], then: Callable[[T], None]
     ) -> bool:
-        """Run a disk job, then continue with its result, or refuse the request."""
+        """Run a disk job, and `then` with its result; False if too many jobs are waiting."""
         client = self._clients.get(peer)
 
         def outcome() -> T | FileRefused:

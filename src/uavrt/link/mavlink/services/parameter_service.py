@@ -34,7 +34,7 @@ class ParameterChange:
 
 
 class ParameterServer:
-    """Server of the parameters in force."""
+    """Answers MAVLink requests for uavrt's parameters with the values in force."""
 
     def __init__(
         self,

@@ -90,7 +90,7 @@ ORDER_OF_USE = {
 }
 """Order of messages with the same time stamp: tags first, then their release, then a start."""
 GOODBYE_S = 0.2
-"""Wait for the acknowledgement of the empty list of nodes [s]; other nodes then drop them."""
+"""Longest wait at the end for others to acknowledge the empty list of nodes [s]."""
 
 
 Reach = Literal["interfaces", "computer", "off"]
@@ -441,10 +441,7 @@ class Participant:
             self._senders.add_writer(handle, key, writer.topic_name)
 
     def _announced(self, reader: Any) -> Iterator[Any]:
-        """Yield announcements singly, since a name that is not UTF-8 loses those with it.
-
-        A name that is not UTF-8 raises, and everything taken together with it is lost.
-        """
+        """Yield announcements singly: one name that is not UTF-8 loses all taken with it."""
         for _ in range(ANNOUNCED_LIMIT):
             try:
                 samples = reader.take(1)

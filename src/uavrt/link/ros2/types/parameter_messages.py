@@ -99,7 +99,7 @@ class ServiceMessage(RosMessage):
 
     interface: ClassVar[str] = "srv"
     guid: UInt64 = 0
-    """Identifier of the client."""
+    """Identifier of the client that sends the request."""
     sequence: Int64 = 0
     """Number of the client's request."""
 

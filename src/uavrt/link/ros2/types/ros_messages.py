@@ -62,7 +62,7 @@ class Header(RosMessage):
 
 @ros_message("std_msgs/Bool")
 class Flag(RosMessage):
-    """A message with one truth value."""
+    """A message with one truth value (std_msgs/Bool)."""
 
     data: Bool = False
 
@@ -122,7 +122,7 @@ class DiagnosticStatus(RosMessage):
 
 
 OK, WARN, ERROR, STALE = 0, 1, 2, 3
-"""Levels of a `DiagnosticStatus`."""
+"""Values of a `DiagnosticStatus`'s level, as in diagnostic_msgs."""
 
 
 @ros_message("diagnostic_msgs/DiagnosticArray")

@@ -1,4 +1,4 @@
-"""Payload bytes to messages, chosen by command and length, and back."""
+"""Convert payload bytes to messages, chosen by command and length, and back."""
 
 from typing import cast
 

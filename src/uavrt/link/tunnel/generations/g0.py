@@ -72,7 +72,7 @@ FAILURE = 0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeaderMessage(Fixed):
-    """A command without fields; START_DETECTION has this form only in G0."""
+    """A command without fields; START_DETECTION has no fields only in G0."""
 
     LAYOUT: ClassVar = struct.Struct("<I")
     command: CommandId

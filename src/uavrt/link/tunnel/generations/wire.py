@@ -20,7 +20,7 @@ MAX_PAYLOAD = 128
 """Largest payload of one MAVLink TUNNEL message [bytes]."""
 
 PAYLOAD_TYPE = 0
-"""Payload type of every version of the original: MAV_TUNNEL_PAYLOAD_TYPE_UNKNOWN."""
+"""Payload type of every version of the original protocol: MAV_TUNNEL_PAYLOAD_TYPE_UNKNOWN."""
 
 Ids = tuple[int, int]
 """System and component id of a MAVLink component, such as a ground station."""
@@ -151,7 +151,7 @@ def decoders_of(*kinds: type[Fixed]) -> Decoders:
 
 
 def decoders_by_length(generation: Generation, length: int, decode: Decoder) -> Decoders:
-    """Make one decoder for all commands without fields of a protocol generation."""
+    """Make one decoder for a generation's commands whose payload has this length [bytes]."""
     return {
         (row.number, length): decode
         for row in COMMANDS.values()

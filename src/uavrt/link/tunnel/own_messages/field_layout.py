@@ -132,6 +132,6 @@ class Layout:
 
 
 def _values(kind: str) -> int:
-    """Number of values in a format of `struct`."""
+    """Number of values that a format of `struct` holds."""
     layout = struct.Struct(f"<{kind}")
     return len(layout.unpack(bytes(layout.size)))

@@ -38,7 +38,7 @@ Place = tuple[float, float]
 
 
 def encode_course(course: Course, most: int = MAX_COURSE) -> bytes:
-    """Encode a drone's course, with as many tags as fit; raises `TunnelError`."""
+    """Encode a drone's course with the tags that fit in `most` bytes; raises `TunnelError`."""
     here = course.place
     latitude, longitude = here
     asked = course.asked_way or (here, here)
@@ -64,7 +64,7 @@ def encode_course(course: Course, most: int = MAX_COURSE) -> bytes:
 
 
 def _offset(here: Place, place: Place) -> tuple[int, int]:
-    """Offset of a position north and east of another [units of the course message]."""
+    """Offset of a position north and east of `here`, in the course message's units."""
     north, east = (
         round((there - own) / _COARSE) for own, there in zip(here, place, strict=True)
     )

@@ -161,7 +161,7 @@ class SealKeeper:
         return head + _session_mac(self._key, drone, head)
 
     def prove_answer(self, state: bytes, station: Ids, drone: Ids) -> bytes:
-        """Add a proof to the answer to a sealed order, see `prove_answer`."""
+        """Add a keyed hash to the answer to a sealed order, as the function `prove_answer`."""
         return prove_answer(state, self._key, Session(self._session, drone), station)
 
     def open(self, payload: bytes, sender: Ids, drone: Ids) -> tuple[int, bytes]:

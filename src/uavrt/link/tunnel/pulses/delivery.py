@@ -23,7 +23,7 @@ class PulseDelivery:
         self._recorded = set[PulseKey]()
         """Keys of the pulses in `_recent`, for quick look-up."""
         self._news = set[PulseKey]()
-        """Pulses that were not yet recorded when a new ground station appeared."""
+        """Keys of sent pulses that were not yet recorded when a new ground station appeared."""
 
     @property
     def unrecorded(self) -> int:

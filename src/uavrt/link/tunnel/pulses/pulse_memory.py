@@ -17,10 +17,10 @@ from uavrt.link.tunnel.pulses.receiving_stations import PLAIN, Stores
 from uavrt.link.tunnel.pulses.underway import Entry, EntryKey, ItemKey, T, Underway
 
 PROBES, PROBE_NS = 4, ns_from_s(1.0)
-"""Largest number of probes at once; time to the next [ns]. A probe repeats a pulse for stores
+"""Largest number of probes at once; time to the next [ns]. A probe repeats a pulse for stations
 that never acknowledged. At 40 % loss each way, one of four is answered in five cases of six."""
 MOST_PROBES = 64
-"""Largest number of pulses in memory that only unconfirmed stores lack; others stay on disk."""
+"""Largest number of pulses in memory that only stations without acknowledgement lack."""
 CAPACITY = 2048
 """Largest number of pulses in memory, about 4 MB; others stay on disk."""
 REFILL_AT = 256
@@ -31,14 +31,14 @@ ROUGH_BYTES = 137
 
 
 class PulseMemory(Generic[T]):
-    """Pulses that wait to be sent or acknowledged; `inside`: payload of a burst's content."""
+    """Pulses that wait to be sent or acknowledged; `inside` encodes a burst's single pulses."""
 
     def __init__(self, inside: Callable[[T], bytes | None], stores: Stores) -> None:
         self.inside, self._stores = inside, stores
         self._entries: dict[EntryKey, Entry[T]] = {}
         self._waiting: list[tuple[int, EntryKey]] = []
         self._probes: OrderedDict[EntryKey, Entry[T]] = OrderedDict()
-        """Pulses that are missing only at stores without any acknowledgement."""
+        """Pulses that only ground stations without any acknowledgement so far still lack."""
         self._probed_ns = -PROBES * PROBE_NS
         self._sent_plain: list[ItemKey] = []
         self.underway: Underway[T] = Underway()
@@ -54,9 +54,9 @@ class PulseMemory(Generic[T]):
         return len(self._waiting)
 
     def keys(self, store: int) -> set[ItemKey]:
-        """Keys of pulses that need not be read from disk for a store; all for `PLAIN`.
+        """Keys of pulses that need not be read from disk for a ground station; all for `PLAIN`.
 
-        Other pulses in memory may be for other stores only, and must be read for this one too.
+        Pulses in memory for other ground stations only must be read for this one too.
         """
         return {
             entry.pulse
@@ -65,12 +65,12 @@ class PulseMemory(Generic[T]):
         }
 
     def room(self, store: int) -> int:
-        """Number of pulses that may now be read from disk for a store."""
+        """Number of pulses that may now be read from disk for a ground station."""
         unconfirmed = store in self._stores and not self._stores[store].acknowledges
         return min(MOST_PROBES if unconfirmed else CAPACITY, CAPACITY - len(self._entries))
 
     def wanted(self) -> int | None:
-        """Store for which pulses should be read from disk; None if unneeded or without room."""
+        """Ground station for which to read pulses from disk now; None if none, or no room."""
         if len(self._entries) >= REFILL_AT:
             return None
         return self._stores.on_disk(unconfirmed=not self._probes)
@@ -82,7 +82,7 @@ class PulseMemory(Generic[T]):
             self._bound()
 
     def refill(self, store: int, items: Iterable[tuple[ItemKey, T]], *, more: bool) -> None:
-        """Add pulses from disk that a store lacks."""
+        """Add pulses from disk that a ground station lacks; `more`: True if others remain."""
         for key, item in items:
             if key not in self._entries:
                 missing_at = {store} & self._stores.present
@@ -95,7 +95,7 @@ class PulseMemory(Generic[T]):
         self._bound()
 
     def add_inside(self, entry: Entry[T], store: int) -> bool:
-        """Queue a burst's content for a store that has the pulse; False if there is none."""
+        """Queue a burst's single pulses for a station that has the burst; False without any."""
         payload = self.inside(entry.item)
         if payload is None:
             return False
@@ -113,13 +113,13 @@ class PulseMemory(Generic[T]):
         self.wait(entry)
 
     def send_all(self, store: int) -> None:
-        """Mark all pulses in memory as missing at a new store."""
+        """Mark all pulses in memory as not yet received by a new ground station."""
         for entry in self._entries.values():
             if store not in entry.stored_at and entry.inside is None:
                 entry.missing_at.add(store)
 
     def send_none(self, store: int, *, made_up: bool) -> None:
-        """Send no more pulses to a removed store; `made_up`: True if it never acknowledged."""
+        """Send no more pulses to a removed ground station; `made_up`: it never acknowledged."""
         for entry in list(self._entries.values()):
             entry.missing_at.discard(store)
             if entry.missing_at:
@@ -133,7 +133,7 @@ class PulseMemory(Generic[T]):
                 self.wait(entry)
 
     def wait(self, entry: Entry[T]) -> None:
-        """Queue a pulse; as a probe if only unconfirmed stores lack it."""
+        """Queue a pulse; as a probe, if only stations without any acknowledgement lack it."""
         self.underway.remove(entry)
         entry.state = "waiting"
         new = entry.live and not entry.sends
@@ -145,7 +145,7 @@ class PulseMemory(Generic[T]):
             self._give_up(next(iter(self._probes.values())))
 
     def promote_probes(self, store: int) -> None:
-        """Queue a store's probes as other pulses, once the store has acknowledged one."""
+        """Queue a ground station's probes as normal pulses, once it has acknowledged one."""
         if self._stores[store].acknowledges:
             for entry in [e for e in self._probes.values() if store in e.missing_at]:
                 del self._probes[entry.key]
@@ -189,7 +189,7 @@ class PulseMemory(Generic[T]):
         return done
 
     def _give_up(self, entry: Entry[T]) -> None:
-        """Remove a pulse from memory; stores that lack the pulse get it from disk."""
+        """Remove a pulse from memory; ground stations that lack it get it from disk later."""
         for number in entry.missing_at:
             self._stores.note_on_disk(number)
         if entry.live and entry.sends and not entry.stored_at:

@@ -17,18 +17,18 @@ PLAIN = 0
 MOST_STORES = 8
 """Largest number of ground stations that get all pulses, as store numbers can be made up."""
 NEW_STORES, NEW_STORES_PER_S = 4, 0.1
-"""Number of new stores accepted at once, and per second."""
+"""Number of new ground stations accepted at once, and per second."""
 STORE_SILENCE_NS = ns_from_s(10.0)
 """Silence after which a ground station is removed [ns]; its pulses are on disk."""
 UNRESPONSIVE_SENDS = 64
 UNRESPONSIVE_NS = ns_from_s(10.0)
 """Time, with at least `UNRESPONSIVE_SENDS` messages, without an acknowledgement after which a
-store is ignored as made up or not receiving [ns]."""
+ground station is ignored as made up or not receiving [ns]."""
 IGNORED_NS = ns_from_s(60.0)
 MOST_IGNORED = 64
 PATIENCE, SENDS_OF_PATIENCE = 8, 32
-"""Maximum number of sendings of a burst's content to a store that acknowledged none; after 32
-in total, 1. At 40 % loss each way, none of 32 is answered in one case of a million."""
+"""How often a burst's single pulses are sent to a store that acknowledged none: 8 times, but
+once after 32 in total. At 40 % loss each way, none of 32 is answered once in a million."""
 
 
 @dataclass(slots=True)
@@ -40,19 +40,19 @@ class Store:
     since_ns: int
     """Time at which the station appeared [ns]."""
     on_disk: bool = True
-    """True if pulses that the store lacks may be on disk and not in memory."""
+    """True if pulses that the station lacks may be on disk and not in memory."""
     acknowledges: bool = False
-    """True once the store has acknowledged a pulse, which proves that it exists."""
+    """True once the station has acknowledged a pulse, which proves that it exists."""
     sends: int = 0
-    """Number of messages sent to the store."""
+    """Number of messages sent to the station."""
     reads_contents: bool = False
-    """True once the store has acknowledged the content of a burst."""
+    """True once the station has acknowledged a message with a burst's single pulses."""
     insides: int = 0
-    """Number of sent messages with the content of bursts."""
+    """Number of messages with a burst's single pulses sent to the station."""
 
     @property
     def patience(self) -> float:
-        """Largest number of sendings of one burst's content to this store."""
+        """Largest number of times that one burst's single pulses are sent to this station."""
         if self.reads_contents:
             return math.inf
         return PATIENCE if self.insides < SENDS_OF_PATIENCE else 1
@@ -64,16 +64,16 @@ class Store:
 
 
 class Stores:
-    """The stores that are present, and those for which pulses may be on disk."""
+    """Ground stations that acknowledge, and those for which pulses may be on disk."""
 
     def __init__(self) -> None:
         self._stores: dict[int, Store] = {}
         self._new = Allowance(burst=NEW_STORES, per_s=NEW_STORES_PER_S)
         self._ignored: dict[int, int] = {}
-        """Time since which a store that acknowledged nothing is ignored [ns], by number."""
+        """Time since which a station that acknowledged nothing is ignored [ns], by number."""
         self._plain_on_disk = False
         self.refused = 0
-        """Number of receipts from new stores that were refused."""
+        """Number of receipts from new ground stations that were refused."""
 
     def __len__(self) -> int:
         return len(self._stores)
@@ -86,23 +86,23 @@ class Stores:
 
     @property
     def present(self) -> frozenset[int]:
-        """Numbers of the stores that are present."""
+        """Numbers of the ground stations that are present."""
         return frozenset(self._stores)
 
     @property
     def confirmed(self) -> frozenset[int]:
-        """Numbers of the stores that have acknowledged a pulse, proving that they exist."""
+        """Numbers of the ground stations that have acknowledged a pulse, so they exist."""
         return frozenset(n for n, store in self._stores.items() if store.acknowledges)
 
     def any_confirmed(self, numbers: Collection[int]) -> bool:
-        """True if one of the given stores has acknowledged a pulse."""
+        """True if one of these ground stations has ever acknowledged a pulse."""
         return any(self._stores[number].acknowledges for number in numbers)
 
     def must_repeat(self, numbers: Collection[int]) -> bool:
-        """True if a pulse must be sent again, because a confirmed store lacks it.
+        """True if a pulse must be sent again: one of these stations, known to exist, lacks it.
 
-        Stores without any acknowledgement may be made up and must not fill the window; if they
-        exist, they get the pulse from disk.
+        Stations without any acknowledgement may be made up and must not fill the window; if
+        they exist, they get the pulse from disk.
         """
         if self.any_confirmed(numbers):
             return True
@@ -111,7 +111,7 @@ class Stores:
         return False
 
     def admits(self, number: int, now_ns: int) -> bool:
-        """True if a new store is accepted; otherwise its receipt is counted as refused."""
+        """True if a new ground station is accepted; otherwise its receipt counts as refused."""
         since_ns = self._ignored.get(number)
         ignored = since_ns is not None and now_ns - since_ns < IGNORED_NS
         if not ignored and self._new.take(now_ns) and len(self.confirmed) < MOST_STORES:
@@ -120,18 +120,18 @@ class Stores:
         return False
 
     def to_replace(self) -> int | None:
-        """Store to remove before another is added; None if there is room."""
+        """Ground station to remove before another is added; None if there is room."""
         if len(self._stores) < MOST_STORES:
             return None
         unconfirmed = [n for n, store in self._stores.items() if not store.acknowledges]
         return min(unconfirmed, key=lambda number: self._stores[number].received_ns)
 
     def add(self, number: int, place: Ids, now_ns: int) -> None:
-        """Add the store of a newly received ground station."""
+        """Add a newly received ground station by its store number."""
         self._stores[number] = Store(place, now_ns, since_ns=now_ns)
 
     def silent(self, now_ns: int) -> list[int]:
-        """Stores to remove because they are silent or have never acknowledged."""
+        """Ground stations to remove because they are silent or have never acknowledged."""
         return [
             number
             for number, store in self._stores.items()
@@ -139,7 +139,7 @@ class Stores:
         ]
 
     def remove(self, number: int, now_ns: int | None = None) -> Store:
-        """Remove a store; with `now_ns` ignore it for a while if it was unresponsive."""
+        """Remove a ground station; with `now_ns` ignore it for a while if it never answered."""
         if now_ns is not None and self._stores[number].unresponsive(now_ns):
             self._ignored[number] = now_ns
             while len(self._ignored) > MOST_IGNORED:
@@ -147,20 +147,23 @@ class Stores:
         return self._stores.pop(number)
 
     def on_disk(self, *, unconfirmed: bool) -> int | None:
-        """Store for which pulses may be on disk, an unconfirmed one if allowed; else None."""
+        """Number of a ground station that may lack pulses on disk; None without any.
+
+        With `unconfirmed`, also a station that has never acknowledged a pulse.
+        """
         for number, store in self._stores.items():
             if store.on_disk and (store.acknowledges or unconfirmed):
                 return number
         return PLAIN if self._plain_on_disk and not self._stores else None
 
     def note_on_disk(self, number: int, *, on_disk: bool = True) -> None:
-        """Set whether pulses that a store (or `PLAIN`) lacks may be on disk."""
+        """Set whether pulses that a ground station (or `PLAIN`) lacks may be on disk."""
         if number == PLAIN:
             self._plain_on_disk = on_disk
         elif number in self._stores:
             self._stores[number].on_disk = on_disk
 
     def disk_has_news(self) -> None:
-        """Record that every store may lack pulses on disk, because a flight was opened."""
+        """Record that all stations may lack pulses on disk, because a flight was opened."""
         for number in (PLAIN, *self._stores):
             self.note_on_disk(number)

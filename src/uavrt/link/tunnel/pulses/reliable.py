@@ -51,7 +51,7 @@ class ReliableSender(Generic[T]):
         self.first_sends = 0
         self.repeats = 0
         self.insides_sent = 0
-        """Number of sent messages with the content of bursts."""
+        """Number of sent messages with the single pulses of a burst."""
         self.acknowledged_pulses = 0
         self._station_since_ns: int | None = None
         self._settled: list[tuple[int, ItemKey]] = []
@@ -72,7 +72,7 @@ class ReliableSender(Generic[T]):
     def receipt(
         self, store: int, hashes: Iterable[int], place: Ids, now_ns: int
     ) -> list[ItemKey]:
-        """Handle a receipt; return the pulses acknowledged by the store for the first time."""
+        """Handle a receipt; return the pulses that this ground station newly acknowledged."""
         if store in self.stores:
             known = self.stores[store]
             known.place, known.received_ns = place, now_ns
@@ -106,7 +106,7 @@ class ReliableSender(Generic[T]):
         return new
 
     def _add_store(self, store: int, place: Ids, now_ns: int) -> None:
-        """Add a new store; if there are too many, the new store replaces another."""
+        """Add a new ground station; if there are too many, it replaces another."""
         replaced = self.stores.to_replace()
         if replaced is not None:
             self._drop_store(replaced)
@@ -114,7 +114,7 @@ class ReliableSender(Generic[T]):
         self.pulses.send_all(store)
 
     def _late_acknowledgement(self, number: int, store: int) -> list[ItemKey]:
-        """Handle a store's acknowledgement of a pulse that is no longer in memory."""
+        """Handle a receipt of a pulse, by its payload's hash, that is no longer in memory."""
         done = self.underway.finished(number)
         if done is None or store in done.stored_at:
             return []
@@ -128,13 +128,16 @@ class ReliableSender(Generic[T]):
         return [done.pulse]
 
     def _confirm(self, store: int) -> None:
-        """Record that a store has acknowledged a pulse, which proves that it exists."""
+        """Record that a ground station has acknowledged a pulse, so it is not made up."""
         if not self.stores[store].acknowledges:
             self.stores[store].acknowledges = True
             self.pulses.promote_probes(store)
 
     def settled(self) -> list[tuple[int, ItemKey]]:
-        """Pulses delivered to stores that ignore burst contents, since the last call."""
+        """Since the last call: stations and bursts that count as delivered by the pulse alone.
+
+        A station of an older version never acknowledges a burst's single pulses.
+        """
         settled, self._settled = self._settled, []
         return settled
 
@@ -174,7 +177,7 @@ class ReliableSender(Generic[T]):
         )
 
     def _count(self, entry: Entry[T]) -> None:
-        """Count a sent message in the totals and for each store."""
+        """Count a sent message in the totals and for each ground station."""
         for number in entry.missing_at:
             self.stores[number].sends += 1
             self.stores[number].insides += entry.inside is not None
@@ -205,7 +208,7 @@ class ReliableSender(Generic[T]):
                 self._again(entry)
 
     def _again(self, entry: Entry[T]) -> None:
-        """Queue a lost message again, except burst content that no station can receive."""
+        """Queue a lost message again, except a burst's single pulses that no station reads."""
         if entry.inside is not None:
             for number in list(entry.missing_at):
                 if entry.tries >= self.stores[number].patience:

@@ -18,25 +18,25 @@ REORDERING = 3
 BACKOFF = 1.5
 MAX_BACKOFF = 4.0
 DONE = 256
-"""Number of acknowledged pulses kept, since another store may acknowledge them a bit later."""
+"""Number of acknowledged pulses kept, as another station may acknowledge them a bit later."""
 
 ItemKey = tuple[int, int]
-"""Tag id and start time of a pulse."""
+"""Tag id and start time [ns, UTC] of a pulse."""
 EntryKey = ItemKey | tuple[int, int, int]
-"""Key of an entry in memory: a pulse, or with a third number a burst's content."""
+"""Key of an entry in memory: a pulse, or with a third number a burst's single pulses."""
 
 
 @dataclass(slots=True, eq=False)
 class Entry(Generic[T]):
-    """A pulse in memory, or the content of a burst."""
+    """A pulse in memory, or the message with a burst's single pulses."""
 
     key: EntryKey
     time_ns: int
     item: T
     inside: bytes | None = None
-    """Payload of a burst's content; None for a pulse message."""
+    """Payload with a burst's single pulses; None for a pulse message."""
     live: bool = True
-    """True for a new pulse, sent to all; False for a pulse read from disk for one store."""
+    """True for a new pulse, sent to all; False for one read from disk for one station."""
     state: Literal["waiting", "sent"] = "waiting"
     sent_ns: int = 0
     order: int = 0
@@ -47,14 +47,14 @@ class Entry(Generic[T]):
     twin: bool = False
     """True while the second of two copies waits to be sent."""
     missing_at: set[int] = field(default_factory=set)
-    """Present stores that have not yet acknowledged this entry."""
+    """Numbers of present ground stations that have not acknowledged this entry."""
     stored_at: set[int] = field(default_factory=set)
-    """Stores that have acknowledged this entry."""
+    """Numbers of ground stations that have acknowledged this entry."""
     hashes: list[int] = field(default_factory=list)
 
     @property
     def pulse(self) -> ItemKey:
-        """Key of the pulse, also for a burst's content."""
+        """Key of the pulse, also for a burst's single pulses."""
         return self.key[0], self.key[1]
 
 
@@ -76,7 +76,7 @@ class Underway(Generic[T]):
         return len(self._sent)
 
     def add(self, entry: Entry[T], number: int, now_ns: int, *, awaited: bool) -> None:
-        """Add a message that is sent now; `number` is its payload's hash."""
+        """Add a message sent now, by its payload's hash; `awaited`: an answer is expected."""
         self._order += 1
         if self._unanswered_since_ns is None and awaited:
             self._unanswered_since_ns = now_ns
