@@ -29,10 +29,10 @@ MANIFEST_COLUMNS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recording:
-    """A recording, with metadata from a manifest that its file lacks."""
+    """A recording to search; a manifest may add metadata that the file lacks."""
 
     path: Path
-    """Path of the file; for a stored recording, a name that no file has."""
+    """Path of the file; for a recording in an object store a placeholder (see `url`)."""
     flight: str
     """Name of the flight directory, or of a recording outside of flights without its ending,
     relative to the searched folder."""
@@ -54,7 +54,7 @@ class Recording:
         return self.url or str(self.path)
 
     def open(self) -> RecordingSource:
-        """Open the recording; raises `FormatError`, or `StoreError` without an answer."""
+        """Open the recording; raises `FormatError`, or `StoreError` if its store fails."""
         if self.url is not None:
             return open_stored(self.url, **self._stated())
         return open_recording(self.path, **self._stated())
@@ -85,7 +85,7 @@ def flight_of(path: str, flights: Collection[Path]) -> Path | None:
 
 
 def out_of_reach(error: BaseException) -> bool:
-    """True if an error means that a file could not be reached, so that it may be unchanged."""
+    """True if an error is from disk or network: the file itself may be unchanged."""
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, StoreError | OSError):
@@ -117,7 +117,7 @@ class Found:
     flights: Mapping[Path, str] = field(default_factory=dict)
     """Flight directories, with and without recordings, and their names."""
     kept_channels: int = 0
-    """Number of recorded channel files, which are not searched."""
+    """Number of files with one recorded radio channel each, which are not searched."""
     passed_over: tuple[PassedOver, ...] = ()
     """Other files, except those that belong to a flight or a recording."""
 

@@ -95,7 +95,7 @@ def gather_months(
 
 
 def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str, str]]:
-    """Read the index of copies, checking all if `thorough`, and why some cannot be used.
+    """Read the index of usable copies, and by path the reason why others cannot be used.
 
     With `thorough` all copies are read; otherwise sizes and times are compared.
     """
