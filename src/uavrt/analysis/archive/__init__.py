@@ -5,8 +5,8 @@ unique name. `steps/recording_cells` divides a recording, `steps/cell_work` dete
 and `steps/detecting` combines cells into recordings. `steps/flight_work` computes poses,
 bearings and positions from one flight's pulses, and `steps/flight_placing` plans this for all
 flights. `steps/workers` runs tasks in parallel, `parquet/parquet_tables` writes Parquet, and
-`parquet/ledger` records finished work. `batch_run` runs these steps in order. `parquet/questions` runs queries, and
-`parquet/flight_search` finds flights.
+`parquet/ledger` records finished work. `batch_run` runs these steps in order.
+`parquet/questions` runs queries, and `parquet/flight_search` finds flights.
 """
 
 from typing import TYPE_CHECKING

@@ -171,7 +171,7 @@ def _noise_db(pulse: Pulse) -> float:
 
 
 def _slop(pulse: Pulse, tag: Tag | None) -> str:
-    """Sum of the differences between a burst's measured gaps and the code's gaps [s]."""
+    """Summed differences between a burst's gaps and its code's [s]; empty if unknown."""
     starts_ns: Sequence[int] = pulse.burst_starts_ns
     if tag is None or not starts_ns or len(starts_ns) != len(tag.gaps_s) + 1:
         return ""
@@ -181,7 +181,7 @@ def _slop(pulse: Pulse, tag: Tag | None) -> str:
 
 
 def _burst_slop(pulse: Pulse, tag: Tag | None, before_ns: int | None) -> str:
-    """Deviation of the time since the last burst from whole burst intervals [s]."""
+    """Deviation of the time since the last burst from whole intervals [s]; 0 for the first."""
     if tag is None or before_ns is None:
         return "0"
     passed_s = (pulse.start_time_ns - before_ns) / NANOSECONDS_PER_SECOND

@@ -217,7 +217,7 @@ def strongest_properties(signal: TagSignal) -> list[tuple[StrongestSignal, Prope
 
 
 def integrated_places(survey: Survey) -> list[tuple[IntegratedPart, Properties]]:
-    """Tag positions by whole-flight analysis; two if a straight path is ambiguous."""
+    """Tag positions by whole-flight analysis; two if a straight path leaves the side open."""
     return [
         (
             part,

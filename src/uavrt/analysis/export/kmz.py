@@ -167,7 +167,7 @@ def _track(folder: ET.Element, name: str, position: Position) -> None:
 
 
 def _signal(folder: ET.Element, survey: Survey, tag_id: int, files: dict[str, bytes]) -> None:
-    """Placemark and map of signal strength, labelled as not the tag's position."""
+    """Add placemark and map of a tag's signal strength; the strongest is not its position."""
     found = survey.signal_of(tag_id)
     if found is None:
         return

@@ -85,7 +85,7 @@ def _walked(survey: Survey) -> bool:
 
 
 def _where_any(directory: Path, files: Mapping[str, str | None]) -> list[Path]:
-    """Write the files that have content; delete the others if an earlier export left them."""
+    """Write files (content by name); a file whose content is None is deleted if it exists."""
     for name, content in files.items():
         if content is None:
             (directory / name).unlink(missing_ok=True)

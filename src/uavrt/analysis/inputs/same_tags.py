@@ -34,7 +34,7 @@ class SameTags:
     """All tags of several logs, each with a unique key."""
 
     keys: tuple[Mapping[int, int], ...]
-    """For each log, the unique key by the log's own tag number."""
+    """For each log, the key that is unique over all logs, by the log's own tag number."""
     tags: Mapping[int, NamedTag]
     warnings: tuple[str, ...]
 
@@ -101,7 +101,7 @@ def _heard(number: int, log: PulseLog) -> list[_Heard]:
 
 
 def _listed_groups(heard: Sequence[_Heard]) -> list[_Group]:
-    """Group received tags by number, or by frequency if a number has several."""
+    """Group received tags of all logs by number, and by frequency where these differ."""
     groups: list[_Group] = []
     for tag_id in sorted({one.tag_id for one in heard}):
         own = [one for one in heard if one.tag_id == tag_id]

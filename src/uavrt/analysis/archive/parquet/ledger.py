@@ -72,12 +72,12 @@ class Ledger(Generic[R]):
         return sorted(self._rows.values(), key=lambda row: (row.path, row.finished_time_ns))
 
     def done(self, key: str) -> R | None:
-        """Row of successful work by its key, a hash of the inputs; None if failed or missing."""
+        """Row of successful work by `key`, a hash of its inputs; None if failed or missing."""
         row = self._rows.get(key)
         return None if row is None or row.state == "failed" else row
 
     def of(self, path: str) -> R | None:
-        """Newest successful row of a recording or flight, for any settings; None without one."""
+        """Newest successful row of a recording or flight, for any settings; None if none."""
         done = filter(None, map(self.done, self._keys.get(path, ())))
         return max(done, key=lambda row: row.finished_time_ns, default=None)
 

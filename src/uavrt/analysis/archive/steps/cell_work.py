@@ -51,7 +51,7 @@ class CellTask:
     frequency_window_hz: float
 
     def packed(self) -> "CellTask":
-        """This task unchanged: the worker reads the samples from the recording itself."""
+        """Return the task unchanged: the worker reads the samples from the recording."""
         return self
 
     def failed(self, fault: str) -> CellResult:
