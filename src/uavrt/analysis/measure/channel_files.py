@@ -36,7 +36,7 @@ class ChannelizeSummary:
 def plan_channels(
     source: SampleSource, channels: Sequence[int], mode: Literal["default", "compatible"]
 ) -> FrontEnd:
-    """Set up the filters of the requested channels: the original's numbers, all if none.
+    """Set up the filters of channels, by the original's numbers; no numbers mean all.
 
     Negative numbers also use the second port. `mode` selects the original's filter bank (3750
     S/s), or one twice oversampled without aliases (7500 S/s).

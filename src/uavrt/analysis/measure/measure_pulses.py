@@ -118,7 +118,7 @@ def _rates(
 def _continued(
     before_s: NDArray[np.float64], interval_s: float, after_s: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
-    """Join two series of pulses across a gap if the beat continued in phase."""
+    """Join two series of pulse times across a gap; None unless the beat continued in phase."""
     together = np.concatenate((before_s, after_s))
     alone = fit_beat(before_s, interval_s)
     beat = fit_beat(together, alone.interval_s)

@@ -152,7 +152,7 @@ def measure_tags(
 
 
 def _doubt(train: Train, half_span_hz: float, center_hz: float) -> str | None:
-    """Reason why a periodic signal may not be a tag; None if it is one."""
+    """Reason why a periodic signal may not be a tag; None if nothing speaks against it."""
     if train.image_of_hz is not None:
         original_mhz = (center_hz + train.image_of_hz) / 1e6
         return f"an image of {original_mhz:.6f} MHz, made in the receiver: reduce its gain"

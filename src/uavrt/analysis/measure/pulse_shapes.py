@@ -16,7 +16,7 @@ Point = tuple[float, float]
 
 
 class Located(Protocol):
-    """A record with a position."""
+    """Interface of records with latitude and longitude [deg]."""
 
     @property
     def latitude_deg(self) -> float: ...  # noqa: D102

@@ -30,7 +30,7 @@ class TagSource:
     """Centre of the tag's channel, if the file contains it [Hz]."""
 
     def within(self, sample_rate_hz: float, center_frequency_hz: float) -> "TagSource":
-        """Remove the tags outside of a recording's band."""
+        """Copy with the tags inside a recording's band; with all tags if none is inside."""
         reach_hz = widest_half_span_hz(sample_rate_hz)
         inside = tuple(
             tag for tag in self.tags if abs(tag.frequency_hz - center_frequency_hz) <= reach_hz

@@ -39,7 +39,7 @@ class MaximumHold:
         return self._values[: -(-self._end // self.frames_per_column)]
 
     def put(self, first: int, frames: NDArray[np.float32]) -> None:
-        """Add consecutive frames of shape (n, rows); frames that are never added stay zero."""
+        """Add consecutive spectra (n, rows) from index `first`; skipped ones stay zero."""
         if not len(frames):
             return
         self._end = max(self._end, first + len(frames))
@@ -129,7 +129,7 @@ class Waterfall:
 
     @property
     def frame_center_s(self) -> float:
-        """Time from the start to the middle of a frame's samples [s]."""
+        """Time from the start to the middle of a spectrum's samples [s]."""
         return self._window.size / 2 / self._rate_hz
 
     def _take(self, samples: NDArray[np.complex64]) -> None:

@@ -16,7 +16,7 @@ from uavrt.radio.files.sigmf import sigmf_layout
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeptChannel:
-    """One recorded radio channel of a flight, split into several files."""
+    """One recorded radio channel of a flight, which may be split into several files."""
 
     center_frequency_hz: float
     sample_rate_hz: float
@@ -122,5 +122,5 @@ def left_out_in_words(faults: Iterable[str]) -> tuple[str, ...]:
 
 
 def _further(on_tag: Callable[[int], None] | None, before: int) -> Callable[[int], None] | None:
-    """Make a progress callback that adds the tags of earlier channels."""
+    """Progress callback that adds `before`, the number of tags done in earlier channels."""
     return None if on_tag is None else lambda done: on_tag(before + done)

@@ -67,12 +67,12 @@ class TagOfFlights:
 
 
 def share_alone(false_alarm_probability: float, flights: int) -> float:
-    """False-alarm probability used for each of several flights separately."""
+    """Share of the overall false-alarm probability that each single flight may use."""
     return false_alarm_probability * (1.0 - _TOGETHER) / flights
 
 
 def common_tags(flights: Sequence[Flight], listed: Sequence[Tag] | None = None) -> list[Tag]:
-    """Tags common to all flights, or to `listed` if given; raises `UsageError` without any."""
+    """Tags that all flights list, or `listed` if given; `UsageError` if none or unequal."""
     for before, after in pairwise(sorted(flights, key=lambda one: one.info.start_time_ns)):
         if before.info.start_time_ns == after.info.start_time_ns:
             raise UsageError(
@@ -153,9 +153,9 @@ class _View:
     judged: IntegratedTag
     places: Places
     gain: _Floats
-    """(places, times) antenna gain towards each place, on the scale of the search."""
+    """(places, times) energy of a pulse relative to the strongest from the same position."""
     chosen: NDArray[np.intp]
-    """Indices of the positions that represent all positions in the search."""
+    """Indices of the few candidate positions that the search uses to represent all."""
 
     @property
     def listened(self) -> Listened:
@@ -166,7 +166,7 @@ class _View:
         )
 
     def heard(self, joint: JointTrain, number: int) -> HeardTrain:
-        """Pulse train of this flight: its own if found singly, else that of all flights."""
+        """Pulse train in this flight: its own if found there, else by all flights together."""
         one, train = self.judged, joint.trains[number]
         rates = len(one.tag.pulse_intervals_s)
         if one.found:
@@ -186,7 +186,7 @@ class _View:
         chance: float,
         flights: int,
     ) -> IntegratedTag:
-        """Result of this flight for a tag that was found, with pulses if they are its own."""
+        """Result in this flight for a found tag; "found" if this train is probably its own."""
         if common is None:
             place = place_belief([replace(heard, log_trains=None)])
             odds = train_evidence(heard) - (heard.log_trains or 0.0)
