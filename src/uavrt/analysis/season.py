@@ -49,7 +49,7 @@ class Season:
     last_ns: int | None
     animals_heard: int
     minutes_per_animal: float | None
-    """Flight minutes per animal detected in a flight; None without detections."""
+    """Flight minutes per detection, one for each animal in each flight; None without any."""
     batteries: int
     """Number of batteries used; flights in `flights_without_battery` are not counted."""
     batteries_used: float

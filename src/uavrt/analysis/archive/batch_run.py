@@ -11,7 +11,7 @@ kept.
     OUT/months/                copies of the tables by month, if there are 100 files or more
     OUT/outlines.msgpack       times and pulses of the flights, used to find copies
     OUT/rows.json              files that belong to each finished recording and flight
-    OUT/copies.json            digests of the files in the four lines above
+    OUT/copies.json            digests of the files in the four lines above this one
 
 KEY is a hash of the recording or flight, the tags and the settings that affect it. When one of
 these changes, the work is done again, and its old rows are removed when the new ones are

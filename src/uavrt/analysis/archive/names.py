@@ -16,7 +16,7 @@ def name_flights(
     flights: Ledger[FlightRow],
     passed_over: Collection[Path] = (),
 ) -> Found:
-    """Name all new flights; existing names stay, and duplicates get more of their path.
+    """Give each new flight and recording a unique name; existing names stay.
 
     A duplicate name gets more of its path, such as ``2024/walk``. `recordings` and `flights`
     are finished rows. Names of the skipped copies in `passed_over` may be used again.

@@ -159,7 +159,7 @@ def _ends(url: str, folder: Path, *, whole: bool = False) -> Path:
 
 
 def _piece(url: str, system: Any, path: str, start: int, end: int) -> bytes:
-    """Read part of a stored file; a web server may return all of it instead."""
+    """Read bytes `start` to `end` of a file; `StoreError` if the server cannot send parts."""
     piece = bytes(system.cat_file(path, start=start, end=end))
     if len(piece) > end - start:
         raise StoreError(
@@ -186,7 +186,7 @@ def _opened(url: str) -> tuple[Any, str]:
 
 @contextmanager
 def _store_errors(url: str) -> Iterator[None]:
-    """Context for requests to a store that converts its errors to ours."""
+    """Context manager that converts errors of access to a store to `StoreError`."""
     try:
         yield
     except _faults() as error:

@@ -65,7 +65,7 @@ class Recording:
         return {name: getattr(self, name) for name in names}
 
     def fingerprint(self) -> str:
-        """Fingerprint that changes with the recording; raises `OSError` or `StoreError`."""
+        """Hash of path, size, time and manifest entry; raises `OSError` or `StoreError`."""
         facts: list[object] = [*self._stated().values()]
         if self.url is not None:
             return _hashed([*facts, *version_of(self.url)])
@@ -126,7 +126,7 @@ NO_RECORDING = "its name is not that of a recording (name it in --manifest)"
 _LONE_DATA = "its .sigmf-meta is missing"
 _LINK = "a link to a folder (name it itself)"
 _NO_TEXT = "its name is not UTF-8 text (rename it)"
-"""Reason for skipping a file that no table and no list of files can name."""
+"""Reason for skipping a file whose name cannot be written into a table."""
 
 
 def find_recordings(
@@ -145,7 +145,7 @@ def find_recordings(
     paths : sequence of Path or str
         Files and folders; addresses in object stores, in which flights are skipped.
     told : mapping of Path to Recording, optional
-        Entries of a manifest, by resolved path.
+        Entries of a manifest (`read_manifest`), by resolved path.
     known : collection of Path
         Files with another purpose, such as the manifest itself.
 

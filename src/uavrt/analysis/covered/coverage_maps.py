@@ -1,4 +1,4 @@
-"""Coverage maps: probability of detecting a tag at each position, from a path."""
+"""Coverage maps: probability that a tag at each position is detected from a flown path."""
 
 import math
 from collections.abc import Callable, Sequence

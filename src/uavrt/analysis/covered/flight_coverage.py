@@ -73,7 +73,7 @@ def frequency_window_hz(flight: Flight) -> float:
 
 
 def flight_plane(flight: Flight) -> tuple[TangentPlane, _Floats, _Floats]:
-    """Make a plane around a flight, and its path in it [m]; raises `RecordingError`."""
+    """Plane around a flight, and its path, east and north [m]; raises `RecordingError`."""
     poses = PoseColumns.of(flight.poses)
     if len(poses.time_ns) < 2:
         raise RecordingError(
@@ -91,7 +91,7 @@ def flown_path(
     noise: FlightNoise | None,
     listened: Sequence[Stretch] = (),
 ) -> tuple[AntennaPath, tuple[str, ...]]:
-    """Antenna positions and heights above ground, one per pulse interval, and caveats.
+    """Antenna positions and heights above ground, one per pulse interval, and limitations.
 
     If the time spans with samples, `listened`, are given, only these are used.
     """

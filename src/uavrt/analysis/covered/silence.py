@@ -125,7 +125,7 @@ class ListenedFlight:
         cell_m: float | None = None,
         verdicts: Sequence[IntegratedVerdict] | None = None,
     ) -> "ListenedFlight":
-        """Make a map's grid around a flight, by default of 120 cells, and read its noise.
+        """Make a map's grid around a flight, by default 120 cells wide, and read its noise.
 
         Stored whole-flight results are read unless `verdicts` are given.
         """
@@ -163,7 +163,7 @@ class ListenedFlight:
         level_sigma_db: float = LEVEL_SIGMA_DB,
         on_pulse: Callable[[int, int], None] | None = None,
     ) -> SilentMap:
-        """Map the detection probability of a tag; None: with the antenna that was flown."""
+        """Map the detection probability of a tag; without `antenna`, for the flown one."""
         verdict = next((one for one in self.verdicts if one.tag_id == tag.tag_id), None)
         searched = None if verdict is None else verdict.searched
         named = antenna or _own_antenna(self.flight, searched)

@@ -54,9 +54,10 @@ class _Port:
 
 
 def _ports(survey: Survey, bursts: Sequence[PulsePose]) -> list[_Port]:
-    """Assign a port to each burst, tuned to a listed tag's frequency or whole kilohertz.
+    """Port of each burst, one port per frequency: that of its listed tag.
 
-    Other ports are tuned to the middle of the received frequencies, rounded to the kilohertz.
+    An unlisted tag gets a listed frequency within 2 kHz, or else the median of its bursts'
+    frequencies, rounded to the kilohertz.
     """
     listed = [survey.tag(one.pulse.tag_id) for one in bursts]
     tuned_hz = [None if tag is None else tag.frequency_hz for tag in listed]

@@ -38,8 +38,8 @@ class _Candidate:
 def bursts_of_pulses(pulse_poses: Sequence[PulsePose], tags: Sequence[Tag]) -> list[PulsePose]:
     """Find the bursts of listed codes among pulses, whose tag numbers are ignored.
 
-    Each pulse belongs to the burst whose gaps fit best, or the interval to other bursts. A
-    burst is confirmed if another of its tag lies whole burst intervals away.
+    Each pulse is used in one burst, whose gaps, or else burst interval, fit best. A burst is
+    confirmed if another of its tag lies whole burst intervals away.
     A pulse that several antennas of a station received counts once, where it is strongest.
     """
     coded = [tag for tag in tags if tag.coded]

@@ -142,7 +142,7 @@ def _reused_numbers(groups: Sequence[_Group]) -> list[str]:
 def _joined(
     listed: Sequence[_Group], heard: Sequence[_Heard], taken: Collection[int]
 ) -> list[_Group]:
-    """Match tags without a list to listed ones by frequency; other tags get free numbers."""
+    """Match tags of logs without a list to listed ones by frequency; others get new numbers."""
     free = (number for number in count(1) if number not in taken)
     new: list[_Group] = []
     for one in sorted(heard, key=lambda each: each.frequency_hz):

@@ -33,9 +33,9 @@ PLACE_FIELDS = (
 _DECIMALS = 7
 """Decimals of coordinates in degrees; the seventh is 1 cm."""
 _SAME = 0.25
-"""Largest distance of a pulse detected in flight from the expected pulse that it is taken
-for, as a share of the pulse interval. Where
-samples were lost, times recorded in flight are off by tens of milliseconds."""
+"""Largest time between an expected pulse and the same pulse as detected in flight, as a share
+of the pulse interval. Where samples were lost, times recorded in flight are off by tens of
+milliseconds."""
 
 
 def save_integrated(
@@ -191,7 +191,7 @@ def parts_of(
 
 
 def rings_of(place: PlaceBelief, share: float) -> tuple[Ring, ...]:
-    """Outlines of the smallest region that contains a tag with a given probability."""
+    """Outlines (latitude, longitude) of the smallest region with probability `share`."""
     return tuple(
         tuple(
             (round(latitude, _DECIMALS), round(longitude, _DECIMALS))

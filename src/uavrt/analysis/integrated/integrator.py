@@ -36,7 +36,7 @@ SHARE = 9.0
 RETRY_S = 5.0
 """Pause before a tag without new samples is tried again [s]."""
 FEW_PULSES = 3
-"""A tag with at least this many confirmed pulses in flight is not reported to the ground."""
+"""Minimum number of pulses confirmed in flight at which a tag need not be reported."""
 CLOSER = 0.5
 """Factor by which a reported position's radius must shrink before it is reported again."""
 
@@ -50,7 +50,7 @@ class SearchSchedule:
         self._rest_until_s = 0.0
 
     def due(self, now_s: float) -> Tag | None:
-        """Next tag to search for, the one due longest; None if none is due, or in a pause."""
+        """Tag to search for now, the one due longest; None if none is due, or in a pause."""
         if not self._due_s or now_s < self._rest_until_s:
             return None
         tag_id, due_s = min(self._due_s.items(), key=lambda item: item[1])

@@ -209,8 +209,8 @@ class DetectionSummary:
     samples: int = 0
     samples_lost: int = 0
     samples_unsure: int = 0
-    """Missing samples estimated from the arrival times of a live stream; uncertain if its
-    crystal is far off."""
+    """Missing samples estimated from the arrival times of a live stream; uncertain if the
+    receiver's crystal is far off."""
     signal_s: float = 0.0
     """Duration of the samples, lost ones included [s]."""
     elapsed_s: float = 0.0
@@ -280,9 +280,9 @@ def detect(
 ) -> DetectionSummary:
     """Find the pulses of tags in all samples of a source, which the caller closes.
 
-    `write` receives pulses as soon as they are found, `on_reports` searches without a pulse;
-    the other settings are those of `DetectionChain`. `should_stop` is called at least twice a
-    second. `summary` is updated while running, so that it is available after an error.
+    `write` receives pulses as soon as they are found, `on_reports` reports on seconds without a
+    pulse; the other settings are those of `DetectionChain`. `should_stop` is called at least
+    twice a second. `summary` is updated while running, so that it is available after an error.
     """
     summary = DetectionSummary() if summary is None else summary
     chain = DetectionChain(

@@ -21,7 +21,7 @@ class TagSource:
 
     tags: tuple[Tag, ...]
     operating_modes: dict[int, OperatingMode] = field(default_factory=dict)
-    """Detector mode by tag number; the soft lock is the default."""
+    """Detector mode by tag number; without an entry the window is searched (soft lock)."""
     excluded_hz: tuple[tuple[float, float], ...] = ()
     """Absolute frequency ranges in which no pulse is reported [Hz]."""
     sample_rate_hz: float | None = None

@@ -22,7 +22,7 @@ TRACE_POINTS: Final = 1 << 21
 """Maximum number of points in a level trace; then pairs are joined: 5.8 h of 20 ms pulses."""
 
 _MOST_OFF: Final = 0.75
-"""Largest time error of a spectrum frame, as a share of half a pulse."""
+"""Time error above which spectra are realigned with the block times [half pulse widths]."""
 
 
 class MaximumHold:

@@ -95,7 +95,7 @@ def heading_line(survey: Survey) -> str:
 
 
 def findings(survey: Survey) -> list[Finding]:
-    """Findings of all tags in order, results of whole-flight analysis included."""
+    """Position of each tag in words, by number, with results of whole-flight analysis."""
     return [_finding(survey, tag_id) for tag_id in survey.tag_ids]
 
 

@@ -37,10 +37,10 @@ MOST_HEADING_SIGMA_DEG = 3.0
 """Largest heading error from an uncertain clock offset [deg]; a turn's own is a few degrees."""
 _LEAST_PULSES = 12
 _LEAST_SHARE = 0.25
-"""Minimum share of pulses that a track must cover; below it may be another flight's."""
+"""Minimum share of pulses that a track must cover; less suggests another flight's track."""
 _MOST_LOST = 0.2
 """Largest share of coverable pulses that an offset may leave without a pose. Without a limit,
-an offset that drops misfits would win."""
+the best offset would be one that leaves out badly fitting pulses."""
 _PARTS = 8
 _TURNING_DEG_S = 2.0
 """Rate above which the vehicle counts as turning [deg/s]; wind causes slower rotation."""

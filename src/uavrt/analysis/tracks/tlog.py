@@ -45,7 +45,7 @@ class _Log:
         self.armed: list[tuple[int, bool]] = []
         self.landed: list[tuple[int, bool]] = []
         self._boot_ns: int | None = None
-        """Boot time of the newest sample [ns], used for messages without one."""
+        """Time since boot of the newest sample [ns]; used for messages without a time."""
         self.ground_offset_ns: int | None = None
         self.gps_offset_ns: int | None = None
 

@@ -40,7 +40,7 @@ from uavrt.radio.source import SampleSource
 POSITION_M = 2000.0
 """Radius of the 95 % circle above which only a bearing is reported [m]."""
 LEAST_PART = 0.05
-"""Minimum probability of a separate possible position that is listed."""
+"""Minimum probability at which one of several possible positions is listed."""
 _LOOK_S = 0.5
 _MOST_CHANNELS = 8
 """Maximum number of channels kept in memory at once; ten minutes of one are 36 MB."""
@@ -72,7 +72,7 @@ class IntegratedTag:
 
     @property
     def ambiguous(self) -> OtherTrain | None:
-        """Train that may be the tag's: its interval is, e.g., 3/2 of it. None if tag found."""
+        """Pulse train that may be this tag's, at e.g. 3/2 of its interval; None if found."""
         if self.found:
             return None
         return next((one for one in self.others if one.ratio is not None), None)
@@ -93,11 +93,11 @@ class JudgeAs:
     """Half-width of the search around each tag's nominal frequency [Hz]."""
     false_alarm_probability: float = WHOLE_FLIGHT_FALSE_ALARM
     most_drift: float = 0.0
-    """Largest relative change of the interval over the flight, up or down."""
+    """Largest relative change of the pulse interval over the flight, up or down."""
     antenna_assumed: bool = False
     """True if the flight's antenna is unknown and `pattern` a guess; results then say so."""
     elevation: Elevation | None = None
-    """Terrain heights: hills weaken pulses, and explain silence. None is level ground."""
+    """Terrain heights, for the loss of pulses behind hills; None is level ground."""
     on_progress: Callable[[int, int | None], None] | None = None
     """Function that receives the number of samples read, and their total."""
     on_tag: Callable[[int], None] | None = None

@@ -38,7 +38,7 @@ class KeptChannel:
 def kept_channels(
     flight: Path, on_fault: Callable[[str], None] | None = None
 ) -> tuple[KeptChannel, ...]:
-    """Find a flight's recorded channels by frequency; `on_fault` receives damaged files."""
+    """Recorded channels of a flight, in order of frequency; `on_fault` receives file faults."""
     found: dict[tuple[float, float], list[tuple[Path, int, int]]] = {}
     for path in sorted(FlightLayout(flight).channels_directory.glob("*.sigmf-meta")):
         try:

@@ -61,9 +61,9 @@ class TagOfFlights:
     alone: tuple[float, ...]
     """False-alarm probability of each flight's own result."""
     place: PlaceBelief | None
-    """Common position of the tag; None if it was not found, or moves."""
+    """Position of the tag by all flights; None if not found, or if it moved between flights."""
     flights: tuple[IntegratedTag, ...]
-    """Result of each flight, with the tag's pulses and the common position."""
+    """Result of each flight, in order, with the tag's pulses there and the common position."""
 
 
 def share_alone(false_alarm_probability: float, flights: int) -> float:
@@ -153,7 +153,8 @@ class _View:
     judged: IntegratedTag
     places: Places
     gain: _Floats
-    """(places, times) energy of a pulse relative to the strongest from the same position."""
+    """(places, times) pulse energy relative to the strongest from the same position, in all
+    flights if the position is common."""
     chosen: NDArray[np.intp]
     """Indices of the few candidate positions that the search uses to represent all."""
 
@@ -186,7 +187,7 @@ class _View:
         chance: float,
         flights: int,
     ) -> IntegratedTag:
-        """Result in this flight for a found tag; "found" if this train is probably its own."""
+        """Result in this flight for a tag found by several; found here, too, if p ≥ 0.9."""
         if common is None:
             place = place_belief([replace(heard, log_trains=None)])
             odds = train_evidence(heard) - (heard.log_trains or 0.0)
@@ -245,7 +246,7 @@ def _common_places(
     pattern: AntennaPattern,
     elevation: Elevation | None,
 ) -> list[Places]:
-    """Candidate positions of the tag, relative to the middle of all flights."""
+    """Candidate positions of the tag for each flight, the same around the middle of all."""
     middles = [one.places.plane for one in judged]
     latitude = np.array([one.latitude_deg for one in middles])
     longitude = np.array([one.longitude_deg for one in middles])

@@ -108,7 +108,7 @@ class Ledger(Generic[R]):
         self._keys[row.path] = {key}
 
     def drop(self, path: str) -> None:
-        """Remove all rows of a path with their tables."""
+        """Remove all rows of a recording or flight with their tables."""
         for old in self._keys.pop(path, ()):
             self._remove(old)
 

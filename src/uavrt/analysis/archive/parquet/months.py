@@ -168,7 +168,7 @@ def in_duckdb(query: Callable[["duckdb.DuckDBPyConnection"], T], **limits: str) 
 
 
 def _end_during_query(thread: Thread) -> None:
-    """End the program while a DuckDB function runs; a normal interpreter exit would abort."""
+    """Exit at once if a query still runs; a normal interpreter exit would crash in DuckDB."""
     if thread.is_alive():
         sys.stdout.flush()
         os._exit(128 + signal.SIGINT)

@@ -122,7 +122,7 @@ def keep_cell(directory: Path, result: CellResult) -> None:
 
 
 def kept_cell(directory: Path, number: int) -> CellResult | None:
-    """Read a cell's saved result; None if the cell must be searched, or searched again."""
+    """Read a cell's saved result; None if it is missing or damaged."""
     try:
         content = read_note(directory / str(number))
         result = msgspec.msgpack.decode(content, type=CellResult)

@@ -46,7 +46,7 @@ TABLE_OF = {"bearing": BEARINGS, "localize": POSITIONS, "integrate": INTEGRATED}
 
 
 class Placing:
-    """Plans the tasks of flights and collects their results."""
+    """Plans one task for each flight to estimate, and stores the results."""
 
     def __init__(
         self,

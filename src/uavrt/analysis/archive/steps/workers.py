@@ -216,7 +216,7 @@ def _work(task: Task[R]) -> R | None:
 def run_here(
     task: Task[R], should_stop: Callable[[], bool], on_done: Callable[[int], None]
 ) -> R | None:
-    """Pack a task and run it in this process."""
+    """Load a task's data and run it in this process; None if stopped before the end."""
     try:
         packed = task.packed()
     except UavrtError as error:
@@ -227,7 +227,7 @@ def run_here(
 def run_safely(
     task: Task[R], should_stop: Callable[[], bool], on_done: Callable[[int], None]
 ) -> R | None:
-    """Run a task; an unexpected error fails the task, not the run."""
+    """Run a task; an unexpected error makes its result a failure, and the run continues."""
     try:
         return task.work(should_stop, on_done)
     except (MemoryError, ArithmeticError, LookupError, TypeError, ValueError) as error:
