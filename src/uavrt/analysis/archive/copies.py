@@ -21,11 +21,10 @@ from uavrt.flight.reading.outline import FlightOutline, read_outline
 def copies_of(
     found: Found, recordings: Ledger[RecordingRow], flights: Ledger[FlightRow], output: Path
 ) -> dict[Path, Path]:
-    """Map each superfluous copy of a flight to the copy to use, the one with most recordings.
+    """Map each superfluous copy of a flight to the copy to use, the one with most data.
 
-    Among equals, an earlier run's choice stays. Flights with samples but no pulses are never
-    copies.
-    Copies are recognised as in a season's summary.
+    Samples count more than pulses, and among equals an earlier run's choice stays. Flights
+    with samples but no pulses are never copies. Copies are recognised as in `read_season`.
     """
     known = {row.path: row for row in flights.rows if flights.of(row.path) is row}
     listed = {

@@ -282,7 +282,7 @@ def _positions_of_turns(
     over: FlightGround | None,
     warn: Callable[[str], None],
 ) -> list[TagPosition]:
-    """Estimate positions from bearings and strengths; a tag without either gets the reason."""
+    """Positions from bearings and strengths; for a tag without, the reason why not."""
     usable = [one for one in logs if one.usable]
     if len(usable) < len(logs):
         warn(NO_BEARINGS_FROM_THESE)

@@ -87,7 +87,7 @@ def find_flights(
     FormatError
         No batch has written to `archive`, or a file is damaged.
     UsageError
-        The extra is missing.
+        The extra ``uavrt[batch]`` is missing.
     """
 
     def query(connection: "duckdb.DuckDBPyConnection") -> tuple[int, list[Any], list[Any]]:

@@ -57,7 +57,7 @@ class Ledger(Generic[R]):
         self.damaged: dict[str, str] = {}
         """Reason for each missing or damaged file; its content is computed again."""
         self.withdrawn: set[str] = set()
-        """Paths of files removed because another table of the same row is damaged."""
+        """Paths of row file and tables of each row removed because a table is damaged."""
         try:
             self._load(thorough=thorough)
         except PermissionError as error:

@@ -104,7 +104,7 @@ class PoseRow:
     recording: str
     tag_id: int
     start_time_ns: int
-    """Start of the pulse [ns, UTC]; with `tag_id` it finds the row in the table of pulses."""
+    """Start of the pulse [ns]; recording, tag and start join it to the table of pulses."""
     time_ns: int
     latitude_deg: float
     longitude_deg: float

@@ -76,7 +76,7 @@ def ask(archive: Path, question: str) -> "pa.Table":
     FormatError
         No batch has written there, or a file is damaged.
     UsageError
-        The query is wrong, or the extra is missing.
+        The query is wrong, or the extra ``uavrt[batch]`` is missing.
     """
     for name in KEPT:
         if question == QUESTIONS[name] and (kept := kept_answer(archive, name)) is not None:
