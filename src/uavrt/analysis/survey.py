@@ -115,7 +115,7 @@ class Survey:
         return next((tag for tag in tags if tag.tag_id == tag_id), None)
 
     def pulses_of(self, tag_id: int) -> tuple[PulsePose, ...]:
-        """Pulses of one tag."""
+        """Pulses of one tag, without those found by ``uavrt integrate``."""
         return tuple(one for one in self.pulse_poses if one.pulse.tag_id == tag_id)
 
     def integrated_of(self, tag_id: int) -> tuple[PulsePose, ...]:

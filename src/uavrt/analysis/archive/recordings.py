@@ -137,8 +137,7 @@ def find_recordings(
 ) -> Found:
     """Find all recordings and flights at and below some paths, and list all other files.
 
-    Recorded channels are skipped, since they are parts of recordings. So is the output of a
-    batch.
+    Files of single radio channels recorded in flight, and the output of a batch, are skipped.
 
     Parameters
     ----------

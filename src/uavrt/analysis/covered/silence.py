@@ -302,7 +302,7 @@ def silent_maps(
 ) -> dict[int, SilentMap]:
     """Coverage maps, by tag, of the tags that the flight just analysed does not show.
 
-    These are the maps of `uavrt coverage FLIGHT`, made before the verdicts are saved. Tags that
+    These are the maps of `uavrt coverage FLIGHT`, made before the results are saved. Tags that
     were or may have been received have none. Parameters and errors are as in `silent_map`.
     """
     silent = [

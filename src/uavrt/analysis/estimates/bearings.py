@@ -164,7 +164,7 @@ def past_turns(
     *,
     excluded: Sequence[Flight] = (),
 ) -> list[list[HeardInTurn]]:
-    """Pulses of turns in the same drone's past flights with the same antenna.
+    """Pulses of each turn in the same drone's past flights with the same antenna, by flight.
 
     Flights in the same folder are read, newest first, until there are enough turns.
     """

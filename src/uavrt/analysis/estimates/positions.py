@@ -218,7 +218,7 @@ class _Log:
 
     @property
     def usable(self) -> bool:
-        """False if the original system logged the poses, whose headings are wrong."""
+        """False if the original UAV-RT system logged the poses, whose headings are wrong."""
         return ORIGINAL_POSES not in self.recorded.log.warnings
 
 
@@ -385,7 +385,7 @@ def _stored_estimates(path: str | os.PathLike[str]) -> list[TagPosition]:
 
 
 def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosition]:
-    """Positions in an original positions.csv by one method; by all methods for ``bayes``."""
+    """Positions by one method, or all for ``bayes``, in the original UAV-RT's positions.csv."""
     found = []
     for row in read_position_file(path):
         for name, there in (("mle", row.mle), ("rmr", row.rmr), ("mest", row.mest)):

@@ -1,4 +1,4 @@
-"""Write a survey as CSV tables in our own format, the original system's, and Movebank's."""
+"""Write a survey as CSV tables for uavrt, the original UAV-RT system, and Movebank."""
 
 import io
 import math
@@ -68,7 +68,7 @@ def track_csv(survey: Survey) -> str:
 
 
 def bearing_rows(survey: Survey, parent_file: str) -> list[BearingRow]:
-    """Rows of bearings for the original's ``bearings.csv``, without ambiguous turns.
+    """Rows for the original UAV-RT's ``bearings.csv``, without ambiguous turns.
 
     Turns without a clear direction are left out, since the format has no column to mark them.
     """
@@ -77,7 +77,7 @@ def bearing_rows(survey: Survey, parent_file: str) -> list[BearingRow]:
 
 
 def position_rows(survey: Survey, bearing_file: str) -> list[PositionRow]:
-    """Rows for the original system's ``positions.csv``: its estimators mle, rmr and mest."""
+    """Rows for the original UAV-RT's ``positions.csv``: its estimators mle, rmr and mest."""
     places: dict[PositionMethod, dict[int, tuple[float, float] | None]] = {}
     methods: tuple[PositionMethod, ...] = ("mle", "rmr", "mest")
     for method in methods:

@@ -43,7 +43,7 @@ def export_survey(
     """Write a survey in the requested formats; files of the same name are replaced.
 
     `formats` may be: ``csv`` (pulses, track, positions; paths of moving tags and marks where
-    there are any), ``uavrt`` (the original system's bearings.csv, positions.csv and pulse
+    there are any), ``uavrt`` (the original UAV-RT's bearings.csv, positions.csv and pulse
     CSV), ``geojson``, ``kmz``, ``kml`` (without pictures), ``gpx``, ``geopackage``,
     ``movebank``, ``geotiff`` (a heat map for each tag; for a monopole survey the signal
     strength, also by height layer), ``motus`` (bursts and beeps for SensorGnome and find_tags).

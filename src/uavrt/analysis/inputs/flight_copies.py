@@ -1,6 +1,6 @@
 """Find copies of one flight: the drone's own record and those of ground stations.
 
-Records with pulses are compared by these, records without by their times. Each flight is
+Records with pulses are compared by pulses, others by their start and end times. Each flight is
 compared only with flights that share some randomly chosen pulses, or its time span. So the run
 time is proportional to the number of flights.
 """

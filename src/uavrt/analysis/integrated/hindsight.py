@@ -1,4 +1,4 @@
-"""Convert whole-flight results to verdicts, and to pulses with the status *integrated*."""
+"""Convert whole-flight results to stored records, and to pulses of status *integrated*."""
 
 import math
 from bisect import bisect_left, bisect_right
@@ -122,7 +122,7 @@ def _heard_live(
 
 
 def verdict_of(flight: Flight, one: IntegratedTag) -> IntegratedVerdict:
-    """Make the verdict record of a whole-flight result for one tag."""
+    """Record of a whole-flight result for one tag, as stored with the flight."""
     return _verdict(flight, one, len(integrated_pulses(flight, one)))
 
 
@@ -149,7 +149,7 @@ def _verdict(flight: Flight, one: IntegratedTag, pulses: int) -> IntegratedVerdi
 
 
 def _placed(place: PlaceBelief | None) -> dict[str, Any]:
-    """Verdict fields that describe the tag's position; empty without one."""
+    """Fields of the stored record that describe the tag's position; empty without one."""
     if place is None:
         return {}
     parts = parts_of(place)

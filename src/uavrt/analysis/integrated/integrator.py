@@ -107,7 +107,7 @@ class Integration:
         threading.Thread(target=self._work, name="integration", daemon=True).start()
 
     def take(self, topic: str, record: object) -> None:
-        """Handle a record from the supervisor."""
+        """Handle a message from the supervisor: the flight begins or ends."""
         if isinstance(record, FlightInfo) and topic == "flight":
             self._begin(record)
         elif topic == "flight_end":

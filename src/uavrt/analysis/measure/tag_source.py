@@ -39,7 +39,7 @@ class TagSource:
 
 
 def read_tag_source(path: str | os.PathLike[str]) -> TagSource:
-    """Read TagInfo.txt, tags.toml, or the original's detectorConfig.txt."""
+    """Read TagInfo.txt, tags.toml, or the original UAV-RT's detectorConfig.txt."""
     if not _is_detector_config(Path(path)):
         return TagSource(tags=read_tags(path))
     config = read_detector_config(path)

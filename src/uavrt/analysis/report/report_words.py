@@ -157,7 +157,7 @@ def _gaps(tag: Tag, bursts: Sequence[Pulse]) -> tuple[str, str, str]:
 
 
 def bearing_table(survey: Survey) -> Table:
-    """Table of all bearings."""
+    """Table of all bearings: time, origin, 90 % interval, number of pulses, remarks."""
     time = f"Time {zones(survey)}"
     header = ["Tag", time, "From", "Bearing", "90 % within", "Pulses", "Verdict"]
     rows = []

@@ -31,7 +31,7 @@ from uavrt.link.mavlink.frame import (
 )
 
 _ATTITUDE_ID, _ATTITUDE_SEED = 30, 39
-"""Id and checksum seed of ATTITUDE, which our own message set lacks."""
+"""MAVLink id and checksum seed of the message ATTITUDE, which uavrt's message set lacks."""
 _MOST_WRONG = 300_000
 """Maximum number of frame markers without a valid frame; reading stops there."""
 _SANE_UNIX_US = 1_400_000_000_000_000

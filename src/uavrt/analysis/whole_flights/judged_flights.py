@@ -1,8 +1,8 @@
 """Search whole flights for tags too weak for single groups: the engine of ``uavrt integrate``.
 
 The inputs are a recording of the band or of a channel, and the poses of its flight. Each tag
-gets a verdict at a false-alarm probability for the flight, with interval, frequency, pulses and
-position.
+is found or not at a given false-alarm probability for the flight; a found one gets interval,
+frequency, pulses and position.
 """
 
 import math

@@ -58,7 +58,7 @@ class Copy(msgspec.Struct, frozen=True):
 
     seal: Seal
     keys: list[str] = []  # a struct copies it
-    """Names without ending of the files whose rows were copied."""
+    """Names of the files whose rows were copied, without extension."""
 
 
 Index = dict[str, Copy]
