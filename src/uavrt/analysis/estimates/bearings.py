@@ -52,7 +52,7 @@ class Recorded:
 
     @property
     def antenna(self) -> str:
-        """Name of the antenna pattern; monopole for logs without headings."""
+        """Antenna pattern's name; monopole for logs without headings. Raises `UsageError`."""
         if self.flight is not None:
             return flight_antenna(self.flight)
         return MONOPOLE if self.log.kind in WITHOUT_HEADINGS else USUAL_ANTENNA
