@@ -18,7 +18,7 @@ from uavrt.planning.detectability.detection_coverage import Coverage
 def write_maps(
     directory: Path, name: str, coverage: Coverage, path: Sequence[tuple[float, float]]
 ) -> list[Path]:
-    """Write a coverage map as GeoTIFF (probabilities) and PNG (as in a report).
+    """Write a coverage map as `name`.tif (detection probabilities) and `name`.png.
 
     The picture looks as in a report; without matplotlib it shows only the map's cells.
     """

@@ -49,11 +49,11 @@ class Season:
     last_ns: int | None
     animals_heard: int
     minutes_per_animal: float | None
-    """Flight minutes per animal detected in a flight; None without detections."""
+    """Flight minutes per detection, one for each animal in each flight; None without any."""
     batteries: int
     """Number of batteries used; flights in `flights_without_battery` are not counted."""
     batteries_used: float
-    """Charge used, in units of a full battery."""
+    """Charge used by all flights, in units of one full battery."""
     flights_without_battery: int
     """Number of flights without battery data, since no ground station recorded them."""
     copies: int
@@ -162,6 +162,6 @@ def _batteries(flights: Sequence[CopiesOfFlight]) -> tuple[int, float]:
 
 
 def _discharges(copy: FlightOutline) -> tuple[int, int]:
-    """Drops of the charge [%] in one record's battery reports, and the number of reports."""
+    """Total drop of the charge [%] in one record's battery reports, and number of reports."""
     falls = (max(0, one - other) for one, other in pairwise(copy.battery_percent))
     return sum(falls), len(copy.battery_percent)

@@ -115,7 +115,7 @@ class Survey:
         return next((tag for tag in tags if tag.tag_id == tag_id), None)
 
     def pulses_of(self, tag_id: int) -> tuple[PulsePose, ...]:
-        """Pulses of one tag."""
+        """Pulses of one tag, without those found by ``uavrt integrate``."""
         return tuple(one for one in self.pulse_poses if one.pulse.tag_id == tag_id)
 
     def integrated_of(self, tag_id: int) -> tuple[PulsePose, ...]:
@@ -139,11 +139,11 @@ class Survey:
         return tuple(one for one in self.bearings if one.tag_id == tag_id)
 
     def position_of(self, tag_id: int) -> TagPosition | None:
-        """Position of one tag, or the reason why there is none."""
+        """Position of one tag or the reason why there is none; None without any result."""
         return next((one for one in self.positions if one.tag_id == tag_id), None)
 
     def placed(self, tag_id: int) -> Position | None:
-        """Estimated position of one tag; None without one."""
+        """Estimated position of one tag; None if it could not be located."""
         found = self.position_of(tag_id)
         return None if found is None else found.position
 
@@ -157,7 +157,7 @@ class Survey:
         return max(bearings or heard, default=None)
 
     def signal_of(self, tag_id: int) -> TagSignal | None:
-        """Signal strength results of one tag, in a survey with a monopole."""
+        """Signal strength results of one tag; None unless flown with a monopole."""
         return next((one for one in self.signals if one.tag_id == tag_id), None)
 
     @property
@@ -241,7 +241,7 @@ def read_survey(path: str | os.PathLike[str], how: ReadAs | None = None) -> Surv
 
 
 def _estimated(recorded: Recorded, how: ReadAs, warnings: list[str]) -> Estimated:
-    """Estimate bearings and positions, with a pattern learnt also from past flights."""
+    """Estimate bearings and positions; past flights help to correct the antenna pattern."""
     heard = recorded.heard(recorded.antenna)
     past: list[list[HeardInTurn]] = []
     if how.antenna is not None and how.antenna != MONOPOLE and recorded.flight is not None:

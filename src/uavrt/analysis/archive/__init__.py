@@ -3,10 +3,10 @@
 `recordings` finds recordings, `copies` excludes second copies, and `names` gives each flight a
 unique name. `steps/recording_cells` divides a recording, `steps/cell_work` detects in a cell,
 and `steps/detecting` combines cells into recordings. `steps/flight_work` computes poses,
-bearings and positions of one flight's pulses, `steps/flight_placing` of all. `steps/workers`
-runs tasks in parallel, `parquet/parquet_tables` writes Parquet, `parquet/ledger` records
-finished work, and `batch_run` controls it all. `parquet/questions` runs queries, and
-`parquet/flight_search` finds flights.
+bearings and positions from one flight's pulses, and `steps/flight_placing` plans this for all
+flights. `steps/workers` runs tasks in parallel, `parquet/parquet_tables` writes Parquet, and
+`parquet/ledger` records finished work. `batch_run` runs these steps in order.
+`parquet/questions` runs queries, and `parquet/flight_search` finds flights.
 """
 
 from typing import TYPE_CHECKING

@@ -4,14 +4,14 @@ kept.
 ::
 
     OUT/unfinished/KEY/CELL    pulses of cells whose recording is not finished
-    OUT/pulses/KEY.parquet     also poses, bearings, positions, integrated
-    OUT/done/KEY.json          result for a recording: a row of the table
-    OUT/placed/KEY.json        result for a flight
+    OUT/pulses/KEY.parquet     pulses; same for poses, bearings, positions, integrated
+    OUT/done/KEY.json          result of a finished recording: its row of the table
+    OUT/placed/KEY.json        result of a finished flight: its row of the table
     OUT/recordings.parquet, OUT/flights.parquet, OUT/passed_over.parquet
-    OUT/months/                copies of the tables, by month, where there are many files
-    OUT/outlines.msgpack       spans of the flights, used to find copies
-    OUT/rows.json              the files of each row
-    OUT/copies.json            digests of the files in the four lines above
+    OUT/months/                copies of the tables by month, if there are 100 files or more
+    OUT/outlines.msgpack       times and pulses of the flights, used to find copies
+    OUT/rows.json              files that belong to each finished recording and flight
+    OUT/copies.json            digests of the files in the four lines above this one
 
 KEY is a hash of the recording or flight, the tags and the settings that affect it. When one of
 these changes, the work is done again, and its old rows are removed when the new ones are
@@ -192,7 +192,7 @@ def _rows_of(*ledgers: Ledger[RecordingRow] | Ledger[FlightRow]) -> list[dict[st
 def _lost_rows(
     output: Path, *ledgers: Ledger[RecordingRow] | Ledger[FlightRow]
 ) -> dict[str, str]:
-    """Files of rows that the last run had, and that are missing now."""
+    """Files that the last run listed and that are missing now, by name, with ``"missing"``."""
     try:
         before = decode_record(read_note(output / ROWS), list[dict[str, list[str]]])
     except (FormatError, OSError):

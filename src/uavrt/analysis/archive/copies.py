@@ -21,11 +21,10 @@ from uavrt.flight.reading.outline import FlightOutline, read_outline
 def copies_of(
     found: Found, recordings: Ledger[RecordingRow], flights: Ledger[FlightRow], output: Path
 ) -> dict[Path, Path]:
-    """Choose the copy with most to search of each flight; returns it for each other copy.
+    """Map each superfluous copy of a flight to the copy to use, the one with most data.
 
-    Among equals, an earlier run's choice stays. Flights with samples but no pulses are never
-    copies.
-    Copies are recognised as in a season's summary.
+    Samples count more than pulses, and among equals an earlier run's choice stays. Flights
+    with samples but no pulses are never copies. Copies are recognised as in `read_season`.
     """
     known = {row.path: row for row in flights.rows if flights.of(row.path) is row}
     listed = {
@@ -64,7 +63,7 @@ def copies_of(
 
 
 def without(found: Found, copies: Mapping[Path, Path]) -> tuple[Found, int]:
-    """Remove copies of flights and their recordings from a search, and count them."""
+    """Leave out copies of flights and their recordings; returns the rest and their number."""
     left = replace(
         found,
         recordings=tuple(one for one in found.recordings if one.flight_directory not in copies),
@@ -76,7 +75,7 @@ def without(found: Found, copies: Mapping[Path, Path]) -> tuple[Found, int]:
 def drop_copies(
     copies: Mapping[Path, Path], recordings: Ledger[RecordingRow], flights: Ledger[FlightRow]
 ) -> None:
-    """Remove results of copies whose chosen flight has positions now; raises `OSError`."""
+    """Delete stored results of copies once the copy in use has a result; raises `OSError`."""
     gone = {copy for copy, one in copies.items() if flights.of(str(one)) is not None}
     for row in recordings.rows if gone else ():
         of_itself = row.state == "recorded"
@@ -92,7 +91,7 @@ class _Kept(msgspec.Struct, frozen=True):
 
 
 def _groups(directories: set[Path], output: Path) -> list[list[FlightOutline]]:
-    """Group the copies of each readable flight; reuses the last groups if no flight changed."""
+    """One group of copies for each readable flight; cached until a flight changes."""
     kept, found = _kept(output), dict[str, tuple[Stamp, FlightOutline]]()
     known = FlightCache(_outline, kept.flights)
     for directory in map(str, sorted(directories)):

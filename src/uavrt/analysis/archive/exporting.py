@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 GEOPARQUET = "geoparquet"
 FORMATS = (*(name for name in EXPORT_FORMATS if name != "geotiff"), GEOPARQUET)
-"""Export formats of archives; tables lack the heat maps that `uavrt export` writes."""
+"""Export formats of archives: without GeoTIFF, since an archive stores no heat maps."""
 _IN_NAMES = " !#$&'()+,;=@[]{}~"
 _Rows = list[dict[str, Any]]
 
@@ -173,7 +173,7 @@ def _bearing(row: dict[str, Any]) -> TagBearing:
 
 
 def _shared(record: type, row: dict[str, Any]) -> dict[str, Any]:
-    """Columns of a row that are fields of a record, too."""
+    """Entries of a table row whose columns are fields of the dataclass `record`."""
     names = [one.name for one in fields(record)]
     return {name: row[name] for name in names if name in row}
 
@@ -223,7 +223,7 @@ def _geoparquet(archive: Path, table: str, flights: list[str] | None, directory:
 def with_points(rows: "pa.Table") -> "pa.Table":
     """Add a column `geometry` of points on WGS 84, and the metadata of GeoParquet 1.1.
 
-    Without `crs`, coordinates are longitude and latitude of WGS 84
+    The metadata have no `crs`: its default is longitude and latitude of WGS 84
     (https://geoparquet.org/releases/v1.1.0/).
     """
     import pyarrow as pa

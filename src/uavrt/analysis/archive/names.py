@@ -16,10 +16,10 @@ def name_flights(
     flights: Ledger[FlightRow],
     passed_over: Collection[Path] = (),
 ) -> Found:
-    """Name all new flights; existing names stay, and duplicates get more of their path.
+    """Give each new flight and recording a unique name; existing names stay.
 
     A duplicate name gets more of its path, such as ``2024/walk``. `recordings` and `flights`
-    are finished rows. The names of `passed_over` copies are free.
+    are finished rows. Names of the skipped copies in `passed_over` may be used again.
     """
     rows: list[RecordingRow | FlightRow] = [*recordings.rows, *flights.rows]
     known = {row.path: row.flight for row in rows if Path(row.path) not in passed_over}

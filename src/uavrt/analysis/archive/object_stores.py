@@ -83,9 +83,9 @@ def _size_of(system: Any, path: str, url: str) -> int:
 
 
 def _is_file(system: Any, path: str) -> bool:
-    """True for a file; a web server calls everything a file, so its name decides.
+    """True if a path is a file; on a web server, if it exists and its name has an extension.
 
-    Listing the links of a real file would download it.
+    A web server cannot say whether a path is a folder, and listing a file downloads it.
     """
     if "http" not in system.protocol:
         return bool(system.isfile(path))
@@ -102,7 +102,7 @@ def version_of(url: str) -> list[object]:
 
 
 def open_stored(url: str, **stated: Any) -> RecordingSource:
-    """Open a recording in an object store, by URL; also raises `StoreError`."""
+    """Open a recording at a URL; `stated` as for `open_recording`. Also raises `StoreError`."""
     data_url = url[: -len(_META)] + _DATA if url.endswith(_META) else url
     with tempfile.TemporaryDirectory() as folder:
         copy = _ends(url, Path(folder), whole=url.endswith(_META))
@@ -141,7 +141,7 @@ class _StoredBytes:
 
 
 def _ends(url: str, folder: Path, *, whole: bool = False) -> Path:
-    """Write a sparse local file with a stored file's name, size, first and last bytes."""
+    """Write a sparse local copy: full size, but only first and last bytes unless `whole`."""
     copy = folder / PurePosixPath(url).name
     with _store_errors(url):
         system, path = _opened(url)
@@ -159,7 +159,7 @@ def _ends(url: str, folder: Path, *, whole: bool = False) -> Path:
 
 
 def _piece(url: str, system: Any, path: str, start: int, end: int) -> bytes:
-    """Read part of a stored file; a web server may return all of it instead."""
+    """Read bytes `start` to `end` of a file; `StoreError` if the server cannot send parts."""
     piece = bytes(system.cat_file(path, start=start, end=end))
     if len(piece) > end - start:
         raise StoreError(
@@ -186,7 +186,7 @@ def _opened(url: str) -> tuple[Any, str]:
 
 @contextmanager
 def _store_errors(url: str) -> Iterator[None]:
-    """Context for requests to a store that converts its errors to ours."""
+    """Context manager that converts errors of access to a store to `StoreError`."""
     try:
         yield
     except _faults() as error:
@@ -206,7 +206,7 @@ def _named(url: str, copy: str) -> Iterator[None]:
 
 
 def _faults() -> tuple[type[Exception], ...]:
-    """Error types of a store: the system's, and those of the loaded libraries."""
+    """Exception types that reading from a store may raise, of the libraries loaded so far."""
     known: list[type[Exception]] = [OSError, EOFError]
     for module, names in (
         ("aiohttp", ("ClientError",)),

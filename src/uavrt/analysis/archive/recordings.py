@@ -29,10 +29,10 @@ MANIFEST_COLUMNS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recording:
-    """A recording, with metadata from a manifest that its file lacks."""
+    """A recording to search; a manifest may add metadata that the file lacks."""
 
     path: Path
-    """Path of the file; for a stored recording, a name that no file has."""
+    """Path of the file; for a recording in an object store a placeholder (see `url`)."""
     flight: str
     """Name of the flight directory, or of a recording outside of flights without its ending,
     relative to the searched folder."""
@@ -54,7 +54,7 @@ class Recording:
         return self.url or str(self.path)
 
     def open(self) -> RecordingSource:
-        """Open the recording; raises `FormatError`, or `StoreError` without an answer."""
+        """Open the recording; raises `FormatError`, or `StoreError` if its store fails."""
         if self.url is not None:
             return open_stored(self.url, **self._stated())
         return open_recording(self.path, **self._stated())
@@ -65,7 +65,7 @@ class Recording:
         return {name: getattr(self, name) for name in names}
 
     def fingerprint(self) -> str:
-        """Fingerprint that changes with the recording; raises `OSError` or `StoreError`."""
+        """Hash of path, size, time and manifest entry; raises `OSError` or `StoreError`."""
         facts: list[object] = [*self._stated().values()]
         if self.url is not None:
             return _hashed([*facts, *version_of(self.url)])
@@ -85,7 +85,7 @@ def flight_of(path: str, flights: Collection[Path]) -> Path | None:
 
 
 def out_of_reach(error: BaseException) -> bool:
-    """True if an error means that a file could not be reached, so that it may be unchanged."""
+    """True if an error is from disk or network: the file itself may be unchanged."""
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, StoreError | OSError):
@@ -117,7 +117,7 @@ class Found:
     flights: Mapping[Path, str] = field(default_factory=dict)
     """Flight directories, with and without recordings, and their names."""
     kept_channels: int = 0
-    """Number of recorded channel files, which are not searched."""
+    """Number of files with one recorded radio channel each, which are not searched."""
     passed_over: tuple[PassedOver, ...] = ()
     """Other files, except those that belong to a flight or a recording."""
 
@@ -126,7 +126,7 @@ NO_RECORDING = "its name is not that of a recording (name it in --manifest)"
 _LONE_DATA = "its .sigmf-meta is missing"
 _LINK = "a link to a folder (name it itself)"
 _NO_TEXT = "its name is not UTF-8 text (rename it)"
-"""Reason for skipping a file that no table and no list of files can name."""
+"""Reason for skipping a file whose name cannot be written into a table."""
 
 
 def find_recordings(
@@ -137,15 +137,14 @@ def find_recordings(
 ) -> Found:
     """Find all recordings and flights at and below some paths, and list all other files.
 
-    Recorded channels are skipped, since they are parts of recordings. So is the output of a
-    batch.
+    Files of single radio channels recorded in flight, and the output of a batch, are skipped.
 
     Parameters
     ----------
     paths : sequence of Path or str
         Files and folders; addresses in object stores, in which flights are skipped.
     told : mapping of Path to Recording, optional
-        Entries of a manifest, by resolved path.
+        Entries of a manifest (`read_manifest`), by resolved path.
     known : collection of Path
         Files with another purpose, such as the manifest itself.
 

@@ -1,4 +1,4 @@
-"""Coverage maps: probability of detecting a tag at each position, for plans and outlines."""
+"""Coverage maps: probability that a tag at each position is detected from a flown path."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -37,7 +37,7 @@ MOST_PULSES = 20_000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapArea:
-    """Grid and terrain of a coverage map, with notes on missing elevation data."""
+    """Grid and terrain heights of a coverage map, and sentences on missing elevation data."""
 
     ground: GroundGrid
     hills: bool
@@ -53,7 +53,7 @@ class MapSize:
 
 
 def read_places(path: Path, spacing_m: float) -> tuple[TangentPlane, list[tuple[float, float]]]:
-    """Read the path of a flight plan, or survey lines of an area, as metres in a plane."""
+    """Read a flight path, or lay survey lines over an area; corners as (east, north) [m]."""
     text = read_text(path, SHAPES)
     places = path_in(text, str(path))
     if places:
@@ -62,7 +62,7 @@ def read_places(path: Path, spacing_m: float) -> tuple[TangentPlane, list[tuple[
 
 
 def corners_of_path(places: _Places) -> tuple[TangentPlane, list[tuple[float, float]]]:
-    """Project a path of latitudes and longitudes [deg]; returns the same as `read_places`."""
+    """Project latitudes and longitudes [deg]; returns plane and (east, north) corners [m]."""
     latitude, longitude = np.array(places, np.float64).T
     plane = plane_around(latitude, longitude)
     east, north = plane.to_local(latitude, longitude)
@@ -234,7 +234,7 @@ def covered_by(
     whole_flight: bool = False,
     most_drift: float = 0.0,
 ) -> Coverage:
-    """Compute a coverage map along a path; raises `UsageError` if the path is too long."""
+    """Map the detection probability along a path; raises `UsageError` if it is too long."""
     _check_pulses(len(way.time_s), tag)
     own = replace(budget, frequency_hz=tag.frequency_hz, pulse_width_s=tag.pulse_width_s)
     found = coverage_of(
@@ -261,5 +261,5 @@ def covered_by(
 
 
 def best_of(covered: Sequence[Coverage]) -> int:
-    """Index of the coverage map with the greatest mean probability."""
+    """Index of the coverage map with the greatest mean detection probability."""
     return int(np.argmax([one.mean for one in covered]))

@@ -40,9 +40,10 @@ def flight_coverage(
     listened: Sequence[Stretch] = (),
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> Coverage:
-    """Probability that a flight detected a tag at each position, by groups or as a whole.
+    """Probability that a flight would have detected a tag at each position.
 
-    Times outside of `listened` count as not received, where given.
+    With `whole_flight` all pulses are combined, as in whole-flight analysis; otherwise single
+    groups of pulses. If `listened` is given, the tag is received only in these time spans.
     """
     way, limitations = flown_path(area, flight, tag, noise, listened)
     window_hz = frequency_window_hz(flight)
@@ -66,13 +67,13 @@ def flight_coverage(
 
 
 def frequency_window_hz(flight: Flight) -> float:
-    """Half-width of the band that a flight's detectors searched around a tag's frequency."""
+    """Half-width of a flight's detection around a tag's frequency [Hz]; 500 if unknown."""
     settings = flight_settings(flight)
     return 500.0 if settings is None else settings.detection.frequency_window_hz
 
 
 def flight_plane(flight: Flight) -> tuple[TangentPlane, _Floats, _Floats]:
-    """Make a plane around a flight, and its path in it [m]; raises `RecordingError`."""
+    """Plane around a flight, and its path, east and north [m]; raises `RecordingError`."""
     poses = PoseColumns.of(flight.poses)
     if len(poses.time_ns) < 2:
         raise RecordingError(
@@ -90,9 +91,9 @@ def flown_path(
     noise: FlightNoise | None,
     listened: Sequence[Stretch] = (),
 ) -> tuple[AntennaPath, tuple[str, ...]]:
-    """Positions and heights above ground at which a flight could receive a tag, by interval.
+    """Antenna positions and heights above ground, one per pulse interval, and limitations.
 
-    If the times with samples are known, only these are used.
+    If the time spans with samples, `listened`, are given, only these are used.
     """
     poses = PoseColumns.of(antenna_poses(flight))
     begin = max(int(poses.time_ns[0]), flight.info.start_time_ns)

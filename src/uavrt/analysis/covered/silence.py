@@ -41,7 +41,7 @@ SURE = 0.9
 _MARGIN_M = 2000.0
 _FINEST_M = 20.0
 _CELLS = 120
-"""Number of map cells along the longer side; a flight of twenty minutes takes some seconds."""
+"""Number of map cells along the longer side; the map of a 20-minute flight takes seconds."""
 _NOT_JUDGED = "whole flight not searched for this tag yet; uavrt integrate finds weaker tags"
 _NO_DETECTORS = (
     "no record shows that a detector ran in this flight (no search report, no pulse); the map "
@@ -74,7 +74,7 @@ class SilentMap:
     in_hindsight: bool
     """True if whole-flight analysis found the tag."""
     ambiguous: bool
-    """True if whole-flight analysis found a train that may be the tag's."""
+    """True if whole-flight analysis found a periodic pulse train that may be the tag's."""
     noise: str
     """Sentence on the noise measurement that the map uses."""
     antenna: str
@@ -89,7 +89,7 @@ class SilentMap:
 
     @property
     def around(self) -> SilentAround:
-        """Summary of the map for the whole-flight verdict."""
+        """Distance within which the tag would be found, to save in its whole-flight result."""
         return SilentAround(
             tag_power_dbm=self.tag_power_dbm,
             probability=SURE,
@@ -100,7 +100,7 @@ class SilentMap:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ListenedFlight:
-    """A flight with the terrain around it and its noise."""
+    """A flight with map grid, terrain and noise, from which `silent_map` makes maps."""
 
     flight: Flight
     area: MapArea
@@ -112,7 +112,7 @@ class ListenedFlight:
     of_track: bool = False
     """True if poses and samples come from other programs, without detectors."""
     detectors_ran: bool = True
-    """True if the flight has any record that the detectors of pulse groups ran."""
+    """True if the flight has pulses or reports that show that its detectors ran."""
 
     @classmethod
     def read(
@@ -125,7 +125,7 @@ class ListenedFlight:
         cell_m: float | None = None,
         verdicts: Sequence[IntegratedVerdict] | None = None,
     ) -> "ListenedFlight":
-        """Make a map's grid around a flight, by default of 120 cells, and read its noise.
+        """Make a map's grid around a flight, by default 120 cells wide, and read its noise.
 
         Stored whole-flight results are read unless `verdicts` are given.
         """
@@ -163,7 +163,7 @@ class ListenedFlight:
         level_sigma_db: float = LEVEL_SIGMA_DB,
         on_pulse: Callable[[int, int], None] | None = None,
     ) -> SilentMap:
-        """Map where a tag would have been detected, by default with the flight's antenna."""
+        """Map the detection probability of a tag; without `antenna`, for the flown one."""
         verdict = next((one for one in self.verdicts if one.tag_id == tag.tag_id), None)
         searched = None if verdict is None else verdict.searched
         named = antenna or _own_antenna(self.flight, searched)
@@ -214,7 +214,7 @@ class ListenedFlight:
         )
 
     def _doubts(self, tag: Tag, antenna: str, searched: SearchedFor | None) -> tuple[str, ...]:
-        """Reason why an unsuccessful search does not apply to this tag; empty if it does."""
+        """Sentence why a stored search does not apply to this map; empty if it does."""
         if searched is None:
             return ()
         found = _setting_changes(tag, searched)
@@ -231,7 +231,7 @@ class ListenedFlight:
 
 
 def _own_antenna(flight: Flight, searched: SearchedFor | None) -> str:
-    """Antenna of the whole-flight analysis if its pattern is known, else the flight's own."""
+    """Antenna pattern used in whole-flight analysis if still known, else the flight's."""
     if searched is not None and searched.antenna in PATTERNS:
         return searched.antenna
     return flight_antenna(flight)
@@ -261,7 +261,7 @@ def _setting_changes(tag: Tag, searched: SearchedFor) -> list[str]:
 
 
 def _shown(verdict: IntegratedVerdict) -> bool:
-    """True if the whole flight shows a tag, at the map's false-alarm probability or its own."""
+    """True if whole-flight analysis found the tag at its own or the usual false-alarm limit."""
     return verdict.found or verdict.false_alarm_probability <= WHOLE_FLIGHT_FALSE_ALARM
 
 
@@ -302,7 +302,7 @@ def silent_maps(
 ) -> dict[int, SilentMap]:
     """Coverage maps, by tag, of the tags that the flight just analysed does not show.
 
-    These are the maps of `uavrt coverage FLIGHT`, made before the verdicts are saved. Tags that
+    These are the maps of `uavrt coverage FLIGHT`, made before the results are saved. Tags that
     were or may have been received have none. Parameters and errors are as in `silent_map`.
     """
     silent = [
@@ -327,7 +327,7 @@ def silent_maps(
 
 
 def _budget(tag: Tag, tag_power_dbm: float) -> LinkBudget:
-    """Link budget of `uavrt coverage`; the antenna's height is replaced by the flight's."""
+    """Link budget of `uavrt coverage`; its 60 m height is replaced by the flown heights."""
     return LinkBudget(
         frequency_hz=tag.frequency_hz,
         pulse_width_s=tag.pulse_width_s,

@@ -52,13 +52,13 @@ class Recorded:
 
     @property
     def antenna(self) -> str:
-        """Name of the antenna pattern, a whip's without headings; raises `UsageError`."""
+        """Antenna pattern's name; monopole for logs without headings. Raises `UsageError`."""
         if self.flight is not None:
             return flight_antenna(self.flight)
         return MONOPOLE if self.log.kind in WITHOUT_HEADINGS else USUAL_ANTENNA
 
     def turning(self) -> str:
-        """Name of the directional antenna for bearings; RA-23K for a log that names none."""
+        """Name of the directional antenna, RA-23K if unknown; `UsageError` for a monopole."""
         if self.flight is None:
             return USUAL_ANTENNA
         if self.antenna == MONOPOLE:
@@ -69,7 +69,7 @@ class Recorded:
         return self.antenna
 
     def heard(self, antenna: str) -> Heard:
-        """Convert pulses and poses to columns; raises `UsageError` if no pulse has a pose."""
+        """Pulses and poses as arrays; raises `UsageError` if no pulse has a pose."""
         if self.flight is not None:
             return heard_in_flight(self.flight, name=self.name, antenna=antenna)
         return Heard.of_records(self.log.pulse_poses, name=self.name, antenna=antenna)
@@ -94,7 +94,7 @@ def heard_in_flight(
     name: str = "this flight",
     antenna: str = USUAL_ANTENNA,
 ) -> Heard:
-    """Convert a flight to columns, with its own or the given pulses; raises `UsageError`."""
+    """A flight's own or the given pulses with poses, as arrays; raises `UsageError` if none."""
     return Heard.of_records(
         flight.pulse_poses if pulse_poses is None else pulse_poses,
         flight.poses,
@@ -151,7 +151,8 @@ def bearings_together(
 
 
 MOST_PAST_FLIGHTS = 6
-"""Maximum number of past flights read to learn a pattern; each takes a flight's time."""
+"""Maximum number of past flights read to correct the antenna pattern; each costs as much
+time as reading the flight itself."""
 ENOUGH_TURNS = 12
 """Number of turns above which a learnt antenna pattern hardly improves."""
 
@@ -163,7 +164,7 @@ def past_turns(
     *,
     excluded: Sequence[Flight] = (),
 ) -> list[list[HeardInTurn]]:
-    """Pulses of turns in the same drone's past flights with the same antenna.
+    """Pulses of each turn in the same drone's past flights with the same antenna, by flight.
 
     Flights in the same folder are read, newest first, until there are enough turns.
     """
@@ -190,14 +191,14 @@ def past_turns(
 
 
 def _set_up(flight: Flight) -> tuple[Hashable, ...]:
-    """Drone, antenna and mounting of a flight, for comparison with other flights."""
+    """Drone, antenna and mounting of a flight; equal if flights share an antenna pattern."""
     settings = flight_settings(flight)
     mounted = None if settings is None else (settings.antenna, settings.bearings.antenna)
     return vehicle_of(flight.notes), mounted
 
 
 def pattern_origin(flights: Sequence[Sequence[HeardInTurn]]) -> str | None:
-    """Sentence on how many turns and flights a pattern was learnt from; None for one flight."""
+    """Sentence on the turns and flights that corrected a pattern; None for a single flight."""
     turns = learning_turns(heard for flight in flights for heard in flight)
     used = sum(1 for flight in flights if any(one in turns for one in flight))
     if used < 2 or len(turns) < FLIGHT.least_turns:

@@ -1,4 +1,4 @@
-"""Errors of people who take bearings by hand: learnt from tables, and kept by name."""
+"""Errors of bearings taken by hand, learnt from test trials and stored by observer."""
 
 from collections import defaultdict
 from collections.abc import Callable, Sequence
@@ -22,7 +22,7 @@ def observers_of(
     kept: Path | None,
     warn: Callable[[str], None],
 ) -> dict[str, Observer]:
-    """Read the errors of observers by name, and learn those of observers with test trials.
+    """Bearing errors by observer: stored ones, and those learnt from trials in `tables`.
 
     `kept`: file to read and to update; None: read an observers.json next to a table.
     Raises `FormatError` for a damaged file, `UsageError` if there is neither the file nor a

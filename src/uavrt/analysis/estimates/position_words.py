@@ -1,4 +1,4 @@
-"""Words on a position, for command line, report and page."""
+"""Describe positions in text, for command line, report and page."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ def place_in_words(place: Located) -> str:
 
 
 def radii_in_words(radius50_m: float, radius95_m: float) -> str:
-    """Format the radii that hold a tag with 50 % and 95 %."""
+    """Format the radii of the circles that contain a tag with 50 % and 95 % probability."""
     return f"{radius50_m:.0f} m (50 %), {radius95_m:.0f} m (95 %)"
 
 
@@ -41,9 +41,9 @@ def basis_in_words(position: Position) -> str:
 
 
 def remarks_of(position: Position) -> tuple[str, ...]:
-    """Remarks printed next to a position's circles, such as the time of a moving tag's.
+    """Remarks printed with a position; for a moving tag also the time of that position.
 
-    The remark is omitted if the path itself is the result: by strength, or on request.
+    The time is left out where the tag's path is shown instead (method ``track``).
     """
     walks = any(one.name == "walk" for one in position.cautions)
     if not position.track or not walks or position.method == "track":

@@ -130,7 +130,7 @@ def read_positions(
 
 
 def _times(log: Recorded, keys: Mapping[int, int]) -> dict[int, list[int]]:
-    """Pulse times of a log [ns, UTC] by the key of the tag."""
+    """Start times of a log's pulses [ns, UTC], by tag key, which is unique over all logs."""
     times = defaultdict[int, list[int]](list)
     for one in log.log.pulse_poses:
         times[keys[one.pulse.tag_id]].append(one.pulse.start_time_ns)
@@ -186,7 +186,7 @@ def _without_repeats(
 
 
 def _under_keys(rows: Sequence[TagBearing], same: SameTags) -> list[TagBearing]:
-    """Assign a file's bearings to tags; raises `UsageError` for an ambiguous number."""
+    """Replace a file's tag numbers by unique ones; raises `UsageError` if one is ambiguous."""
     keys: dict[int, list[int]] = {}
     for key, tag in same.tags.items():
         keys.setdefault(tag.tag_id, []).append(key)
@@ -218,7 +218,7 @@ class _Log:
 
     @property
     def usable(self) -> bool:
-        """True if the log's poses allow bearings to be estimated."""
+        """False if the original UAV-RT system logged the poses, whose headings are wrong."""
         return ORIGINAL_POSES not in self.recorded.log.warnings
 
 
@@ -282,7 +282,7 @@ def _positions_of_turns(
     over: FlightGround | None,
     warn: Callable[[str], None],
 ) -> list[TagPosition]:
-    """Estimate positions from bearings and strengths; a tag without either gets the reason."""
+    """Positions from bearings and strengths; for a tag without, the reason why not."""
     usable = [one for one in logs if one.usable]
     if len(usable) < len(logs):
         warn(NO_BEARINGS_FROM_THESE)
@@ -355,7 +355,7 @@ def _is_result(path: str | os.PathLike[str]) -> bool:
 
 
 def _holds_estimates(path: str | os.PathLike[str]) -> bool:
-    """True if a file has the heading of UCSD's estimates, which have no amplitude."""
+    """True for a CSV of UCSD's estimates, by its columns: with ``run``, no ``amplitude``."""
     if not Path(path).is_file():
         return False
     first = next((line for line in read_lines(path) if line.strip()), "")
@@ -364,7 +364,7 @@ def _holds_estimates(path: str | os.PathLike[str]) -> bool:
 
 
 def _stored_estimates(path: str | os.PathLike[str]) -> list[TagPosition]:
-    """Last estimate of each target in UCSD's file, which refines them during a flight."""
+    """Last position of each target in UCSD's file, which lists ever better ones in a flight."""
     rows = read_ucsd_estimates(path)
     last: dict[int, TargetEstimate] = {}
     for number, row in zip(tag_numbers([one.frequency_hz for one in rows]), rows, strict=True):
@@ -385,7 +385,7 @@ def _stored_estimates(path: str | os.PathLike[str]) -> list[TagPosition]:
 
 
 def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosition]:
-    """Positions in an original positions.csv by one method; by all methods for ``bayes``."""
+    """Positions by one method, or all for ``bayes``, in the original UAV-RT's positions.csv."""
     found = []
     for row in read_position_file(path):
         for name, there in (("mle", row.mle), ("rmr", row.rmr), ("mest", row.mest)):
@@ -398,9 +398,9 @@ def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosi
 
 
 def _without_copies(logs: Sequence[Recorded], warn: Callable[[str], None]) -> list[Recorded]:
-    """Remove pulses that another log of the same flight also has at the same position.
+    """Leave out logs that share half of their pulses, at equal positions, with a longer log.
 
-    One pulse at two positions was received by two drones; both records stay.
+    A pulse recorded at two positions was received by two drones: both logs stay.
     """
     heard = [set(map(_place_and_time, one.log.pulse_poses)) for one in logs]
     kept: list[int] = []

@@ -39,7 +39,7 @@ class HeightBand:
 
     @property
     def name(self) -> str:
-        """Text of the height range, with unit."""
+        """Height range as text, such as ``20–40 m``."""
         return f"{self.low_m:.0f}–{self.high_m:.0f} m"
 
 
@@ -55,17 +55,18 @@ class TagSignal:
     heights: tuple[HeightBand, ...]
     """Height ranges with at least three pulses, lowest first."""
     section: SignalSection | None = None
-    """Vertical section through the tag's position; None if flown at one height."""
+    """Signal strength in a vertical section through the tag's position, or else through the
+    strongest signal; None if flown at one height."""
 
     @property
     def layers(self) -> tuple[HeightBand, ...]:
-        """Height ranges with a map of their own, if there are several."""
+        """Height ranges that have a signal map; empty if fewer than two have one."""
         mapped = tuple(one for one in self.heights if one.surface is not None)
         return mapped if len(mapped) > 1 else ()
 
 
 def signal_of(tag_id: int, track: PowerTrack, position: Position | None = None) -> TagSignal:
-    """Map a tag's signal strength along a track, with a section if it has a position."""
+    """Map a tag's signal strength; vertical section at `position`, else strongest signal."""
     strongest = strongest_signal(track)
     place = strongest if position is None else position
     section = None

@@ -54,9 +54,10 @@ class _Port:
 
 
 def _ports(survey: Survey, bursts: Sequence[PulsePose]) -> list[_Port]:
-    """Assign a port to each burst, tuned to a listed tag's frequency or whole kilohertz.
+    """Port of each burst, one port per frequency: that of its listed tag.
 
-    Other ports are tuned to the middle of the received frequencies, rounded to the kilohertz.
+    An unlisted tag gets a listed frequency within 2 kHz, or else the median of its bursts'
+    frequencies, rounded to the kilohertz.
     """
     listed = [survey.tag(one.pulse.tag_id) for one in bursts]
     tuned_hz = [None if tag is None else tag.frequency_hz for tag in listed]
@@ -171,7 +172,7 @@ def _noise_db(pulse: Pulse) -> float:
 
 
 def _slop(pulse: Pulse, tag: Tag | None) -> str:
-    """Sum of the differences between a burst's measured gaps and the code's gaps [s]."""
+    """Summed differences between a burst's gaps and its code's [s]; empty if unknown."""
     starts_ns: Sequence[int] = pulse.burst_starts_ns
     if tag is None or not starts_ns or len(starts_ns) != len(tag.gaps_s) + 1:
         return ""
@@ -181,7 +182,7 @@ def _slop(pulse: Pulse, tag: Tag | None) -> str:
 
 
 def _burst_slop(pulse: Pulse, tag: Tag | None, before_ns: int | None) -> str:
-    """Deviation of the time since the last burst from whole burst intervals [s]."""
+    """Deviation of the time since the last burst from whole intervals [s]; 0 for the first."""
     if tag is None or before_ns is None:
         return "0"
     passed_s = (pulse.start_time_ns - before_ns) / NANOSECONDS_PER_SECOND

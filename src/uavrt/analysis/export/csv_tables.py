@@ -1,4 +1,4 @@
-"""Write a survey as CSV tables in our own format, the original system's, and Movebank's."""
+"""Write a survey as CSV tables for uavrt, the original UAV-RT system, and Movebank."""
 
 import io
 import math
@@ -31,7 +31,7 @@ REFERENCE_COLUMNS = (
 
 
 def pulses_csv(survey: Survey) -> str:
-    """Write all pulses in the columns of ``uavrt detect -o``, integrated ones included."""
+    """Write all pulses as ``uavrt detect -o`` does, also those of whole-flight analysis."""
     stream = io.StringIO(newline="")
     pulses = survey.every_pulse
     writer = PulseWriter(stream, "csv", bursts=any(one.pulse.burst_starts_ns for one in pulses))
@@ -41,7 +41,7 @@ def pulses_csv(survey: Survey) -> str:
 
 
 def tagtracker_csv(survey: Survey) -> str:
-    """Write pulses with a pose in TagTracker's format; status 3 marks integrated pulses."""
+    """Write pulses with a pose in TagTracker's format; status 3 marks whole-flight analysis."""
     stream = io.StringIO()
     write_tagtracker(stream, survey.every_pulse)
     return stream.getvalue()
@@ -68,7 +68,7 @@ def track_csv(survey: Survey) -> str:
 
 
 def bearing_rows(survey: Survey, parent_file: str) -> list[BearingRow]:
-    """Rows of bearings for the original's ``bearings.csv``, without ambiguous turns.
+    """Rows for the original UAV-RT's ``bearings.csv``, without ambiguous turns.
 
     Turns without a clear direction are left out, since the format has no column to mark them.
     """
@@ -77,7 +77,7 @@ def bearing_rows(survey: Survey, parent_file: str) -> list[BearingRow]:
 
 
 def position_rows(survey: Survey, bearing_file: str) -> list[PositionRow]:
-    """Rows for the original system's ``positions.csv``, by its three estimators."""
+    """Rows for the original UAV-RT's ``positions.csv``: its estimators mle, rmr and mest."""
     places: dict[PositionMethod, dict[int, tuple[float, float] | None]] = {}
     methods: tuple[PositionMethod, ...] = ("mle", "rmr", "mest")
     for method in methods:

@@ -217,7 +217,7 @@ def strongest_properties(signal: TagSignal) -> list[tuple[StrongestSignal, Prope
 
 
 def integrated_places(survey: Survey) -> list[tuple[IntegratedPart, Properties]]:
-    """Tag positions by whole-flight analysis; two if a straight path is ambiguous."""
+    """Tag positions by whole-flight analysis; two if a straight path leaves the side open."""
     return [
         (
             part,
@@ -249,7 +249,7 @@ def integrated_regions(survey: Survey) -> list[tuple[list[list[Point]], Properti
 
 
 def _counter_clockwise(ring: Ring) -> list[Point]:
-    """Order a ring of latitudes and longitudes counter-clockwise, as RFC 7946 requires."""
+    """Ring of latitudes and longitudes as counter-clockwise points, as RFC 7946 requires."""
     points = [(longitude, latitude) for latitude, longitude in ring]
     first = points[0][0]
     x = [math.remainder(longitude - first, 360.0) for longitude, _ in points]

@@ -49,7 +49,7 @@ _PICTURES = ("GroundOverlay", "Icon")
 
 
 def kmz_bytes(survey: Survey) -> bytes:
-    """Write the track, and pulses, bearings, position and heat map of each tag."""
+    """Encode track, and pulses, bearings, position and heat map of each tag, as KMZ."""
     files: dict[str, bytes] = {"files/dot.png": png_bytes(disc(7, (31, 119, 180)))}
     files["files/ring.png"] = png_bytes(disc(7, (204, 121, 167)))
     files["files/tag.png"] = png_bytes(disc(11, (215, 40, 40)))
@@ -167,7 +167,7 @@ def _track(folder: ET.Element, name: str, position: Position) -> None:
 
 
 def _signal(folder: ET.Element, survey: Survey, tag_id: int, files: dict[str, bytes]) -> None:
-    """Placemark and map of signal strength, labelled as not the tag's position."""
+    """Add a map of a tag's signal strength, and a placemark where the signal is strongest."""
     found = survey.signal_of(tag_id)
     if found is None:
         return

@@ -43,7 +43,7 @@ def export_survey(
     """Write a survey in the requested formats; files of the same name are replaced.
 
     `formats` may be: ``csv`` (pulses, track, positions; paths of moving tags and marks where
-    there are any), ``uavrt`` (the original system's bearings.csv, positions.csv and pulse
+    there are any), ``uavrt`` (the original UAV-RT's bearings.csv, positions.csv and pulse
     CSV), ``geojson``, ``kmz``, ``kml`` (without pictures), ``gpx``, ``geopackage``,
     ``movebank``, ``geotiff`` (a heat map for each tag; for a monopole survey the signal
     strength, also by height layer), ``motus`` (bursts and beeps for SensorGnome and find_tags).
@@ -85,7 +85,7 @@ def _walked(survey: Survey) -> bool:
 
 
 def _where_any(directory: Path, files: Mapping[str, str | None]) -> list[Path]:
-    """Write the files that have content; delete the others if an earlier export left them."""
+    """Write files (content by name); a file whose content is None is deleted if it exists."""
     for name, content in files.items():
         if content is None:
             (directory / name).unlink(missing_ok=True)

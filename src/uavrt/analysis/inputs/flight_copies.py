@@ -1,6 +1,6 @@
 """Find copies of one flight: the drone's own record and those of ground stations.
 
-Records with pulses are compared by these, records without by their times. Each flight is
+Records with pulses are compared by pulses, others by their start and end times. Each flight is
 compared only with flights that share some randomly chosen pulses, or its time span. So the run
 time is proportional to the number of flights.
 """
@@ -28,7 +28,7 @@ _PROBES = 32
 """Number of a flight's pulses that are searched for in all other flights. If a quarter of the
 pulses agree, one pair of records in 850 shares fewer than two of them."""
 _FEW = 8
-"""Number of pulses below which two flights are compared if a single pulse agrees."""
+"""Number of pulses below which one equal pulse suffices to compare two flights in full."""
 
 CopiesOfFlight = tuple[FlightOutline, ...]
 """All records of one flight, the one with the most pulses first."""
@@ -127,7 +127,7 @@ def _alike_by_pulses(pulses: Mapping[int, _Pulses]) -> Iterator[tuple[int, int]]
 
 
 def _alike_by_times(outlines: Sequence[FlightOutline]) -> Iterator[tuple[int, int]]:
-    """Pairs of records, at least one without pulses, whose times allow one flight.
+    """Index pairs of records, at least one without pulses, that may be one flight by time.
 
     Two records of drones are copies only if they began in the same nanosecond, since many drone
     clocks start in 1970.
@@ -172,7 +172,7 @@ def _is_same(
 
 
 def _share_pulses(one: _Pulses, other: _Pulses) -> bool:
-    """True if two records share enough pulses: same tag, starts within half a millisecond.
+    """True if two records share half of their pulses by tag, start (0.5 ms) and level (0.1 dB).
 
     Times are compared without rounding, since pulses could all lie on a rounding edge.
     """
@@ -192,10 +192,10 @@ def _share_pulses(one: _Pulses, other: _Pulses) -> bool:
 
 
 def _are_two(one: FlightOutline, other: FlightOutline) -> bool:
-    """True if one recorder wrote both as separate flights, even if its clock restarts.
+    """True if two records, at least one without pulses, are separate flights of one recorder.
 
-    Recordings of drones are the same only if they began in the same nanosecond. Recordings of
-    ground stations are distinguished by folder.
+    That is: two drones' records that began at different times, or two such records of ground
+    stations in one folder.
     """
     if (one.pulses and other.pulses) or one.info.start_time_ns == other.info.start_time_ns:
         return False

@@ -1,7 +1,7 @@
 """Noise that the drone itself causes in a flight, measured by its detectors.
 
 A receiver does not measure watts. So noise is relative to the receiver's quietest time in
-the same flight. That is the time on the ground with motors off, or else the lowest tenth.
+the same flight: on the ground with motors off, or else the quietest tenth of the values.
 """
 
 from dataclasses import dataclass
@@ -46,7 +46,7 @@ class FlightNoise:
 
 
 def flight_noise_of(directory: Path, flight: Flight | None = None) -> FlightNoise:
-    """Read a flight's noise in the air; raises `FormatError`, or `RecordingError` if none."""
+    """Read a flight's noise; raises `FormatError`, or `RecordingError` if none in the air."""
     flight = read_flight(directory) if flight is None else flight
     measured = [
         (one.tag_id, one.time_ns, one.noise_psd) for one in read_search_reports(directory)

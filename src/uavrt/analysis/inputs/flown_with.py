@@ -62,7 +62,7 @@ def antenna_is_recorded(flight: Flight) -> bool:
 
 
 def flight_antenna(flight: Flight) -> str:
-    """Name of the antenna pattern in the flight's settings; RA-23K where not recorded."""
+    """Antenna pattern's name in a flight's settings, else RA-23K; `UsageError` if unknown."""
     settings = flight_settings(flight)
     named = USUAL_ANTENNA if settings is None else settings.bearings.antenna
     if named != MONOPOLE and named not in PATTERNS:

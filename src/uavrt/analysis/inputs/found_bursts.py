@@ -38,8 +38,8 @@ class _Candidate:
 def bursts_of_pulses(pulse_poses: Sequence[PulsePose], tags: Sequence[Tag]) -> list[PulsePose]:
     """Find the bursts of listed codes among pulses, whose tag numbers are ignored.
 
-    Each pulse belongs to the burst whose gaps fit best, or the interval to other bursts. A
-    burst is confirmed if another of its tag lies whole burst intervals away.
+    Each pulse is used in one burst, whose gaps, or else burst interval, fit best. A burst is
+    confirmed if another of its tag lies whole burst intervals away.
     A pulse that several antennas of a station received counts once, where it is strongest.
     """
     coded = [tag for tag in tags if tag.coded]
@@ -70,7 +70,7 @@ def bursts_of_pulses(pulse_poses: Sequence[PulsePose], tags: Sequence[Tag]) -> l
 
 
 def _of_one_antenna(ordered: Sequence[PulsePose]) -> list[PulsePose]:
-    """Of simultaneous pulses at one frequency, keep the strongest."""
+    """Keep the strongest of simultaneous pulses at one frequency, from several antennas."""
     kept: list[PulsePose] = []
     for one in ordered:
         for place in range(len(kept) - 1, -1, -1):
@@ -91,7 +91,7 @@ def _of_one_antenna(ordered: Sequence[PulsePose]) -> list[PulsePose]:
 def _named(
     chosen: Sequence[Sequence[_Candidate]], times_s: NDArray[np.float64]
 ) -> list[tuple[_Candidate, list[int], bool]]:
-    """Assign bursts to tags by burst interval; adds other possible ids, and if confirmed."""
+    """Tag of each burst by burst interval, ids of other possible tags, True if confirmed."""
     starts_s = np.array([times_s[fits[0].pulses[0]] for fits in chosen])
     of_tag: dict[int, NDArray[np.float64]] = {
         tag_id: np.array(

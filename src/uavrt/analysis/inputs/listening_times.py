@@ -23,7 +23,7 @@ _POSE_REACH_NS = 2 * _SECOND
 
 
 def listened_in(energies: SlotEnergies) -> tuple[Stretch, ...]:
-    """Time spans of whole seconds that have data in at least half of their slots."""
+    """Time spans [ns, UTC] of whole seconds with samples for at least half of the time."""
     per_second = max(1, round(1.0 / energies.slot_s))
     seconds = len(energies.heard) // per_second
     heard = energies.heard[: seconds * per_second].reshape(seconds, per_second)
@@ -56,7 +56,7 @@ def missing_in_words(share: float) -> tuple[str, ...]:
 
 
 def with_poses(energies: SlotEnergies, poses: PoseColumns) -> SlotEnergies:
-    """Exclude energies more than 2 s from any pose, where the drone's position is unknown."""
+    """Exclude pulse energies more than 2 s from any pose, without a position of the drone."""
     time_ns = energies.start_ns + np.rint(energies.time_s * _SECOND).astype(np.int64)
     away = _away_from_poses(time_ns, poses)
     return energies.where(~away) if away.any() else energies
@@ -70,7 +70,7 @@ def _away_from_poses(time_ns: NDArray[np.int64], poses: PoseColumns) -> NDArray[
 
 
 def limits_of(energies: SlotEnergies, poses: PoseColumns) -> tuple[str, ...]:
-    """Sentences on samples without poses, and on poses without samples."""
+    """Sentences on the shares of samples without poses and of the flight without samples."""
     seconds = np.concatenate(
         [np.arange(*one, _SECOND) for one in listened_in(energies)] or [np.zeros(0, np.int64)]
     )

@@ -34,7 +34,7 @@ class SameTags:
     """All tags of several logs, each with a unique key."""
 
     keys: tuple[Mapping[int, int], ...]
-    """For each log, the unique key by the log's own tag number."""
+    """For each log, the key that is unique over all logs, by the log's own tag number."""
     tags: Mapping[int, NamedTag]
     warnings: tuple[str, ...]
 
@@ -101,7 +101,7 @@ def _heard(number: int, log: PulseLog) -> list[_Heard]:
 
 
 def _listed_groups(heard: Sequence[_Heard]) -> list[_Group]:
-    """Group received tags by number, or by frequency if a number has several."""
+    """Group received tags of all logs by number, and by frequency where these differ."""
     groups: list[_Group] = []
     for tag_id in sorted({one.tag_id for one in heard}):
         own = [one for one in heard if one.tag_id == tag_id]
@@ -142,7 +142,7 @@ def _reused_numbers(groups: Sequence[_Group]) -> list[str]:
 def _joined(
     listed: Sequence[_Group], heard: Sequence[_Heard], taken: Collection[int]
 ) -> list[_Group]:
-    """Match tags without a list to listed ones by frequency; other tags get free numbers."""
+    """Match tags of logs without a list to listed ones by frequency; others get new numbers."""
     free = (number for number in count(1) if number not in taken)
     new: list[_Group] = []
     for one in sorted(heard, key=lambda each: each.frequency_hz):

@@ -89,7 +89,7 @@ class _Heard:
         return 0.0 if self._growing is None else self._growing.length_s
 
     def listen(self, channel: KeptChannel) -> int:
-        """Read the channel's new samples; returns the number of new blocks."""
+        """Add a channel's new samples to the pulse energies; returns the number of blocks."""
         growing = self._growing
         paths = channel.paths
         if growing is not None:

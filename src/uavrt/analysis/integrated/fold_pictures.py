@@ -1,4 +1,4 @@
-"""Fold whole flights at a tag's pulse interval, as arrays and as pictures."""
+"""Stack the signal of a whole flight by pulse interval (folding), as arrays and pictures."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -42,7 +42,7 @@ def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> li
 
 
 def fold_of(one: IntegratedTag) -> FlightFold:
-    """Fold a flight at a tag's interval; energies are limited and weighted as in the search.
+    """Sum pulse energies by phase in the tag's interval, limited and weighted as in the search.
 
     The search excludes pulses that are strong enough to be detected singly. The fold includes
     them with a limited energy, as in `train_pulses`.
@@ -77,7 +77,7 @@ def fold_of(one: IntegratedTag) -> FlightFold:
 
 
 def best_place(one: IntegratedTag) -> int:
-    """Index of a tag's likeliest position; if not found, of the strongest train's position."""
+    """Index in `one.places` of the likeliest position; if not found, the strongest train's."""
     if one.place is not None:
         return int(np.argmax(one.place.probability))
     return one.searched_place

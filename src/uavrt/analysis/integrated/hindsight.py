@@ -1,4 +1,4 @@
-"""Convert whole-flight results to verdicts, and to pulses with the status *integrated*."""
+"""Convert whole-flight results to stored records, and to pulses of status *integrated*."""
 
 import math
 from bisect import bisect_left, bisect_right
@@ -33,8 +33,9 @@ PLACE_FIELDS = (
 _DECIMALS = 7
 """Decimals of coordinates in degrees; the seventh is 1 cm."""
 _SAME = 0.25
-"""Share of the pulse interval within which a pulse detected in flight belongs to a slot. Where
-samples were lost, times recorded in flight are off by tens of milliseconds."""
+"""Largest time between an expected pulse and the same pulse as detected in flight, as a share
+of the pulse interval. Where samples were lost, times recorded in flight are off by tens of
+milliseconds."""
 
 
 def save_integrated(
@@ -60,7 +61,7 @@ def save_integrated(
 def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
     """Pulses of a tag found by whole-flight analysis, without those detected in flight.
 
-    Noise reaches the energy of a slot with a pulse in at most one slot of twenty (`slots_of`).
+    Listed are expected pulses whose energy noise alone reaches in at most one of twenty.
     Score, group and noise density are unknown.
     """
     if not result.found:
@@ -101,7 +102,7 @@ def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
 
 
 def slots_of(result: IntegratedTag) -> SlotEvidence:
-    """Energy and significance of each slot of a tag's pulse train."""
+    """Masks of a train's expected pulses: those sent at its rate, those above the noise."""
     rates = len(result.tag.pulse_intervals_s)
     heard = HeardTrain.among(result.energies, result.pulses, result.places, rates=rates)
     places = result.places
@@ -112,7 +113,7 @@ def slots_of(result: IntegratedTag) -> SlotEvidence:
 def _heard_live(
     flight: Flight, result: IntegratedTag
 ) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
-    """Mask of a train's slots that contain a pulse of the tag from the flight's own log."""
+    """Mask of the expected pulses of a train that were also detected in flight."""
     live_ns = np.sort(_live_ns(flight, result.tag.tag_id))
     reach_ns = ns_from_s(_SAME * result.pulses.interval_s)
     times_ns = result.pulse_times_ns
@@ -121,7 +122,7 @@ def _heard_live(
 
 
 def verdict_of(flight: Flight, one: IntegratedTag) -> IntegratedVerdict:
-    """Make the verdict record of a whole-flight result for one tag."""
+    """Record of a whole-flight result for one tag, as stored with the flight."""
     return _verdict(flight, one, len(integrated_pulses(flight, one)))
 
 
@@ -148,7 +149,7 @@ def _verdict(flight: Flight, one: IntegratedTag, pulses: int) -> IntegratedVerdi
 
 
 def _placed(place: PlaceBelief | None) -> dict[str, Any]:
-    """Verdict fields that describe the tag's position; empty without one."""
+    """Fields of the stored record that describe the tag's position; empty without one."""
     if place is None:
         return {}
     parts = parts_of(place)
@@ -162,7 +163,7 @@ def _placed(place: PlaceBelief | None) -> dict[str, Any]:
 
 
 def _ambiguity(one: IntegratedTag) -> tuple[str, ...]:
-    """Sentence on a pulse train that may be that of a tag not found."""
+    """Sentence on another pulse train that may be this tag's; empty if there is none."""
     other = one.ambiguous
     if other is None or other.ratio is None:
         return ()
@@ -176,7 +177,7 @@ def _ambiguity(one: IntegratedTag) -> tuple[str, ...]:
 def parts_of(
     place: PlaceBelief, least_probability: float = LEAST_PART
 ) -> tuple[IntegratedPart, ...]:
-    """Separate positions that fit the flight equally well, most likely first."""
+    """Separate regions where the tag may be, with probabilities, most likely first."""
     return tuple(
         IntegratedPart(
             latitude_deg=part.latitude_deg,
@@ -190,7 +191,7 @@ def parts_of(
 
 
 def rings_of(place: PlaceBelief, share: float) -> tuple[Ring, ...]:
-    """Outlines of the smallest region that contains a tag with a given probability."""
+    """Outlines (latitude, longitude) of the smallest region with probability `share`."""
     return tuple(
         tuple(
             (round(latitude, _DECIMALS), round(longitude, _DECIMALS))

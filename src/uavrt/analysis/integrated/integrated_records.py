@@ -16,7 +16,7 @@ from uavrt.localization.whole_flight.train_place import PlaceBelief
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherTrainRecord:
-    """Another pulse train on a tag's frequency."""
+    """Pulse train on a tag's frequency, at an interval that its list entry excludes."""
 
     interval_s: float
     frequency_hz: float
@@ -34,14 +34,14 @@ class SlotRecord:
     time_ns: int
     energy: float
     at_rate: bool
-    """True if the tag used the train's rate at this time."""
+    """True if the tag probably sent at this train's rate then; false: at its other rate."""
     stands_out: bool
     """True if noise alone reaches the slot's energy in at most one slot of twenty."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceRecord:
-    """Position of a tag; all None if the tag was not found, or moved between flights."""
+    """Position of a tag; all fields are None if it was not found or moved between flights."""
 
     enr_db: float | None = None
     """Energy of the tag's strongest pulse over noise density [dB]."""
@@ -75,7 +75,7 @@ class PlaceRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SilenceRecord:
-    """Coverage map for a tag that was not found, in summary figures."""
+    """Summary of where a tag that was not found would have been detected."""
 
     tag_power_dbm: float
     whole_flight: bool
@@ -124,12 +124,12 @@ class IntegratedRecord(PlaceRecord):
     tag_id: int
     found: bool
     false_alarm_probability: float
-    """Probability that noise alone gives such a result in a flight."""
+    """Probability that noise alone gives an equally strong result in a flight."""
     interval_s: float
     """Interval of the train found, or else of the strongest candidate [s]."""
     frequency_hz: float
     pulses: int
-    """Number of pulses of the train while at the tag's rate; 0 if not found."""
+    """Number of expected pulses while the tag sent at this pulse rate; 0 if not found."""
     score: float
     rate: int
     drift: float

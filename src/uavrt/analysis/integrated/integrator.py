@@ -32,11 +32,11 @@ NICENESS = 15
 """Unix nice level of the process, lower in priority than detectors and estimator."""
 TICK_S = 0.5
 SHARE = 9.0
-"""Idle time per working time; 9 means a tenth of a core."""
+"""Ratio of idle time to working time; 9 means that a tenth of a core is used."""
 RETRY_S = 5.0
 """Pause before a tag without new samples is tried again [s]."""
 FEW_PULSES = 3
-"""A tag with at least this many confirmed pulses in flight is not reported to the ground."""
+"""Minimum number of pulses confirmed in flight at which a tag need not be reported."""
 CLOSER = 0.5
 """Factor by which a reported position's radius must shrink before it is reported again."""
 
@@ -50,14 +50,14 @@ class SearchSchedule:
         self._rest_until_s = 0.0
 
     def due(self, now_s: float) -> Tag | None:
-        """Tag that has waited longest, if one is due and the pause after working is over."""
+        """Tag to search for now, the one due longest; None if none is due, or in a pause."""
         if not self._due_s or now_s < self._rest_until_s:
             return None
         tag_id, due_s = min(self._due_s.items(), key=lambda item: item[1])
         return self._tags[tag_id] if due_s <= now_s else None
 
     def searched(self, tag: Tag, now_s: float, worked_s: float, *, new: bool) -> None:
-        """Record that the search for a tag has ended, and its CPU time [s]."""
+        """Record the end of a search, its CPU time [s], and if there were new samples."""
         self._rest_until_s = now_s + SHARE * worked_s
         self._due_s[tag.tag_id] = now_s + (ENERGY.block_s if new else RETRY_S)
 
@@ -107,7 +107,7 @@ class Integration:
         threading.Thread(target=self._work, name="integration", daemon=True).start()
 
     def take(self, topic: str, record: object) -> None:
-        """Handle a record from the supervisor."""
+        """Handle a message from the supervisor: the flight begins or ends."""
         if isinstance(record, FlightInfo) and topic == "flight":
             self._begin(record)
         elif topic == "flight_end":

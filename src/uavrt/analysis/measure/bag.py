@@ -193,7 +193,7 @@ def _order(what: str, time_ns: int, values: Mapping[str, object]) -> DiagnosticA
 def _pulses(
     info: FlightInfo, pulse_poses: Iterable[PulsePose], prefix: str = ""
 ) -> Iterator[Entry]:
-    """Messages of each pulse: one without and one with its pose, as on the live topics."""
+    """Messages of each pulse, on the live topics: pulse, burst if coded, pulse with pose."""
     for item in sorted(pulse_poses, key=lambda item: item.pulse.end_time_ns):
         directory = _tag_directory(info, item.pulse.tag_id)
         time_ns = item.pulse.end_time_ns

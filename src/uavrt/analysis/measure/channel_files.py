@@ -1,4 +1,4 @@
-"""Split a band into channels and send them as the original system's datagrams.
+"""Split a band into channels and send them as datagrams of the original UAV-RT system.
 
 This is the engine of ``uavrt channelize``. It replaces ``airspy_channelize 375000 100`` between
 the original's programs: ``airspy_rx | csdr | netcat`` before it, detectors after it.
@@ -36,7 +36,7 @@ class ChannelizeSummary:
 def plan_channels(
     source: SampleSource, channels: Sequence[int], mode: Literal["default", "compatible"]
 ) -> FrontEnd:
-    """Set up the filters of the requested channels: the original's numbers, all if none.
+    """Set up the filters of channels, numbered as in the original UAV-RT; none means all.
 
     Negative numbers also use the second port. `mode` selects the original's filter bank (3750
     S/s), or one twice oversampled without aliases (7500 S/s).
@@ -67,7 +67,7 @@ def plan_channels(
 
 
 def _check_compatible(front_end: FrontEnd) -> None:
-    """Reject settings that the original's programs misread; raises `ConfigError`."""
+    """Reject settings that the original UAV-RT programs misread; raises `ConfigError`."""
     plan = front_end.plan
     count, rate_hz = plan.channel_count, plan.channel_rate_hz
     if count == ORIGINAL_CHANNELS and math.isclose(rate_hz, ORIGINAL_CHANNEL_RATE_HZ):

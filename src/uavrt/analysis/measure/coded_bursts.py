@@ -27,13 +27,13 @@ _WIDTH_S: Final = 0.0025
 _REACH_S: Final = 0.009
 """Time around a pulse with which its energy is compared [s]; gaps between pulses are longer."""
 _WIDTH_STEPS_PER_S: Final = 2000.0
-"""Rounding of measured pulse widths [1/s]: steps of 0.5 ms, as in specifications."""
+"""Steps per second to which measured pulse widths are rounded: 0.5 ms, as in data sheets."""
 _LEAST: Final = 30.0
 """Minimum ratio of a coded pulse's energy to the noise's mean energy: 15 dB."""
 _PEAKED: Final = 4.0
 """Minimum ratio of a coded pulse's energy at its frequency to the median within 1 kHz."""
 _OFF_BEAT_S: Final = 0.008
-"""Largest deviation of a burst's time from whole burst intervals [s]."""
+"""Largest deviation of a burst's start from a multiple of the burst interval [s]."""
 _MOST_LOST: Final = 4
 """Maximum number of burst intervals in the shortest time between two received bursts."""
 _WINDOW_HZ: Final = 1000.0

@@ -118,7 +118,7 @@ def _rates(
 def _continued(
     before_s: NDArray[np.float64], interval_s: float, after_s: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
-    """Join two series of pulses across a gap if the beat continued in phase."""
+    """Join two series of pulse times across a gap; None unless the beat continued in phase."""
     together = np.concatenate((before_s, after_s))
     alone = fit_beat(before_s, interval_s)
     beat = fit_beat(together, alone.interval_s)
@@ -175,7 +175,7 @@ def _joined(first: MeasuredRate, second: MeasuredRate) -> MeasuredRate:
 
 
 def _agree(values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mask of values without outliers, such as a pulse disturbed by an impulse."""
+    """Mask of the values that are no outliers; an impulse in a pulse causes outliers."""
     center = np.median(values)
     spread = 1.4826 * float(np.median(np.abs(values - center)))
     return np.asarray(np.abs(values - center) <= max(6.0 * spread, 0.1 * abs(center)))

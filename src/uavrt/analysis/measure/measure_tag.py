@@ -36,7 +36,7 @@ from uavrt.radio.source import SampleSource
 
 WINDOW_HZ: Final = 2000.0
 MARGIN_S: Final = 0.100
-"""Time cut out before and after a pulse's middle [s]; the outer halves contain only noise."""
+"""Length of the samples kept before and after a pulse's middle [s]; outer halves are noise."""
 _MOST_SUSPECTS: Final = 8
 """Maximum number of frequencies that are searched for coded tags; each takes 2 % of a core."""
 _SUSPECTS_APART_HZ: Final = 500.0
@@ -87,8 +87,9 @@ def measure_tags(
 ) -> Measurement:
     """Find and measure all tags in a recording, which `open_source` opens twice.
 
-    Without `frequency_hz` and `window_hz` the whole band is searched. `on_fault` receives the
-    reason why a recording cannot be read to its end; without it, that error is raised.
+    Without `frequency_hz` the whole band is searched, otherwise `window_hz` on both sides.
+    `on_fault` receives the reason why a recording cannot be read to its end; without it, that
+    error is raised.
     """
     if not window_hz > 0.0:
         raise ConfigError(
@@ -152,7 +153,7 @@ def measure_tags(
 
 
 def _doubt(train: Train, half_span_hz: float, center_hz: float) -> str | None:
-    """Reason why a periodic signal may not be a tag; None if it is one."""
+    """Reason why a periodic signal may not be a tag; None if it probably is one."""
     if train.image_of_hz is not None:
         original_mhz = (center_hz + train.image_of_hz) / 1e6
         return f"an image of {original_mhz:.6f} MHz, made in the receiver: reduce its gain"

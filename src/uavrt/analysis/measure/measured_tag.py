@@ -47,7 +47,7 @@ class MeasuredTag:
     """Pulse intervals, sorted by number of pulses, largest first."""
 
     def entry(self, tag_id: int, name: str | None = None) -> Tag:
-        """Make a tag list entry with margins for seasonal changes, of two intervals at most.
+        """Make a tag list entry of at most two intervals, with margins for seasonal changes.
 
         The interval's tolerance is 1 %, or the measured uncertainty if greater. The jitter is a
         quarter above the largest deviation.

@@ -39,7 +39,7 @@ class FittedPulse:
     frequency_hz: float
     """Frequency relative to the centre of the samples' band [Hz]."""
     energy: float
-    """Squared amplitude times width, times the sample rate."""
+    """Pulse energy: squared amplitude times width in samples."""
 
 
 def fit_pulse(

@@ -16,7 +16,7 @@ Point = tuple[float, float]
 
 
 class Located(Protocol):
-    """A record with a position."""
+    """Interface of records with latitude and longitude [deg]."""
 
     @property
     def latitude_deg(self) -> float: ...  # noqa: D102
@@ -50,7 +50,7 @@ def ray(bearing: TagBearing, length_m: float) -> list[Point]:
 
 
 def wedge(bearing: TagBearing, length_m: float) -> list[Point] | None:
-    """Closed area of a bearing's 90 % interval, counter-clockwise; None if unknown."""
+    """Closed outline of a bearing's 90 % sector, counter-clockwise; None if unknown."""
     if bearing.bearing.interval90_deg is None:
         return None
     low, high = bearing.bearing.interval90_deg
@@ -62,7 +62,7 @@ def wedge(bearing: TagBearing, length_m: float) -> list[Point] | None:
 
 
 def region95(position: Position) -> list[Point] | None:
-    """Closed area with 95 %, counter-clockwise: ellipse, or else circle; None if unknown."""
+    """Closed outline of the 95 % ellipse or circle, counter-clockwise; None if unknown."""
     if position.ellipse95 is not None:
         ellipse = position.ellipse95
         long_m, short_m = ellipse.semi_major_m, ellipse.semi_minor_m
@@ -162,7 +162,7 @@ def split_area_at_date_line(ring: Sequence[Point]) -> list[list[Point]]:
 
 
 def _this_side(ring: list[Point], side_deg: float) -> list[Point]:
-    """Clip a ring at a meridian (Sutherland and Hodgman 1974)."""
+    """Clip a closed ring at longitude `side_deg`, ±180 (Sutherland and Hodgman 1974)."""
     kept: list[Point] = []
     for before, point in pairwise(ring):
         inside = [abs(one[0]) <= 180.0 or one[0] * side_deg < 0.0 for one in (before, point)]

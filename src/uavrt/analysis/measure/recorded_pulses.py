@@ -73,11 +73,11 @@ class DetectionChain:
         self.invalid_samples = 0
         """Number of non-finite channel samples, replaced by zero."""
         self._suspect_s = 0.0
-        """Duration for which a non-finite value still affects the channel filters [s]."""
+        """Time for which a past non-finite sample still affects the channel filters [s]."""
         self._excluded_hz = tuple(excluded_hz)
         self._on_channel = on_channel
         self.on_band = on_band
-        """Receives each block and its decimated band; not part of a saved state."""
+        """Callback for each radio block and its decimated copy; not part of saved state."""
         modes = {} if operating_modes is None else operating_modes
         self._front_end = FrontEnd(
             sample_rate_hz=sample_rate_hz,
@@ -116,7 +116,7 @@ class DetectionChain:
             )
 
     def process(self, block: IQBlock) -> list[Pulse]:
-        """Process the next block; returns the pulses that are final by now."""
+        """Process the next block; returns the pulses whose detection is complete."""
         self.clipping.check(block)
         self.input_faults += self._input_check.check(block)
         self._carriers.check(block, self._center_frequency_hz)
@@ -198,7 +198,7 @@ class Searched:
 
     @property
     def weakest_enr_db(self) -> float:
-        """Mean ENR [dB] at which nine of ten groups would have been found."""
+        """Mean pulse energy over noise density [dB] at which 90 % of groups are detected."""
         return self._weakest_db / self._reports
 
 
@@ -209,8 +209,8 @@ class DetectionSummary:
     samples: int = 0
     samples_lost: int = 0
     samples_unsure: int = 0
-    """Missing samples estimated from the arrival times of a live stream; uncertain if its
-    crystal is far off."""
+    """Missing samples estimated from the arrival times of a live stream; uncertain if the
+    receiver's crystal is far off."""
     signal_s: float = 0.0
     """Duration of the samples, lost ones included [s]."""
     elapsed_s: float = 0.0
@@ -222,7 +222,8 @@ class DetectionSummary:
     ambiguous: dict[int, int] = field(default_factory=dict)
     """Number of confirmed pulses that may be another listed tag's, by tag."""
     ghosts: dict[tuple[int, int], int] = field(default_factory=dict)
-    """Number of unconfirmed pulses that another tag causes in the receiver, by pair of tags."""
+    """Number of pulses attributed to a tag but caused by another in the receiver, by the pair
+    (tag, causing tag)."""
     clipped: int = 0
     """Number of pulses during which the receiver's converter was at its limits."""
     clipped_share: float = 0.0
@@ -244,7 +245,7 @@ class DetectionSummary:
                 )
 
     def withdraw(self, samples: int, sample_rate_hz: float) -> None:
-        """Subtract samples counted as lost: the source was slow and lost none."""
+        """Subtract samples that were counted as lost, but came late from a slow source."""
         unsure = min(samples, self.samples_unsure)
         self.samples_unsure -= unsure
         self.samples_lost -= samples - unsure
@@ -279,9 +280,9 @@ def detect(
 ) -> DetectionSummary:
     """Find the pulses of tags in all samples of a source, which the caller closes.
 
-    `write` receives pulses as soon as they are found, `on_reports` searches without a pulse;
-    the other settings are those of `DetectionChain`. `should_stop` is called at least twice a
-    second. `summary` is updated while running, so that it is available after an error.
+    `write` receives pulses as soon as they are found, `on_reports` reports on seconds without a
+    pulse; the other settings are those of `DetectionChain`. `should_stop` is called at least
+    twice a second. `summary` is updated while running, so that it is available after an error.
     """
     summary = DetectionSummary() if summary is None else summary
     chain = DetectionChain(

@@ -1,4 +1,4 @@
-"""Search a flight's recording again, and write a flight of the pulses with its poses.
+"""Search a flight's recording again, and write its pulses and poses as a new flight.
 
 The result is an ordinary flight directory. Use it for tags that were added later, another
 frequency window, or a better detector.
@@ -21,7 +21,7 @@ from uavrt.radio.source import SampleSource
 
 
 class FlightWriter:
-    """Writes a flight of pulses found again in a recording, with the poses of the old one."""
+    """Writes a new flight: pulses detected again in a recording, poses of the old flight."""
 
     def __init__(
         self,
@@ -62,7 +62,7 @@ class FlightWriter:
 
     @property
     def without_pose(self) -> int:
-        """Number of pulses outside the flight's poses: wrong flight, or wrong start time."""
+        """Number of pulses before or after all poses; a wrong flight or start time if many."""
         return self._attacher.without_pose
 
     def write(self, pulses: Sequence[Pulse]) -> None:
@@ -108,7 +108,7 @@ def posed_in(flight: Flight, pulses: Sequence[Pulse]) -> tuple[PulsePose, ...]:
 
 
 def _attacher_of(flight: Flight, antenna: AntennaSettings) -> PoseAttacher:
-    """Make a pose attacher with all poses of a flight; no pulse waits for later ones."""
+    """Make a pose attacher that holds all poses of a flight, so that pulses need not wait."""
     ring = PoseRing(antenna, capacity=max(len(flight.poses), 1))
     for pose in flight.poses:
         ring.add_pose(pose)

@@ -39,7 +39,7 @@ from uavrt.radio.opening import open_recording
 SWITCH_KEY = "uavrt:antenna_switch"
 """Name of the antenna switch's entry in SigMF metadata (docs/reference/formats.md)."""
 _EDGE = 0.1
-"""Share of a pulse's width left out at each end; the start is known to 1 ms of 20 ms."""
+"""Share of a pulse's width left out at each end: its start is uncertain by 1 ms of 20 ms."""
 _ONE_PLACE_M = 15.0
 _METHODS: dict[str, ArrayMethod] = {
     "circle": "pseudo_doppler",
@@ -110,7 +110,7 @@ def switched_bearings(
     *,
     offset_deg: float = 0.0,
 ) -> list[TagBearing]:
-    """Estimate one bearing for each tag and position where it was received with a pose."""
+    """Estimate one bearing for each tag and each drone position where it was received."""
     array = read_switched_array(recording)
     placed = sorted(
         (one for one in pulse_poses if one.pose is not None),
@@ -182,7 +182,7 @@ def _measured(
 
 
 def _span(one: PulsePose, times: BlockTimes, rate_hz: float) -> tuple[int, int]:
-    """First and last sample of a pulse without its edges, counting lost samples."""
+    """Indices of first and last sample of a pulse without its edges; lost samples count."""
     width_ns = one.pulse.end_time_ns - one.pulse.start_time_ns
     edge_ns = _EDGE * width_ns
     begin = times.index(one.pulse.start_time_ns + round(edge_ns))

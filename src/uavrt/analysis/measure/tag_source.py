@@ -21,7 +21,7 @@ class TagSource:
 
     tags: tuple[Tag, ...]
     operating_modes: dict[int, OperatingMode] = field(default_factory=dict)
-    """Detector mode by tag number; the soft lock is the default."""
+    """Detector mode by tag number; without an entry the window is searched (soft lock)."""
     excluded_hz: tuple[tuple[float, float], ...] = ()
     """Absolute frequency ranges in which no pulse is reported [Hz]."""
     sample_rate_hz: float | None = None
@@ -30,7 +30,7 @@ class TagSource:
     """Centre of the tag's channel, if the file contains it [Hz]."""
 
     def within(self, sample_rate_hz: float, center_frequency_hz: float) -> "TagSource":
-        """Remove the tags outside of a recording's band."""
+        """Copy with the tags inside a recording's band; with all tags if none is inside."""
         reach_hz = widest_half_span_hz(sample_rate_hz)
         inside = tuple(
             tag for tag in self.tags if abs(tag.frequency_hz - center_frequency_hz) <= reach_hz
@@ -39,7 +39,7 @@ class TagSource:
 
 
 def read_tag_source(path: str | os.PathLike[str]) -> TagSource:
-    """Read TagInfo.txt, tags.toml, or the original's detectorConfig.txt."""
+    """Read TagInfo.txt, tags.toml, or the original UAV-RT's detectorConfig.txt."""
     if not _is_detector_config(Path(path)):
         return TagSource(tags=read_tags(path))
     config = read_detector_config(path)

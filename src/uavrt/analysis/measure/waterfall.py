@@ -22,7 +22,7 @@ TRACE_POINTS: Final = 1 << 21
 """Maximum number of points in a level trace; then pairs are joined: 5.8 h of 20 ms pulses."""
 
 _MOST_OFF: Final = 0.75
-"""Largest time error of a spectrum frame, as a share of half a pulse."""
+"""Time error above which spectra are realigned with the block times [half pulse widths]."""
 
 
 class MaximumHold:
@@ -39,7 +39,7 @@ class MaximumHold:
         return self._values[: -(-self._end // self.frames_per_column)]
 
     def put(self, first: int, frames: NDArray[np.float32]) -> None:
-        """Add consecutive frames of shape (n, rows); frames that are never added stay zero."""
+        """Add consecutive spectra (n, rows) from index `first`; skipped ones stay zero."""
         if not len(frames):
             return
         self._end = max(self._end, first + len(frames))
@@ -129,7 +129,7 @@ class Waterfall:
 
     @property
     def frame_center_s(self) -> float:
-        """Time from the start to the middle of a frame's samples [s]."""
+        """Time from the start to the middle of a spectrum's samples [s]."""
         return self._window.size / 2 / self._rate_hz
 
     def _take(self, samples: NDArray[np.complex64]) -> None:

@@ -177,7 +177,7 @@ class _Writer:
             self._top -= lines * _LINE
 
     def _room(self, height: float) -> None:
-        """Start a new page unless the current one has enough room."""
+        """Start a new page unless `height`, a share of the page, is left on the current one."""
         if self._left < height and self._top < _TOP:
             self.end_page()
             self._begin_page()
@@ -205,7 +205,7 @@ def _caption_height(picture: blocks.Picture) -> float:
 
 
 def _least_height(block: blocks.Block | None) -> float:
-    """Height that a block needs to begin on a page."""
+    """Least height left on a page for a block to begin there, as a share of the page."""
     if isinstance(block, blocks.Picture):
         return _LEAST_SHARE * _height(block) + _caption_height(block)
     return 2 * _LINE
@@ -218,7 +218,7 @@ def _rule(height: float) -> "Artist":
 
 
 def _part(figure: "Figure", bottom: float, height: float) -> "FigureBase":
-    """Axes between the page's margins; heights are shares of the page's height."""
+    """Subfigure between the side margins; `bottom` and `height` are shares of the page."""
     grid = figure.add_gridspec(
         3,
         3,

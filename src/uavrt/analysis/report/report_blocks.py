@@ -30,14 +30,14 @@ class Paragraph:
 
 @dataclass(frozen=True, slots=True)
 class Cards:
-    """Finding and color of each tag."""
+    """Row of boxes, one per tag, with its position in words and its color."""
 
     cards: tuple[tuple[words.Finding, str], ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Table with relative widths of its columns; the page hides it under the title `folded`."""
+    """Table with relative column widths; HTML collapses it under the title `folded`, if any."""
 
     table: words.Table
     widths: tuple[int, ...]
@@ -46,7 +46,7 @@ class Grid:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A figure `WIDTH_IN` wide; `draw` takes the figure and the arguments in `of`."""
+    """A figure, `WIDTH_IN` by `height_in` inches; drawn by calling `draw(figure, *of)`."""
 
     name: str
     height_in: float

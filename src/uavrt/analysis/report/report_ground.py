@@ -77,7 +77,7 @@ def maps_under(survey: Survey) -> list[MapFile]:
 def _picture(
     one: MapFile, area: tuple[float, float, float, float]
 ) -> tuple[_Pixels, tuple[float, float, float, float]] | None:
-    """Map tiles of an area as one picture, and its north, west, south and east edge."""
+    """Map tiles of an area as one picture, and its north, west, south and east edge [deg]."""
     west, south, east, north = area
     wide = max(east - west, 1e-9) / 360.0
     wanted = math.floor(math.log2(TILES_ACROSS / wide))

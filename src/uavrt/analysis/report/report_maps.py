@@ -84,7 +84,7 @@ class LocalMap:
         draw_ground(axes, self.plane, survey.maps)
 
     def line(self, points: Iterable[Point]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """East and north of latitudes and longitudes [m]."""
+        """East and north [m] of points given as (longitude, latitude) [deg]."""
         array = np.array(list(points))
         return self.plane.to_local(array[:, 1], array[:, 0])
 

@@ -1,4 +1,4 @@
-"""Draw SNR, heading, noise and health of processes over time."""
+"""Draw SNR, heading and noise over time."""
 
 import math
 from collections.abc import Sequence

@@ -79,7 +79,7 @@ class Finding:
 
 
 def heading_line(survey: Survey) -> str:
-    """Line with start, duration, vehicle and antenna of the flight."""
+    """Line with a flight's start, duration, numbers of tags and pulses, and antenna."""
     span = survey.span_ns
     if span is None:
         return "Empty recording."
@@ -95,7 +95,7 @@ def heading_line(survey: Survey) -> str:
 
 
 def findings(survey: Survey) -> list[Finding]:
-    """Findings of all tags in order, results of whole-flight analysis included."""
+    """Position of each tag in words, by number, with results of whole-flight analysis."""
     return [_finding(survey, tag_id) for tag_id in survey.tag_ids]
 
 
@@ -106,7 +106,7 @@ def hindsight(survey: Survey, tag_id: int) -> Facts:
 
 
 def tag_table(survey: Survey) -> Table:
-    """Table that summarises all tags."""
+    """Table of all tags: frequencies, pulses, SNR, last detection and bearings."""
     header = [
         *("Tag", "Listed MHz", "Heard MHz", "Pulses", "Confirmed", "SNR median / best"),
         *(f"Last detected {zones(survey)}", "Bearings"),
@@ -157,7 +157,7 @@ def _gaps(tag: Tag, bursts: Sequence[Pulse]) -> tuple[str, str, str]:
 
 
 def bearing_table(survey: Survey) -> Table:
-    """Table of all bearings."""
+    """Table of all bearings: time, origin, 90 % interval, number of pulses, remarks."""
     time = f"Time {zones(survey)}"
     header = ["Tag", time, "From", "Bearing", "90 % within", "Pulses", "Verdict"]
     rows = []
@@ -178,7 +178,7 @@ def bearing_table(survey: Survey) -> Table:
 
 
 def health_table(survey: Survey) -> Table:
-    """Table of the health reports of each process."""
+    """Table of the processes: last status, share of time without faults, counters."""
     header = ["Process", "Last status", "Without faults", "Counters"]
     rows = []
     for process in sorted({one.process for one in survey.health}):
@@ -197,7 +197,7 @@ def health_table(survey: Survey) -> Table:
 
 
 def _plain(count: float) -> str:
-    """Format a count in full, and other numbers with four digits."""
+    """Format a whole number in full, and any other with four significant digits."""
     return f"{count:,.0f}" if count == round(count) else f"{count:.4g}"
 
 
@@ -244,7 +244,7 @@ def title_of(survey: Survey, tag_id: int) -> str:
 
 
 def zones(survey: Survey) -> str:
-    """Sentence on the time zones used in the tables."""
+    """Names of the time zones in which tables show times, for a column heading."""
     return survey.facts.zones((survey.span_ns or (0, 0))[0])
 
 
@@ -331,7 +331,7 @@ def _without_position(survey: Survey, tag_id: int) -> Facts:
 
 
 def _undetected(reports: Sequence[SearchReport]) -> Facts:
-    """How long a tag was searched for, and the weakest detectable pulses."""
+    """Table rows for a tag not detected: duration of the search, weakest detectable pulses."""
     if not reports:
         return Facts(rows=(("Detected", ["no"]),))
     seconds = (reports[-1].time_ns - reports[0].time_ns) / NANOSECONDS_PER_SECOND

@@ -49,7 +49,7 @@ class FlownSearch:
 
     @property
     def unknown(self) -> list[SoughtTag]:
-        """Numbers of the tags that were not found."""
+        """Tags that were not found, as in the last log entry."""
         return [one for one in self.last.tags if one.found_s is None]
 
 
@@ -62,7 +62,7 @@ def searches_of(survey: Survey) -> Iterator[FlownSearch]:
 
 
 def summary(survey: Survey, search: FlownSearch) -> Facts:
-    """The search's task, how it ended, and where tags not found may be."""
+    """Table of a search's task, its end, the number of finds, and where other tags may be."""
     begun, last, clock = search.begun, search.last, survey.facts.clock_in_words
     minutes = last.elapsed_s / 60.0
     found = len(last.tags) - len(search.unknown)

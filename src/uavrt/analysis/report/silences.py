@@ -26,7 +26,7 @@ CAPTION = (
 
 
 def summary(one: SilentMap) -> Facts:
-    """Summary of a tag's coverage map."""
+    """Table of a coverage map: result, assumed tag power, detection probability, limits."""
     found = one.coverage
     if one.heard_pulses:
         result = f"detected ({counted(one.heard_pulses, 'confirmed pulse')})"

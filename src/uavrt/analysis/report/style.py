@@ -113,7 +113,7 @@ def tag_color(tag_ids: tuple[int, ...], tag_id: int) -> str:
 
 
 def message(target: "FigureBase", text: str) -> None:
-    """Write the reason for a missing figure in its place."""
+    """Write a text into an empty figure, such as the reason why there is no plot."""
     axes: Axes = target.subplots()
     axes.set_axis_off()
     axes.text(0.5, 0.5, text, ha="center", va="center", color=SOFT, wrap=True)

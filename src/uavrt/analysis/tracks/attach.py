@@ -37,16 +37,17 @@ MOST_HEADING_SIGMA_DEG = 3.0
 """Largest heading error from an uncertain clock offset [deg]; a turn's own is a few degrees."""
 _LEAST_PULSES = 12
 _LEAST_SHARE = 0.25
-"""Minimum share of pulses that a track must cover; below it may be another flight's."""
+"""Minimum share of pulses that a track must cover; less suggests another flight's track."""
 _MOST_LOST = 0.2
 """Largest share of coverable pulses that an offset may leave without a pose. Without a limit,
-an offset that drops misfits would win."""
+the best offset would be one that leaves out badly fitting pulses."""
 _PARTS = 8
 _TURNING_DEG_S = 2.0
-"""Rate above which the vehicle counts as turning [deg/s]; slower rotation is wind."""
+"""Rate above which the vehicle counts as turning [deg/s]; wind causes slower rotation."""
 _NEAR_M = 20.0
 _ROUND_CELL, _ROUND_CELL_M = 0.4, 30.0
-"""Half-width of the first grid around a position: share of its distance, plus metres."""
+"""Half-width of the first search grid around a candidate position of a tag: share of its
+distance from the flight's middle, plus a constant [m]."""
 _ZOOM = 0.4
 _FINE_PLACE_M = 2.0
 """Half-width below which the grid of nine by nine positions is not refined further [m]."""
@@ -60,7 +61,8 @@ class ClockOffset:
 
     offset_s: float
     found_by: str
-    """Data that determined the offset: ``"given"``, ``"poses"`` or ``"powers"``."""
+    """Source of the offset: ``"given"`` by the user, or estimated from the pulses' ``"poses"``
+    or SNR (``"powers"``)."""
     sigma_s: float | None = None
     """Standard deviation by a jackknife over eighths of the flight [s]; None for a given
     offset."""
@@ -74,7 +76,7 @@ def attach_poses(
     offset_s: float,
     antenna: AntennaSettings | None = None,
 ) -> list[PulsePose]:
-    """Give each pulse the antenna's pose by the track; None where the track has none.
+    """Give each pulse the antenna's pose from the track, or None where the track has a gap.
 
     While the log says landed or disarmed, the height is set to 0, despite barometer drift. This
     distinguishes turns of a carried drone from turns in flight.
@@ -100,7 +102,7 @@ def _grounded(one: PulsePose, track: VehicleTrack) -> PulsePose:
 
 
 def require_poses(attached: Sequence[PulsePose], offset_s: float) -> int:
-    """Number of pulses with a pose; raises `UsageError` if fewer than a quarter."""
+    """Number of pulses with a pose; raises `UsageError` if fewer than a quarter have one."""
     placed = sum(one.pose is not None for one in attached)
     if attached and placed < _LEAST_SHARE * len(attached):
         raise UsageError(
@@ -281,7 +283,7 @@ class _Common:
         return float(np.median(turning)) if len(turning) else 0.0
 
     def pose_misfit(self, offset_s: float, keep: NDArray[np.bool_] | None = None) -> float:
-        """Mean squared error of headings (unit 10°) and positions (5 m), each at most 9."""
+        """Mean misfit at a clock offset: squared errors of heading (10°) and position (5 m)."""
         inside = self._inside(self._posed_s, offset_s)
         if inside is None:
             return np.nan
@@ -339,7 +341,7 @@ class _Common:
     def _heard(
         self, offset_s: float, antenna: str, keep: NDArray[np.bool_] | None = None
     ) -> "dict[int, _TagOnTrack] | None":
-        """Pulses of each tag with the antenna's poses; None if the track covers too few."""
+        """Pulses of each tag with poses from the track, by tag; None if it covers too few."""
         inside = self._inside(self.time_s, offset_s)
         if inside is None:
             return None
@@ -360,7 +362,7 @@ class _Common:
         return found
 
     def require_cover(self, offsets_s: _Floats, *, posed: bool) -> None:
-        """Exclude offsets at which the track covers far fewer pulses than at the best."""
+        """Exclude offsets at which the track covers below 80 % of what the best one covers."""
         times_s = self._posed_s if posed else self.time_s
         most = max(int(np.count_nonzero(self.covered(one, posed=posed))) for one in offsets_s)
         remedy = "Check that they are from the same flight, or give --clock-offset"

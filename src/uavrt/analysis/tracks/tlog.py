@@ -31,7 +31,7 @@ from uavrt.link.mavlink.frame import (
 )
 
 _ATTITUDE_ID, _ATTITUDE_SEED = 30, 39
-"""Id and checksum seed of ATTITUDE, which our own message set lacks."""
+"""MAVLink id and checksum seed of the message ATTITUDE, which uavrt's message set lacks."""
 _MOST_WRONG = 300_000
 """Maximum number of frame markers without a valid frame; reading stops there."""
 _SANE_UNIX_US = 1_400_000_000_000_000
@@ -45,7 +45,7 @@ class _Log:
         self.armed: list[tuple[int, bool]] = []
         self.landed: list[tuple[int, bool]] = []
         self._boot_ns: int | None = None
-        """Boot time of the newest sample [ns], used for messages without one."""
+        """Time since boot of the newest sample [ns]; used for messages without a time."""
         self.ground_offset_ns: int | None = None
         self.gps_offset_ns: int | None = None
 

@@ -1,8 +1,8 @@
 """Search whole flights for tags too weak for single groups: the engine of ``uavrt integrate``.
 
 The inputs are a recording of the band or of a channel, and the poses of its flight. Each tag
-gets a verdict at a false-alarm probability for the flight, with interval, frequency, pulses and
-position.
+is found or not at a given false-alarm probability for the flight; a found one gets interval,
+frequency, pulses and position.
 """
 
 import math
@@ -40,7 +40,7 @@ from uavrt.radio.source import SampleSource
 POSITION_M = 2000.0
 """Radius of the 95 % circle above which only a bearing is reported [m]."""
 LEAST_PART = 0.05
-"""Minimum probability of a separate possible position that is listed."""
+"""Minimum probability at which one of several possible positions is listed."""
 _LOOK_S = 0.5
 _MOST_CHANNELS = 8
 """Maximum number of channels kept in memory at once; ten minutes of one are 36 MB."""
@@ -72,14 +72,14 @@ class IntegratedTag:
 
     @property
     def ambiguous(self) -> OtherTrain | None:
-        """Pulse train that may be this tag's, since the intervals have a small ratio."""
+        """Pulse train that may be this tag's, at e.g. 3/2 of its interval; None if found."""
         if self.found:
             return None
         return next((one for one in self.others if one.ratio is not None), None)
 
     @property
     def pulse_times_ns(self) -> NDArray[np.int64]:
-        """(n,) start times of the train's pulses, within jitter and slot [ns, UTC]."""
+        """(n,) start times of the train's pulses [ns, UTC], accurate to jitter and slot."""
         since_ns = self.pulses.time_s * NANOSECONDS_PER_SECOND
         return np.asarray(self.energies.start_ns + np.rint(since_ns).astype(np.int64))
 
@@ -93,11 +93,11 @@ class JudgeAs:
     """Half-width of the search around each tag's nominal frequency [Hz]."""
     false_alarm_probability: float = WHOLE_FLIGHT_FALSE_ALARM
     most_drift: float = 0.0
-    """Largest relative change of the interval over the flight, up or down."""
+    """Largest relative change of the pulse interval over the flight, up or down."""
     antenna_assumed: bool = False
-    """True if the flight's antenna is not known; results then say so."""
+    """True if the flight's antenna is unknown and `pattern` a guess; results then say so."""
     elevation: Elevation | None = None
-    """Terrain heights: hills weaken pulses, and explain silence. None is level ground."""
+    """Terrain heights, for the loss of pulses behind hills; None is level ground."""
     on_progress: Callable[[int, int | None], None] | None = None
     """Function that receives the number of samples read, and their total."""
     on_tag: Callable[[int], None] | None = None
@@ -179,7 +179,7 @@ def integrate_flight(
 def _window_held(
     tag: Tag, window_hz: float, center_hz: float, rate_hz: float
 ) -> tuple[float, tuple[str, ...]]:
-    """Half-width around a tag's frequency that a channel covers [Hz], and a sentence on it."""
+    """Half-width searched around a tag's frequency [Hz], and a sentence if less than asked."""
     held_hz = max(0.0, 0.5 * rate_hz - abs(tag.frequency_hz - center_hz))
     if window_hz <= held_hz:
         return window_hz, ()
@@ -190,7 +190,7 @@ def _window_held(
 
 
 def searched_for(tag: Tag, how: JudgeAs) -> SearchedFor:
-    """Settings of a search, as saved with its verdict."""
+    """Settings of a search for one tag, as saved with its result."""
     return SearchedFor(
         frequency_hz=tag.frequency_hz,
         pulse_width_s=tag.pulse_width_s,
@@ -259,7 +259,7 @@ def judged_tag(
 
 
 def assumed_in_words(searched: SearchedFor) -> tuple[str, ...]:
-    """Sentence that an antenna was assumed; empty if it is known."""
+    """Sentence that the antenna is only assumed; empty if the flight or user specified it."""
     if not searched.antenna_assumed:
         return ()
     return (
@@ -274,7 +274,7 @@ def channel_samples(
     on_progress: Callable[[int, int | None], None] | None,
     on_fault: Callable[[str], None] | None = None,
 ) -> dict[int, Channel]:
-    """Read a recording into the samples of the used channels, up to a fault if `on_fault`.
+    """Read a recording into samples of the front end's channels, by channel number.
 
     With `on_fault`, a damaged recording is used up to the fault, which `on_fault` receives.
     """

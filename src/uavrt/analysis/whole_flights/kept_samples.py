@@ -16,7 +16,7 @@ from uavrt.radio.files.sigmf import sigmf_layout
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeptChannel:
-    """One recorded radio channel of a flight, split into several files."""
+    """One recorded radio channel of a flight, which may be split into several files."""
 
     center_frequency_hz: float
     sample_rate_hz: float
@@ -38,7 +38,7 @@ class KeptChannel:
 def kept_channels(
     flight: Path, on_fault: Callable[[str], None] | None = None
 ) -> tuple[KeptChannel, ...]:
-    """Find a flight's recorded channels by frequency; `on_fault` receives damaged files."""
+    """Recorded channels of a flight, in order of frequency; `on_fault` receives file faults."""
     found: dict[tuple[float, float], list[tuple[Path, int, int]]] = {}
     for path in sorted(FlightLayout(flight).channels_directory.glob("*.sigmf-meta")):
         try:
@@ -122,5 +122,5 @@ def left_out_in_words(faults: Iterable[str]) -> tuple[str, ...]:
 
 
 def _further(on_tag: Callable[[int], None] | None, before: int) -> Callable[[int], None] | None:
-    """Make a progress callback that adds the tags of earlier channels."""
+    """Progress callback that adds `before`, the number of tags done in earlier channels."""
     return None if on_tag is None else lambda done: on_tag(before + done)

@@ -61,18 +61,18 @@ class TagOfFlights:
     alone: tuple[float, ...]
     """False-alarm probability of each flight's own result."""
     place: PlaceBelief | None
-    """Common position of the tag; None if it was not found, or moves."""
+    """Position of the tag by all flights; None if not found, or if it moved between flights."""
     flights: tuple[IntegratedTag, ...]
-    """Result of each flight, with the tag's pulses and the common position."""
+    """Result of each flight, in order, with the tag's pulses there and the common position."""
 
 
 def share_alone(false_alarm_probability: float, flights: int) -> float:
-    """False-alarm probability used for each of several flights separately."""
+    """Share of the overall false-alarm probability that each single flight may use."""
     return false_alarm_probability * (1.0 - _TOGETHER) / flights
 
 
 def common_tags(flights: Sequence[Flight], listed: Sequence[Tag] | None = None) -> list[Tag]:
-    """Tags common to all flights, or to `listed` if given; raises `UsageError` without any."""
+    """Tags that all flights list, or `listed` if given; `UsageError` if none or unequal."""
     for before, after in pairwise(sorted(flights, key=lambda one: one.info.start_time_ns)):
         if before.info.start_time_ns == after.info.start_time_ns:
             raise UsageError(
@@ -153,9 +153,10 @@ class _View:
     judged: IntegratedTag
     places: Places
     gain: _Floats
-    """(places, times) antenna gain towards each place, on the scale of the search."""
+    """(places, times) pulse energy relative to the strongest from the same position, in all
+    flights if the position is common."""
     chosen: NDArray[np.intp]
-    """Indices of the positions that represent all positions in the search."""
+    """Indices of the few candidate positions that the search uses to represent all."""
 
     @property
     def listened(self) -> Listened:
@@ -166,7 +167,7 @@ class _View:
         )
 
     def heard(self, joint: JointTrain, number: int) -> HeardTrain:
-        """Pulse train of this flight: its own if found singly, else that of all flights."""
+        """Pulse train in this flight: its own if found there, else by all flights together."""
         one, train = self.judged, joint.trains[number]
         rates = len(one.tag.pulse_intervals_s)
         if one.found:
@@ -186,7 +187,7 @@ class _View:
         chance: float,
         flights: int,
     ) -> IntegratedTag:
-        """Result of this flight for a tag that was found, with pulses if they are its own."""
+        """Result in this flight for a tag found by several; found here, too, if p ≥ 0.9."""
         if common is None:
             place = place_belief([replace(heard, log_trains=None)])
             odds = train_evidence(heard) - (heard.log_trains or 0.0)
@@ -245,7 +246,7 @@ def _common_places(
     pattern: AntennaPattern,
     elevation: Elevation | None,
 ) -> list[Places]:
-    """Candidate positions of the tag, relative to the middle of all flights."""
+    """Candidate positions of the tag for each flight, the same around the middle of all."""
     middles = [one.places.plane for one in judged]
     latitude = np.array([one.latitude_deg for one in middles])
     longitude = np.array([one.longitude_deg for one in middles])

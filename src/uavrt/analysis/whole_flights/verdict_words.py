@@ -1,4 +1,4 @@
-"""Words on a whole-flight result, for command line, report, page and status text."""
+"""Describe a whole-flight result in text, for command line, report, page and status text."""
 
 from collections.abc import Sequence
 

@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     import duckdb
 
 _LIMITS = {"threads": "1", "memory_limit": "100MB", "temp_directory": ""}
-"""DuckDB's limits, so that the station can receive pulses. 10 million rows need 50 MB."""
+"""DuckDB settings: one thread and 100 MB, so that the ground station keeps receiving pulses.
+10 million rows need 50 MB."""
 _FLOWN = """
 SELECT flight, min(path) AS path, min(start_time_ns) AS start_time_ns,
        max(start_time_ns + CAST(1e9 * (coalesce(length_s, 0)
@@ -43,7 +44,7 @@ class ArchivedFlight:
 
     flight: str
     path: str
-    """Path of the flight's first recording, or of its directory."""
+    """Path of the first recording, or of the flight directory if no recording was searched."""
     start_time_ns: int | None
     end_time_ns: int | None
     pulses: int
@@ -86,7 +87,7 @@ def find_flights(
     FormatError
         No batch has written to `archive`, or a file is damaged.
     UsageError
-        The extra is missing.
+        The extra ``uavrt[batch]`` is missing.
     """
 
     def query(connection: "duckdb.DuckDBPyConnection") -> tuple[int, list[Any], list[Any]]:

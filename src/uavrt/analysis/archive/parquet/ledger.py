@@ -1,6 +1,6 @@
-"""Record each finished recording and flight in a file of its own, so that a kill loses none.
+"""Record each finished recording and flight in its own file, so that a crash loses none.
 
-A row is written after its tables have reached the disk, and contains their digests. So a kill
+A row is written after its tables have reached the disk, and contains their digests. So a crash
 or power cut leaves complete rows with complete tables. Tables without a row are removed. A row
 without its tables is computed again.
 """
@@ -37,7 +37,7 @@ class _Entry(msgspec.Struct, frozen=True):
 class Ledger(Generic[R]):
     """Rows of all finished recordings, or of all finished flights, and their tables.
 
-    With `thorough` all files are read; otherwise sizes and times are compared.
+    With `thorough`, all tables are read and their digests compared; otherwise sizes and times.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class Ledger(Generic[R]):
         self.damaged: dict[str, str] = {}
         """Reason for each missing or damaged file; its content is computed again."""
         self.withdrawn: set[str] = set()
-        """Files of rows that were removed because one of their tables is damaged."""
+        """Paths of row file and tables of each row removed because a table is damaged."""
         try:
             self._load(thorough=thorough)
         except PermissionError as error:
@@ -72,17 +72,17 @@ class Ledger(Generic[R]):
         return sorted(self._rows.values(), key=lambda row: (row.path, row.finished_time_ns))
 
     def done(self, key: str) -> R | None:
-        """Successful row with a key; None if it failed or is missing."""
+        """Row of successful work by `key`, a hash of its inputs; None if failed or missing."""
         row = self._rows.get(key)
         return None if row is None or row.state == "failed" else row
 
     def of(self, path: str) -> R | None:
-        """Newest successful row of a path, with any key; None if there is none."""
+        """Newest successful row of a recording or flight, for any settings; None if none."""
         done = filter(None, map(self.done, self._keys.get(path, ())))
         return max(done, key=lambda row: row.finished_time_ns, default=None)
 
     def files(self, key: str) -> dict[str, Seal]:
-        """Tables of a row, by path below the output."""
+        """Size, time and digest of a row's table files, by path below the output."""
         return dict(self._files.get(key, {}))
 
     def times(self, table: str) -> dict[str, int | None]:
@@ -108,7 +108,7 @@ class Ledger(Generic[R]):
         self._keys[row.path] = {key}
 
     def drop(self, path: str) -> None:
-        """Remove all rows of a path with their tables."""
+        """Remove all rows of a recording or flight with their tables."""
         for old in self._keys.pop(path, ()):
             self._remove(old)
 

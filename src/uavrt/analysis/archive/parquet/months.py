@@ -58,7 +58,7 @@ class Copy(msgspec.Struct, frozen=True):
 
     seal: Seal
     keys: list[str] = []  # a struct copies it
-    """Names without ending of the files whose rows were copied."""
+    """Names of the files whose rows were copied, without extension."""
 
 
 Index = dict[str, Copy]
@@ -95,7 +95,7 @@ def gather_months(
 
 
 def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str, str]]:
-    """Read the index of copies, checking all if `thorough`, and why some cannot be used.
+    """Read the index of usable copies, and by path the reason why others cannot be used.
 
     With `thorough` all copies are read; otherwise sizes and times are compared.
     """
@@ -168,7 +168,7 @@ def in_duckdb(query: Callable[["duckdb.DuckDBPyConnection"], T], **limits: str) 
 
 
 def _end_during_query(thread: Thread) -> None:
-    """End the program while a DuckDB function runs; a normal interpreter exit would abort."""
+    """Exit at once if a query still runs; a normal interpreter exit would crash in DuckDB."""
     if thread.is_alive():
         sys.stdout.flush()
         os._exit(128 + signal.SIGINT)

@@ -40,8 +40,8 @@ class RecordingRow:
     flight: str
     fingerprint: str
     state: str
-    """done, truncated (used up to its fault), failed (no pulse counts) or recorded (the
-    pulses are those that the flight itself found)."""
+    """``done``, ``truncated`` (damaged, searched up to the fault), ``failed`` (no pulse counts)
+    or ``recorded`` (not searched: pulses as detected in flight)."""
     fault: str | None = None
     start_time_ns: int | None
     length_s: float | None = None
@@ -92,7 +92,7 @@ class FlightRow:
     integrate_fault: str | None = None
     """Reason why whole-flight analysis failed for some tags."""
     fingerprints: str = ""
-    """Keys of the inputs of each step, as STEP=KEY with commas between."""
+    """Hash of each processing step's inputs, as STEP=HASH separated by commas."""
     copies: str = ""
     """Directories with copies of the flight, one per line; their data are in no table."""
 
@@ -104,7 +104,7 @@ class PoseRow:
     recording: str
     tag_id: int
     start_time_ns: int
-    """Start of the pulse [ns]; identifies it together with tag and rate."""
+    """Start of the pulse [ns]; recording, tag and start join it to the table of pulses."""
     time_ns: int
     latitude_deg: float
     longitude_deg: float
@@ -198,7 +198,7 @@ def need_pyarrow() -> None:
 def schema_of(record: type, *, flight: bool = False) -> "pa.Schema":
     """Parquet schema of a record type, with times also as timestamps (``start_utc``).
 
-    Pulses also get recording and cell. `flight` adds the flight's name to rows without it.
+    Pulses also get columns for recording and cell; `flight` adds a column for the flight.
     """
     import pyarrow as pa
 

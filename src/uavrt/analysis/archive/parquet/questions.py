@@ -76,7 +76,7 @@ def ask(archive: Path, question: str) -> "pa.Table":
     FormatError
         No batch has written there, or a file is damaged.
     UsageError
-        The query is wrong, or the extra is missing.
+        The query is wrong, or the extra ``uavrt[batch]`` is missing.
     """
     for name in KEPT:
         if question == QUESTIONS[name] and (kept := kept_answer(archive, name)) is not None:
@@ -180,7 +180,7 @@ def kept_answer(archive: Path, name: str) -> Path | None:
 
 
 def _place(archive: Path, name: str) -> str:
-    """Path of a cached result's file, named after the content of all pulse files."""
+    """Path of a cached result below the archive, with a hash of the pulse files in its name."""
     whole = archive.absolute()
     said = f"{source_of(whole, PULSES)} {SCHEMA_VERSION}".replace(str(whole), "")
     state = hashlib.sha256(said.encode()).hexdigest()[:16]
@@ -188,7 +188,7 @@ def _place(archive: Path, name: str) -> str:
 
 
 def _make_views(connection: "duckdb.DuckDBPyConnection", archive: Path, question: str) -> None:
-    """Define the tables that a query names, as listing thousands of files takes time."""
+    """Define a view for each table in a query's text; listing the files of all takes long."""
     asked = question.lower()
     whole: dict[str, type] = {RECORDINGS: RecordingRow, FLIGHTS: FlightRow}
     for file, record in whole.items():

@@ -56,7 +56,7 @@ def write_note(path: Path, content: bytes) -> None:
 
 
 def read_note(path: Path) -> bytes:
-    """Read a file of `write_note`; raises `OSError`, or `FormatError` if damaged."""
+    """Content of a file that `write_note` wrote; raises `OSError`, `FormatError` if damaged."""
     digest, _, content = read_file(path, ARCHIVE_NOTE).partition(b"\n")
     if digest != _digest(content).encode():
         raise FormatError(f"{path} is damaged: the digest does not match the content")

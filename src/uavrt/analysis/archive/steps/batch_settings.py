@@ -23,7 +23,7 @@ class BatchSettings:
     lead_in_s: float = LEAD_IN_S
     workers: int = 1
     scheduler: str | None = None
-    """Address of a Dask cluster; None: this machine's cores."""
+    """Address of a Dask scheduler, such as tcp://HOST:PORT; None: this machine's cores."""
     verify: bool = False
     """True to read all earlier output, and compute damaged parts again."""
     placing: PlacingSettings = field(default_factory=PlacingSettings)
@@ -50,9 +50,9 @@ class BatchWatch:
     should_stop: Callable[[], bool] = lambda: False
     """Returns true to end the run; the next run continues it."""
     on_stage: Callable[[str, int], None] = lambda _name, _total: None
-    """Receives the name of the next stage, and its total amount of work."""
+    """Receives the next stage and its size: ``detecting`` (samples), ``placing`` (flights)."""
     on_done: Callable[[int], None] = lambda _amount: None
-    """Receives the amount of work done since its last call."""
+    """Receives the samples or flights done since its last call."""
     on_row: Callable[[RecordingRow | FlightRow], None] = lambda _row: None
     on_kept: Callable[[str, str], None] = lambda _name, _fault: None
     """Receives each recording and flight that is not reachable now, and the reason; earlier
@@ -60,7 +60,7 @@ class BatchWatch:
     on_damage: Callable[[str, str], None] = lambda _name, _fault: None
     """Receives each missing or damaged output file, and the reason; it is made again."""
     on_wait: Callable[[str], None] = lambda _text: None
-    """Receives what the run waits for, and what to do."""
+    """Receives a message for the user: what the run waits for, and the remedy."""
     on_origin: Callable[[str, str], None] = lambda _name, _origin: None
     """Receives each recording without a start time of its own, and the source used instead."""
 

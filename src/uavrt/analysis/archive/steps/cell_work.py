@@ -36,7 +36,7 @@ class CellResult(msgspec.Struct, frozen=True, kw_only=True):
     searched: bool = False
     """True if at least one sample of the cell was searched."""
     fault: str | None = None
-    """Reason why the cell ends early, or has no result."""
+    """Reason why the search stopped before the cell's end or failed; None if complete."""
     unreachable: bool = False
     """True if the samples could not be reached, so that the next run tries again."""
 
@@ -51,7 +51,7 @@ class CellTask:
     frequency_window_hz: float
 
     def packed(self) -> "CellTask":
-        """The task itself, since a worker reads the samples from their file."""
+        """Return the task unchanged: the worker reads the samples from the recording."""
         return self
 
     def failed(self, fault: str) -> CellResult:
@@ -122,7 +122,7 @@ def keep_cell(directory: Path, result: CellResult) -> None:
 
 
 def kept_cell(directory: Path, number: int) -> CellResult | None:
-    """Read a cell's saved result; None if the cell must be searched, or searched again."""
+    """Read a cell's saved result; None if it is missing or damaged."""
     try:
         content = read_note(directory / str(number))
         result = msgspec.msgpack.decode(content, type=CellResult)
@@ -143,7 +143,7 @@ def _chain(task: CellTask, source: RecordingSource) -> DetectionChain:
 
 
 def _gone(task: CellTask, error: UavrtError) -> bool:
-    """True if the samples cannot be reached now; false for a bad sector of a disk."""
+    """True if the samples are unreachable for now; false if they are lost (bad disk sector)."""
     if not out_of_reach(error):
         return False
     cause = error.__cause__
@@ -157,7 +157,7 @@ def _gone(task: CellTask, error: UavrtError) -> bool:
 
 
 def _counts(cell: Cell, pulse: Pulse) -> bool:
-    """True unless a pulse ends before the cell's own time begins."""
+    """False for a pulse that ends in the cell's lead-in: the cell before it counts that one."""
     return cell.begin_ns is None or pulse.end_time_ns >= cell.begin_ns
 
 

@@ -44,7 +44,7 @@ class RunMarker:
         write_atomically(self._path, self._run, sync=False)
 
     def should_stop(self) -> bool:
-        """True if the run has ended."""
+        """True if the file is gone or names another run, so that the worker must stop."""
         now_s = time.monotonic()
         if now_s - self._read_s >= _LOOK_S and not self._stop:
             self._read_s = now_s

@@ -49,7 +49,7 @@ class _Job:
 
 
 class Detecting:
-    """Plans detection tasks and collects results; `ledger` has the finished recordings."""
+    """Plans the detection tasks of recordings that `ledger` lacks, and collects results."""
 
     def __init__(
         self,
@@ -67,11 +67,11 @@ class Detecting:
         self.keys: dict[Path, str] = {}
         """Hash of content, tags and settings of each recording that can be opened, by path."""
         self.kept: dict[str, str] = {}
-        """Reason for each recording that is not reachable now; its earlier results stay."""
+        """Why a recording is not reachable now, by its name; its earlier results stay."""
         self.done_before = 0
         self.tasks: list[CellTask] = []
         self.dated_by_file: dict[str, str] = {}
-        """Warning for each recording that is dated only by its file's time."""
+        """Warning, by name, for each recording whose start is taken from its file's time."""
 
     def plan(self, recording: Recording) -> RecordingRow | None:
         """Add the tasks of a recording; returns the finished row if there are none."""
@@ -104,7 +104,7 @@ class Detecting:
         return row
 
     def _take_known(self, recording: Recording) -> bool:
-        """Use earlier results of a recording, with any settings; false if there are none."""
+        """Reuse the last results of a recording that is not searched now; false if none."""
         known = self._ledger.of(recording.name)
         if known is not None:
             self.keys[recording.path] = known.fingerprint

@@ -42,11 +42,11 @@ from uavrt.localization.antenna import MONOPOLE
 
 R = TypeVar("R")
 TABLE_OF = {"bearing": BEARINGS, "localize": POSITIONS, "integrate": INTEGRATED}
-"""Table of each step whose earlier results can stay while other steps run again."""
+"""Output table of each step that can be skipped while other steps run again."""
 
 
 class Placing:
-    """Plans the tasks of flights and collects their results."""
+    """Plans one task for each flight to estimate, and stores the results."""
 
     def __init__(
         self,
@@ -62,7 +62,7 @@ class Placing:
         self._plans: list[_Plan] = []
         self._copies: dict[str, set[str]] = {}
         self.kept: dict[str, str] = {}
-        """Reason for each flight that is not reachable now; its earlier results stay."""
+        """Why a flight is not reachable now, by its name; its earlier results stay."""
         self.done_before = 0
 
     def plan(self, found: Found, keys: Mapping[Path, str], copies: Mapping[Path, Path]) -> None:
@@ -99,7 +99,7 @@ class Placing:
         return Searched(recording=row.path, file=file)
 
     def _taken_away(self, found: Found) -> Iterator[tuple[Path, RecordingRow]]:
-        """Searched recordings of flights that no longer exist, but whose pulses remain."""
+        """Flight directory and row of deleted recordings whose pulses are still stored."""
         flights, there = set(found.flights), {one.name for one in found.recordings}
         for row in self._recordings.rows:
             if row.state in ("done", "truncated") and row.path not in there:
@@ -140,7 +140,7 @@ class Placing:
         return self._recordings.done(recorded_key(task)) is not None
 
     def finish(self, number: int, result: FlightResult) -> FlightRow | None:
-        """Write a flight's results; without a result the earlier ones stay."""
+        """Write a flight's results; returns its row, or None if earlier results stay."""
         plan = self._plans[number]
         if result.failed:
             return self._kept_or_failed(plan.task, result)
@@ -186,7 +186,7 @@ class Placing:
         return {name: write_rows(self._output / name, record, rows, task.flight)}
 
     def _settle_recorded(self, task: FlightTask, result: FlightResult) -> None:
-        """Keep a flight's own recorded pulses, unless a recording of it was searched."""
+        """Write the pulses detected in flight, or drop them if a recording was searched."""
         if result.recorded is None:
             self._recordings.drop(task.path)
             return
@@ -218,13 +218,13 @@ class _Plan:
 
     task: FlightTask
     keys: Mapping[str, str]
-    """Input keys of all steps, for an antenna with a pattern."""
+    """Hash of each step's inputs, by step, for a directional antenna."""
     whip_keys: Mapping[str, str]
     before: FlightRow | None
     kept: tuple[str, ...]
 
     def keys_with(self, antenna: str) -> dict[str, str]:
-        """Input keys of the steps, for the antenna that was used."""
+        """Hash of each step's inputs, by step, for the antenna pattern that was used."""
         keys = self.whip_keys if antenna == MONOPOLE else self.keys
         return {step: keys[step] for step in (*self.task.steps, *self.kept)}
 
@@ -232,7 +232,7 @@ class _Plan:
 def _planned(
     task: FlightTask, before: FlightRow | None, *, again: bool = False
 ) -> _Plan | None:
-    """Select the steps whose inputs changed; None if there are none and poses may stay."""
+    """Plan the steps whose inputs changed; None if all results are up to date."""
     keys, whip_keys = step_keys(task)
     done = {} if before is None else read_keys(before.fingerprints)
     antenna = task.settings.antenna or (before.antenna if before is not None else "")

@@ -67,7 +67,7 @@ class Searched:
     recording: str
     file: Path
     pulses: tuple[Pulse, ...] = ()
-    """Pulses of the recording; loaded only when a worker receives the task."""
+    """Pulses of the recording; empty until `FlightTask.packed` loads them for a worker."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,7 +140,7 @@ class FlightTask:
 
 
 def _gone(task: FlightTask, error: Exception) -> bool:
-    """True if the flight is not reachable; the error alone does not always show it."""
+    """True if the flight's files cannot be read now, whatever the kind of `error`."""
     if isinstance(error, OSError):
         return True
     read = FlightLayout(Path(task.path)).database if task.is_flight else task.track
@@ -191,7 +191,7 @@ def _place(task: FlightTask) -> FlightResult:
 def _integrated(
     task: FlightTask, flight: Flight, antenna: str
 ) -> tuple[tuple[IntegratedVerdict, ...], str | None]:
-    """Whole-flight verdicts of the tags with recorded channels, and the errors of others."""
+    """Whole-flight results of tags with a recorded channel; errors as text, None without."""
     from uavrt.analysis.inputs.flown_with import antenna_is_recorded
     from uavrt.analysis.integrated.hindsight import verdict_of
     from uavrt.analysis.whole_flights.judged_flights import JudgeAs
@@ -219,7 +219,7 @@ def _integrated(
 
 
 def _attached(task: FlightTask) -> tuple[Flight | None, tuple[PulsePose, ...], float | None]:
-    """Attach poses; returns the flight if there is one, its pulses, and the clock offset."""
+    """Give the pulses poses; returns the flight or None, its pulses, and clock offset [s]."""
     pulses = [pulse for one in task.searched for pulse in one.pulses]
     if task.is_flight:
         flight = read_flight(task.path)

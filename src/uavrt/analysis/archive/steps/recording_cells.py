@@ -18,11 +18,11 @@ LEAD_IN_S = 120.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
-    """Part of a recording that is searched separately; limits are samples of the file."""
+    """Part of a recording that is searched separately, as a range of samples in the file."""
 
     number: int
     lead_in: int
-    """Number of the first sample to read, before the cell's own time."""
+    """Index in the file of the first sample to read, before pulses count (see `begin_ns`)."""
     end: int
     begin_ns: int | None
     """Start of the time in which pulses count [ns]; None: the recording's first sample."""

@@ -1,4 +1,4 @@
-"""Keys of each step's inputs, so that a step runs again only if its inputs changed."""
+"""Hash the inputs of each step, so that a step runs again only if its inputs changed."""
 
 import hashlib
 import os
@@ -18,7 +18,7 @@ PLACING_STEPS = ("attach", "bearing", "localize")
 
 
 def step_keys(task: FlightTask) -> tuple[dict[str, str], dict[str, str]]:
-    """Keys of all inputs of a flight's steps, for an antenna with a pattern and a monopole.
+    """Input hashes of a flight's steps, by step: for a directional antenna, for a monopole.
 
     They depend on the flight's present files, its pulses and the settings.
     """
@@ -47,32 +47,32 @@ def step_keys(task: FlightTask) -> tuple[dict[str, str], dict[str, str]]:
 
 
 def recorded_key(task: FlightTask) -> str:
-    """Key of the pulses that a flight recorded; raises `OSError` if not reachable."""
+    """Hash of the files with a flight's pulses; raises `OSError` if not reachable."""
     return _hashed([task.path], flight_files(task))
 
 
 def key_of(path: str, keys: Mapping[str, str]) -> str:
-    """Key of a flight, computed from the keys of its steps."""
+    """Hash of a flight's path and of the input hashes of its steps."""
     return _hashed([path, sorted(keys.items())], [])
 
 
 def tags_as_read(tags: Iterable[Tag]) -> list[str]:
-    """Tags without their names, which no result depends on."""
+    """Sorted texts of tags, for a hash; names are left out, since no result depends on them."""
     return sorted(repr(replace(tag, name=None)) for tag in tags)
 
 
 def written(keys: Mapping[str, str]) -> str:
-    """Write keys as text for a table column, for `read_keys`."""
+    """Encode hashes by step as STEP=HASH, separated by commas; `read_keys` reverses it."""
     return ",".join(f"{step}={key}" for step, key in sorted(keys.items()))
 
 
 def read_keys(text: str) -> dict[str, str]:
-    """Read the text of keys that `written` made."""
+    """Decode STEP=HASH text that `written` made; hashes by step."""
     return dict(one.split("=", 1) for one in text.split(",") if "=" in one)
 
 
 def flight_files(task: FlightTask) -> list[Path]:
-    """Files on which a flight's results depend."""
+    """Files with a flight's pulses and poses: database, write-ahead log, separate track."""
     layout = FlightLayout(Path(task.path))
     track = [] if task.track is None else [task.track]
     return [layout.database, layout.write_ahead_log, *track]

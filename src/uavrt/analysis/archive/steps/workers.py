@@ -70,7 +70,7 @@ def run_tasks(
 
 @dataclass(frozen=True, slots=True)
 class Unfinished:
-    """Numbers of unfinished tasks: not started, and to be tried alone after a crash."""
+    """Indices of tasks that were not started, and of those in progress at a worker's crash."""
 
     undone: list[int]
     interrupted: list[int]
@@ -80,7 +80,7 @@ class Workers(Protocol):
     """Interface of a pool of workers."""
 
     def at_once(self) -> int:
-        """Number of tasks to submit at a time."""
+        """Number of tasks that may be submitted and unfinished at a time."""
 
     def submit(self, task: Task[R]) -> "Future[R | None]":
         """Submit a task to a worker."""
@@ -89,7 +89,7 @@ class Workers(Protocol):
         """Result of a finished task; raises BrokenProcessPool if a worker crashed."""
 
     def done(self) -> int:
-        """Amount of work done by all workers."""
+        """Total of the amounts that tasks have passed to `on_done`, over all workers."""
 
 
 def run_in_pool(
@@ -141,7 +141,7 @@ def run_in_pool(
 
 
 def submitted(task: Task[R], pool: Workers) -> "Future[R | None]":
-    """Pack a task and submit it; if packing fails, the task has failed."""
+    """Submit a task with its data; if these cannot be loaded, its result is a failure."""
     try:
         return pool.submit(task.packed())
     except UavrtError as error:
@@ -197,7 +197,7 @@ _shared: list[Any] = []
 
 
 def _begin(done: Any) -> None:
-    """Prepare a worker process: ignore Ctrl-C, and end with the parent."""
+    """Prepare a worker process: ignore Ctrl-C, and exit when the parent process ends."""
     die_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _shared[:] = [done]
@@ -216,7 +216,7 @@ def _work(task: Task[R]) -> R | None:
 def run_here(
     task: Task[R], should_stop: Callable[[], bool], on_done: Callable[[int], None]
 ) -> R | None:
-    """Pack a task and run it in this process."""
+    """Load a task's data and run it in this process; None if stopped before the end."""
     try:
         packed = task.packed()
     except UavrtError as error:
@@ -227,7 +227,7 @@ def run_here(
 def run_safely(
     task: Task[R], should_stop: Callable[[], bool], on_done: Callable[[int], None]
 ) -> R | None:
-    """Run a task; an unexpected error fails the task, not the run."""
+    """Run a task; an unexpected error makes its result a failure, and the run continues."""
     try:
         return task.work(should_stop, on_done)
     except (MemoryError, ArithmeticError, LookupError, TypeError, ValueError) as error:
