@@ -172,7 +172,7 @@ def compatible_candidates(tags: Floats, spacing: float, channel_count: int) -> F
 def _candidates(
     tags: Floats, spacing: float, low: float, high: float, dc_guard: float, image_guard: float
 ) -> Floats:
-    """Grid and kinks of a cost in [low, high], among which the best choice lies [whole Hz].
+    """Radio frequencies in [low, high] among which the best choice lies [whole Hz].
 
     A grid, and the points where a cost has its kinks: tags on a channel centre (the mean offset
     is piecewise linear), at the edge of a guard, at the start of a shoulder.

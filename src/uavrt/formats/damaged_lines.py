@@ -56,7 +56,7 @@ def passed_over(name: str, lines: int, first: int, error: object) -> str:
 
 
 def reason_of(error: object) -> tuple[str, str | None]:
-    """Reason why a line is wrong, followed by the remedy if the error has one."""
+    """Reason why a line is wrong, and the remedy (None if the error has none)."""
     if isinstance(error, OffEarthError):
         return str(error), error.remedy
     return str(error), None

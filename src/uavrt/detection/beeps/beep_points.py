@@ -42,7 +42,7 @@ class Points:
         )
 
     def moved(self, times_s: NDArray[np.float64], center_hz: float = 0.0) -> "Points":
-        """Copy with other times and absolute frequencies, sorted by time again."""
+        """Copy with new times, and `center_hz` added to frequencies; sorted by time."""
         order = np.argsort(times_s, kind="stable")
         moved = Points(times_s, self.frequencies_hz + center_hz, self.widths_s, self.levels_db)
         return moved.take(order)
@@ -53,15 +53,15 @@ NO_POINTS: Final = Points(*np.zeros((4, 0)))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Levels:
-    """Power of the cells of a spectrogram, over that usual at their frequency.
+    """Levels of spectrogram cells: power relative to the usual power at their frequency.
 
-    Few cells are needed as levels, so the others are not scaled.
+    Only the few levels that are read are computed.
     """
 
     power: NDArray[np.float32]
-    """(frames, bins)"""
+    """(frames, bins) power before scaling."""
     scale: NDArray[np.float32]
-    """(bins,) one over the usual power."""
+    """(bins,) inverse of the usual power."""
 
     def around(
         self, row: NDArray[np.intp], column: NDArray[np.intp], rows: range, columns: range
@@ -113,7 +113,7 @@ class PointSearch:
         self._held_samples = 0
         self._found: list[NDArray[np.float64]] = []
         self.dropped = 0
-        """Number of strong cells not examined because there were too many at once."""
+        """Number of strong spectrogram cells not examined, because too many came at once."""
 
     def process(self, samples: NDArray[np.complex64]) -> None:
         """Process the next samples of the stream; none may be missing in between."""
@@ -150,7 +150,7 @@ class PointSearch:
         return self.found()
 
     def found(self, since_s: float = 0.0) -> Points:
-        """Return the points found so far, and drop those before `since_s`."""
+        """Return the points found since `since_s` [s]; earlier ones are deleted."""
         rows = np.concatenate(self._found) if self._found else np.zeros((0, 4))
         rows = rows[rows[:, 0] >= since_s]
         self._found = [rows]
@@ -174,7 +174,7 @@ class PointSearch:
     def _candidates(
         self, levels: "_Levels", first: int, until: int
     ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]]:
-        """Cells above the threshold: frame, frequency, and power over that of the segment."""
+        """Frame, bin and level, over the segment's median, of cells above the threshold."""
         bins = levels.power.shape[1]
         segments = max(1, bins // POINTS.segment_bins)
         places = []

@@ -187,7 +187,7 @@ def _burst_share(times_s: NDArray[np.float64], span_s: float) -> float:
 
 
 def _centers(points: Points, fewest: int) -> list[float]:
-    """Frequencies around which most points lie, those with the strongest points first."""
+    """Frequencies [Hz] with at least `fewest` points around them, the strongest first."""
     if len(points) < fewest:
         return []
     low_hz = float(points.frequencies_hz.min()) - 2.0 * TRAINS.gather_hz
@@ -236,7 +236,7 @@ def _with_doubt(trains: list[Train], here: Points, used: NDArray[np.bool_]) -> l
 
 
 def _with_images(trains: list[Train], receiver: Receiver) -> list[Train]:
-    """Mark trains that coincide with stronger ones; drop those close to them in frequency."""
+    """Mark images of stronger simultaneous trains; drop images close to the original."""
     kept: list[Train] = []
     for train in trains:
         others = [one for one in kept if one.image_of_hz is None]

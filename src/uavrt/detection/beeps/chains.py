@@ -52,7 +52,7 @@ def chain_with_switches(
 def _best_chain(
     times_s: NDArray[np.float64], intervals_s: tuple[float, ...], hole: float
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Pulses of the best chain, and the interval before each pulse except the first."""
+    """Indices of the best chain's pulses, and of the interval before each but the first."""
     count, rates = times_s.size, len(intervals_s)
     score = np.ones((count, rates))
     before = np.full((count, rates), -1, dtype=np.intp)  # burst · rates + rate

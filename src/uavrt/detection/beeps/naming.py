@@ -27,8 +27,8 @@ def name_trains(
 ) -> list[Beep]:
     """Identify trains as listed tags, their images, or unlisted senders.
 
-    `trains`: at absolute frequencies. `center_hz`: the radio's, the mirror if I and Q are
-    swapped.
+    `trains`: at absolute frequencies. `center_hz`: radio frequency, to recognise tags mirrored
+    about it because I and Q are swapped; None: not checked.
     """
     named = [_name(train, tags, frequency_window_hz, start_ns) for train in trains]
     listed_ids = _listed_ids(named)

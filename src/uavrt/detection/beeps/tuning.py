@@ -8,7 +8,7 @@ class PointTuning:
     """Constants for finding single pulses in a band."""
 
     window_s: float = 0.016
-    """Length of the Hann window [s]; the loss is 3 to 5 dB for pulses of 2.5, 20 and 30 ms."""
+    """Length of the Hann window [s]; pulses of 2.5, 20 and 30 ms lose 3 to 5 dB by it."""
     hop_s: float = 0.008
     """Step from one window to the next [s]."""
     batch_s: float = 2.0
@@ -55,18 +55,18 @@ class IntervalTuning:
     most_false: float = 1e-4
     """Maximum expected number of equally good chains from noise in the recording."""
     tolerance_s: float = 0.022
-    """Maximum deviation of a pulse from its expected time [s]: 20 ms jitter, and our error."""
+    """Maximum deviation of a pulse from its expected time [s]: 20 ms jitter and 2 ms error."""
     most_missing: int = 6
     """Maximum number of consecutive missing pulses in a chain."""
     # Costs in a chain, relative to the value of a pulse. At `switch_cost` a stretch with every
     # second pulse missing counts as another rate from five or six pulses on at an end of the
     # recording, and from eight or nine in its middle.
     missing_cost: float = 0.3
-    """Cost of a missing pulse if the tag has one rate [values of a pulse]."""
+    """Cost of a missing pulse if the tag has one rate [found pulses]."""
     missing_or_switch_cost: float = 0.5
-    """Cost of a missing pulse if the tag may have changed rate [values of a pulse]."""
+    """Cost of a missing pulse if the tag may have changed rate [found pulses]."""
     switch_cost: float = 2.0
-    """Cost of a change of interval in a chain [values of a pulse]."""
+    """Cost of a change of interval in a chain [found pulses]."""
     recent_pulses: int = 40
     """Number of recent pulses over which the running interval is averaged."""
 
@@ -126,7 +126,7 @@ class NamingTuning:
     reach_ppm: float = 70.0
     """Maximum frequency error of a dongle without temperature-compensated crystal [ppm]."""
     edge_hz: float = 30.0
-    """Error of a train's frequency, and of the edge of a window [Hz]."""
+    """Tolerance for a train's frequency at the edge of a tag's search window [Hz]."""
     code_hz: float = 1000.0
     """Maximum distance of a coded tag's pulses from its nominal frequency [Hz]."""
     mirror_share: float = 0.25
@@ -164,17 +164,17 @@ class ListeningTuning:
     """Times and limits for searching a stream for unlisted senders."""
 
     tags_band_s: tuple[float, float, float] = (60.0, 20.0, 90.0)
-    """Search of the tags' band of a recording: first time, time per period, period [s]."""
+    """Time searched in the tags' band of a recording: at first, per period; period [s]."""
     tags_band_live_s: tuple[float, float, float] = (60.0, 90.0, 90.0)
-    """Search of the tags' band of a live stream: first time, time per period, period [s]."""
+    """Time searched in the tags' band of a live stream: at first, per period; period [s]."""
     wide_hz: float = 800e3
     """Sample rate above which the tags' band is too expensive to be searched always [Hz]."""
     wide_live_s: float = 30.0
     """Maximum time per period in which a wide band of the tags is searched [s]."""
     whole_band_s: tuple[float, float, float] = (20.0, 20.0, 300.0)
-    """Search of the radio's wider band: first time, time per period, period [s]."""
+    """Time searched in the radio's wider band: at first, per period; period [s]."""
     whole_band_live_s: tuple[float, float, float] = (40.0, 20.0, 540.0)
-    """Search of the wider band of a live stream: first time, time per period, period [s].
+    """Time searched in the wider band of a live stream: at first, per period; period [s].
     Of pulses of 15 dB every 2 s, 40 s surely contain `live_pulses` that are found."""
     live_cells: int = 4_000_000
     """Maximum number of cells searched at once in flight: 0.7 s at 3 MS/s, in 15 MiB."""

@@ -99,7 +99,7 @@ class Folds:
         }
 
     def note(self, first: int, count: int) -> None:
-        """Find seeds at the given columns; they wait until their sums are complete."""
+        """Find single bursts above a low level (seeds); store them until sums are due."""
         pulses = self._book.pulses
         seeds = find_seeds(
             *(self._cells, self._book, first, count),
@@ -212,7 +212,7 @@ class Folds:
         return bool(limited.sum() >= 0.965 * sums.sum() / max(one.score, 1.0))
 
     def _apart(self, hits: list[Found]) -> list[Found]:
-        """Select the best of hits with common pulses; add the tags of nearly equal hits."""
+        """Keep the best of finds that share pulses, with the tags of nearly equal ones."""
         chosen: list[Found] = []
         for one in sorted(hits, key=lambda hit: -hit.score):
             shared = [

@@ -18,7 +18,7 @@ class CellTuning:
     noise_pieces: int = 25
     """Number of pieces of samples whose medians give the noise: 10 s."""
     least_rise: float = 0.85
-    """Minimum noise as a share of the newest estimate, so that rising noise is no burst."""
+    """Minimum noise level as a share of the newest estimate; rising noise is then no burst."""
     kept_s: float = 130.0
     """Duration for which cells are stored, to sum several bursts [s]."""
     step_s: float = 0.4
@@ -41,7 +41,7 @@ class SumTuning:
     apart_columns: int = 4
     """Range in which a seed is the largest sum of its row and code [columns]."""
     most_cell: float = 10.0
-    """Largest value of a cell in a sum of several bursts [noise energies]."""
+    """Limit on the energy of a cell in a sum of several bursts [noise energies]."""
     # Mean cell of a seed. Three of four sums of bursts at the limit contain a cell of this
     # size; noise has few.
     seed_of_many: float = 3.5
@@ -53,7 +53,7 @@ class SumTuning:
     examined_share: float = 0.88
     """Share of the minimum sum above which a sum is refined."""
     clear_lead: float = 20.0
-    """Minimum excess over the sum of another code with the same pulses [noise energies]."""
+    """Lead over another code's sum of the same pulses that decides [noise energies]."""
     box_columns: int = 2048
     """Range within which waiting seeds are grouped [columns]."""
     same_columns: int = 10
@@ -148,7 +148,7 @@ class ShapeTuning:
     beside_amplitude: float = 0.6
     """Maximum amplitude next to a pulse's end, relative to the pulse, without noise."""
     end_widths: tuple[float, float] = (1.2, 3.2)
-    """Distances from a pulse, at one of which its energy must have ended [pulse widths]."""
+    """Two distances from a pulse; its energy must have ended at one of them [pulse widths]."""
     aside_s: float = 0.75e-3
     """Maximum deviation of a strong pulse from its expected time in the burst [s]. At 20 dB the
     flanks of a code matched one whose gaps differ by 4.5 ms in total."""
@@ -187,7 +187,7 @@ class IdentityTuning:
     wait_intervals: float = 2.2
     """Time for which an ambiguous burst waits for later ones [intervals]."""
     doubt_log: float = math.log(100.0)
-    """Missing evidence up to which a burst is reported, as unconfirmed [log]."""
+    """Maximum shortfall of evidence for a burst to be reported as unconfirmed [log]."""
     rows: int = 1
     """Maximum difference in frequency between bursts of one tag [rows]."""
     most_missed: int = 8

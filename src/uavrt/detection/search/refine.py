@@ -93,9 +93,9 @@ class Refiner:
         climb: bool = False,
         spread: float = math.inf,
     ) -> list[Measured] | None:
-        """Find pulses of one common frequency near expected starts; None without the samples.
+        """Find pulses of one frequency near expected starts; None: samples are not stored.
 
-        `climb`: follow a peak beyond the limits. `spread`: deviation of the starts [samples].
+        `climb`: search beyond a peak at the edge. `spread`: sigma of the starts [samples].
         """
         window, buffer = self._window, self._buffer
         lead = math.ceil(half_width)
@@ -189,7 +189,7 @@ class Refiner:
         return self._buffer.loses(start - near, start + near)
 
     def _weight(self, start: int) -> float:
-        """Factor that compensates lost samples in the power of a window; see `weights`."""
+        """Factor on a window's power that compensates its lost samples; 0: too many lost."""
         weights = self._buffer.weights(np.array([start]), self._window)
         return 1.0 if weights is None else float(weights[0])
 
@@ -201,7 +201,7 @@ class Refiner:
         half_band_hz: float,
         frequencies: int,
     ) -> tuple[NDArray[np.float64] | None, NDArray[np.int64]]:
-        """Matched-filter power (pulses, frequencies, starts), and shifts of the starts."""
+        """Matched-filter power (pulses, frequencies, starts) or None; shifts of `first`."""
         length = self._window + count - 1
         latest = self.upto - length
         if latest < self._buffer.start:

@@ -227,9 +227,9 @@ class EvidenceTuning:
     tested_k: int = 3
     """K of the groups that are tested."""
     factor_log: float = -3.7
-    """Log of the noise groups at a bound of one per set of pulse times, calibrated at K = 3."""
+    """Term of the minimum log evidence, from the number of noise groups measured at K = 3."""
     slope: float = 1.2
-    """Exponent of the inverse bound in the tail of noise, calibrated."""
+    """Factor on the log of the false-alarm probability in that minimum, calibrated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -49,7 +49,7 @@ class SparkLimiter:
         samples: NDArray[np.complex64],
         after: NDArray[np.complex64],
     ) -> None:
-        """Divide sparking new samples by the noise level, in place; see `Surroundings.of`."""
+        """Divide new samples by the noise level, in place, while noise comes in bursts."""
         self._steps += 1
         idle = not self.active and self._steps % SPARKS.check_every != 1
         if not self._filters or len(samples) <= 2 * self.reach or idle:

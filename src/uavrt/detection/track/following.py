@@ -58,7 +58,7 @@ class Follower:
         floor: float,
         around: Callable[[Track, Measured], BurstRates],
     ) -> None:
-        """Search for the next expected pulses of the tracks; drop ended tracks."""
+        """Follow tracks up to sample `upto`; drop ended ones. `settle`: called after each."""
         self._tracks = tracks
         self._around = around
         if not tracks:

@@ -162,9 +162,9 @@ class FollowTuning:
     trust_won: float = 4.0
     """Maximum gain of log odds by a pulse."""
     joint_trust: float = 6.0
-    """Log odds above which a weak pulse is accepted by its sum with others. Below, the sum
-    includes the pulses that began the track, the largest of many, and a third of noise
-    passed."""
+    """Log odds of a track above which a weak pulse is accepted by its sum with others. Below,
+    the sum includes the pulses that began the track: chosen as the largest of many, they let
+    a third of noise pass."""
     sure_trust: float = 10.0
     """Log odds above which the pulses of a track are certainly no bursts."""
     most_alone: int = 8
@@ -174,8 +174,8 @@ class FollowTuning:
     power_slope: float = 0.93
     power_start: float = -1.9
     more_cells: float = 5.0
-    """Factor on the number of cells for the largest noise in a window, where every sample and
-    frequency is examined, with interpolation. Measured on maxima of noise."""
+    """Factor on the number of independent cells in a window, as every sample and frequency is
+    examined, with interpolation. Measured on maxima of noise."""
     weakest_power: float = 3.0
     """Power below which a pulse is mostly noise and is not reported [noise powers]."""
     weakest_share: float = 0.35
@@ -205,7 +205,7 @@ class FollowTuning:
     past_pulses: int = 24
     """Number of past pulse times stored: more than three times the six slots of a track."""
     whole_power: float = 20.0
-    """Power below which a pulse may lack its middle samples [noise powers]."""
+    """Power below which a pulse near lost samples may have a break of phase [noise powers]."""
     broken_weight: float = 0.25
     """Weight of a measured frequency while samples are being lost: a phase break shifts it by
     up to 20 Hz, which once made pulses count as bursts."""
@@ -285,7 +285,7 @@ class SenderTuning:
     small_ratios: tuple[tuple[int, int], ...] = ((2, 1), (3, 1), (3, 2))
     """Ratios of two intervals at which common pulses fit both tags."""
     likely_odds: float = -6.0
-    """Log odds below which an unconfirmed track counts as bursts, and is hardly reported."""
+    """Log odds above which an unconfirmed track counts as a tag's, and not as bursts."""
     same_train_share: float = 2.0 / 3.0
     """Minimum share of common pulses in two tracks of one train; less is a collision."""
     foreign_share: float = 2.0 / 3.0

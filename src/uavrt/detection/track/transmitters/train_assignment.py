@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 
 def parts(able: Sequence[Mapping[int, float]]) -> list[list[int]]:
-    """Find the connected groups of trains that compete for tags, by their indices."""
+    """Group trains, by index, that compete for tags; `able`: value of each tag, by train."""
     trains_of: dict[int, list[int]] = {}
     for at, worth in enumerate(able):
         for to in worth:
@@ -41,7 +41,7 @@ def parts(able: Sequence[Mapping[int, float]]) -> list[list[int]]:
 
 
 def best_assignment(able: Sequence[Mapping[int, float]]) -> list[int | None]:
-    """Assign trains to tags with the largest sum of `able` values; None: no tag."""
+    """Tag of each train (None: none), with the largest sum of the values in `able`."""
     made = _AssignmentSoFar(able)
     for start in range(len(able)):
         made.add(start)
@@ -111,7 +111,7 @@ class _AssignmentSoFar:
 def losses(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None]
 ) -> list[dict[int, float]]:
-    """Loss of value if a train is assigned to another tag than the best one."""
+    """For each train, loss of total value if it got each other tag; 0 for its own."""
     owner = {to: at for at, to in enumerate(chosen) if to is not None}
     back = _path_losses(able, chosen, owner)
     free = len(able)
@@ -131,7 +131,7 @@ def losses(
 def _path_losses(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None], owner: Mapping[int, int]
 ) -> NDArray[np.float64]:
-    """Minimum loss from a train that lost its tag to a tag that is freed.
+    """Least loss of value, by train deprived of its tag and train whose tag is freed.
 
     The last row and column stand for unassigned tags and for trains without a tag.
     """

@@ -32,9 +32,9 @@ from uavrt.detection.track.transmitters.trains import (
 from uavrt.detection.track.tuning import BOUNDS, SENDERS
 
 _Properties = tuple[float, float, float, tuple[tuple[int, bool], ...]]
-"""Interval, its deviation, frequency, and the detectors that follow a train."""
+"""A train's interval [s], its deviation [s], frequency [Hz], and following detectors."""
 _Assignment = tuple[int, int, tuple[int, ...], bool]
-"""Index of a train, its tag, other possible tags, and True if all its group is confirmed."""
+"""Index of a train, its tag, other possible tags, and True if all competitors are confirmed."""
 
 
 def interval_separation(one: Tag, two: Tag) -> "IntervalSeparation":
@@ -328,7 +328,7 @@ class Senders(Generic[H]):
         return sorted(near, key=lambda detector: detector.tag.tag_id)
 
     def _assign_tentative(self, train: Train[H], owned: dict[int, bool]) -> None:
-        """Assign an uncertain train to the likeliest tag that has no train."""
+        """Assign an unconfirmed train to the likeliest tag not in `owned`."""
         likely = {h.tag.tag_id: self._likelihood(train, h) for h, _ in train.tracks}
         free = {i: v for i, v in likely.items() if i not in owned and v > -math.inf}
         if not free:

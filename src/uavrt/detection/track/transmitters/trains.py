@@ -46,7 +46,7 @@ class FollowingDetector(Protocol):
         """Half-width of the detector's search [Hz]."""
 
     def report(self, track: Track) -> None:
-        """Report the pulses of a track, unless the track is held back."""
+        """Report a track's pulses, unless it is doubtful or another track is the tag's."""
 
 
 H = TypeVar("H", bound=FollowingDetector)
