@@ -19,7 +19,7 @@ class DamagedLines:
         self._faults: list[tuple[int, Exception]] = []
 
     def add(self, number: int, reason: Exception) -> None:
-        """Add a line that is not a pulse, with the reason."""
+        """Add an unreadable line by its number, with the reason."""
         self._faults.append((number, reason))
 
     def report(self, good: int) -> None:

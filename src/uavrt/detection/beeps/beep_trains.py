@@ -1,4 +1,4 @@
-"""Sort points into trains of pulses, each of one sender.
+"""Sort detected pulses (points) into trains, each of one sender.
 
 Points of one frequency vote with their time differences for an interval (`beats`). A train is
 refused if its pulses do not agree in frequency, since chance and voice make such trains. It is
@@ -67,13 +67,13 @@ class Train:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Searched:
-    """Trains among the points of one frequency, kept until enough of its points are new."""
+    """Trains at one frequency of a live stream, kept until enough further pulses arrive."""
 
     frequency_hz: float
     until_s: float
-    """Time of the last point [s]."""
+    """Time of the last pulse that was searched [s]."""
     points: int
-    """Number of points."""
+    """Number of pulses that were searched."""
     trains: list[Train]
     burst: tuple[float, float] | None
     """Share of the points in bursts, and their frequency [Hz]; None without bursts."""
@@ -108,7 +108,7 @@ class Searched:
 def find_trains(
     points: Points, span_s: float, receiver: Receiver, searched: list[Searched] | None = None
 ) -> tuple[list[Train], list[float]]:
-    """Find all trains among points.
+    """Find all trains among detected pulses.
 
     `receiver`: the radio's centre, on the scale of the points' frequencies, and its rate.
     `searched`: results of the last call for the same live stream, replaced by those of this

@@ -86,7 +86,7 @@ def _name(train: Train, tags: Sequence[Tag], window_hz: float, start_ns: int) ->
 
 
 def _finished(one: Beep, listed_ids: set[int], named: Sequence[Beep]) -> Beep:
-    """Remove ids of tags found at their own frequency; add ids of the tag behind an image."""
+    """Drop possible tags found at their own frequency; give an image its original's tags."""
     if one.kind is BeepKind.IMAGE:
         for other in named:
             if other.frequency_hz == one.image_of_hz:

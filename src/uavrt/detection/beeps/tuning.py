@@ -80,7 +80,7 @@ class TrainTuning:
     step_hz: float = 25.0
     """Width of the steps in which points are counted by frequency [Hz]."""
     fewest_held: int = 30
-    """Minimum number of pulses at an interval that is kept while the pulses continue it."""
+    """Minimum number of pulses for an interval to be kept while further pulses continue it."""
     renewing_ratio: float = 3.0
     """Minimum ratio of new to old points at one frequency for it to be searched again."""
     renewing_share: float = 0.125

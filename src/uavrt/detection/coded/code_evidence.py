@@ -1,8 +1,8 @@
 """Compute the evidence that the pulses at the positions of a listed code are that code's.
 
 The listed code, whose pulses are equally strong, is compared with noise. It is also compared
-with an unlisted one that has some pulses there by chance. An unlisted code explains all
-positions but one at the price of the coincidences; that position must show a pulse by itself.
+with an unlisted code that has pulses at some of these positions by chance, each with a small
+probability, but never at all: the listed code must show a pulse at the remaining one, too.
 """
 
 import math

@@ -2,7 +2,7 @@
 
 A burst is the noncoherent sum of the cells of its pulses at the gaps of its code. The tag's
 crystal stretches all gaps alike, so a few stretches are tried. Several bursts are summed at the
-burst interval around a seed, a sum that stands out; nearly always one of three bursts has one.
+burst interval around a seed: a burst whose sum stands out, as one of three nearly always does.
 """
 
 from dataclasses import dataclass

@@ -73,7 +73,7 @@ class RefineTuning:
     drifts: tuple[float, ...] = (-1.0, 0.0, 1.0)
     """Shifts tried of the last burst against the first [columns]."""
     near_columns: int = 3
-    """Maximum shift of a pulse [columns], which keeps it away from a hidden signal."""
+    """Distance from a hidden signal at which a pulse is hidden, too [columns]."""
     hidden_energy: float = 0.25 * math.pi
     """Energy assumed for a hidden pulse [noise energies]: that of noise of mean amplitude."""
     margin_columns: int = 6

@@ -327,7 +327,7 @@ class Refiner:
         return around <= floor or self._looks_like_impulse(pulse, around)
 
     def _floor_around(self, pulse: Measured) -> float:
-        """Mean power around a pulse; if it changes there, that at the pulse, within limits."""
+        """Noise power of a sample at a pulse, limited to the levels before and after it."""
         window, buffer, start = self._window, self._buffer, round(pulse.start)
         sides = []
         for near, far in ((-MEASURE.around_widths, -0.5), (1.5, 1.0 + MEASURE.around_widths)):

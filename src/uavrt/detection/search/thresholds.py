@@ -53,7 +53,7 @@ def begun_within_s(tag: Tag, rate: int = 1) -> float:
 
 
 def _tail(k: int, spread: float, limit: float) -> tuple[np.ndarray, np.ndarray]:
-    """Tail of a sum of one exponential and k - 1 maxima of `spread` exponentials."""
+    """Sums of one exponential and k - 1 maxima of `spread` exponentials; their tail."""
     top = limit if math.isfinite(limit) else 60.0
     x = np.arange(0.0, top + THRESHOLDS.tail_step, THRESHOLDS.tail_step)
     anchor = 1.0 - np.exp(-x)
@@ -75,7 +75,7 @@ def _log_tail(k: int, spread: float, limit: float) -> tuple[np.ndarray, np.ndarr
 
 
 def group_tail(k: int, spread: float, threshold: float) -> float:
-    """Probability that one hypothesis of noise reaches the threshold."""
+    """Probability that the sum of one hypothesis in noise reaches the threshold."""
     if k == 1:
         return math.exp(-threshold)
     x, log_tail = _log_tail(k, round(spread, 3), GROUPS.cell_limit)

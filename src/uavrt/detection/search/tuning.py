@@ -94,7 +94,7 @@ class NoiseLevelTuning:
     median_slots: int = 11
     """Number of slots in the median that limits the cells of a band."""
     newest_slots: int = 10
-    """Number of newest slots in which the level is raised to the most certain recent mean."""
+    """Number of newest slots whose level is raised to the lower bound of recent means."""
     most_margin: float = 0.3
     """Maximum share added to an uncertain level for the search."""
     same_share: float = 0.12

@@ -24,7 +24,7 @@ from uavrt.detection.track.two_rates import change_rate, decide_rate, lags, star
 
 
 def _quiet(_track: Track, _found: Measured) -> BurstRates:
-    """Return no bursts; a module-level function because detectors are pickled."""
+    """Return zero burst rates; a module-level function because detectors are pickled."""
     return QUIET
 
 

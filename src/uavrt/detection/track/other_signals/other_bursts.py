@@ -232,7 +232,7 @@ class Bursts:
 def beyond_noise(count: int, expected: float) -> float:
     """Number of bursts above the noise's expected number; 0 within a margin.
 
-    Without the margin, half of the real single-pulse groups were held back.
+    Without the margin, half of the real single-pulse groups were not reported.
     """
     more = count - expected
     return more if more > BURSTS.noise_sigmas * expected**0.5 else 0.0

@@ -1,4 +1,4 @@
-"""Assign trains to tags by likelihood, at most one to one, and price the alternatives.
+"""Assign trains to tags by likelihood, at most one to one; compute the loss of alternatives.
 
 Trains and tags that may belong together make a graph with few edges; its connected parts are
 assigned one by one. Trains are added one after the other, and the assignment changes along the
