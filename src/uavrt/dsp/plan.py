@@ -144,7 +144,7 @@ def outside_span(
 def usable_half_span_hz(*, band_rate_hz: float, decimated: bool, mode: Mode) -> float:
     """Maximum distance of a tag from the radio's centre [Hz]: the decimator's clean span.
 
-    The compatible mode takes the whole band with its aliases, as the original does.
+    The compatible mode takes the whole band with its aliases, as the original system does.
     """
     if mode == "compatible":
         return band_rate_hz / 2

@@ -203,7 +203,7 @@ _SCALES = ((1e11, NANOSECONDS_PER_SECOND), (1e14, 1_000_000), (1e17, 1_000))
 
 
 def seconds_text(time_ns: int) -> str:
-    """Format seconds since 1970 with six decimals, as the original's tools do."""
+    """Format seconds since 1970 with six decimals, as the original system's tools do."""
     seconds, rest = divmod(time_ns, NANOSECONDS_PER_SECOND)
     micro = round(rest / 1000)
     if micro == 1_000_000:

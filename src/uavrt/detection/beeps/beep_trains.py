@@ -236,7 +236,7 @@ def _with_doubt(trains: list[Train], here: Points, used: NDArray[np.bool_]) -> l
 
 
 def _with_images(trains: list[Train], receiver: Receiver) -> list[Train]:
-    """Mark images of stronger simultaneous trains; drop images close to the original."""
+    """Mark images of stronger simultaneous trains; drop those near the original signal."""
     kept: list[Train] = []
     for train in trains:
         others = [one for one in kept if one.image_of_hz is None]

@@ -86,7 +86,7 @@ def _name(train: Train, tags: Sequence[Tag], window_hz: float, start_ns: int) ->
 
 
 def _finished(one: Beep, listed_ids: set[int], named: Sequence[Beep]) -> Beep:
-    """Drop possible tags found at their own frequency; give an image its original's tags."""
+    """Drop possible tags found at their own frequency; give an image the tags of its source."""
     if one.kind is BeepKind.IMAGE:
         for other in named:
             if other.frequency_hz == one.image_of_hz:

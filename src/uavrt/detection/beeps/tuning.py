@@ -98,15 +98,15 @@ class TrainTuning:
     image_share: float = 0.8
     """Minimum share of an image's pulses that coincide with those of a stronger train."""
     image_db: float = 3.0
-    """Minimum level difference of an original and an image, at image frequencies [dB]."""
+    """Minimum level difference of a signal and its image, at image frequencies [dB]."""
     anywhere_db: float = 25.0
-    """Minimum level difference of an original and an image, at other frequencies [dB]."""
+    """Minimum level difference of a signal and its image, at other frequencies [dB]."""
     one_device_db: float = 10.0
     """Maximum level difference between tones of one device, such as a data sender [dB]."""
     one_device_s: float = 0.001
     """Maximum difference between the intervals of tones of one device [s]."""
     flank_hz: float = 20_000.0
-    """Distance from the original below which an image is not reported [Hz]."""
+    """Distance from its signal below which an image is not reported [Hz]."""
     burst_gap_s: float = 0.25
     """Minimum time between the pulses of two bursts [s]."""
     fewest_bursts: int = 3

@@ -19,8 +19,8 @@ from uavrt.detection.coded.tuning import REFINE
 class Refined:
     """Refined times of several bursts, and energies of their pulses.
 
-    `energies` (bursts, pulses) [noise energies]: a hidden pulse has the usual energy of noise;
-    a pulse outside of the stored samples has 0.
+    `energies` (bursts, pulses) [noise energies]: a pulse in cells replaced by noise has the
+    usual energy of noise; a pulse outside of the stored samples has 0.
     """
 
     begins: NDArray[np.float64]

@@ -73,9 +73,9 @@ class RefineTuning:
     drifts: tuple[float, ...] = (-1.0, 0.0, 1.0)
     """Shifts tried of the last burst against the first [columns]."""
     near_columns: int = 3
-    """Distance from a hidden signal at which a pulse is hidden, too [columns]."""
+    """Distance from cells replaced by noise at which a pulse counts as hidden [columns]."""
     hidden_energy: float = 0.25 * math.pi
-    """Energy assumed for a hidden pulse [noise energies]: that of noise of mean amplitude."""
+    """Energy assumed for a hidden pulse [noise energies]: (mean amplitude)² of noise."""
     margin_columns: int = 6
     """Number of columns on each side of a pulse whose samples are read."""
 

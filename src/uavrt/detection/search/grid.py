@@ -2,7 +2,7 @@
 
 For a rectangular pulse the matched filter bank is the discrete-time Fourier transform of each
 window. At any sample rate the hop is an eighth of a pulse, and rows are a quarter of a bin
-apart. Hops of half a pulse and rows half a bin apart, as in the original, cost 1.0 dB.
+apart. Hops of half a pulse and rows half a bin apart, as in the original detector, cost 1 dB.
 
 The columns of a row are contiguous in memory, because an anchor reads about fifty of them.
 Shifted maxima are taken over all rows as one long row, without the margins.

@@ -1,8 +1,8 @@
 """Estimate the noise power of each row from the same statistic that is searched.
 
-The original estimates noise in whole bins and interpolates to the half bins. A carrier on a
-whole bin then raises the half bins but not their threshold, and every segment gives a false
-alarm. Here each row is estimated separately.
+The original detector estimates noise in whole bins and interpolates to the half bins. A carrier
+on a whole bin then raises the half bins but not their threshold: a false alarm in each segment.
+Here each row is estimated separately.
 """
 
 import math

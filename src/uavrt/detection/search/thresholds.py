@@ -36,7 +36,7 @@ def decision_interval_s(tag: Tag, rate: int = 1) -> float:
 
 
 def decision_span_s(tag: Tag, rate: int = 1) -> float:
-    """Duration of the samples for one decision of the original, which contain K pulses [s]."""
+    """Duration of the samples for one decision of the original detector: K pulses [s]."""
     overlap_s = 2.0 * (tag.k * tag.interval_uncertainty_s + tag.interval_jitter_s)
     return decision_interval_s(tag, rate) + overlap_s
 
@@ -44,8 +44,8 @@ def decision_span_s(tag: Tag, rate: int = 1) -> float:
 def begun_within_s(tag: Tag, rate: int = 1) -> float:
     """Duration in which a group of the first decision can begin [s].
 
-    The original's steps are whole columns, which for tags with small uncertainties round away
-    up to a millisecond per pulse; from K = 60 on nothing would be left.
+    The original detector's steps are whole columns, which for tags with small uncertainties
+    round away up to a millisecond per pulse; from K = 60 on nothing would be left.
     """
     interval_s = tag.pulse_intervals_s[rate - 1]
     begun_s = decision_span_s(tag, rate) - (tag.k - 1) * interval_s

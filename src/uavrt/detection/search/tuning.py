@@ -68,7 +68,7 @@ class NoiseLevelTuning:
     most_power: float = 4.0
     """Maximum power of a cell that counts for a level [noise powers]."""
     past_slots: int = 80
-    """Number of past slots from which levels are estimated."""
+    """Number of past slots, half a pulse each, from which levels are estimated."""
     stretches: tuple[int, ...] = (6, 10, 16, 26, 42, 80)
     """Numbers of slots over which a level is averaged; the shortest locates steps."""
     most_splits: int = 4

@@ -3,7 +3,7 @@
 No track predicts the next pulse; every pulse is in a group that reached the threshold of the
 search. Groups of common pulses are joined and numbered: K consecutive expected pulses, counted
 from the first group, are one group, as in the other modes. A group that continues the previous
-one in time and frequency confirms it, as in the original.
+one in time and frequency confirms it, as in the original detector.
 """
 
 import math
