@@ -239,7 +239,7 @@ class _Due:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Tested:
-    """Powers and sums of groups with some anchors (first axis), in the units of the cells."""
+    """Powers and sums of the groups tested for anchors (first axis), not divided by noise."""
 
     column: NDArray[np.intp]
     row: NDArray[np.intp]

@@ -68,7 +68,7 @@ class _LevelRecord:
         self._stretches: list[_Stretch] = []
 
     def at(self, row: float, column: float) -> float:
-        """Level at a row and a column; between two columns, that of the nearer."""
+        """Level at a row and a column; 1.0 before the first record."""
         for stretch in reversed(self._stretches):
             if column >= stretch.first:
                 slot = min(int((column - stretch.first) / SLOT), len(stretch.common) - 1)

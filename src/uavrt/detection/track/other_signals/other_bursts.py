@@ -173,7 +173,7 @@ class Bursts:
     def _paired(
         self, time_s: NDArray[np.float64], interval_s: float, chance_per_s: float
     ) -> float:
-        """Rate of bursts that another follows after an interval [1/s], as in frames."""
+        """Rate of bursts one interval after another burst [1/s], as in periodic frames."""
         if len(time_s) < 4:
             return 0.0
         time_s = np.sort(time_s)

@@ -96,7 +96,7 @@ class Train(Generic[H]):
 
 @dataclass(frozen=True, slots=True)
 class KnownPulse:
-    """A pulse of a confirmed train."""
+    """A received pulse of a confirmed train, or its next expected one."""
 
     time_ns: float
     within_ns: float
@@ -119,9 +119,9 @@ class KnownPulse:
 
 
 def merge_tracks(detectors: Iterable[H]) -> list[Train[H]]:
-    """Merge the tracks of the same pulses into trains, a fast tag's tracks first.
+    """Merge the tracks of the same pulses into trains, each of one transmitter.
 
-    A fast tag's track comes before those of twice its interval, which share its pulses.
+    Most evidence per second first: a fast tag's track before those of twice its interval.
     """
     trains: list[Train[H]] = []
     near: dict[int, list[tuple[H, Track, int]]] = {}
