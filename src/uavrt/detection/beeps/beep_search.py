@@ -22,7 +22,7 @@ from uavrt.dsp.block_times import BlockTimes
 class _Band:
     """Searches a band periodically, for a part of the time.
 
-    `turns` [s]: time searched at the start of the stream, at the end of each period; period.
+    `turns` [s]: time searched when the stream begins, time searched per period, the period.
     """
 
     def __init__(self, turns: tuple[float, float, float], *, live: bool) -> None:

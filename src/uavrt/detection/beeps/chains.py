@@ -14,7 +14,7 @@ def tolerance_s(interval_s: float) -> float:
 
 
 def longest_chain(times_s: NDArray[np.float64], interval_s: float) -> NDArray[np.intp]:
-    """Indices of the most pulses that keep one interval; empty if fewer than three."""
+    """Indices of the longest chain of pulses at one interval; empty if fewer than three."""
     members, _ = _best_chain(times_s, (interval_s,), INTERVALS.missing_cost)
     return members if members.size >= 3 else members[:0]
 

@@ -106,7 +106,7 @@ class TrainTuning:
     one_device_s: float = 0.001
     """Maximum difference between the intervals of tones of one device [s]."""
     flank_hz: float = 20_000.0
-    """Distance from its signal below which an image is not reported [Hz]."""
+    """Distance from its source signal below which an image is not reported [Hz]."""
     burst_gap_s: float = 0.25
     """Minimum time between the pulses of two bursts [s]."""
     fewest_bursts: int = 3
@@ -164,17 +164,17 @@ class ListeningTuning:
     """Times and limits for searching a stream for unlisted senders."""
 
     tags_band_s: tuple[float, float, float] = (60.0, 20.0, 90.0)
-    """Time searched in the tags' band of a recording: at first, per period; period [s]."""
+    """Time searched in the tags' band of a recording, at first and per period; period [s]."""
     tags_band_live_s: tuple[float, float, float] = (60.0, 90.0, 90.0)
-    """Time searched in the tags' band of a live stream: at first, per period; period [s]."""
+    """Time searched in the tags' band of a live stream, at first and per period; period [s]."""
     wide_hz: float = 800e3
     """Sample rate above which the tags' band is too expensive to be searched always [Hz]."""
     wide_live_s: float = 30.0
     """Maximum time per period in which a wide band of the tags is searched [s]."""
     whole_band_s: tuple[float, float, float] = (20.0, 20.0, 300.0)
-    """Time searched in the radio's wider band: at first, per period; period [s]."""
+    """Time searched in the radio's wider band, at first and per period; period [s]."""
     whole_band_live_s: tuple[float, float, float] = (40.0, 20.0, 540.0)
-    """Time searched in the wider band of a live stream: at first, per period; period [s].
+    """Time searched in the wider band of a live stream, at first and per period; period [s].
     Of pulses of 15 dB every 2 s, 40 s surely contain `live_pulses` that are found."""
     live_cells: int = 4_000_000
     """Maximum number of cells searched at once in flight: 0.7 s at 3 MS/s, in 15 MiB."""

@@ -2,7 +2,7 @@
 
 The listed code, whose pulses are equally strong, is compared with noise. It is also compared
 with an unlisted code that has pulses at some of these positions by chance, each with a small
-probability, but never at all: the listed code must show a pulse at the remaining one, too.
+probability, but never at all of them: the listed code needs a pulse at each, the last one too.
 """
 
 import math

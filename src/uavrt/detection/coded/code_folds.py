@@ -72,7 +72,7 @@ class Waiting:
 
 
 class Folds:
-    """Sums several bursts of codes with equal pulse numbers, over `kept_s` of stored cells."""
+    """Sums several bursts of codes with equal numbers of pulses, in `kept_s` of cells."""
 
     def __init__(
         self,

@@ -182,7 +182,7 @@ def _finely(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[n
 def _off_place(
     cells: Cells, rows: NDArray[np.int32], at: NDArray[np.intp]
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
-    """(n, pulses) True for pulses displaced against the burst's others; and their energies.
+    """(n, pulses) True for pulses displaced relative to the others; and their energies.
 
     The energies are maxima within a pulse width and at near frequencies: only the strongest
     row shows the true position.
@@ -210,7 +210,7 @@ def _best(
 
 
 def least_pulses(pulses: int) -> int:
-    """Minimum number of undisturbed pulses in a burst: enough for two gaps, if it has two."""
+    """Minimum number of undisturbed pulses in a burst: all but two, at least three or all."""
     return max(min(3, pulses), pulses - 1) if pulses <= 4 else pulses - 2
 
 

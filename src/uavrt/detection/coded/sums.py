@@ -120,7 +120,7 @@ def fold(
     steps: int,
     clip: int,
 ) -> NDArray[np.int32]:
-    """Largest sums of bursts around seeds: (n, 3) sum, interval's step, first burst's place."""
+    """Largest sums of bursts around seeds: (n, 3) sum, interval step, place of first burst."""
     own = np.ascontiguousarray(seeds, np.int32).copy()
     own[:, 3] -= cells.base
     out = np.zeros((len(own), 3), np.int32)

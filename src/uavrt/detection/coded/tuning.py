@@ -53,7 +53,7 @@ class SumTuning:
     examined_share: float = 0.88
     """Share of the minimum sum above which a sum is refined."""
     clear_lead: float = 20.0
-    """Lead over another code's sum of the same pulses that decides [noise energies]."""
+    """Lead over another code's sum of the same pulses that excludes it [noise energies]."""
     box_columns: int = 2048
     """Range within which waiting seeds are grouped [columns]."""
     same_columns: int = 10
@@ -92,7 +92,7 @@ class LimitTuning:
     per_cell: float = 60.0
     """Number of independent sums per pulse width of time and inverse width of frequency."""
     per_interval: float = 1.0
-    """Number of independent burst intervals per pulse width of the last burst's uncertainty."""
+    """Number of independent intervals per pulse width by which the last burst is uncertain."""
     per_refinement: float = 14.0
     """Number of independent sums in a refinement."""
     expected_false: float = 1e-6

@@ -146,7 +146,7 @@ class AnchorSearch(RateSearch):
         self.anchor_powers += powers
 
     def take_due(self, due: "_Due", member: int) -> None:
-        """Append to `due` the anchors whose groups are complete; `member`: this search."""
+        """Append anchors with complete groups to `due`; `member`: index of this search."""
         columns, tested = self.anchor_columns, self.tested
         if not columns:
             return

@@ -251,7 +251,7 @@ class Spectrogram:
         return band.reshape(-1)
 
     def _turned(self, row: int, count: int) -> NDArray[np.complex64]:
-        """Factors (count, 1) that shift the tag to zero for each row of outputs."""
+        """Factors (count, 1) that shift the tag to 0 Hz, for each row of outputs."""
         grid = self.grid
         turns = grid.turn_hz * OUTPUTS_PER_ROW * grid.decimation / grid.sample_rate_hz
         if count > len(self._turns):

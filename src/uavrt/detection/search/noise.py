@@ -179,7 +179,7 @@ class RowNoise:
 
     @property
     def _mode(self) -> Literal["wrap", "reflect"]:
-        """Padding at both ends: the rows' other end if they form a circle, else mirrored."""
+        """Padding mode: beyond an end follow the rows of the other end, or mirrored ones."""
         return "wrap" if self._circular else "reflect"
 
     @property

@@ -219,7 +219,7 @@ class Refiner:
         offset_hz: float,
         turns: NDArray[np.complex128],
     ) -> NDArray[np.float64]:
-        """Matched-filter power at frequencies around one, shape (pulses, turns, starts)."""
+        """Matched-filter power around a frequency, shape (pulses, frequencies, starts)."""
         sums = self._sums(first, length, offset_hz, turns)
         filtered = sums[..., self._window :] - sums[..., : -self._window]
         power = np.asarray(filtered.real**2 + filtered.imag**2)

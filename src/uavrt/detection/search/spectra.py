@@ -45,7 +45,7 @@ def push_together(
     stretches: Sequence[NDArray[np.complex64]],
     workspace: Workspace,
 ) -> NDArray[np.float32]:
-    """Add samples of equal length to spectrograms; return power (spectrograms, rows, new)."""
+    """Add samples to spectrograms; return new power (spectrograms, rows, columns)."""
     grid = spectrograms[0].grid
     count = columns_ahead(spectrograms[0], len(stretches[0]))
     used = count * (grid.hop // grid.decimation)

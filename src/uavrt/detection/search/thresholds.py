@@ -53,7 +53,7 @@ def begun_within_s(tag: Tag, rate: int = 1) -> float:
 
 
 def _tail(k: int, spread: float, limit: float) -> tuple[np.ndarray, np.ndarray]:
-    """Sums of one exponential and k - 1 maxima of `spread` exponentials; their tail."""
+    """Values x, and tail P(sum ≥ x) of one exponential and k - 1 maxima of `spread` ones."""
     top = limit if math.isfinite(limit) else 60.0
     x = np.arange(0.0, top + THRESHOLDS.tail_step, THRESHOLDS.tail_step)
     anchor = 1.0 - np.exp(-x)

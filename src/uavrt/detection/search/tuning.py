@@ -223,13 +223,13 @@ class EvidenceTuning:
     gate: float = 0.9
     """Minimum score of a candidate that is tested, as a share of the threshold."""
     sure_score: float = 1.2
-    """Score above which no test is needed: two cells at the limit, a third above noise."""
+    """Score above which no test is needed: of two cells at the limit and one above noise."""
     tested_k: int = 3
     """K of the groups that are tested."""
     factor_log: float = -3.7
     """Term of the minimum log evidence, from the number of noise groups measured at K = 3."""
     slope: float = 1.2
-    """Factor on the log of the false-alarm probability in that minimum, calibrated."""
+    """Factor on the log of the false-alarm probability in the minimum log evidence."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,7 @@ from uavrt.detection.signal.tuning import CHANNEL
 
 
 def apart_hz(one_hz: float, two_hz: float, sample_rate_hz: float) -> float:
-    """Signed difference of two frequencies, by whole sample rates nearest to zero [Hz]."""
+    """Signed difference of two frequencies modulo the sample rate, nearest to zero [Hz]."""
     return math.remainder(one_hz - two_hz, sample_rate_hz)
 
 

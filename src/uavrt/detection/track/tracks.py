@@ -159,7 +159,7 @@ class Track:
         self.trust = min(FOLLOW.most_trust, FOLLOW.first_trust + max(0.0, self.odds))
 
     def continue_from(self, slot: Slot, *, interval_s: float, share: float) -> None:
-        """Begin at a known tag's pulse; `share` of the declared uncertainty applies."""
+        """Begin at a known tag's pulse, uncertain by `share` of the declared interval error."""
         self.interval_s = interval_s
         self._reset_phase(slot.measured.power, share)
         self.slots = [replace(slot, number=0, state="reported")]
@@ -173,7 +173,7 @@ class Track:
         base: int,
         around: Around = lambda *_: QUIET,
     ) -> None:
-        """Add the new pulses of a group found by the search; `base`: number of its first."""
+        """Add the new pulses of a group; `base`: pulse number in the track of its first one."""
         width_s = self.tag.pulse_width_s
         floor = least_real([measured.power for *_, measured in pulses])
         for place, time_s, time_ns, measured in pulses:

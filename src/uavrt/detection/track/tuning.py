@@ -63,7 +63,7 @@ class JudgeTuning:
     """Distance beyond the tag's bound up to which other intervals are tried [pulse widths]."""
     crossing_lead: float = 10.0
     """Lead in power at which another interval is accepted [noise powers]. A tag at its bound
-    stays below this: 0.375 ms beyond, it loses more than noise adds."""
+    stays below: an interval 0.375 ms beyond loses more power than noise adds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,7 +123,7 @@ class ChanceTuning:
     period_s: float = 200.0
     """Time to which the allowed number of confirmed burst tracks refers [s]."""
     confirmed_falsely: float = 1e-3
-    """Number of burst tracks that may be confirmed per decision period."""
+    """Number of tracks of chance bursts that may be confirmed in `period_s`."""
     frequency_hz: float = 7.0
     """Scatter of a tag's pulses around its track, for pulses of 14 dB with drift [Hz]."""
     power_db: float = 7.0

@@ -328,7 +328,7 @@ class Senders(Generic[H]):
         return sorted(near, key=lambda detector: detector.tag.tag_id)
 
     def _assign_tentative(self, train: Train[H], owned: dict[int, bool]) -> None:
-        """Assign an unconfirmed train to the likeliest tag not in `owned`."""
+        """Assign an unconfirmed train to the likeliest tag that has no train in `owned`."""
         likely = {h.tag.tag_id: self._likelihood(train, h) for h, _ in train.tracks}
         free = {i: v for i, v in likely.items() if i not in owned and v > -math.inf}
         if not free:
@@ -406,7 +406,7 @@ def _normal(train: Train[H], center_s: float, bound_s: float) -> float:
 
 
 def _unsettled_pulses(track: Track) -> list[Slot]:
-    """Pulses that began or just confirmed a track; none once the track was assigned so."""
+    """Pulses that began or just confirmed a track; none once it was assigned."""
     if track.dead or track.confirmed_at_assignment:
         return []
     accepted = track.received
