@@ -33,7 +33,7 @@ class Points:
         return self.times_s.size
 
     def take(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "Points":
-        """Select points by a mask or by indices."""
+        """Select pulses by a mask or by indices."""
         return Points(
             self.times_s[chosen],
             self.frequencies_hz[chosen],
@@ -143,14 +143,14 @@ class PointSearch:
         self._held_samples = rest.size
 
     def finish(self) -> Points:
-        """Examine the remaining samples, and return all points."""
+        """Examine the remaining samples, and return all detected pulses."""
         self._take_frames(1)
         if self._filled > self._from:
             self._search(self._filled)
         return self.found()
 
     def found(self, since_s: float = 0.0) -> Points:
-        """Return the points found since `since_s` [s]; earlier ones are deleted."""
+        """Return the pulses found since `since_s` [s]; earlier ones are deleted."""
         rows = np.concatenate(self._found) if self._found else np.zeros((0, 4))
         rows = rows[rows[:, 0] >= since_s]
         self._found = [rows]
@@ -263,7 +263,7 @@ class PointSearch:
 
 
 def _without_edges(points: Points) -> Points:
-    """Remove points that are only the edges of a strong pulse.
+    """Remove detections that are only the edges of a strong pulse.
 
     These have at most 1 / (pi df T)^2 of its power in a window of T; doubled in amplitude.
     """

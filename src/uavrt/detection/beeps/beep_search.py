@@ -37,7 +37,7 @@ class _Band:
         self.center_hz = 0.0
         self.half_hz = 0.0
         self.points = NO_POINTS
-        """Points at absolute frequencies, from the last search for trains."""
+        """Pulses at absolute frequencies, from the last search for trains."""
         self._searched: list[Searched] = []
 
     def due(self, block: IQBlock) -> bool:

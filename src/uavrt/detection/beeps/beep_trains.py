@@ -51,7 +51,7 @@ class Train:
 
     @property
     def interval_sigma_s(self) -> float:
-        """Standard deviation of the interval, including that of the points' times [s]."""
+        """Standard deviation of the interval, including the error of the pulses' times [s]."""
         beat = self._longest.beat
         return max(beat.sigma_s, 0.002 / max(int(beat.numbers[-1]), 1))
 
@@ -76,13 +76,13 @@ class Searched:
     """Number of pulses that were searched."""
     trains: list[Train]
     burst: tuple[float, float] | None
-    """Share of the points in bursts, and their frequency [Hz]; None without bursts."""
+    """Share of the pulses in bursts, and their frequency [Hz]; None without bursts."""
 
     def holds(self, times_s: NDArray[np.float64]) -> bool:
-        """True if the points at this frequency now, `times_s`, need no new search.
+        """True if the pulses at this frequency now, `times_s`, need no new search.
 
-        New points that continue the trains need one only when they are several times as many
-        as the old points. A few points outside the trains need one at once.
+        New pulses that continue the trains need one only when they are several times as many
+        as the old pulses. A few pulses outside the trains need one at once.
         """
         new_s = times_s[times_s > self.until_s].tolist()
         ends_s = [
@@ -179,7 +179,7 @@ def split_bursts(times_s: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 
 
 def _burst_share(times_s: NDArray[np.float64], span_s: float) -> float:
-    """Share of the points in bursts; 0 if bursts are too frequent for a coded tag."""
+    """Share of the pulses in bursts; 0 if bursts are too frequent for a coded tag."""
     bursts = split_bursts(times_s)
     share = sum(one.size for one in bursts) / times_s.size
     rare = TRAINS.fewest_bursts <= len(bursts) <= TRAINS.most_bursts_per_s * span_s
@@ -187,7 +187,7 @@ def _burst_share(times_s: NDArray[np.float64], span_s: float) -> float:
 
 
 def _centers(points: Points, fewest: int) -> list[float]:
-    """Frequencies [Hz] with at least `fewest` points around them, the strongest first."""
+    """Frequencies [Hz] with at least `fewest` pulses around them, the strongest first."""
     if len(points) < fewest:
         return []
     low_hz = float(points.frequencies_hz.min()) - 2.0 * TRAINS.gather_hz

@@ -16,7 +16,7 @@ class PointTuning:
     most_cells: int = 12_500_000
     """Maximum number of cells searched at once: 48 MiB, 2 s at 3 MS/s."""
     false_per_s: float = 3.0
-    """Noise cells accepted as points in `false_band_hz` [1/s]; more in wider bands."""
+    """Noise cells accepted as pulses in `false_band_hz` [1/s]; more in wider bands."""
     false_band_hz: float = 100e3
     """Maximum bandwidth in which at most `false_per_s` noise cells are accepted [Hz]."""
     segment_bins: int = 64
@@ -26,7 +26,7 @@ class PointTuning:
     flank_ratio: float = 10.0
     """Minimum ratio of a pulse's peak to the mean level at `flank_bins`."""
     around_frames: int = 13
-    """Number of frames before and after a point used to measure the pulse length: 104 ms."""
+    """Number of frames before and after a pulse in which its length is measured: 104 ms."""
     longest_s: float = 0.1
     """Maximum duration of a pulse [s]; longer signals are transmissions."""
     least_frames: int = 16
@@ -34,14 +34,14 @@ class PointTuning:
     most_candidates: int = 200_000
     """Maximum number of cells examined in a batch: the strongest ones."""
     strong_db: float = 32.0
-    """Level above which a pulse's edges may appear as separate points [dB]."""
+    """Level above which a pulse's edges may appear as separate pulses [dB]."""
     edge_s: float = 0.03
-    """Maximum time between the point of a pulse and those of its edges [s]."""
+    """Maximum time between a pulse and the false pulses at its edges [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntervalTuning:
-    """Constants for finding the interval of a sender from the times of points."""
+    """Constants for finding the interval of a sender from the times of detected pulses."""
 
     # Range of intervals searched [s]; tags on the market have 0.5 to 4 s.
     shortest_s: float = 0.25
@@ -73,26 +73,26 @@ class IntervalTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainTuning:
-    """Constants for sorting points into trains, each of one sender."""
+    """Constants for sorting detected pulses into trains, each of one sender."""
 
     gather_hz: float = 150.0
     """Range of frequencies that may belong to one tag as it warms up [Hz]."""
     step_hz: float = 25.0
-    """Width of the steps in which points are counted by frequency [Hz]."""
+    """Width of the steps in which pulses are counted by frequency [Hz]."""
     fewest_held: int = 30
     """Minimum number of pulses for an interval to be kept while further pulses continue it."""
     renewing_ratio: float = 3.0
-    """Minimum ratio of new to old points at one frequency for it to be searched again."""
+    """Minimum ratio of new to old pulses at one frequency for it to be searched again."""
     renewing_share: float = 0.125
-    """Maximum share of new points at one frequency that are not of its known trains."""
+    """Maximum share of new pulses at one frequency that are not of its known trains."""
     most_intervals: int = 8
-    """Maximum number of intervals found among the points of one frequency."""
+    """Maximum number of intervals found among the pulses of one frequency."""
     strays: int = 2
     """Maximum number of pulses at one interval during another interval of the same sender."""
     most_scatter_hz: float = 30.0
     """Maximum scatter of a train's frequencies about a line [Hz]; chance gives 87 Hz."""
     least_explained: float = 0.5
-    """Minimum share of a frequency's points in trains; below it the trains are doubtful."""
+    """Minimum share of a frequency's pulses in trains; below it the trains are doubtful."""
     same_time_s: float = 0.012
     """Maximum difference between the times of simultaneous pulses [s]."""
     image_share: float = 0.8
@@ -114,7 +114,7 @@ class TrainTuning:
     most_in_burst: int = 8
     """Maximum number of pulses in a burst."""
     burst_share: float = 0.5
-    """Minimum share of the points in bursts for a coded tag to be suspected."""
+    """Minimum share of the pulses in bursts for a coded tag to be suspected."""
     most_bursts_per_s: float = 1.0
     """Maximum burst rate of a coded tag [1/s]; more frequent bursts are voice or data."""
 
@@ -138,7 +138,7 @@ class NamingTuning:
     """Possible ratios of the listed to the measured interval: twice for a mortality signal at
     double rate, a half or a third if every second pulse, or two of three, are missed."""
     timing_s: float = 0.001
-    """Error of an interval from the times of points [s]."""
+    """Error of an interval due to the pulses' measured times [s]."""
     least_pulses: int = 8
     """Minimum number of pulses of a stretch that has a separate interval."""
     least_present: float = 0.7
@@ -181,7 +181,7 @@ class ListeningTuning:
     recent_s: float = 300.0
     """Duration of a live stream that is searched for trains [s]."""
     most_points: int = 6000
-    """Maximum points searched for trains during a live stream: the strongest ones."""
+    """Maximum number of pulses searched for trains in a live stream: the strongest ones."""
     report_every_s: float = 5.0
     """Time between two searches for trains of a live stream [s]."""
     live_pulses: int = 8

@@ -39,7 +39,7 @@ class Found:
 
 
 class Waiting:
-    """Seeds that wait for the last burst of their sums, grouped by due time."""
+    """Weak bursts (seeds) that wait until their sums can be computed, grouped by due time."""
 
     def __init__(self) -> None:
         self._boxes: dict[int, list[NDArray[np.int32]]] = {}
@@ -212,7 +212,7 @@ class Folds:
         return bool(limited.sum() >= 0.965 * sums.sum() / max(one.score, 1.0))
 
     def _apart(self, hits: list[Found]) -> list[Found]:
-        """Keep the best of finds that share pulses, with the tags of nearly equal ones."""
+        """Of results that share pulses keep the best, with the tags of nearly equal ones."""
         chosen: list[Found] = []
         for one in sorted(hits, key=lambda hit: -hit.score):
             shared = [

@@ -122,7 +122,7 @@ class LikelihoodTuning:
     strengths_log: float = 5.0
     """Log of the ratio of the largest to the smallest possible amplitude of a pulse."""
     alignments: float = 16.0
-    """Number of alignments of a pulse of a burst of four with one of four positions."""
+    """Number of ways to align one of a burst's four pulses with one of four positions."""
     least_log: float = 4.0
     """Minimum log-likelihood ratio of the listed code against unlisted ones."""
 
@@ -151,7 +151,7 @@ class ShapeTuning:
     """Two distances from a pulse; its energy must have ended at one of them [pulse widths]."""
     aside_s: float = 0.75e-3
     """Maximum deviation of a strong pulse from its expected time in the burst [s]. At 20 dB the
-    flanks of a code matched one whose gaps differ by 4.5 ms in total."""
+    flanks of one code's pulses matched a code with gaps that differ by 4.5 ms in total."""
     aside_noise_s: float = 3e-3
     """Deviation that noise adds to `aside_s`, divided by the pulse's amplitude [s]."""
     flank_amplitude: float = 0.8

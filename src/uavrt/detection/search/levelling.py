@@ -513,7 +513,7 @@ def _level_alike(
     first: Sequence[int],
     whole: Sequence[NDArray[np.bool_] | None],
 ) -> None:
-    """Level several searches that have the same bands and the same number of past slots."""
+    """Divide the columns of searches with equal bands and past slots by their levels."""
     one = levellers[0]
     columns = power.shape[2]
     cells = power[:, :, ::SLOT] / noise[:, :, np.newaxis]

@@ -225,7 +225,7 @@ class EvidenceTuning:
     sure_score: float = 1.2
     """Score above which no test is needed: of two cells at the limit and one above noise."""
     tested_k: int = 3
-    """K of the groups that are tested."""
+    """Number of pulses K of the groups that are tested."""
     factor_log: float = -3.7
     """Term of the minimum log evidence, from the number of noise groups measured at K = 3."""
     slope: float = 1.2

@@ -70,7 +70,7 @@ class Track:
     number: int = 0
     """Number of the last expected pulse, counted from the track's first pulse."""
     slots: list[Slot] = field(default_factory=list)
-    """Recent slots, oldest first."""
+    """Recent expected pulses with their detections, oldest first."""
     past_ns: list[int] = field(default_factory=list)
     """Times [ns] of accepted pulses before `slots`, for tracks of longer intervals."""
     confirmed: bool = False
@@ -87,7 +87,7 @@ class Track:
     dead: bool = False
     since_accepted: int = 0
     tested: int = 0
-    """Number of slots tested since the group that began the track."""
+    """Number of expected pulses tested since the group that began the track."""
     gained: float = 0.0
     sequences: dict[int, int] = field(default_factory=dict)
     """Sequence number of each group, by the number of its expected pulses divided by K."""
@@ -325,7 +325,7 @@ class Track:
         self.halves[half] = FOLLOW.half_kept * self.halves[half] + tag_odds
 
     def _sends_nothing(self, slot: Slot) -> bool:
-        """True if the tag has twice the interval and sends no pulse at this slot's number."""
+        """True if the tag has twice the interval and sends nothing at this pulse number."""
         own, other = self.halves[slot.number % 2], self.halves[1 - slot.number % 2]
         return own < FOLLOW.empty_half and other > FOLLOW.full_half
 

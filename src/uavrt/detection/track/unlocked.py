@@ -27,7 +27,7 @@ def join_group(
     sample_rate_hz: float,
     around: Callable[[Track, Measured], BurstRates],
 ) -> Track | None:
-    """Join a group to the track that it continues, if any."""
+    """Join a group to the track that it continues; return the track, or None."""
     onto = _continued(tracks, pulses, rate=rate, sample_rate_hz=sample_rate_hz)
     if onto is None:
         return None

@@ -49,9 +49,10 @@ def best_assignment(able: Sequence[Mapping[int, float]]) -> list[int | None]:
 
 
 class _AssignmentSoFar:
-    """Best assignment of the trains so far, by prices of the tags.
+    """Best assignment of the trains added so far.
 
-    Each tag has a price. With prices deducted, no train gains by another tag or by none.
+    Each tag has a price, the dual variable: with prices deducted, no train gains by another
+    tag or by none.
     """
 
     def __init__(self, able: Sequence[Mapping[int, float]]) -> None:
