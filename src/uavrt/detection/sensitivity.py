@@ -39,7 +39,7 @@ class SensitivityTuning:
     bursts: tuple[float, ...] = (1.0, 3.0, 10.0)
     """Numbers of bursts for which `losses_db` are given."""
     losses_db: tuple[float, ...] = (0.2, -0.1, 0.2)
-    """Loss of a coded tag's sums in experiment E23, by number of bursts [dB]."""
+    """Measured loss of a coded tag's sums, by number of bursts (experiment E23) [dB]."""
     step: float = 0.02
     """Resolution of the cells' distributions [noise powers]."""
 

@@ -1,7 +1,7 @@
 """Find unlisted senders in a stream while the listed tags are detected.
 
-A tag's crystal may be kilohertz off its label, or the list may have a wrong digit or lack a
-rate. Or the animal is of another study. The detector then finds nothing, without a reason.
+A tag's crystal may be kilohertz off its label, the list may have a wrong digit or lack a rate,
+or the animal may be of another study. Then the detector finds nothing and reports no reason.
 """
 
 from collections.abc import Sequence

@@ -175,7 +175,7 @@ class ListeningTuning:
     """Time searched in the radio's wider band, at first and per period; period [s]."""
     whole_band_live_s: tuple[float, float, float] = (40.0, 20.0, 540.0)
     """Time searched in the wider band of a live stream, at first and per period; period [s].
-    Of pulses of 15 dB every 2 s, 40 s surely contain `live_pulses` that are found."""
+    In 40 s of pulses of 15 dB every 2 s, at least `live_pulses` are found."""
     live_cells: int = 4_000_000
     """Maximum number of cells searched at once in flight: 0.7 s at 3 MS/s, in 15 MiB."""
     recent_s: float = 300.0

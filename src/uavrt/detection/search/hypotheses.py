@@ -32,7 +32,7 @@ class Candidate(NamedTuple):
     rate: int
     row: int
     columns: tuple[float, ...]
-    """Expected column of each pulse, counted since the start."""
+    """Expected column of each pulse, counted from the start of the stream."""
 
 
 def best_first(found: list[Candidate]) -> list[Candidate]:

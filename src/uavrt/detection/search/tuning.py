@@ -180,7 +180,7 @@ class NullTuning:
     lattices: int = 12
     """Number of intervals at which groups are counted."""
     gain: float = 0.08
-    """Rise of the threshold by each group [noise powers]."""
+    """Rise of the threshold by each counted group [noise powers]."""
     # While coloured noise is new a group adds `eager_gain` over the groups awaited since it
     # began plus `eager_groups`: the steps of stochastic approximation. 1.6, the mean excess of
     # a group in such noise, would be faster, but cost a tag of 14 dB beside a carrier one pulse

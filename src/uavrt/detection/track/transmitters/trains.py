@@ -19,7 +19,7 @@ from uavrt.detection.track.two_rates import evidence, strength
 
 
 class FollowingDetector(Protocol):
-    """Part of a detector's interface that trains use."""
+    """Interface of a detector that follows tracks, as needed to merge them into trains."""
 
     tag: Tag
     sample_rate_hz: float
