@@ -1,4 +1,4 @@
-"""Divide the samples by the noise level of their instant if the noise comes in bursts.
+"""Divide the samples by the noise level at their time if the noise comes in bursts.
 
 Power lines spark at twice the mains frequency: noise for one to five milliseconds of each ten.
 This noise makes several times the false groups of steady noise. In noise whose power changes

@@ -1,4 +1,4 @@
-"""Decide at which of its two rates a tag is sending, by comparing both lattices.
+"""Decide at which of its two rates a tag is sending, by the pulses expected at each.
 
 Every second pulse of a rate is a train of twice its interval. So a pulse that a track expects
 may be of the other rate. The other rate is followed from each pulse at which the tag may have
