@@ -30,7 +30,7 @@ BATCH_S = 0.44
 """Maximum time for which samples are collected before the search continues [s]. Five blocks of
 87.4 ms are 0.437 s; a pulse is reported at least 0.04 s after its end."""
 _FIRST_STEP = 0.7639
-"""Share of its samples from which a step may begin: three blocks, for a noise estimate."""
+"""Share of `BATCH_S` that samples may wait for a search: three blocks, for a noise estimate."""
 
 
 class PulseDetector:
@@ -284,11 +284,11 @@ class PulseDetector:
         return self._window.follower.epoch_ns + NANOSECONDS_PER_SECOND * time_s
 
     def report(self, track: Track) -> None:
-        """Report the pulses of a track, unless the track is held back."""
+        """Report a track's pulses, unless it is doubtful or another track is the tag's."""
         self._reporter.report(track)
 
     def other_signals(self) -> list[Track]:
-        """Confirmed tracks with the tag's interval, farther off frequency than the tag's."""
+        """Confirmed tracks with the tag's interval that are not taken for the tag."""
         return [t for t in self.tracks if t.confirmed and t.held]
 
     def _advance(self, upto: int, *, last: bool = False) -> None:

@@ -35,7 +35,7 @@ class _Member:
     detector: PulseDetector
     taken: int = 0
     due: int = 0
-    """Number of samples in the stream after which blocks must be checked; 0: each must."""
+    """Number of stream samples after which a search may be due; 0: check each block."""
 
 
 @dataclass(slots=True, eq=False)
@@ -53,7 +53,7 @@ class _Channel:
     next_ns: float = 0.0
     due: list[_Member] = field(default_factory=list)
     soonest: int = 0
-    """Smallest `due` of the members; 0: a member must be checked with each block."""
+    """Smallest `due` of the members; 0: check with each block if a search is due."""
 
     def catch_up(self, member: _Member) -> None:
         member.detector.take_all(self.blocks[member.taken - self.before :])

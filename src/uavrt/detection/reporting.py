@@ -1,4 +1,4 @@
-"""Interval between a detector's reports about what was searched without a detection."""
+"""Interval between search reports: records of what was searched, with or without detection."""
 
 CODES_PER_REPORT_S = 20
 """Number of reports per second for all codes of a channel together [1/s]."""

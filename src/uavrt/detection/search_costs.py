@@ -44,7 +44,7 @@ class CostTuning:
     code_share: float = 2e-4
     """Share of a core for each code; 500 take less than a tenth."""
     most_cpu_s: float = 2.0
-    """Maximum duration of the measurement [s of CPU]; then the highest cost counts."""
+    """Maximum measuring time [s of CPU]; other tags then cost as much as the last measured."""
 
 
 COSTS = CostTuning()
@@ -56,7 +56,7 @@ def search_cost(
     *,
     settings: DetectionSettings | None = None,
 ) -> float:
-    """Measure the cores needed to search for tags; 0.0 for lists too cheap to matter."""
+    """Measure the cores needed to search for tags; cheap uncoded tags count 0.0."""
     codes = sum(tag.coded for tag in tags)
     tags = [tag for tag in tags if not tag.coded]
     settings = DetectionSettings() if settings is None else settings
@@ -90,7 +90,7 @@ def _weight(tag: Tag, settings: DetectionSettings) -> float:
 def _measure(
     tag: Tag, settings: DetectionSettings, cpu_s: Callable[[], float], *, heard: bool
 ) -> float:
-    """Run detectors on noise, or one on a tag; return the number of cores for each detector."""
+    """Measure the cores used by each detector on noise, or on a tag's pulses if `heard`."""
     rng = np.random.default_rng(1)
     together = 1 if heard or _weight(tag, settings) > COSTS.dear_weight else COSTS.together
     group = DetectorGroup()

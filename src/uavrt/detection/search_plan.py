@@ -29,7 +29,7 @@ class SearchPlan:
     warnings: tuple[str, ...]
     """Unavoidable limitations of this plan, for the operator."""
     cores: float
-    """Processor cores that the detectors need; 0.0 for lists too cheap to be measured."""
+    """Processor cores that the detectors need; uncoded tags too cheap to measure count 0.0."""
 
 
 def plan_search(

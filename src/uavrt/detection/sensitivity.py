@@ -39,7 +39,7 @@ class SensitivityTuning:
     bursts: tuple[float, ...] = (1.0, 3.0, 10.0)
     """Numbers of bursts for which `losses_db` are given."""
     losses_db: tuple[float, ...] = (0.2, -0.1, 0.2)
-    """Loss of a coded tag's sums in experiment E23, by number of bursts [dB]."""
+    """Measured loss of a coded tag's sums, by number of bursts (experiment E23) [dB]."""
     step: float = 0.02
     """Resolution of the cells' distributions [noise powers]."""
 
@@ -120,7 +120,7 @@ def _coded_probability(tag: Tag, enr_db: float, bandwidth_hz: float) -> float:
 
 @lru_cache(maxsize=4096)
 def _passes(k: int, others: float, enr_db: float, limit: float) -> float:
-    """Probability that an anchor and K - 1 maxima of a pulse and `others` noise cells pass."""
+    """Probability that a pulse, and K - 1 maxima of pulse and noise cells, reach `limit`."""
     energy = math.pow(10.0, enr_db / 10.0)
     if k == 1:
         return float(ncx2.sf(2.0 * limit, 2, 2.0 * energy))

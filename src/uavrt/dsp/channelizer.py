@@ -1,7 +1,7 @@
 """Split a band into channels by a uniform DFT filter bank; unused channels are not computed.
 
 ``y_c[n] = sum_m h[m] x[H n - m] exp(-j 2 pi c (H n - m) / M)``: a tone at c times the channel
-spacing lands on 0 Hz of channel c. With H = M (critically sampled) this is the original's bank;
+spacing lands on 0 Hz of channel c. With H = M (critically sampled) it is the original system's;
 with H = M / 2 each channel is twice oversampled, so that no frequency is on an edge.
 
 The sum is folded: with ``u = Q M - m`` the window of the last Q M samples is weighted by the
@@ -41,8 +41,8 @@ class Channelizer:
     sample_rate_hz : float
         Rate of the band [Hz]; used for rates and `latency_s`.
     mode : {"default", "compatible"}
-        Twice oversampled (channel rate 2 / M of the band's), or the original's critically
-        sampled bank (1 / M).
+        Twice oversampled (channel rate 2 / M of the band's), or the original system's
+        critically sampled bank (1 / M).
     in_use : sequence of int, optional
         Channels to compute, in this order; all by default.
 

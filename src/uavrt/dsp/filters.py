@@ -41,7 +41,7 @@ def decimator_taps(factor: int) -> NDArray[np.float64]:
 
 
 def compatible_bank_taps(channels: int) -> NDArray[np.float64]:
-    """Prototype of the original's critically sampled filter bank, shape (12 M,).
+    """Prototype of the original system's critically sampled filter bank, shape (12 M,).
 
     ``h[m] = sinc((m - 6 M) / M) / M * kaiser(12 M + 1, 7.857)``, zero at every multiple of M
     but the centre. The first tap is zero, and so is the dropped last one.

@@ -17,7 +17,7 @@ _FEWEST_SAMPLES: Final = 1024
 _CONSECUTIVE_CHECKS: Final = 3
 """Number of consecutive checks that must show a fault before it is reported."""
 _SAME_LEVEL: Final = 0.6
-"""Maximum share of samples at one level of the converter; noise of 0.6 steps costs 1 dB."""
+"""Maximum share of samples at one level of the converter: noise of 0.6 steps, 1 dB lost."""
 _EMPTY_MIDDLE: Final = 0.25
 """Amplitude below which noise has values, but a wrong format has none [full scales]."""
 _UNEQUAL_RATIO: Final = 4.0

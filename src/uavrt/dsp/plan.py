@@ -144,7 +144,7 @@ def outside_span(
 def usable_half_span_hz(*, band_rate_hz: float, decimated: bool, mode: Mode) -> float:
     """Maximum distance of a tag from the radio's centre [Hz]: the decimator's clean span.
 
-    The compatible mode takes the whole band with its aliases, as the original does.
+    The compatible mode takes the whole band with its aliases, as the original system does.
     """
     if mode == "compatible":
         return band_rate_hz / 2
@@ -181,7 +181,7 @@ def choose_channel_count(band_rate_hz: float) -> int:
 
 
 def fast_length(least: int) -> int:
-    """Return the next length without a prime factor above 11, which is fast to transform."""
+    """Smallest length from `least` on without a prime factor above 11: fast to transform."""
     while not _smooth(least):
         least += 1
     return least

@@ -3,8 +3,8 @@
 The default keeps all tags within the clean span of the decimator, widened if needed. It keeps
 them away from the radio's centre, where a zero-IF receiver has its DC spur. Then it avoids
 mirror images (an IQ imbalance shows a tag at +f also at -f), and puts the tags near channel
-centres. Among such frequencies it prefers those with no higher cost in the original's tuner
-than that tuner's own choice. The plan then also suits the original's detectors.
+centres. Among such frequencies it prefers those with no higher cost in the original system's
+tuner than that tuner's own choice. The plan then also suits that system's detectors.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ IMAGE_GUARD_HZ = 1000.0
 
 GRID_STEP_HZ = 100.0
 FLAT_FRACTION = 0.85
-"""Share of a channel that the original takes as flat; the rest are its two shoulders."""
+"""Share of a channel taken as flat by the original system; the rest are two shoulders."""
 
 Floats = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ class TunerPlan:
 
     center_frequency_hz: float
     channels: tuple[int, ...]
-    """Channel number of each tag, from 0 (the original counts from 1)."""
+    """Channel number of each tag, from 0 (the original system counts from 1)."""
     offsets_hz: tuple[float, ...]
     """Distance of each tag from its channel's centre [Hz]."""
     near_edge: tuple[bool, ...]
@@ -53,7 +53,7 @@ class TunerPlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompatibleCost:
-    """Costs that the original minimises, in this order."""
+    """Costs that the tuner of the original system minimises, in this order."""
 
     tags_per_channel: Floats
     """(candidates,) mean number of tags over the occupied channels."""
@@ -117,7 +117,7 @@ def tune(
 def compatible_cost(
     tags_hz: Floats, centers_hz: Floats, *, spacing_hz: float, channel_count: int
 ) -> CompatibleCost:
-    """Cost of candidate radio frequencies by the original's tuner.
+    """Cost of candidate radio frequencies by the original system's tuner.
 
     A tag at d from its channel's edge costs ``|w / d - 1|`` where d < w, half a shoulder (7.5 %
     of the channel), else nothing.
@@ -160,7 +160,7 @@ def _nearest_channels(offsets: Floats, spacing_hz: float, channel_count: int) ->
 
 
 def compatible_candidates(tags: Floats, spacing: float, channel_count: int) -> Floats:
-    """Radio frequencies among which the original's tuner chooses [Hz]."""
+    """Radio frequencies among which the original system's tuner chooses [Hz]."""
     low, high = tags.min(), tags.max()
     grid = np.arange(low, high, GRID_STEP_HZ) if high > low else np.array([low])
     below = (channel_count // 2 + 0.5) * spacing
@@ -172,7 +172,7 @@ def compatible_candidates(tags: Floats, spacing: float, channel_count: int) -> F
 def _candidates(
     tags: Floats, spacing: float, low: float, high: float, dc_guard: float, image_guard: float
 ) -> Floats:
-    """Grid and kinks of a cost in [low, high], among which the best choice lies [whole Hz].
+    """Radio frequencies in [low, high] among which the best choice lies [whole Hz].
 
     A grid, and the points where a cost has its kinks: tags on a channel centre (the mean offset
     is piecewise linear), at the edge of a guard, at the start of a shoulder.

@@ -19,7 +19,7 @@ class DamagedLines:
         self._faults: list[tuple[int, Exception]] = []
 
     def add(self, number: int, reason: Exception) -> None:
-        """Add a line that is not a pulse, with the reason."""
+        """Add an unreadable line by its number, with the reason."""
         self._faults.append((number, reason))
 
     def report(self, good: int) -> None:
@@ -56,7 +56,7 @@ def passed_over(name: str, lines: int, first: int, error: object) -> str:
 
 
 def reason_of(error: object) -> tuple[str, str | None]:
-    """Reason why a line is wrong, followed by the remedy if the error has one."""
+    """Reason why a line is wrong, and the remedy (None if the error has none)."""
     if isinstance(error, OffEarthError):
         return str(error), error.remedy
     return str(error), None

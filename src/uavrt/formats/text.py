@@ -23,10 +23,7 @@ _GZIP = b"\x1f\x8b"
 
 
 def read_lines(path: str | os.PathLike[str]) -> list[str]:
-    """Read the lines of a text file, also gzipped, without ends, byte order mark and NULs.
-
-    Files packed with gzip, such as SensorGnome's, are unpacked.
-    """
+    """Read the lines of a text file, also gzipped, without ends, byte order mark and NULs."""
     name = os.fspath(path)
     try:
         content = read_file(path, TEXT_LOG)
@@ -55,7 +52,7 @@ def _line_count(content: bytes) -> int:
 def wrong_line(
     path: str | os.PathLike[str], number: int, why: object, remedy: str
 ) -> FormatError:
-    """Make the error for one line; a remedy in the fault precedes `remedy`."""
+    """Make the error for one line; a remedy given by `why` replaces `remedy`."""
     reason, known = reason_of(why)
     return FormatError(f"{os.fspath(path)} line {number}: {reason}", remedy=known or remedy)
 
@@ -86,7 +83,7 @@ def parsed_rows(
     cells: Callable[[str], list[str]] = _parted,
     names: Callable[[Sequence[str]], list[str]] = lower_names,
 ) -> list[T]:
-    """Parse the rows of a table with a heading; a last row that was cut off is left out.
+    """Parse the rows of a table with a heading, each from its cells in the given `columns`.
 
     A last row that cannot be parsed was cut off while being written, and is left out. `cells`
     splits a line, and `names` reads the heading's column names.
@@ -206,7 +203,7 @@ _SCALES = ((1e11, NANOSECONDS_PER_SECOND), (1e14, 1_000_000), (1e17, 1_000))
 
 
 def seconds_text(time_ns: int) -> str:
-    """Format seconds since 1970 with six decimals, as the original's tools do."""
+    """Format seconds since 1970 with six decimals, as the original system's tools do."""
     seconds, rest = divmod(time_ns, NANOSECONDS_PER_SECOND)
     micro = round(rest / 1000)
     if micro == 1_000_000:

@@ -8,7 +8,7 @@ from uavrt.core.errors import FormatError, RecordingError, os_errors_as
 
 
 def write_whole(path: str | os.PathLike[str], content: str | bytes) -> None:
-    """Write a temporary file in the same folder, then rename it; raises `RecordingError`."""
+    """Replace a file wholly or not at all, via a temporary file; raises `RecordingError`."""
     with os_errors_as(
         RecordingError, f"cannot write {path}", "Choose a writable directory with free space"
     ):

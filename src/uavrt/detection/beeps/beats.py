@@ -28,7 +28,7 @@ class FoundBeat:
 
 
 def find_beats(times_s: NDArray[np.float64], span_s: float, most: int = 3) -> list[FoundBeat]:
-    """Find intervals in ascending times (n,) at one frequency, the most frequent first."""
+    """Find intervals in ascending pulse times (n,) in `span_s`, the most frequent first."""
     left = np.arange(times_s.size)
     found: list[FoundBeat] = []
     while len(found) < most and left.size >= INTERVALS.fewest_pulses:
@@ -64,7 +64,7 @@ def _best_beat(
 def _at_one_rate(
     times_s: NDArray[np.float64], beat: Beat, chain: NDArray[np.intp], span_s: float
 ) -> tuple[Beat, NDArray[np.intp]]:
-    """Keep the longest stretch of a chain that continues through another rate of the tag."""
+    """Reduce a chain that mixes two rates of a tag to its longest stretch at one rate."""
     low, high = int(chain[0]), int(chain[-1]) + 1
     within_s = times_s[low:high]
     best, kept = -np.inf, (beat, chain)
@@ -134,7 +134,7 @@ def _jitter_s(beat: Beat) -> float:
 
 
 def _merit(beat: Beat) -> float:
-    """Number of pulses minus half of the missing ones; half an interval then scores less."""
+    """Number of pulses minus half the missing ones, so half the true interval scores less."""
     steps = int(beat.numbers[-1]) + 1
     return beat.numbers.size - 0.5 * max(0, steps - beat.numbers.size)
 
@@ -169,10 +169,10 @@ def _candidates(times_s: NDArray[np.float64]) -> list[float]:
 
 
 def _chance(beat: Beat, bursts: int, span_s: float) -> float:
-    """Expected number of chains as good as this one among random pulses.
+    """Expected number of chains as good as this one among `bursts` random pulses.
 
-    After two pulses that set the interval, each later time has a pulse with probability p =
-    density × tolerance. `pairs`: choices of the first two; missed pulses add more.
+    Two pulses set the interval; each later expected time has a pulse with the probability
+    density × tolerance. Choices of the first two, and of the missing pulses, multiply it.
     """
     density = bursts / max(span_s, 1e-9)
     hit = min(1.0, 2.0 * tolerance_s(beat.interval_s) * density)

@@ -33,7 +33,7 @@ class Points:
         return self.times_s.size
 
     def take(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "Points":
-        """Select points by a mask or by indices."""
+        """Select pulses by a mask or by indices."""
         return Points(
             self.times_s[chosen],
             self.frequencies_hz[chosen],
@@ -42,7 +42,7 @@ class Points:
         )
 
     def moved(self, times_s: NDArray[np.float64], center_hz: float = 0.0) -> "Points":
-        """Copy with other times and absolute frequencies, sorted by time again."""
+        """Copy with new times, and `center_hz` added to frequencies; sorted by time."""
         order = np.argsort(times_s, kind="stable")
         moved = Points(times_s, self.frequencies_hz + center_hz, self.widths_s, self.levels_db)
         return moved.take(order)
@@ -53,15 +53,15 @@ NO_POINTS: Final = Points(*np.zeros((4, 0)))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Levels:
-    """Power of the cells of a spectrogram, over that usual at their frequency.
+    """Levels of spectrogram cells: power relative to the usual power at their frequency.
 
-    Few cells are needed as levels, so the others are not scaled.
+    Only the few levels that are read are computed.
     """
 
     power: NDArray[np.float32]
-    """(frames, bins)"""
+    """(frames, bins) power before scaling."""
     scale: NDArray[np.float32]
-    """(bins,) one over the usual power."""
+    """(bins,) inverse of the usual power."""
 
     def around(
         self, row: NDArray[np.intp], column: NDArray[np.intp], rows: range, columns: range
@@ -113,7 +113,7 @@ class PointSearch:
         self._held_samples = 0
         self._found: list[NDArray[np.float64]] = []
         self.dropped = 0
-        """Number of strong cells not examined because there were too many at once."""
+        """Number of strong spectrogram cells not examined, because too many came at once."""
 
     def process(self, samples: NDArray[np.complex64]) -> None:
         """Process the next samples of the stream; none may be missing in between."""
@@ -143,14 +143,14 @@ class PointSearch:
         self._held_samples = rest.size
 
     def finish(self) -> Points:
-        """Examine the remaining samples, and return all points."""
+        """Examine the remaining samples, and return all detected pulses."""
         self._take_frames(1)
         if self._filled > self._from:
             self._search(self._filled)
         return self.found()
 
     def found(self, since_s: float = 0.0) -> Points:
-        """Return the points found so far, and drop those before `since_s`."""
+        """Return the pulses found since `since_s` [s]; earlier ones are deleted."""
         rows = np.concatenate(self._found) if self._found else np.zeros((0, 4))
         rows = rows[rows[:, 0] >= since_s]
         self._found = [rows]
@@ -174,7 +174,7 @@ class PointSearch:
     def _candidates(
         self, levels: "_Levels", first: int, until: int
     ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]]:
-        """Cells above the threshold: frame, frequency, and power over that of the segment."""
+        """Frame, bin and level, over the segment's median, of cells above the threshold."""
         bins = levels.power.shape[1]
         segments = max(1, bins // POINTS.segment_bins)
         places = []
@@ -263,7 +263,7 @@ class PointSearch:
 
 
 def _without_edges(points: Points) -> Points:
-    """Remove points that are only the edges of a strong pulse.
+    """Remove detections that are only the edges of a strong pulse.
 
     These have at most 1 / (pi df T)^2 of its power in a window of T; doubled in amplitude.
     """

@@ -1,7 +1,7 @@
 """Find unlisted senders in a stream while the listed tags are detected.
 
-A tag's crystal may be kilohertz off its label, or the list may have a wrong digit or lack a
-rate. Or the animal is of another study. The detector then finds nothing, without a reason.
+A tag's crystal may be kilohertz off its label, the list may have a wrong digit or lack a rate,
+or the animal may be of another study. Then the detector finds nothing and reports no reason.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ from uavrt.dsp.block_times import BlockTimes
 class _Band:
     """Searches a band periodically, for a part of the time.
 
-    `turns`: duration searched at the start and at the end of each period; the period [s].
+    `turns` [s]: time searched when the stream begins, time searched per period, the period.
     """
 
     def __init__(self, turns: tuple[float, float, float], *, live: bool) -> None:
@@ -37,7 +37,7 @@ class _Band:
         self.center_hz = 0.0
         self.half_hz = 0.0
         self.points = NO_POINTS
-        """Points at absolute frequencies, from the last search for trains."""
+        """Pulses at absolute frequencies, from the last search for trains."""
         self._searched: list[Searched] = []
 
     def due(self, block: IQBlock) -> bool:
@@ -141,12 +141,12 @@ class BeepSearch:
             self._whole.take(block, center_hz, 0.5)
 
     def finish(self) -> list[Beep]:
-        """Identify the trains, the strongest first; for a live stream, only new ones."""
+        """End the search; return senders not reported yet, the strongest first."""
         found = self._found(ended=True)
         return [one for one in found if keep_beep(self._known, one)]
 
     def news(self, now_ns: int) -> list[Beep]:
-        """Identify trains of a live stream that are new, or have doubled their pulses."""
+        """Return senders in a live stream that are new or have twice the reported pulses."""
         if self._next_ns is None:
             self._next_ns = now_ns + ns_from_s(LISTENING.report_every_s)
         received = (self._near.received, self._whole.received)
@@ -160,7 +160,7 @@ class BeepSearch:
 
     @property
     def dropped(self) -> int:
-        """Number of cells not examined because there were too many strong ones."""
+        """Number of spectrogram cells not examined because too many were strong."""
         return self._near.dropped + self._whole.dropped
 
     def _wanted(self, one: Beep) -> int:

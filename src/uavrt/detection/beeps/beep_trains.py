@@ -1,4 +1,4 @@
-"""Sort points into trains of pulses, each of one sender.
+"""Sort detected pulses (points) into trains, each of one sender.
 
 Points of one frequency vote with their time differences for an interval (`beats`). A train is
 refused if its pulses do not agree in frequency, since chance and voice make such trains. It is
@@ -51,7 +51,7 @@ class Train:
 
     @property
     def interval_sigma_s(self) -> float:
-        """Standard deviation of the interval, including that of the points' times [s]."""
+        """Standard deviation of the interval, including the error of the pulses' times [s]."""
         beat = self._longest.beat
         return max(beat.sigma_s, 0.002 / max(int(beat.numbers[-1]), 1))
 
@@ -67,22 +67,22 @@ class Train:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Searched:
-    """Trains among the points of one frequency, kept until enough of its points are new."""
+    """Trains at one frequency of a live stream, kept until enough further pulses arrive."""
 
     frequency_hz: float
     until_s: float
-    """Time of the last point [s]."""
+    """Time of the last pulse that was searched [s]."""
     points: int
-    """Number of points."""
+    """Number of pulses that were searched."""
     trains: list[Train]
     burst: tuple[float, float] | None
-    """Share of the points in bursts, and their frequency [Hz]; None without bursts."""
+    """Share of the pulses in bursts, and their frequency [Hz]; None without bursts."""
 
     def holds(self, times_s: NDArray[np.float64]) -> bool:
-        """True if the points at this frequency now, `times_s`, need no new search.
+        """True if the pulses at this frequency now, `times_s`, need no new search.
 
-        New points that continue the trains need one only when they are several times as many
-        as the old points. A few points outside the trains need one at once.
+        New pulses that continue the trains need one only when they are several times as many
+        as the old pulses. A few pulses outside the trains need one at once.
         """
         new_s = times_s[times_s > self.until_s].tolist()
         ends_s = [
@@ -108,7 +108,7 @@ class Searched:
 def find_trains(
     points: Points, span_s: float, receiver: Receiver, searched: list[Searched] | None = None
 ) -> tuple[list[Train], list[float]]:
-    """Find all trains among points.
+    """Find all trains among detected pulses.
 
     `receiver`: the radio's centre, on the scale of the points' frequencies, and its rate.
     `searched`: results of the last call for the same live stream, replaced by those of this
@@ -179,7 +179,7 @@ def split_bursts(times_s: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 
 
 def _burst_share(times_s: NDArray[np.float64], span_s: float) -> float:
-    """Share of the points in bursts; 0 if bursts are too frequent for a coded tag."""
+    """Share of the pulses in bursts; 0 if bursts are too frequent for a coded tag."""
     bursts = split_bursts(times_s)
     share = sum(one.size for one in bursts) / times_s.size
     rare = TRAINS.fewest_bursts <= len(bursts) <= TRAINS.most_bursts_per_s * span_s
@@ -187,7 +187,7 @@ def _burst_share(times_s: NDArray[np.float64], span_s: float) -> float:
 
 
 def _centers(points: Points, fewest: int) -> list[float]:
-    """Frequencies around which most points lie, those with the strongest points first."""
+    """Frequencies [Hz] with at least `fewest` pulses around them, the strongest first."""
     if len(points) < fewest:
         return []
     low_hz = float(points.frequencies_hz.min()) - 2.0 * TRAINS.gather_hz
@@ -236,7 +236,7 @@ def _with_doubt(trains: list[Train], here: Points, used: NDArray[np.bool_]) -> l
 
 
 def _with_images(trains: list[Train], receiver: Receiver) -> list[Train]:
-    """Mark trains that coincide with stronger ones; drop those close to them in frequency."""
+    """Mark images of stronger simultaneous trains; drop those near the original signal."""
     kept: list[Train] = []
     for train in trains:
         others = [one for one in kept if one.image_of_hz is None]

@@ -14,7 +14,7 @@ def tolerance_s(interval_s: float) -> float:
 
 
 def longest_chain(times_s: NDArray[np.float64], interval_s: float) -> NDArray[np.intp]:
-    """Pulses that follow each other at one interval; empty if fewer than three."""
+    """Indices of the longest chain of pulses at one interval; empty if fewer than three."""
     members, _ = _best_chain(times_s, (interval_s,), INTERVALS.missing_cost)
     return members if members.size >= 3 else members[:0]
 
@@ -52,7 +52,7 @@ def chain_with_switches(
 def _best_chain(
     times_s: NDArray[np.float64], intervals_s: tuple[float, ...], hole: float
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Pulses of the best chain, and the interval before each pulse except the first."""
+    """Indices of the best chain's pulses, and of the interval before each but the first."""
     count, rates = times_s.size, len(intervals_s)
     score = np.ones((count, rates))
     before = np.full((count, rates), -1, dtype=np.intp)  # burst · rates + rate

@@ -27,8 +27,8 @@ def name_trains(
 ) -> list[Beep]:
     """Identify trains as listed tags, their images, or unlisted senders.
 
-    `trains`: at absolute frequencies. `center_hz`: the radio's, the mirror if I and Q are
-    swapped.
+    `trains`: at absolute frequencies. `center_hz`: radio frequency, to recognise tags mirrored
+    about it because I and Q are swapped; None: not checked.
     """
     named = [_name(train, tags, frequency_window_hz, start_ns) for train in trains]
     listed_ids = _listed_ids(named)
@@ -86,7 +86,7 @@ def _name(train: Train, tags: Sequence[Tag], window_hz: float, start_ns: int) ->
 
 
 def _finished(one: Beep, listed_ids: set[int], named: Sequence[Beep]) -> Beep:
-    """Remove ids of tags found at their own frequency; add ids of the tag behind an image."""
+    """Drop possible tags found at their own frequency; give an image the tags of its source."""
     if one.kind is BeepKind.IMAGE:
         for other in named:
             if other.frequency_hz == one.image_of_hz:

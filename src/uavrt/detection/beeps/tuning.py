@@ -8,7 +8,7 @@ class PointTuning:
     """Constants for finding single pulses in a band."""
 
     window_s: float = 0.016
-    """Length of the Hann window [s]; the loss is 3 to 5 dB for pulses of 2.5, 20 and 30 ms."""
+    """Length of the Hann window [s]; pulses of 2.5, 20 and 30 ms lose 3 to 5 dB by it."""
     hop_s: float = 0.008
     """Step from one window to the next [s]."""
     batch_s: float = 2.0
@@ -16,7 +16,7 @@ class PointTuning:
     most_cells: int = 12_500_000
     """Maximum number of cells searched at once: 48 MiB, 2 s at 3 MS/s."""
     false_per_s: float = 3.0
-    """Noise cells accepted as points in `false_band_hz` [1/s]; more in wider bands."""
+    """Noise cells accepted as pulses in `false_band_hz` [1/s]; more in wider bands."""
     false_band_hz: float = 100e3
     """Maximum bandwidth in which at most `false_per_s` noise cells are accepted [Hz]."""
     segment_bins: int = 64
@@ -26,7 +26,7 @@ class PointTuning:
     flank_ratio: float = 10.0
     """Minimum ratio of a pulse's peak to the mean level at `flank_bins`."""
     around_frames: int = 13
-    """Number of frames before and after a point used to measure the pulse length: 104 ms."""
+    """Number of frames before and after a pulse in which its length is measured: 104 ms."""
     longest_s: float = 0.1
     """Maximum duration of a pulse [s]; longer signals are transmissions."""
     least_frames: int = 16
@@ -34,14 +34,14 @@ class PointTuning:
     most_candidates: int = 200_000
     """Maximum number of cells examined in a batch: the strongest ones."""
     strong_db: float = 32.0
-    """Level above which a pulse's edges may appear as separate points [dB]."""
+    """Level above which a pulse's edges may appear as separate pulses [dB]."""
     edge_s: float = 0.03
-    """Maximum time between the point of a pulse and those of its edges [s]."""
+    """Maximum time between a pulse and the false pulses at its edges [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntervalTuning:
-    """Constants for finding the interval of a sender from the times of points."""
+    """Constants for finding the interval of a sender from the times of detected pulses."""
 
     # Range of intervals searched [s]; tags on the market have 0.5 to 4 s.
     shortest_s: float = 0.25
@@ -55,58 +55,58 @@ class IntervalTuning:
     most_false: float = 1e-4
     """Maximum expected number of equally good chains from noise in the recording."""
     tolerance_s: float = 0.022
-    """Maximum deviation of a pulse from its expected time [s]: 20 ms jitter, and our error."""
+    """Maximum deviation of a pulse from its expected time [s]: 20 ms jitter and 2 ms error."""
     most_missing: int = 6
     """Maximum number of consecutive missing pulses in a chain."""
     # Costs in a chain, relative to the value of a pulse. At `switch_cost` a stretch with every
     # second pulse missing counts as another rate from five or six pulses on at an end of the
     # recording, and from eight or nine in its middle.
     missing_cost: float = 0.3
-    """Cost of a missing pulse if the tag has one rate [values of a pulse]."""
+    """Cost of a missing pulse if the tag has one rate [found pulses]."""
     missing_or_switch_cost: float = 0.5
-    """Cost of a missing pulse if the tag may have changed rate [values of a pulse]."""
+    """Cost of a missing pulse if the tag may have changed rate [found pulses]."""
     switch_cost: float = 2.0
-    """Cost of a change of interval in a chain [values of a pulse]."""
+    """Cost of a change of interval in a chain [found pulses]."""
     recent_pulses: int = 40
     """Number of recent pulses over which the running interval is averaged."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainTuning:
-    """Constants for sorting points into trains, each of one sender."""
+    """Constants for sorting detected pulses into trains, each of one sender."""
 
     gather_hz: float = 150.0
     """Range of frequencies that may belong to one tag as it warms up [Hz]."""
     step_hz: float = 25.0
-    """Width of the steps in which points are counted by frequency [Hz]."""
+    """Width of the steps in which pulses are counted by frequency [Hz]."""
     fewest_held: int = 30
-    """Minimum number of pulses at an interval that is kept while the pulses continue it."""
+    """Minimum number of pulses for an interval to be kept while further pulses continue it."""
     renewing_ratio: float = 3.0
-    """Minimum ratio of new to old points at one frequency for it to be searched again."""
+    """Minimum ratio of new to old pulses at one frequency for it to be searched again."""
     renewing_share: float = 0.125
-    """Maximum share of new points at one frequency that are not of its known trains."""
+    """Maximum share of new pulses at one frequency that are not of its known trains."""
     most_intervals: int = 8
-    """Maximum number of intervals found among the points of one frequency."""
+    """Maximum number of intervals found among the pulses of one frequency."""
     strays: int = 2
     """Maximum number of pulses at one interval during another interval of the same sender."""
     most_scatter_hz: float = 30.0
     """Maximum scatter of a train's frequencies about a line [Hz]; chance gives 87 Hz."""
     least_explained: float = 0.5
-    """Minimum share of a frequency's points in trains; below it the trains are doubtful."""
+    """Minimum share of a frequency's pulses in trains; below it the trains are doubtful."""
     same_time_s: float = 0.012
     """Maximum difference between the times of simultaneous pulses [s]."""
     image_share: float = 0.8
     """Minimum share of an image's pulses that coincide with those of a stronger train."""
     image_db: float = 3.0
-    """Minimum level difference of an original and an image, at image frequencies [dB]."""
+    """Minimum level difference of a signal and its image, at image frequencies [dB]."""
     anywhere_db: float = 25.0
-    """Minimum level difference of an original and an image, at other frequencies [dB]."""
+    """Minimum level difference of a signal and its image, at other frequencies [dB]."""
     one_device_db: float = 10.0
     """Maximum level difference between tones of one device, such as a data sender [dB]."""
     one_device_s: float = 0.001
     """Maximum difference between the intervals of tones of one device [s]."""
     flank_hz: float = 20_000.0
-    """Distance from the original below which an image is not reported [Hz]."""
+    """Distance from its source signal below which an image is not reported [Hz]."""
     burst_gap_s: float = 0.25
     """Minimum time between the pulses of two bursts [s]."""
     fewest_bursts: int = 3
@@ -114,7 +114,7 @@ class TrainTuning:
     most_in_burst: int = 8
     """Maximum number of pulses in a burst."""
     burst_share: float = 0.5
-    """Minimum share of the points in bursts for a coded tag to be suspected."""
+    """Minimum share of the pulses in bursts for a coded tag to be suspected."""
     most_bursts_per_s: float = 1.0
     """Maximum burst rate of a coded tag [1/s]; more frequent bursts are voice or data."""
 
@@ -126,7 +126,7 @@ class NamingTuning:
     reach_ppm: float = 70.0
     """Maximum frequency error of a dongle without temperature-compensated crystal [ppm]."""
     edge_hz: float = 30.0
-    """Error of a train's frequency, and of the edge of a window [Hz]."""
+    """Tolerance for a train's frequency at the edge of a tag's search window [Hz]."""
     code_hz: float = 1000.0
     """Maximum distance of a coded tag's pulses from its nominal frequency [Hz]."""
     mirror_share: float = 0.25
@@ -138,7 +138,7 @@ class NamingTuning:
     """Possible ratios of the listed to the measured interval: twice for a mortality signal at
     double rate, a half or a third if every second pulse, or two of three, are missed."""
     timing_s: float = 0.001
-    """Error of an interval from the times of points [s]."""
+    """Error of an interval due to the pulses' measured times [s]."""
     least_pulses: int = 8
     """Minimum number of pulses of a stretch that has a separate interval."""
     least_present: float = 0.7
@@ -164,24 +164,24 @@ class ListeningTuning:
     """Times and limits for searching a stream for unlisted senders."""
 
     tags_band_s: tuple[float, float, float] = (60.0, 20.0, 90.0)
-    """Search of the tags' band of a recording: first time, time per period, period [s]."""
+    """Time searched in the tags' band of a recording, at first and per period; period [s]."""
     tags_band_live_s: tuple[float, float, float] = (60.0, 90.0, 90.0)
-    """Search of the tags' band of a live stream: first time, time per period, period [s]."""
+    """Time searched in the tags' band of a live stream, at first and per period; period [s]."""
     wide_hz: float = 800e3
     """Sample rate above which the tags' band is too expensive to be searched always [Hz]."""
     wide_live_s: float = 30.0
     """Maximum time per period in which a wide band of the tags is searched [s]."""
     whole_band_s: tuple[float, float, float] = (20.0, 20.0, 300.0)
-    """Search of the radio's wider band: first time, time per period, period [s]."""
+    """Time searched in the radio's wider band, at first and per period; period [s]."""
     whole_band_live_s: tuple[float, float, float] = (40.0, 20.0, 540.0)
-    """Search of the wider band of a live stream: first time, time per period, period [s].
-    Of pulses of 15 dB every 2 s, 40 s surely contain `live_pulses` that are found."""
+    """Time searched in the wider band of a live stream, at first and per period; period [s].
+    In 40 s of pulses of 15 dB every 2 s, at least `live_pulses` are found."""
     live_cells: int = 4_000_000
     """Maximum number of cells searched at once in flight: 0.7 s at 3 MS/s, in 15 MiB."""
     recent_s: float = 300.0
     """Duration of a live stream that is searched for trains [s]."""
     most_points: int = 6000
-    """Maximum points searched for trains during a live stream: the strongest ones."""
+    """Maximum number of pulses searched for trains in a live stream: the strongest ones."""
     report_every_s: float = 5.0
     """Time between two searches for trains of a live stream [s]."""
     live_pulses: int = 8

@@ -54,7 +54,7 @@ class BurstReporter:
         confirmed: bool,
         others: tuple[int, ...],
     ) -> None:
-        """Report a burst, unless it was reported before."""
+        """Report a burst once; `others` are the ids of other tags that may have sent it."""
         start_ns, energies = measured.start_ns, measured.energies
         reported = self._burst_times_ns[tag.tag_id]
         if any(abs(start_ns - other) < ns_from_s(IDENTITY.same_burst_s) for other in reported):
@@ -121,7 +121,7 @@ def sighting_of(
     tags: Mapping[int, Tag],
     required: float,
 ) -> Sighting:
-    """Measure a burst: its time, frequency, energies."""
+    """Measure a burst's time, frequency and pulse energies; `width_s`: pulse width [s]."""
     good = burst.good
     tag = burst.book.tags[burst.code]
     columns = burst.columns[good]

@@ -1,8 +1,8 @@
 """Compute the evidence that the pulses at the positions of a listed code are that code's.
 
 The listed code, whose pulses are equally strong, is compared with noise. It is also compared
-with an unlisted one that has some pulses there by chance. An unlisted code explains all
-positions but one at the price of the coincidences; that position must show a pulse by itself.
+with an unlisted code that has pulses at some of these positions by chance, each with a small
+probability, but never at all of them: the listed code needs a pulse at each, the last one too.
 """
 
 import math
@@ -40,7 +40,7 @@ def evidence(
     foreign_per_hour: float,
     bursts: int = 1,
 ) -> Evidence:
-    """Compare the listed code with noise and with unlisted codes."""
+    """Compare the listed code with noise and unlisted codes, by energies (n, pulses)."""
     x = np.sqrt(np.maximum(energies.astype(np.float64), 0.25))
     noise = math.log(2.0) - math.lgamma(bursts) + (2 * bursts - 1) * np.log(x) - x * x
     hit = min(0.1, LIKELIHOOD.least_hit + 4.0 * foreign_per_hour / 3600.0 * LIKELIHOOD.place_s)
@@ -84,7 +84,7 @@ def evidence(
 
 
 def evidence_in_step(alone: NDArray[np.float64], usable: NDArray[np.bool_]) -> float:
-    """Log-likelihood ratio of bursts in step against one unlisted code's, also in step."""
+    """Log-likelihood ratio of a listed to one unlisted code, for bursts at its interval."""
     places = alone.sum(axis=0)[usable.any(axis=0)]
     return float(places.min()) - (len(places) - 1) * math.log(LIKELIHOOD.coincidence)
 
@@ -92,9 +92,9 @@ def evidence_in_step(alone: NDArray[np.float64], usable: NDArray[np.bool_]) -> f
 def evidence_of_sums(
     energies: NDArray[np.float64], *, foreign_per_hour: float, in_step: float
 ) -> NDArray[np.float64]:
-    """Log-likelihood ratio of bursts found only together, against unlisted codes.
+    """Log-likelihood ratio to unlisted codes, for bursts detected only by their sum.
 
-    `energies` (n, bursts, pulses).
+    `energies` (n, bursts, pulses). `in_step`: chance that bursts have the tag's interval.
     """
     # Either one unlisted tag is in step by chance, or pulses of several tags are.
     by_one, by_several = (

@@ -39,7 +39,7 @@ class Found:
 
 
 class Waiting:
-    """Seeds that wait for the last burst of their sums, grouped by due time."""
+    """Weak bursts (seeds) that wait until their sums can be computed, grouped by due time."""
 
     def __init__(self) -> None:
         self._boxes: dict[int, list[NDArray[np.int32]]] = {}
@@ -72,7 +72,7 @@ class Waiting:
 
 
 class Folds:
-    """Sums several bursts of codes with equal numbers of pulses; stores cells for `kept_s`."""
+    """Sums several bursts of codes with equal numbers of pulses, in `kept_s` of cells."""
 
     def __init__(
         self,
@@ -99,7 +99,7 @@ class Folds:
         }
 
     def note(self, first: int, count: int) -> None:
-        """Find seeds at the given columns; they wait until their sums are complete."""
+        """Find single bursts above a low level (seeds); store them until sums are due."""
         pulses = self._book.pulses
         seeds = find_seeds(
             *(self._cells, self._book, first, count),
@@ -212,7 +212,7 @@ class Folds:
         return bool(limited.sum() >= 0.965 * sums.sum() / max(one.score, 1.0))
 
     def _apart(self, hits: list[Found]) -> list[Found]:
-        """Select the best of hits with common pulses; add the tags of nearly equal hits."""
+        """Of results that share pulses keep the best, with the tags of nearly equal ones."""
         chosen: list[Found] = []
         for one in sorted(hits, key=lambda hit: -hit.score):
             shared = [

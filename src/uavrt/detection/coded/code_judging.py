@@ -69,7 +69,7 @@ def measure(
     *,
     prior: float = 0.0,
 ) -> list[Burst]:
-    """Measure the pulses of seeds among the recent cells; drop seeds that are no burst."""
+    """Measure possible bursts (seeds) in the recent cells; drop those that are no burst."""
     if not len(seeds):
         return []
     seeds = _centred(cells, book, seeds)
@@ -168,7 +168,7 @@ def _centred(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[
 
 
 def _finely(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[np.int32]:
-    """(n, pulses) best columns of the pulses near those searched, relative to the seed."""
+    """(n, pulses) columns with the largest sum near the code's, from the seed's column."""
     shifts = np.array([0, -1, 1], np.int32)
     tried = book.fine[seeds[:, 0], seeds[:, 2]][:, None] + shifts[:, None, None]
     tried = tried.reshape(len(seeds), -1, book.pulses)
@@ -182,10 +182,10 @@ def _finely(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[n
 def _off_place(
     cells: Cells, rows: NDArray[np.int32], at: NDArray[np.intp]
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
-    """Find pulses off their expected time, unlike the burst's others; and their energies.
+    """(n, pulses) True for pulses displaced relative to the others; and their energies.
 
-    Also returns the energies at their maxima, within a pulse width and at near frequencies:
-    only the strongest row shows the true position.
+    The energies are maxima within a pulse width and at near frequencies: only the strongest
+    row shows the true position.
     """
     around = cells.recent.copy()
     for apart in range(1, cells.rows_of_a_bin + 1):
@@ -210,7 +210,7 @@ def _best(
 
 
 def least_pulses(pulses: int) -> int:
-    """Minimum number of undisturbed pulses in a burst: enough for two gaps, if it has two."""
+    """Minimum number of undisturbed pulses in a burst: all but two, at least three or all."""
     return max(min(3, pulses), pulses - 1) if pulses <= 4 else pulses - 2
 
 
@@ -226,7 +226,7 @@ def _median(values: NDArray[np.floating[Any]], of: NDArray[np.bool_]) -> NDArray
 def weigh(
     bursts: list[Burst], limits: dict[int, float], foreign_per_hour: float
 ) -> list[Burst]:
-    """Score bursts with equal numbers of pulses; drop those with too few good pulses."""
+    """Score bursts of equal pulse numbers; drop those below the required sum or evidence."""
     if not bursts:
         return []
     energies = np.stack([one.energies for one in bursts])
@@ -256,7 +256,7 @@ def scores_of(
 
 
 def may_suffice(energies: NDArray[np.float32], limits: dict[int, float]) -> NDArray[np.bool_]:
-    """True for seeds that `weigh` may accept with a part of their pulses."""
+    """(n,) True for seeds whose pulses, all or some, may reach the required sum."""
     pulses = energies.shape[1]
     ordered = -np.sort(-energies.astype(np.float64), axis=1)
     able = np.zeros(len(energies), np.bool_)
@@ -269,7 +269,7 @@ def may_suffice(energies: NDArray[np.float32], limits: dict[int, float]) -> NDAr
 
 
 class AcceptedBursts:
-    """Accepted bursts; signals within their pulses are explained by them."""
+    """Accepted bursts of a channel; signals during their pulses count as explained."""
 
     def __init__(self, cells: Cells) -> None:
         self.guard = cells.pulse + round(SHAPE.guard_s / cells.column_s)
@@ -298,7 +298,7 @@ class Overlaps:
             self._good[own, :pulses] = [claims[i].good for i in own]
         self._least = [least_pulses(len(one.columns)) for one in claims]
         self.pulses = np.zeros(shape, np.bool_)
-        """(claims, pulses) True for pulses that overlap with accepted bursts."""
+        """(possible bursts, pulses) True for pulses that overlap with accepted bursts."""
         self._by: list[tuple[Burst, NDArray[np.bool_]]] = []
         self._accepted: dict[int, list[Burst]] = {}
         self._sum()
@@ -316,15 +316,15 @@ class Overlaps:
     def _sum(self) -> None:
         alone = self._good & ~self.pulses
         self.count: list[int] = self.pulses.sum(axis=1).tolist()
-        """(claims,) number of overlapped pulses."""
+        """(possible bursts,) number of overlapped pulses."""
         self.alone: list[int] = alone.sum(axis=1).tolist()
-        """(claims,) number of good pulses that are not overlapped."""
+        """(possible bursts,) number of good pulses that are not overlapped."""
         self.weakest: list[float] = (
             np.where(alone, self._energies, np.inf).min(axis=1, initial=np.inf).tolist()
         )
 
     def too_few_left(self, claim: int) -> bool:
-        """True if too few pulses remain for an identification or a report."""
+        """True if a possible burst, by index, has too few pulses left to be reported."""
         alone = self.alone[claim]
         return alone < self._least[claim] and (
             alone < SHAPE.sure_pulses or self.weakest[claim] < SHAPE.sure_energy
@@ -351,10 +351,11 @@ def decide(
     before: int,
     foreign_per_hour: float,
 ) -> tuple[list[Burst], int]:
-    """Accept the bursts that together explain the pulses best, each removed on trial.
+    """Choose the bursts that together explain the pulses best; count those lost by overlap.
 
     The likeliest comes first; then each is removed on trial to see whether the others explain
-    more: a third code may share pulses with two interleaved bursts.
+    more: a third code may share pulses with two interleaved bursts. Only losses before column
+    `before` are counted.
     """
     without: frozenset[int] = frozenset()
     best, lost = _greedy(claims, accepted_bursts, limits, before, foreign_per_hour, without)

@@ -12,7 +12,7 @@ from uavrt.detection.coded.tuning import FOREIGN
 
 
 class Foreign:
-    """Counts bursts that no listed code explains, by the longest listed `span`."""
+    """Counts bursts that no listed code explains; `span`: longest listed burst [columns]."""
 
     def __init__(self, cells: Cells, span: int, guard: int) -> None:
         self._cells, self._span, self._guard = cells, span, guard
@@ -50,7 +50,7 @@ class Foreign:
         self._upto = max(upto, self._upto)
 
     def _of_burst(self, column: int) -> bool:
-        """True if two more pulses of one sender lie within a burst's length of a pulse."""
+        """True if two more pulses of equal frequency lie within a burst's length of it."""
         (row,) = self._rows[self._columns == column]
         near = np.abs(self._columns - column) <= self._span
         return int((near & (np.abs(self._rows - row) <= FOREIGN.rows)).sum()) >= 3

@@ -18,7 +18,7 @@ from uavrt.detection.coded.code_evidence import evidence_in_step
 from uavrt.detection.coded.tuning import IDENTITY
 
 _TRIED = math.log(IDENTITY.steps)
-"""Log of the number of tries of which the best is used; subtracted from its likelihood."""
+"""Log of the number of tries; subtracted from the log-likelihood of the best one."""
 
 
 def in_step(
@@ -28,7 +28,11 @@ def in_step(
     timing_s: float,
     most: int = IDENTITY.steps,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
-    """Find bursts at whole multiples of the burst interval before and after a burst."""
+    """Find bursts at whole multiples of the burst interval before and after time `at_s`.
+
+    Returns, for each multiple, the expected time [s], the log-likelihood gained by a burst
+    there (0: none), and the index of the nearest of `others_s`.
+    """
     steps = np.concatenate((np.arange(-most, 0), np.arange(1, most + 1)))
     interval_s = tag.pulse_intervals_s[0]
     expected_s: NDArray[np.float64] = np.asarray(at_s + steps * interval_s, np.float64)
@@ -49,7 +53,7 @@ def likeliest(
     searched_s: tuple[float, float],
     timing_s: float,
 ) -> list[int]:
-    """Decide from their burst intervals which tags sent a burst, the likeliest first."""
+    """Indices of the tags whose burst interval best fits a burst at `at_s`, best first."""
     scores = []
     for tag, times_s in zip(tags, others_s, strict=True):
         expected_s, gains, _ = in_step(at_s, times_s, tag, timing_s)
@@ -80,7 +84,7 @@ class MeasuredBurst:
 
 @dataclass(slots=True, kw_only=True)
 class Sighting(MeasuredBurst):
-    """A burst found singly, until its sender is identified."""
+    """A burst detected by itself, not as part of a sum, and the evidence for its sender."""
 
     tags: tuple[Tag, ...]
     """Tags that may have sent the burst, the likeliest first."""

@@ -17,10 +17,10 @@ from uavrt.detection.coded.tuning import REFINE
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refined:
-    """Refined times and energies (bursts, pulses) of several bursts [noise energies].
+    """Refined times of several bursts, and energies of their pulses.
 
-    `energies` (bursts, pulses) [noise energies]: a hidden pulse has the usual energy of noise;
-    a pulse outside of the stored samples has 0.
+    `energies` (bursts, pulses) [noise energies]: a pulse in cells replaced by noise has the
+    usual energy of noise; a pulse outside of the stored samples has 0.
     """
 
     begins: NDArray[np.float64]
@@ -31,7 +31,11 @@ class Refined:
 def refine(
     cells: Cells, tag: Tag, *, row: int, part: float, begins: NDArray[np.float64], most: float
 ) -> Refined:
-    """Find the largest sum at positions between the cells."""
+    """Find the largest sum of bursts, at times and frequencies between the cells.
+
+    `part`: stretch of the gaps, as a share of their tolerance. `begins`: columns of the bursts.
+    `most`: limit on the energy of a pulse.
+    """
     starts_s = np.concatenate(((0.0,), np.cumsum(tag.gaps_s)))
     parts = 1.0 + GAP_TOLERANCE_S * (part + np.array(REFINE.stretches)) / starts_s[-1]
     offsets = starts_s * parts[:, None] / cells.column_s
@@ -59,7 +63,7 @@ def refine(
 def _prefix(
     cells: Cells, row: int, firsts: NDArray[np.int64]
 ) -> tuple[NDArray[np.bool_], NDArray[np.complex128]]:
-    """Cumulative sums of samples (turns, bursts, pulses, n + 1), and which are complete."""
+    """Which pulses are stored, and cumulative sums (frequencies, bursts, pulses, n + 1)."""
     count = 2 * REFINE.margin_columns * cells.hop + cells.length + 1
     first = (firsts - cells.base) * cells.hop
     within = (first >= 0) & (first + count <= (cells.end - cells.base) * cells.hop)
@@ -78,7 +82,7 @@ def _prefix(
 def _energies(
     cells: Cells, sums: NDArray[np.complex128], at: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Energies (turns, moves, stretches, bursts, pulses) of pulses between samples."""
+    """Energies of pulses, shape (frequencies, shifts, stretches, bursts, pulses)."""
     begin = np.clip(at * cells.hop, 0.0, sums.shape[-1] - 2 - cells.length)
     low = np.floor(begin).astype(np.int64)
     over = begin - low

@@ -2,7 +2,7 @@
 
 A burst is the noncoherent sum of the cells of its pulses at the gaps of its code. The tag's
 crystal stretches all gaps alike, so a few stretches are tried. Several bursts are summed at the
-burst interval around a seed, a sum that stands out; nearly always one of three bursts has one.
+burst interval around a seed: a burst whose sum stands out, as one of three nearly always does.
 """
 
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ class CodeBook:
 
 
 def make_code_book(tags: tuple[Tag, ...], column_s: float) -> CodeBook:
-    """Make the book of codes with equal numbers of gaps."""
+    """Make the code book of tags whose codes have equal numbers of gaps."""
     gaps_s = np.array([tag.gaps_s for tag in tags])
     starts_s = np.concatenate((np.zeros((len(tags), 1)), np.cumsum(gaps_s, axis=1)), axis=1)
     stretches = np.add.outer(np.array(SUMS.stretches), (-0.25, 0.0, 0.25))
@@ -62,7 +62,7 @@ def make_code_book(tags: tuple[Tag, ...], column_s: float) -> CodeBook:
 def find_seeds(
     cells: Cells, book: CodeBook, first: int, count: int, *, clip: int, level: int
 ) -> NDArray[np.int32]:
-    """Sums of bursts that reach a level: (n, 5) code, row, stretch, column, sum."""
+    """Find sums of cells of `level` or more: (n, 5) code, row, stretch, column, sum."""
     at = first - cells.base
     if at < SUMS.apart_columns:
         count, at = count - (SUMS.apart_columns - at), SUMS.apart_columns
@@ -120,7 +120,7 @@ def fold(
     steps: int,
     clip: int,
 ) -> NDArray[np.int32]:
-    """Sum bursts around seeds at the interval; returns (n, 3) sum, interval, position."""
+    """Largest sums of bursts around seeds: (n, 3) sum, interval step, place of first burst."""
     own = np.ascontiguousarray(seeds, np.int32).copy()
     own[:, 3] -= cells.base
     out = np.zeros((len(own), 3), np.int32)

@@ -18,7 +18,7 @@ class CellTuning:
     noise_pieces: int = 25
     """Number of pieces of samples whose medians give the noise: 10 s."""
     least_rise: float = 0.85
-    """Minimum noise as a share of the newest estimate, so that rising noise is no burst."""
+    """Minimum noise level as a share of the newest estimate; rising noise is then no burst."""
     kept_s: float = 130.0
     """Duration for which cells are stored, to sum several bursts [s]."""
     step_s: float = 0.4
@@ -41,7 +41,7 @@ class SumTuning:
     apart_columns: int = 4
     """Range in which a seed is the largest sum of its row and code [columns]."""
     most_cell: float = 10.0
-    """Largest value of a cell in a sum of several bursts [noise energies]."""
+    """Limit on the energy of a cell in a sum of several bursts [noise energies]."""
     # Mean cell of a seed. Three of four sums of bursts at the limit contain a cell of this
     # size; noise has few.
     seed_of_many: float = 3.5
@@ -53,7 +53,7 @@ class SumTuning:
     examined_share: float = 0.88
     """Share of the minimum sum above which a sum is refined."""
     clear_lead: float = 20.0
-    """Minimum excess over the sum of another code with the same pulses [noise energies]."""
+    """Lead over another code's sum of the same pulses that excludes it [noise energies]."""
     box_columns: int = 2048
     """Range within which waiting seeds are grouped [columns]."""
     same_columns: int = 10
@@ -73,9 +73,9 @@ class RefineTuning:
     drifts: tuple[float, ...] = (-1.0, 0.0, 1.0)
     """Shifts tried of the last burst against the first [columns]."""
     near_columns: int = 3
-    """Maximum shift of a pulse [columns], which keeps it away from a hidden signal."""
+    """Distance from cells replaced by noise at which a pulse counts as hidden [columns]."""
     hidden_energy: float = 0.25 * math.pi
-    """Energy assumed for a hidden pulse [noise energies]: that of noise of mean amplitude."""
+    """Energy assumed for a hidden pulse [noise energies]: (mean amplitude)² of noise."""
     margin_columns: int = 6
     """Number of columns on each side of a pulse whose samples are read."""
 
@@ -92,7 +92,7 @@ class LimitTuning:
     per_cell: float = 60.0
     """Number of independent sums per pulse width of time and inverse width of frequency."""
     per_interval: float = 1.0
-    """Number of independent burst intervals per pulse width of the last burst's uncertainty."""
+    """Number of independent intervals per pulse width by which the last burst is uncertain."""
     per_refinement: float = 14.0
     """Number of independent sums in a refinement."""
     expected_false: float = 1e-6
@@ -122,7 +122,7 @@ class LikelihoodTuning:
     strengths_log: float = 5.0
     """Log of the ratio of the largest to the smallest possible amplitude of a pulse."""
     alignments: float = 16.0
-    """Number of alignments of a pulse of a burst of four with one of four positions."""
+    """Number of ways to align one of a burst's four pulses with one of four positions."""
     least_log: float = 4.0
     """Minimum log-likelihood ratio of the listed code against unlisted ones."""
 
@@ -148,10 +148,10 @@ class ShapeTuning:
     beside_amplitude: float = 0.6
     """Maximum amplitude next to a pulse's end, relative to the pulse, without noise."""
     end_widths: tuple[float, float] = (1.2, 3.2)
-    """Distances from a pulse, at one of which its energy must have ended [pulse widths]."""
+    """Two distances from a pulse; its energy must have ended at one of them [pulse widths]."""
     aside_s: float = 0.75e-3
     """Maximum deviation of a strong pulse from its expected time in the burst [s]. At 20 dB the
-    flanks of a code matched one whose gaps differ by 4.5 ms in total."""
+    flanks of one code's pulses matched a code with gaps that differ by 4.5 ms in total."""
     aside_noise_s: float = 3e-3
     """Deviation that noise adds to `aside_s`, divided by the pulse's amplitude [s]."""
     flank_amplitude: float = 0.8
@@ -187,7 +187,7 @@ class IdentityTuning:
     wait_intervals: float = 2.2
     """Time for which an ambiguous burst waits for later ones [intervals]."""
     doubt_log: float = math.log(100.0)
-    """Missing evidence up to which a burst is reported, as unconfirmed [log]."""
+    """Maximum shortfall of evidence for a burst to be reported as unconfirmed [log]."""
     rows: int = 1
     """Maximum difference in frequency between bursts of one tag [rows]."""
     most_missed: int = 8

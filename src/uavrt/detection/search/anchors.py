@@ -95,7 +95,7 @@ class AnchorSearch(RateSearch):
         return self.rows * self.width
 
     def move_to(self, memory: NDArray[np.float32], base: int, *, empty: bool = False) -> None:
-        """Move the ring buffer into `memory` (n,); its beginning is repeated at its end.
+        """Move the ring buffer to item `base` of `memory`; `empty`: without zeroing it.
 
         Its beginning is repeated behind its end, to make every stretch of a row contiguous.
         """
@@ -146,7 +146,7 @@ class AnchorSearch(RateSearch):
         self.anchor_powers += powers
 
     def take_due(self, due: "_Due", member: int) -> None:
-        """Collect the anchors with complete groups, as each of the K pulses."""
+        """Append anchors with complete groups to `due`; `member`: index of this search."""
         columns, tested = self.anchor_columns, self.tested
         if not columns:
             return
@@ -171,7 +171,7 @@ class AnchorSearch(RateSearch):
     def collect(
         self, tested: "_Tested", part: slice, least: float, shorter: int = 0
     ) -> list[Candidate]:
-        """Make candidates of the tested anchors in `part`, all of this search."""
+        """Make candidates of the tested anchors in `part` with a sum of `least` or more."""
         best, level = tested.best[part], tested.level[part]
         cells, power = tested.cells[part], tested.power[part]
         hits = np.flatnonzero(best >= least)
@@ -239,7 +239,7 @@ class _Due:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Tested:
-    """Powers and sums of groups with some anchors (first axis), in the units of the cells."""
+    """Powers and sums of the groups tested for anchors (first axis), not divided by noise."""
 
     column: NDArray[np.intp]
     row: NDArray[np.intp]

@@ -2,7 +2,7 @@
 
 For a rectangular pulse the matched filter bank is the discrete-time Fourier transform of each
 window. At any sample rate the hop is an eighth of a pulse, and rows are a quarter of a bin
-apart. Hops of half a pulse and rows half a bin apart, as in the original, cost 1.0 dB.
+apart. Hops of half a pulse and rows half a bin apart, as in the original detector, cost 1 dB.
 
 The columns of a row are contiguous in memory, because an anchor reads about fifty of them.
 Shifted maxima are taken over all rows as one long row, without the margins.
@@ -79,7 +79,7 @@ class Grid:
         return (start + (self.decimation - 1) / 2.0) / self.hop
 
     def power(self, samples: NDArray[np.complex64]) -> NDArray[np.float32]:
-        """Power of every cell (columns, rows), in units of a channel sample's in noise.
+        """Power of every cell of the columns in the `samples`, shape (columns, rows).
 
         In noise the mean power is that of one channel sample; for a pulse it is ENR + 1 times
         as much.
@@ -146,7 +146,7 @@ def power_by_halves(
     first: int,
     take: Callable[[str, tuple[int, ...]], NDArray[np.float32]],
 ) -> None:
-    """Compute rows at ± f together, with a quarter of the multiplications, all real.
+    """Write the power of rows at ± f together, by a quarter of the multiplications, all real.
 
     Around a window's middle, let e(n) = x(n) + x(-n) and o(n) = x(n) - x(-n). The transform at
     ± f is A ∓ jB, with A the sum of e cos and B that of o sin.
@@ -214,7 +214,7 @@ class Spectrogram:
         return power
 
     def lengthened(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
-        """Append new channel samples to the unused narrow-band samples."""
+        """Decimate new channel samples; append them to the unused narrow-band samples."""
         grid, native = self.grid, kernels()
         if native is None or grid.filter is None or grid.pairs is None:
             return np.concatenate((self.band, self.decimate(samples)))
@@ -251,7 +251,7 @@ class Spectrogram:
         return band.reshape(-1)
 
     def _turned(self, row: int, count: int) -> NDArray[np.complex64]:
-        """Factors (count, 1) that shift the tag to zero for each row of outputs."""
+        """Factors (count, 1) that shift the tag to 0 Hz, for each row of outputs."""
         grid = self.grid
         turns = grid.turn_hz * OUTPUTS_PER_ROW * grid.decimation / grid.sample_rate_hz
         if count > len(self._turns):
@@ -354,7 +354,7 @@ def half_transforms(
 def _band_filter(
     *, sample_rate_hz: float, decimation: int, offset_hz: float, pass_hz: float
 ) -> NDArray[np.complex128]:
-    """Band-pass around the tag with aliases outside of ± `pass_hz`, shape (odd,).
+    """Taps of a band-pass around the tag with aliases outside of ± `pass_hz`, shape (odd,).
 
     Kaiser window by Kaiser's formulas. The samples stay at their frequency, folded by the
     decimation; the rows of the transform are folded alike.
@@ -383,7 +383,7 @@ def _windows(
 
 
 def sliding_maximum(power: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
-    """Maximum over ± `reach` columns, for the columns - 2 * reach with all of these.
+    """Maximum over ± `reach` columns; the result lacks `reach` columns at each end.
 
     The work grows with the logarithm of `reach`.
     """

@@ -87,8 +87,8 @@ class Evidence:
     ) -> float:
         """Log-likelihood ratio of a candidate's pulses to noise, summed over nearby parameters.
 
-        Missing samples after `starts` (K,) count neither way. `level` (K,): noise power of a
-        sample.
+        `starts` (K,): first samples of the pulses; missing ones count neither way. `level`
+        (K,): noise power of a sample. `strength`: assumed ENR of a pulse.
         """
         side, step = self._side, self._step
         window, table = self._grid.window, _ratios(round(strength, 2))

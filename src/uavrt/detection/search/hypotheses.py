@@ -32,7 +32,7 @@ class Candidate(NamedTuple):
     rate: int
     row: int
     columns: tuple[float, ...]
-    """Expected column of each pulse, counted since the start."""
+    """Expected column of each pulse, counted from the start of the stream."""
 
 
 def best_first(found: list[Candidate]) -> list[Candidate]:
@@ -43,9 +43,10 @@ def best_first(found: list[Candidate]) -> list[Candidate]:
 
 
 class RateSearch(ABC):
-    """Search of one rate over a sliding range of columns; two classes implement it.
+    """Base of the searches for groups of one rate, in columns as they arrive.
 
-    `first_threshold` may be lower, since few groups can have begun in the first columns.
+    `first_threshold` holds in the first `first_columns`; as few groups begin in them, it may
+    be lower.
     """
 
     def __init__(
@@ -100,7 +101,7 @@ class RateSearch(ABC):
         """Callback for strong cells that the search has finished: columns, rows, powers."""
 
     def open_anchors(self) -> Anchors:
-        """Return the strong cells that are not tested completely."""
+        """Return the strong cells whose groups may still grow by later columns."""
         return [], [], []
 
     @property
@@ -110,7 +111,7 @@ class RateSearch(ABC):
 
     @property
     def steady(self) -> bool:
-        """True once the threshold of the first decision no longer applies."""
+        """True once `first_threshold` no longer applies."""
         return self.threshold == self._steady_threshold
 
     def begin_at(self, column: int) -> None:
@@ -138,7 +139,7 @@ class RateSearch(ABC):
 
 
 def jitter_reach(jitter_s: float, hop_s: float) -> int:
-    """Number of columns to search on either side of an expected pulse: 0.7 of the bound.
+    """Number of columns searched on either side of a pulse: 0.7 of the jitter's bound.
 
     Two pulses both off by the full bound are rare, and a pulse a little beyond still shows by
     its flank: 0.7 of the bound loses less than the smaller search gains.
@@ -149,7 +150,7 @@ def jitter_reach(jitter_s: float, hop_s: float) -> int:
 def interval_grid(
     *, interval_s: float, uncertainty_s: float, hop_s: float, k: int, reach: int
 ) -> NDArray[np.float64]:
-    """Intervals to try [columns]; between two, no pulse moves by more than it may."""
+    """Intervals to try [columns]; a step moves the last pulse by at most 2 or `reach`."""
     middle = interval_s / hop_s
     if k == 1:
         return np.array([middle])

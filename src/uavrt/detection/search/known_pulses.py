@@ -25,7 +25,7 @@ class KnownPulses:
         *,
         reach: int,
     ) -> NDArray[np.bool_]:
-        """Find the candidates that contain a known pulse or its leakage."""
+        """(n,) True for candidates that contain a known pulse or its leakage."""
         grid = self._grid
         bin_hz = grid.sample_rate_hz / grid.window
         near = (reach + 1) * grid.hop + 0.75 * grid.window

@@ -68,7 +68,7 @@ class _LevelRecord:
         self._stretches: list[_Stretch] = []
 
     def at(self, row: float, column: float) -> float:
-        """Level at a row and a column; between two columns, that of the nearer."""
+        """Level at a row and a column; 1.0 before the first record."""
         for stretch in reversed(self._stretches):
             if column >= stretch.first:
                 slot = min(int((column - stretch.first) / SLOT), len(stretch.common) - 1)
@@ -100,7 +100,7 @@ class Leveller:
     """Tracks the noise level shared by the rows of one search.
 
     `keep`: number of columns whose levels are stored. `steepness`: threshold of the search over
-    K, the growth of false alarms with a level's error. `circular`: rows form a circle.
+    K; sets the margin for a level's error. `circular`: the last row is next to the first.
     """
 
     def __init__(
@@ -140,7 +140,7 @@ class Leveller:
         first: int,
         whole: NDArray[np.bool_] | None = None,
     ) -> None:
-        """Divide new columns (rows, columns) by their level, in place."""
+        """Divide new columns (rows, columns) by their level in place; `first`: their index."""
         level_together([self], power[np.newaxis], [noise], [first], [whole])
 
     def _keep_steady(
@@ -370,7 +370,7 @@ def _sums(values: NDArray[np.float32]) -> NDArray[np.float64]:
 def _longest(
     common: NDArray[np.float32], weights: NDArray[np.float32], scale: float
 ) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]:
-    """Mean over the longest stretch before each slot that agrees with all shorter ones."""
+    """Longest consistent stretch up to each slot: its mean, first slot, and lower bound."""
     sums, total = _sums(common * weights), _sums(weights)
     end = np.arange(1, len(common) + 1)
     mean, first = np.asarray(common, np.float64), end - 1
@@ -401,7 +401,7 @@ def _agreed(
     scale: float,
     total: NDArray[np.float64],
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Join each slot's past and future stretch if they agree; else use the higher one."""
+    """Limits of each slot's stretch: past and future joined if they agree, else the higher."""
     at = np.arange(len(back))
     seen, coming = total[at + 1] - total[begin], total[end] - total[at]
     error = np.sqrt(1.0 / np.maximum(seen, 1e-9) + 1.0 / np.maximum(coming, 1e-9))
@@ -513,7 +513,7 @@ def _level_alike(
     first: Sequence[int],
     whole: Sequence[NDArray[np.bool_] | None],
 ) -> None:
-    """Level several searches that have the same bands and the same number of past slots."""
+    """Divide the columns of searches with equal bands and past slots by their levels."""
     one = levellers[0]
     columns = power.shape[2]
     cells = power[:, :, ::SLOT] / noise[:, :, np.newaxis]

@@ -76,10 +76,7 @@ class LongSearch(RateSearch):
         )
 
     def _search_dense(self, noise: NDArray[np.float32]) -> list[Candidate]:
-        """Try every cell as the last pulse with every interval, reading only likely columns.
-
-        Only columns that may contain a pulse are read: a third at K = 40.
-        """
+        """Try every cell as the last pulse, with every interval; return the best first."""
         done, upto = self._searched, self.columns
         self._searched = upto
         if upto <= done:

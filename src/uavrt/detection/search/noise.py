@@ -1,8 +1,8 @@
 """Estimate the noise power of each row from the same statistic that is searched.
 
-The original estimates noise in whole bins and interpolates to the half bins. A carrier on a
-whole bin then raises the half bins but not their threshold, and every segment gives a false
-alarm. Here each row is estimated separately.
+The original detector estimates noise in whole bins and interpolates to the half bins. A carrier
+on a whole bin then raises the half bins but not their threshold: a false alarm in each segment.
+Here each row is estimated separately.
 """
 
 import math
@@ -27,7 +27,7 @@ _RISEN = math.exp(-NOISE.excluded_ratio / NOISE.rise_ratio)
 def _truncated(
     power: NDArray[np.float32], noise: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Fixed-point iteration of the truncated mean, and the share of cells below the limit."""
+    """One fixed-point step of the truncated mean; and the share of cells below its limit."""
     kept = (power < (np.float32(NOISE.excluded_ratio) * noise)[..., np.newaxis, :]).astype(
         np.float32
     )
@@ -71,7 +71,7 @@ def _noise_near_edge(
 
 
 class RowNoise:
-    """Tracks the noise power of each row, from some independent cells per second."""
+    """Tracks the noise power of each row, of `independent_per_s` independent cells [1/s]."""
 
     def __init__(self, *, column_s: float, independent_per_s: float, circular: bool) -> None:
         self._column_s = column_s
@@ -179,7 +179,7 @@ class RowNoise:
 
     @property
     def _mode(self) -> Literal["wrap", "reflect"]:
-        """Padding mode beyond the last row: mirrored; a repeated row is its own median."""
+        """Padding mode: beyond an end follow the rows of the other end, or mirrored ones."""
         return "wrap" if self._circular else "reflect"
 
     @property

@@ -93,9 +93,9 @@ class Refiner:
         climb: bool = False,
         spread: float = math.inf,
     ) -> list[Measured] | None:
-        """Find pulses of one common frequency near expected starts; None without the samples.
+        """Find pulses of one frequency near expected starts; None: samples are not stored.
 
-        `climb`: follow a peak beyond the limits. `spread`: deviation of the starts [samples].
+        `climb`: search beyond a peak at the edge. `spread`: sigma of the starts [samples].
         """
         window, buffer = self._window, self._buffer
         lead = math.ceil(half_width)
@@ -189,7 +189,7 @@ class Refiner:
         return self._buffer.loses(start - near, start + near)
 
     def _weight(self, start: int) -> float:
-        """Factor that compensates lost samples in the power of a window; see `weights`."""
+        """Factor on a window's power that compensates its lost samples; 0: too many lost."""
         weights = self._buffer.weights(np.array([start]), self._window)
         return 1.0 if weights is None else float(weights[0])
 
@@ -201,7 +201,7 @@ class Refiner:
         half_band_hz: float,
         frequencies: int,
     ) -> tuple[NDArray[np.float64] | None, NDArray[np.int64]]:
-        """Matched-filter power (pulses, frequencies, starts), and shifts of the starts."""
+        """Matched-filter power (pulses, frequencies, starts) or None; shifts of `first`."""
         length = self._window + count - 1
         latest = self.upto - length
         if latest < self._buffer.start:
@@ -219,7 +219,7 @@ class Refiner:
         offset_hz: float,
         turns: NDArray[np.complex128],
     ) -> NDArray[np.float64]:
-        """Matched-filter power at frequencies around one, shape (pulses, turns, starts)."""
+        """Matched-filter power around a frequency, shape (pulses, frequencies, starts)."""
         sums = self._sums(first, length, offset_hz, turns)
         filtered = sums[..., self._window :] - sums[..., : -self._window]
         power = np.asarray(filtered.real**2 + filtered.imag**2)
@@ -327,7 +327,7 @@ class Refiner:
         return around <= floor or self._looks_like_impulse(pulse, around)
 
     def _floor_around(self, pulse: Measured) -> float:
-        """Mean power around a pulse; if it changes there, that at the pulse, within limits."""
+        """Noise power of a sample at a pulse, limited to the levels before and after it."""
         window, buffer, start = self._window, self._buffer, round(pulse.start)
         sides = []
         for near, far in ((-MEASURE.around_widths, -0.5), (1.5, 1.0 + MEASURE.around_widths)):

@@ -31,7 +31,7 @@ class Workspace:
 
 
 def columns_ahead(spectrogram: Spectrogram, samples: int) -> int:
-    """Number of columns completed by this number of channel samples from `needed` on."""
+    """Number of columns that a number of channel samples from `needed` on complete."""
     grid = spectrogram.grid
     assert grid.filter is not None
     stride = OUTPUTS_PER_ROW * grid.decimation
@@ -45,7 +45,7 @@ def push_together(
     stretches: Sequence[NDArray[np.complex64]],
     workspace: Workspace,
 ) -> NDArray[np.float32]:
-    """Add equal stretches to several spectrograms; return the new columns' power."""
+    """Add samples to spectrograms; return new power (spectrograms, rows, columns)."""
     grid = spectrograms[0].grid
     count = columns_ahead(spectrograms[0], len(stretches[0]))
     used = count * (grid.hop // grid.decimation)

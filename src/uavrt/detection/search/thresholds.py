@@ -36,7 +36,7 @@ def decision_interval_s(tag: Tag, rate: int = 1) -> float:
 
 
 def decision_span_s(tag: Tag, rate: int = 1) -> float:
-    """Duration of the samples for one decision of the original, which contain K pulses [s]."""
+    """Duration of the samples for one decision of the original detector: K pulses [s]."""
     overlap_s = 2.0 * (tag.k * tag.interval_uncertainty_s + tag.interval_jitter_s)
     return decision_interval_s(tag, rate) + overlap_s
 
@@ -44,8 +44,8 @@ def decision_span_s(tag: Tag, rate: int = 1) -> float:
 def begun_within_s(tag: Tag, rate: int = 1) -> float:
     """Duration in which a group of the first decision can begin [s].
 
-    The original's steps are whole columns, which for tags with small uncertainties round away
-    up to a millisecond per pulse; from K = 60 on nothing would be left.
+    The original detector's steps are whole columns, which for tags with small uncertainties
+    round away up to a millisecond per pulse; from K = 60 on nothing would be left.
     """
     interval_s = tag.pulse_intervals_s[rate - 1]
     begun_s = decision_span_s(tag, rate) - (tag.k - 1) * interval_s
@@ -53,7 +53,7 @@ def begun_within_s(tag: Tag, rate: int = 1) -> float:
 
 
 def _tail(k: int, spread: float, limit: float) -> tuple[np.ndarray, np.ndarray]:
-    """Tail of a sum of one exponential and k - 1 maxima of `spread` exponentials."""
+    """Values x, and tail P(sum ≥ x) of one exponential and k - 1 maxima of `spread` ones."""
     top = limit if math.isfinite(limit) else 60.0
     x = np.arange(0.0, top + THRESHOLDS.tail_step, THRESHOLDS.tail_step)
     anchor = 1.0 - np.exp(-x)
@@ -75,7 +75,7 @@ def _log_tail(k: int, spread: float, limit: float) -> tuple[np.ndarray, np.ndarr
 
 
 def group_tail(k: int, spread: float, threshold: float) -> float:
-    """Probability that one hypothesis of noise reaches the threshold."""
+    """Probability that the sum of one hypothesis in noise reaches the threshold."""
     if k == 1:
         return math.exp(-threshold)
     x, log_tail = _log_tail(k, round(spread, 3), GROUPS.cell_limit)

@@ -68,7 +68,7 @@ class NoiseLevelTuning:
     most_power: float = 4.0
     """Maximum power of a cell that counts for a level [noise powers]."""
     past_slots: int = 80
-    """Number of past slots from which levels are estimated."""
+    """Number of past slots, half a pulse each, from which levels are estimated."""
     stretches: tuple[int, ...] = (6, 10, 16, 26, 42, 80)
     """Numbers of slots over which a level is averaged; the shortest locates steps."""
     most_splits: int = 4
@@ -94,7 +94,7 @@ class NoiseLevelTuning:
     median_slots: int = 11
     """Number of slots in the median that limits the cells of a band."""
     newest_slots: int = 10
-    """Number of newest slots in which the level is raised to the most certain recent mean."""
+    """Number of newest slots whose level is raised to the lower bound of recent means."""
     most_margin: float = 0.3
     """Maximum share added to an uncertain level for the search."""
     same_share: float = 0.12
@@ -180,7 +180,7 @@ class NullTuning:
     lattices: int = 12
     """Number of intervals at which groups are counted."""
     gain: float = 0.08
-    """Rise of the threshold by each group [noise powers]."""
+    """Rise of the threshold by each counted group [noise powers]."""
     # While coloured noise is new a group adds `eager_gain` over the groups awaited since it
     # began plus `eager_groups`: the steps of stochastic approximation. 1.6, the mean excess of
     # a group in such noise, would be faster, but cost a tag of 14 dB beside a carrier one pulse
@@ -223,13 +223,13 @@ class EvidenceTuning:
     gate: float = 0.9
     """Minimum score of a candidate that is tested, as a share of the threshold."""
     sure_score: float = 1.2
-    """Score above which no test is needed: two cells at the limit, a third above noise."""
+    """Score above which no test is needed: of two cells at the limit and one above noise."""
     tested_k: int = 3
-    """K of the groups that are tested."""
+    """Number of pulses K of the groups that are tested."""
     factor_log: float = -3.7
-    """Log of the noise groups at a bound of one per set of pulse times, calibrated at K = 3."""
+    """Term of the minimum log evidence, from the number of noise groups measured at K = 3."""
     slope: float = 1.2
-    """Exponent of the inverse bound in the tail of noise, calibrated."""
+    """Factor on the log of the false-alarm probability in the minimum log evidence."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,14 +10,14 @@ from uavrt.detection.signal.tuning import CHANNEL
 
 
 def apart_hz(one_hz: float, two_hz: float, sample_rate_hz: float) -> float:
-    """Difference of two frequencies modulo the sample rate, at most half of it [Hz]."""
+    """Signed difference of two frequencies modulo the sample rate, nearest to zero [Hz]."""
     return math.remainder(one_hz - two_hz, sample_rate_hz)
 
 
 def in_channel_hz(
     offset_hz: float, *, nominal_hz: float, sample_rate_hz: float, margin_hz: float = 0.0
 ) -> float:
-    """Choose one of the aliases of a track's frequency, from the channel's centre [Hz]."""
+    """Alias of a track's frequency: near `nominal_hz`, or else within the channel [Hz]."""
     miss_hz = apart_hz(offset_hz, nominal_hz, sample_rate_hz)
     if abs(miss_hz) < CHANNEL.usual_error_hz:
         return nominal_hz + miss_hz

@@ -140,7 +140,7 @@ class Cleaner:
         self._lines.subtract(before, new)
 
     def _blank(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
-        """Blank impulses in [first, last), unless they are a neighbour's power peaks."""
+        """Blank impulses in [first, last), found after whitening to spare neighbours."""
         margin = self._beyond
         low = max(buffer.start, first - margin)
         high = min(buffer.end, last + margin)

@@ -1,4 +1,4 @@
-"""Divide the samples by the noise level of their instant if the noise comes in bursts.
+"""Divide the samples by the noise level at their time if the noise comes in bursts.
 
 Power lines spark at twice the mains frequency: noise for one to five milliseconds of each ten.
 This noise makes several times the false groups of steady noise. In noise whose power changes
@@ -49,7 +49,7 @@ class SparkLimiter:
         samples: NDArray[np.complex64],
         after: NDArray[np.complex64],
     ) -> None:
-        """Divide sparking new samples by the noise level, in place; see `Surroundings.of`."""
+        """Divide new samples by the noise level, in place, while noise comes in bursts."""
         self._steps += 1
         idle = not self.active and self._steps % SPARKS.check_every != 1
         if not self._filters or len(samples) <= 2 * self.reach or idle:

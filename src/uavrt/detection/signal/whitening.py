@@ -118,7 +118,7 @@ class Whitener:
         return np.asarray(taps / gain, np.complex64)
 
     def filter(self, before: Samples, samples: Samples, after: Samples) -> None:
-        """Filter new samples in place; other parameters as in `Surroundings.of`."""
+        """Filter new samples in place; `before`, `after`: their unfiltered neighbours."""
         if self._taps is None:
             self._surroundings.unfiltered()
             return

@@ -28,14 +28,14 @@ QUIET = BurstRates(alike_per_s=0.0, hiding_per_s=0.0, begin_per_s=0.0)
 
 
 def log_begin(per_s: float) -> float:
-    """Log odds of a track with one pulse, by the rate of bursts that may begin one [1/s]."""
+    """Log odds that a track of one pulse is a tag; `per_s`: bursts that may begin one [1/s]."""
     return math.log(
         CHANCE.confirmed_falsely / (CHANCE.period_s * max(per_s, 10.0 * CHANCE.quiet_per_s))
     )
 
 
 def log_doubt(allowed: float, decision_s: float) -> float:
-    """Log odds of a track below which chance makes more such groups than allowed."""
+    """Log odds below which bursts form more tracks than `allowed` in `decision_s`."""
     return -math.log(
         max(1.0, allowed * CHANCE.period_s / (CHANCE.confirmed_falsely * decision_s))
     )
@@ -50,7 +50,11 @@ def log_odds(
     beside_hz: float,
     above_db: float,
 ) -> float:
-    """Log-likelihood ratio of a detection at an expected time: a tag's pulse to a burst."""
+    """Log-likelihood ratio of a detection at an expected time: a tag's pulse to a burst.
+
+    `late_s`, `beside_hz`, `above_db`: the detection relative to the expected pulse;
+    `spread_s`: standard deviation of the pulse's time.
+    """
     seen = _seen(rates, width_s)
     likely = math.exp(
         -0.5
@@ -64,7 +68,7 @@ def log_odds(
 
 
 def log_empty(rates: BurstRates, *, width_s: float) -> float:
-    """Log-likelihood ratio, a tag to bursts, if an expected pulse is missing or a burst."""
+    """Log-likelihood ratio of a tag to a series of bursts, if its pulse is not received."""
     return math.log(1.0 - _seen(rates, width_s))
 
 

@@ -24,7 +24,7 @@ from uavrt.detection.track.two_rates import change_rate, decide_rate, lags, star
 
 
 def _quiet(_track: Track, _found: Measured) -> BurstRates:
-    """Return no bursts; a module-level function because detectors are pickled."""
+    """Return zero burst rates; a module-level function because detectors are pickled."""
     return QUIET
 
 
@@ -58,7 +58,7 @@ class Follower:
         floor: float,
         around: Callable[[Track, Measured], BurstRates],
     ) -> None:
-        """Search for the next expected pulses of the tracks; drop ended tracks."""
+        """Follow tracks up to sample `upto`; drop ended ones. `settle` follows each pulse."""
         self._tracks = tracks
         self._around = around
         if not tracks:

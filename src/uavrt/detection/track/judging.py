@@ -116,7 +116,7 @@ class Judge:
         noise: NDArray[np.float32],
         floor: float,
     ) -> tuple[list[tuple[int, Measured]], str | None]:
-        """Distinguish a tag's group from other signals: its own pulses, or why it is none.
+        """Pulses of a group that are the tag's, and None; or none, and why it is rejected.
 
         Among many weak pulses there is always one near which noise, an impulse or another
         signal is stronger: it is excluded, and the group must suffice without it.
@@ -174,9 +174,9 @@ class Judge:
         return None
 
     def _stronger_cause(self, pulse: Measured, floor: float) -> tuple[str | None, float]:
-        """Reason why a pulse has a stronger cause, or None; and excess over the noise there.
+        """Stronger signal that explains a pulse, in words, or None; and its excess power.
 
-        The second value is the excess over the noise allowed at its frequency [noise powers].
+        The second value: power beyond that allowed near the pulse [noise powers]; else 0.
         """
         rate_hz = self._grid.sample_rate_hz
         bin_hz = rate_hz / self._grid.window

@@ -102,7 +102,7 @@ class Reporter:
     def doubts(self, track: Track, *, last: bool = False) -> bool:
         """True if bursts alone form such tracks more often than the false-alarm rate allows.
 
-        A track once in doubt waits for confirmation: all its pulses are reported as confirmed.
+        A track once in doubt waits for confirmation; then all its pulses are reported.
         """
         if track.confirmed:
             return False

@@ -141,7 +141,7 @@ class SearchBand:
     def advance(
         self, upto: int, *, last: bool
     ) -> list[tuple[RateSearch, list[Candidate]]] | None:
-        """Transform and search samples up to an index; None while the noise is unknown."""
+        """Search samples up to an index: candidates by rate; None while noise is unknown."""
         power = self._columns(self._spectrogram, upto, last=last)
         was_ready = self._noise.ready
         if was_ready and len(power):

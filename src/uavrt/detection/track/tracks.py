@@ -70,7 +70,7 @@ class Track:
     number: int = 0
     """Number of the last expected pulse, counted from the track's first pulse."""
     slots: list[Slot] = field(default_factory=list)
-    """Recent slots, oldest first."""
+    """Recent expected pulses with their detections, oldest first."""
     past_ns: list[int] = field(default_factory=list)
     """Times [ns] of accepted pulses before `slots`, for tracks of longer intervals."""
     confirmed: bool = False
@@ -87,7 +87,7 @@ class Track:
     dead: bool = False
     since_accepted: int = 0
     tested: int = 0
-    """Number of slots tested since the group that began the track."""
+    """Number of expected pulses tested since the group that began the track."""
     gained: float = 0.0
     sequences: dict[int, int] = field(default_factory=dict)
     """Sequence number of each group, by the number of its expected pulses divided by K."""
@@ -106,7 +106,7 @@ class Track:
     at_other_rate: "list[Track]" = field(default_factory=list)
     """Tracks of the transmitter at the tag's other rate, if it has switched (two_rates.py)."""
     settled_s: float = -math.inf
-    """Time of the last pulse before which the rate is known [s]."""
+    """Time of the last pulse up to which the rate of all pulses is decided [s]."""
     halves: list[float] = field(default_factory=lambda: [0.0, 0.0])
     """Log odds that the tag sends at even, and at odd, pulse numbers; old evidence decays."""
     certain_s: float = math.inf
@@ -159,7 +159,7 @@ class Track:
         self.trust = min(FOLLOW.most_trust, FOLLOW.first_trust + max(0.0, self.odds))
 
     def continue_from(self, slot: Slot, *, interval_s: float, share: float) -> None:
-        """Continue from a pulse of a known transmitter with another interval."""
+        """Begin at a known tag's pulse, uncertain by `share` of the declared interval error."""
         self.interval_s = interval_s
         self._reset_phase(slot.measured.power, share)
         self.slots = [replace(slot, number=0, state="reported")]
@@ -173,7 +173,7 @@ class Track:
         base: int,
         around: Around = lambda *_: QUIET,
     ) -> None:
-        """Add the new pulses of a group that was found independently of this track."""
+        """Add the new pulses of a group; `base`: pulse number in the track of its first one."""
         width_s = self.tag.pulse_width_s
         floor = least_real([measured.power for *_, measured in pulses])
         for place, time_s, time_ns, measured in pulses:
@@ -325,12 +325,12 @@ class Track:
         self.halves[half] = FOLLOW.half_kept * self.halves[half] + tag_odds
 
     def _sends_nothing(self, slot: Slot) -> bool:
-        """True if the tag has twice the interval and sends no pulse at this slot's number."""
+        """True if the tag has twice the interval and sends nothing at this pulse number."""
         own, other = self.halves[slot.number % 2], self.halves[1 - slot.number % 2]
         return own < FOLLOW.empty_half and other > FOLLOW.full_half
 
     def against_bursts(self, slot: Slot) -> float:
-        """Log odds that the next expected detection is not a burst."""
+        """Log odds that a detection at the next expected time is the tag's, not a burst."""
         phase, cross, interval = self.variance
         phase += 2.0 * cross + interval
         return self._odds(slot, self.time_s + self.interval_s, phase)
@@ -353,7 +353,7 @@ class Track:
         )
 
     def _weighed(self, slot: Slot) -> float:
-        """Log odds that the next expected detection is neither noise nor a burst."""
+        """Log odds that a detection at the expected time is neither noise nor a burst."""
         noise = _against_noise(slot.measured.power, slot.volume)
         empty = log_empty(slot.bursts, width_s=self.tag.pulse_width_s)
         slot.burst_odds = self._odds(slot, self.time_s, self.variance[0])
@@ -410,7 +410,7 @@ class Track:
         return noise_s**2 + (self.tag.interval_jitter_s / 2.0) ** 2
 
     def _reset_phase(self, power: float, share: float = 1.0) -> None:
-        """Reset the phase to one pulse's, the interval to a share of the uncertainty."""
+        """Covariance by one pulse's timing error and `share` of the interval's uncertainty."""
         spread_s = share * self.tag.interval_uncertainty_s / math.sqrt(3.0)
         interval = spread_s**2 + (BOUNDS.clock_error * self.interval_s) ** 2
         self.variance = [self._timing_variance(power), 0.0, interval]
@@ -440,7 +440,7 @@ class Track:
 
 
 def least_real(powers: list[float]) -> float:
-    """Minimum power of a group's pulse that stands out, from the strongest quarter.
+    """Minimum power at which a group's pulse counts as received and not as noise.
 
     A pulse far weaker than the others and not certain by itself counts as noise. In a long
     group most may be noise, so the strongest quarter is the reference.
@@ -467,7 +467,7 @@ def _round(volume: float) -> float:
 
 @lru_cache(maxsize=4096)
 def narrow_threshold(k: int, volume: float, expected_false: float) -> float:
-    """Threshold of a sum of k maxima over small volumes [noise powers]."""
+    """Threshold of a sum of k maxima, each of `volume` independent cells [noise powers]."""
     if k == 1:
         return math.log(volume / expected_false)
     low, high = 0.0, 14.0 * k

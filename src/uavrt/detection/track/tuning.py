@@ -63,7 +63,7 @@ class JudgeTuning:
     """Distance beyond the tag's bound up to which other intervals are tried [pulse widths]."""
     crossing_lead: float = 10.0
     """Lead in power at which another interval is accepted [noise powers]. A tag at its bound
-    stays below this: 0.375 ms beyond, it loses more than noise adds."""
+    stays below: an interval 0.375 ms beyond loses more power than noise adds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,7 +123,7 @@ class ChanceTuning:
     period_s: float = 200.0
     """Time to which the allowed number of confirmed burst tracks refers [s]."""
     confirmed_falsely: float = 1e-3
-    """Number of burst tracks that may be confirmed per decision period."""
+    """Number of tracks of chance bursts that may be confirmed in `period_s`."""
     frequency_hz: float = 7.0
     """Scatter of a tag's pulses around its track, for pulses of 14 dB with drift [Hz]."""
     power_db: float = 7.0
@@ -162,9 +162,9 @@ class FollowTuning:
     trust_won: float = 4.0
     """Maximum gain of log odds by a pulse."""
     joint_trust: float = 6.0
-    """Log odds above which a weak pulse is accepted by its sum with others. Below, the sum
-    includes the pulses that began the track, the largest of many, and a third of noise
-    passed."""
+    """Log odds of a track above which a weak pulse is accepted by its sum with others. Below,
+    the sum includes the pulses that began the track: chosen as the largest of many, they let
+    a third of noise pass."""
     sure_trust: float = 10.0
     """Log odds above which the pulses of a track are certainly no bursts."""
     most_alone: int = 8
@@ -174,8 +174,8 @@ class FollowTuning:
     power_slope: float = 0.93
     power_start: float = -1.9
     more_cells: float = 5.0
-    """Factor on the number of cells for the largest noise in a window, where every sample and
-    frequency is examined, with interpolation. Measured on maxima of noise."""
+    """Factor on the number of independent cells in a window, as every sample and frequency is
+    examined, with interpolation. Measured on maxima of noise."""
     weakest_power: float = 3.0
     """Power below which a pulse is mostly noise and is not reported [noise powers]."""
     weakest_share: float = 0.35
@@ -205,7 +205,7 @@ class FollowTuning:
     past_pulses: int = 24
     """Number of past pulse times stored: more than three times the six slots of a track."""
     whole_power: float = 20.0
-    """Power below which a pulse may lack its middle samples [noise powers]."""
+    """Power below which a pulse near lost samples may have a break of phase [noise powers]."""
     broken_weight: float = 0.25
     """Weight of a measured frequency while samples are being lost: a phase break shifts it by
     up to 20 Hz, which once made pulses count as bursts."""
@@ -285,7 +285,7 @@ class SenderTuning:
     small_ratios: tuple[tuple[int, int], ...] = ((2, 1), (3, 1), (3, 2))
     """Ratios of two intervals at which common pulses fit both tags."""
     likely_odds: float = -6.0
-    """Log odds below which an unconfirmed track counts as bursts, and is hardly reported."""
+    """Log odds above which an unconfirmed track counts as a tag's, and not as bursts."""
     same_train_share: float = 2.0 / 3.0
     """Minimum share of common pulses in two tracks of one train; less is a collision."""
     foreign_share: float = 2.0 / 3.0

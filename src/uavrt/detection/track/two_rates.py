@@ -1,4 +1,4 @@
-"""Decide at which of its two rates a tag is sending, by comparing both lattices.
+"""Decide at which of its two rates a tag is sending, by the pulses expected at each.
 
 Every second pulse of a rate is a train of twice its interval. So a pulse that a track expects
 may be of the other rate. The other rate is followed from each pulse at which the tag may have
@@ -124,7 +124,7 @@ def _margin_s(track: Track) -> float:
 
 
 def evidence(slots: Iterable[Slot], enr: float) -> float:
-    """Log-likelihood ratio of a pulse, against noise, in each of some slots.
+    """Log-likelihood ratio of pulses of ENR `enr` in all given slots to noise alone.
 
     The largest of V cells replaces the mean of their likelihoods: hence the logarithm of V.
     """
@@ -134,7 +134,7 @@ def evidence(slots: Iterable[Slot], enr: float) -> float:
 
 
 def strength(track: Track) -> float:
-    """Mean ENR of the stronger half of the last pulses, limited to 8 to 30.
+    """Mean ENR of the stronger half of the last pulses, at least 8 and at most 30.
 
     Uses the stronger half of the last four: at the longer interval every second is noise.
     """

@@ -3,7 +3,7 @@
 No track predicts the next pulse; every pulse is in a group that reached the threshold of the
 search. Groups of common pulses are joined and numbered: K consecutive expected pulses, counted
 from the first group, are one group, as in the other modes. A group that continues the previous
-one in time and frequency confirms it, as in the original.
+one in time and frequency confirms it, as in the original detector.
 """
 
 import math
@@ -27,7 +27,7 @@ def join_group(
     sample_rate_hz: float,
     around: Callable[[Track, Measured], BurstRates],
 ) -> Track | None:
-    """Join a group to the track that it continues, if any."""
+    """Join a group to the track that it continues; return the track, or None."""
     onto = _continued(tracks, pulses, rate=rate, sample_rate_hz=sample_rate_hz)
     if onto is None:
         return None

@@ -27,7 +27,7 @@ NUMBERED_BY_FREQUENCY = frozenset({"ucsd", "pyradiotracking", "sensorgnome"})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RotationMark:
-    """Position where the original's ground station started or stopped a rotation."""
+    """Position where the original system's ground station started or stopped a rotation."""
 
     kind: Literal["start", "stop"]
     latitude_deg: float

@@ -162,7 +162,7 @@ def _posed(pulses: list[tuple[Pulse, int]], places: list[Place]) -> tuple[PulseP
 def _between(
     time_ns: int, places: list[Place], times_ns: list[int], base_m: float
 ) -> Pose | None:
-    """Pose without heading at a time, interpolated between positions or from a recent one."""
+    """Pose without heading at a time, from positions less than a minute away; None: none."""
     after = bisect_left(times_ns, time_ns)
     near = [
         place

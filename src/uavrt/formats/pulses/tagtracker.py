@@ -55,12 +55,12 @@ HEADER = (
     "antenna_offset"
 )
 PLACEHOLDER_DB = -9999.0
-"""Value that the original writes for an unknown SNR [dB]."""
+"""Value that TagTracker writes for an unknown SNR [dB]."""
 STATUSES: tuple[DetectionStatus, ...] = get_args(DetectionStatus)
 """Detection statuses by their number; 3, integrated, is uavrt's own."""
 _NORM_TOLERANCE = 2e-3
-"""Maximum deviation of a quaternion's length from 1. Six decimals keep it to 1e-6, but the
-original computed in single precision."""
+"""Maximum deviation of a quaternion's length from 1. Six decimals keep it to 1e-6, but
+TagTracker computed in single precision."""
 _MARKS = {"10": "start", "11": "stop"}
 _REMEDY = "Rows of a TagTracker pulse CSV begin with 7, 10, 11 or 20"
 
@@ -190,7 +190,7 @@ def _line(pulse: Pulse, pose: Pose) -> str:
 
 
 def _zero_for_nan(value: float) -> float:
-    """Replace NaN by 0, the original's value for an unknown frequency, noise or height."""
+    """Replace NaN by 0, TagTracker's value for an unknown frequency, noise or height."""
     return 0.0 if math.isnan(value) else value
 
 
@@ -204,7 +204,7 @@ def is_heading(cells: Sequence[str]) -> bool:
 
 
 def row_kind(cell: str) -> str:
-    """Command number of a row, written as the original does or as a table's ``7.000000``."""
+    """Command number of a row, such as ``7``, also if a spreadsheet wrote ``7.000000``."""
     try:
         number = float(cell)
     except ValueError:

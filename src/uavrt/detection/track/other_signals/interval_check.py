@@ -28,7 +28,7 @@ class Intervals:
     def foreign_places(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
-        """(K,) True for pulses of a candidate that fit another, better interval."""
+        """(K,) True for pulses of a candidate that another interval explains better."""
         hop = self._grid.hop
         places = np.arange(search.k)
         none = np.zeros(search.k, np.bool_)

@@ -173,7 +173,7 @@ class Bursts:
     def _paired(
         self, time_s: NDArray[np.float64], interval_s: float, chance_per_s: float
     ) -> float:
-        """Rate of bursts that another follows after an interval [1/s], as in frames."""
+        """Rate of bursts one interval after another burst [1/s], as in periodic frames."""
         if len(time_s) < 4:
             return 0.0
         time_s = np.sort(time_s)
@@ -232,7 +232,7 @@ class Bursts:
 def beyond_noise(count: int, expected: float) -> float:
     """Number of bursts above the noise's expected number; 0 within a margin.
 
-    Without the margin, half of the real single-pulse groups were held back.
+    Without the margin, half of the real single-pulse groups were not reported.
     """
     more = count - expected
     return more if more > BURSTS.noise_sigmas * expected**0.5 else 0.0

@@ -10,7 +10,7 @@ from uavrt.detection.track.tuning import GHOSTS
 def by_chance(
     together: int, pulses: int, *, near_s: float, interval_s: float, uncertainty_s: float
 ) -> float:
-    """Probability that pulses of a tag coincide by chance with another transmitter's.
+    """Probability that `together` of a tag's `pulses` coincide by chance with another's.
 
     Either two lattices drift past each other slowly, with any phase and any difference of
     intervals within the uncertainty; or pulses coincide one by one.
@@ -29,7 +29,7 @@ def by_chance(
 
 
 def of_ghosts(together: int, pulses: int) -> float:
-    """Probability that at most a number of a ghost's pulses coincide with its original's."""
+    """Probability that at most `together` of a ghost's `pulses` coincide with its source's."""
     return 1.0 - _at_least(together + 1, pulses, GHOSTS.coincident_share)
 
 

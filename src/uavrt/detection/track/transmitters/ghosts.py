@@ -137,7 +137,7 @@ def _is_edges(one: _ReceivedTrain[H], other: _ReceivedTrain[H]) -> bool:
     """True if a train consists of another train's leakage far from its frequency.
 
     The edges of a rectangular pulse have at most 1 / (pi df tp)^2 of its power. Trains within
-    the search band of the weaker tag are assigned by senders.py.
+    the search band of the weaker tag are assigned by train_senders.py.
     """
     if other.level < GHOSTS.edge_ratio * one.level or one.detector.may_be_at(
         other.frequency_hz

@@ -1,4 +1,4 @@
-"""Assign trains to tags by likelihood, at most one to one, and price the alternatives.
+"""Assign trains to tags by likelihood, at most one to one; compute the loss of alternatives.
 
 Trains and tags that may belong together make a graph with few edges; its connected parts are
 assigned one by one. Trains are added one after the other, and the assignment changes along the
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 
 def parts(able: Sequence[Mapping[int, float]]) -> list[list[int]]:
-    """Find the connected groups of trains that compete for tags, by their indices."""
+    """Group trains, by index, that compete for tags; `able`: value of each tag, by train."""
     trains_of: dict[int, list[int]] = {}
     for at, worth in enumerate(able):
         for to in worth:
@@ -41,7 +41,7 @@ def parts(able: Sequence[Mapping[int, float]]) -> list[list[int]]:
 
 
 def best_assignment(able: Sequence[Mapping[int, float]]) -> list[int | None]:
-    """Assign trains to tags with the largest sum of `able` values; None: no tag."""
+    """Tag of each train (None: none), with the largest sum of the values in `able`."""
     made = _AssignmentSoFar(able)
     for start in range(len(able)):
         made.add(start)
@@ -49,9 +49,10 @@ def best_assignment(able: Sequence[Mapping[int, float]]) -> list[int | None]:
 
 
 class _AssignmentSoFar:
-    """Best assignment of the trains so far, by prices of the tags.
+    """Best assignment of the trains added so far.
 
-    Each tag has a price. With prices deducted, no train gains by another tag or by none.
+    Each tag has a price, the dual variable: with prices deducted, no train gains by another
+    tag or by none.
     """
 
     def __init__(self, able: Sequence[Mapping[int, float]]) -> None:
@@ -111,7 +112,7 @@ class _AssignmentSoFar:
 def losses(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None]
 ) -> list[dict[int, float]]:
-    """Loss of value if a train is assigned to another tag than the best one."""
+    """For each train, loss of total value if it got each other tag; 0 for its own."""
     owner = {to: at for at, to in enumerate(chosen) if to is not None}
     back = _path_losses(able, chosen, owner)
     free = len(able)
@@ -131,7 +132,7 @@ def losses(
 def _path_losses(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None], owner: Mapping[int, int]
 ) -> NDArray[np.float64]:
-    """Minimum loss from a train that lost its tag to a tag that is freed.
+    """Least loss of value, by train deprived of its tag and train whose tag is freed.
 
     The last row and column stand for unassigned tags and for trains without a tag.
     """

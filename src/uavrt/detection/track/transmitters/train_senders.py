@@ -32,9 +32,9 @@ from uavrt.detection.track.transmitters.trains import (
 from uavrt.detection.track.tuning import BOUNDS, SENDERS
 
 _Properties = tuple[float, float, float, tuple[tuple[int, bool], ...]]
-"""Interval, its deviation, frequency, and the detectors that follow a train."""
+"""A train's interval [s], its deviation [s], frequency [Hz], and following detectors."""
 _Assignment = tuple[int, int, tuple[int, ...], bool]
-"""Index of a train, its tag, other possible tags, and True if all its group is confirmed."""
+"""Index of a train, its tag, other possible tags, and True if all competitors are confirmed."""
 
 
 def interval_separation(one: Tag, two: Tag) -> "IntervalSeparation":
@@ -113,7 +113,7 @@ class ConfirmedPulses:
         self._pulses: dict[int, tuple[float, float]] = {}
         """Absolute frequency [Hz] and power of each pulse, by its time [ns]."""
         self._times_ns = np.zeros(0, np.int64)
-        """Times of `_pulses` as an array [ns], read with every pulse."""
+        """Times of `_pulses` [ns] as an array."""
         self._how = np.zeros((0, 2))
 
     def update(self, detectors: Iterable[FollowingDetector]) -> None:
@@ -134,7 +134,7 @@ class ConfirmedPulses:
     def at_frequencies(
         self, wanted: Callable[[NDArray[np.float64]], NDArray[np.bool_]]
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Times and (frequency, power) of confirmed trains' pulses in 40 s at `wanted`."""
+        """Times [ns], and (frequency [Hz], power), of pulses at the `wanted` frequencies."""
         some = wanted(self._how[:, 0])
         return self._times_ns[some], self._how[some]
 
@@ -196,7 +196,7 @@ class Senders(Generic[H]):
     def _drop_begun_by_others(
         self, trains: list[Train[H]], given: list[tuple[Train[H], int, tuple[int, ...], bool]]
     ) -> bool:
-        """Drop tracks that were begun or just confirmed only by pulses of other tags.
+        """Drop tracks begun or just confirmed only by pulses of other tags; True if any.
 
         One strong pulse and the largest noise an interval before and after it make a group of
         any tag. Another strong pulse on its lattice would confirm the group.
@@ -328,7 +328,7 @@ class Senders(Generic[H]):
         return sorted(near, key=lambda detector: detector.tag.tag_id)
 
     def _assign_tentative(self, train: Train[H], owned: dict[int, bool]) -> None:
-        """Assign an uncertain train to the likeliest tag that has no train."""
+        """Assign an unconfirmed train to the likeliest tag that has no train in `owned`."""
         likely = {h.tag.tag_id: self._likelihood(train, h) for h, _ in train.tracks}
         free = {i: v for i, v in likely.items() if i not in owned and v > -math.inf}
         if not free:
@@ -406,7 +406,7 @@ def _normal(train: Train[H], center_s: float, bound_s: float) -> float:
 
 
 def _unsettled_pulses(track: Track) -> list[Slot]:
-    """Pulses of a track that other tags may explain, until the track is settled."""
+    """Pulses that began or just confirmed a track; none once it was assigned."""
     if track.dead or track.confirmed_at_assignment:
         return []
     accepted = track.received

@@ -19,7 +19,7 @@ from uavrt.detection.track.two_rates import evidence, strength
 
 
 class FollowingDetector(Protocol):
-    """Part of a detector's interface that trains use."""
+    """Interface of a detector that follows tracks, as needed to merge them into trains."""
 
     tag: Tag
     sample_rate_hz: float
@@ -46,7 +46,7 @@ class FollowingDetector(Protocol):
         """Half-width of the detector's search [Hz]."""
 
     def report(self, track: Track) -> None:
-        """Report the pulses of a track, unless the track is held back."""
+        """Report a track's pulses, unless it is doubtful or another track is the tag's."""
 
 
 H = TypeVar("H", bound=FollowingDetector)
@@ -96,7 +96,7 @@ class Train(Generic[H]):
 
 @dataclass(frozen=True, slots=True)
 class KnownPulse:
-    """A pulse of a confirmed train."""
+    """A received pulse of a confirmed train, or its next expected one."""
 
     time_ns: float
     within_ns: float
@@ -119,9 +119,9 @@ class KnownPulse:
 
 
 def merge_tracks(detectors: Iterable[H]) -> list[Train[H]]:
-    """Merge the tracks of the same pulses into trains, a fast tag's tracks first.
+    """Merge the tracks of the same pulses into trains, each of one transmitter.
 
-    A fast tag's track comes before those of twice its interval, which share its pulses.
+    Most evidence per second first: a fast tag's track before those of twice its interval.
     """
     trains: list[Train[H]] = []
     near: dict[int, list[tuple[H, Track, int]]] = {}
