@@ -65,7 +65,7 @@ class Bearing:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Remarks for the operator in addition to the arc; empty if the direction is clear."""
+        """Remarks for the operator on an unclear direction; empty if the direction is clear."""
         if not self.accepted:
             return ("there is no clear direction",)
         if self.multipath_suspected:

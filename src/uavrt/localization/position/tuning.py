@@ -46,7 +46,7 @@ class GridTuning:
     map_sigmas: float = 8.0
     """Distance within which a cell adds to the map [standard deviations]; 1e-14 is beyond."""
     map_reach: int = 10
-    """Distance from a cell up to which the map's points are found one by one [points]."""
+    """Reach of a cell's spread above which whole rows of the map are computed [points]."""
     survey_first_cells: int = 28
     """Number of first cells along the longer side for the powers of a survey."""
     survey_held: float = 2e-3
@@ -349,7 +349,7 @@ class LossErrorTuning:
     """Shadowing in units of its standard deviation. Its correlation is exponential in the path
     (Gudmundson 1991, "Correlation model for shadow fading in mobile radio systems")."""
     pulse_share: float = 0.05
-    """Standard deviation of each pulse's own part, as a share of the loss."""
+    """Standard deviation of errors that differ from pulse to pulse, as a share of the loss."""
     grazing_db: float = 6.0
     """Change of loss by some metres of height where a path grazes a hill [dB]."""
     grazing_fall_db: float = 3.0

@@ -284,7 +284,7 @@ class _Squares:
         return 0.0 if self._grid is None else self._grid.unknown_share
 
     def reach(self, east_m: float, north_m: float) -> None:
-        """Extend the ground to all sides; unchanged if it is large enough."""
+        """Extend the ground to these distances on all sides; unchanged if it reaches as far."""
         needed = max(max(east_m, north_m) + _FINEST_M, _LEAST_REACH_M)
         if needed <= self.reach_m or not np.isfinite(self.start_m):
             return

@@ -52,7 +52,7 @@ class JointTrain:
     """Likeliest train of a tag in several flights."""
 
     false_alarm_probability: float
-    """Probability that noise alone gives as unlikely a train in the whole search."""
+    """Probability that noise alone gives a train this unlikely anywhere in the search."""
     score: float
     log_probability: float
     hypotheses: float
@@ -101,7 +101,7 @@ class _Search:
     def train(
         self, number: int, place: int | None, offset_hz: float, stretch: int
     ) -> FoldedTrain:
-        """Likeliest train of one flight at the joint result; `place` None: any position."""
+        """Likeliest train at a position (None: any), frequency and number of interval range."""
         energies, weights = self.flights[number].energies, self.weights[number]
         row = int(np.argmin(np.abs(energies.offsets_hz - offset_hz)))
         rows = range(

@@ -35,7 +35,7 @@ class EnergyTuning:
     """Largest overlap of a block with earlier ones that counts as drift [s]. A crystal 100 ppm
     fast gathers it in 17 minutes; a clock set back by more is ignored."""
     least_step_s: float = 0.0015
-    """Minimum time step between blocks that is corrected [s]; each costs a window."""
+    """Minimum time step between blocks that is corrected [s]; a correction costs a window."""
     dead_s: float = 0.1
     """Minimum duration of exact zeros that means a dead radio or a filled gap [s]."""
 
@@ -71,7 +71,7 @@ class SearchTuning:
     """Number of sums (frequencies times patterns) folded at once: 60 MB. An addition takes 0.8
     ns with NumPy on the reference computer, and 1.9 ns with 12 sums."""
     gain_block: int = 16_000
-    """Number of gains computed at once (places times times), which the cache holds."""
+    """Number of gains computed at once (positions × times), so that they fit in the cache."""
     moment_slots: int = 16384
     least_skewness: float = 0.02
     hypotheses: float = 6.0
@@ -132,8 +132,8 @@ class PlaceTuning:
     levels_db: tuple[float, float] = (-14.0, 9.0)
     level_parts: int = 8
     strength_step_db: float = 0.1
-    """Step between two strengths in the likelihood table [dB]. At 0.5 dB the pulses of a lane
-    are rounded alike, which alone makes positions 20 m apart differ."""
+    """Step between two strengths in the likelihood table [dB]. At 0.5 dB the pulses of a flight
+    line are rounded alike, which alone makes positions 20 m apart differ."""
     most_rounds: int = 4
     likely_places: int = 100
     """Number of likely positions used to compute a flight's share."""
@@ -193,9 +193,9 @@ class PlaceTuning:
     even_log: float = 2.0
     finest_m: float = 3.0
     density_power: int = 8
-    """Power of the probability density by which the likeliest position is averaged."""
+    """Power of the probability density that weights cells in the likeliest position's mean."""
     alone: float = 0.9
-    """Minimum probability of a part of the region for its middle to be the position."""
+    """Minimum probability of a region's part whose likeliest point becomes the position."""
     points: int = 7
     """Number of points along each side of a cell over which its probability is spread."""
     kept: float = 0.998

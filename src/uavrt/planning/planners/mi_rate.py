@@ -42,7 +42,7 @@ class _PathRating:
     hypotheses: int = 48
     """Number of hypotheses of each tag used to rate a path."""
     turn_s: float = 2.0
-    """Approximate time to turn before a path of the following round [s]."""
+    """Assumed time to turn before each path of a round to the remaining tags [s]."""
     stay_s: float = 4.0
     """Time spent at the end of a path to a tag [s]."""
     finished_share: float = 0.1

@@ -56,7 +56,7 @@ class BearingEvidence:
         )
 
     def densities(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float) -> _Floats:
-        """(n, places, turned) density of each bearing for each position and heading error."""
+        """(n, places, errors) density of each bearing for each position and heading error."""
         out = np.empty((len(self._east_m), len(east_m), len(self._turned_deg)))
         count = self._tables.shape[2]
         for station, table in enumerate(self._tables):
@@ -76,7 +76,7 @@ class BearingEvidence:
     def log_likelihoods(
         self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float
     ) -> _Floats:
-        """(places, turned) log-likelihood of all bearings with a heading error's prior."""
+        """(places, errors) log-likelihood of all bearings plus log-prior of heading errors."""
         return self._log_likelihoods(self.densities(east_m, north_m, cell_m))
 
     def _log_likelihoods(self, densities: _Floats) -> _Floats:

@@ -25,7 +25,7 @@ class Stations:
     posterior: _Floats | None = None
     """(n, 360) probability of whole degrees; replaces `sigma_deg`."""
     level_db: _Floats | None = None
-    """(n,) SNR on boresight [dB], NaN if unknown. Differences show the distance."""
+    """(n,) SNR on boresight [dB], NaN if unknown; differences depend on the distances."""
     level_sigma_db: _Floats | None = None
     """(n,) standard deviations of the levels [dB]; None: 0."""
     height_m: _Floats | None = None

@@ -43,7 +43,7 @@ def burst_columns(
     tag: Tag,
     hop_s: float,
 ) -> BurstColumns:
-    """Average the pulses of each burst, with the best of some stretches of the gaps."""
+    """Average the pulses of each burst, with the code's gaps stretched as fits best."""
     rows, columns = power.shape
     starts_s = pulse_starts_s(tag)
     pulses = len(starts_s)
