@@ -74,7 +74,7 @@ class Bearing:
 
 
 PositionMethod = Literal["bayes", "track", "mle", "rmr", "mest", "rmr_ahead", "mest_lenth"]
-"""Name of a position estimator. ``mle``, ``rmr`` and ``mest`` are as the original system
+"""Name of a position estimator. ``mle``, ``rmr`` and ``mest`` are as UAV-RT
 computes them, ``rmr_ahead`` and ``mest_lenth`` corrected; ``track`` follows a moving tag."""
 
 

@@ -21,7 +21,7 @@ class PowerLawTuning:
     gaussian_from: float = 1000.0
     """Power over noise above which the law is Gaussian in decibels to 1 %: 30 dB."""
     least_density: float = 1e-300
-    """Minimum probability density in logarithms."""
+    """Minimum probability density of which a logarithm is taken."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -40,7 +40,7 @@ def pca(
 ) -> PlainBearing:
     """Principal axis of the pulses drawn as vectors (Shafer 2019, as in uavrt_bearing).
 
-    Each pulse is a vector along its heading, as long as its power over the weakest one's. The
+    Each pulse is a vector along its heading, as long as its power over the weakest pulse's. The
     bearing is the first principal axis, on the side of the mean vector; the confidence is
     tau = 1 - S2²/S1². With fewer than four pulses, or headings that span less than 270° from
     least to greatest, it is the strongest pulse's heading, without a confidence.

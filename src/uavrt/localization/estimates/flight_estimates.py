@@ -54,7 +54,7 @@ from uavrt.localization.tuning import FLIGHT
 NO_TIME = -1
 """Value that marks a bearing's time as unknown [ns]; its tag is assumed to rest."""
 EDGE_NS = NANOSECONDS_PER_SECOND
-"""Time before and after a turn in which pulses belong to it [ns]: the antenna hardly moves."""
+"""Pulses this long before or after a turn count as its own [ns]; the antenna hardly moves."""
 NEVER_TURNED = (
     "it was detected, but in no turn in place; receivers that do not turn add their strengths "
     "to a position only with bearings of others"
@@ -78,7 +78,7 @@ _UNMEASURED_SURVEY_NOISE = Caution(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadAs:
-    """Settings for reading a flight or log."""
+    """Settings for estimating bearings and positions from a flight or log."""
 
     antenna: AntennaPattern | str | None = None
     """Antenna pattern, or its name; None: the flight's antenna."""
@@ -91,7 +91,7 @@ class ReadAs:
     height_sigma_m: float = SURVEY.height_sigma_m
     """Standard deviation of the error that all heights over a tag share [m]; for a monopole."""
     displacement: float = 0.0
-    """Standard deviation of a shift that a tag's bearings share, as a share of the distance."""
+    """Standard deviation of a position shift common to a tag's bearings, over the distance."""
     elevation: Elevation | None = None
     """Elevation files for losses behind hills; None: level ground."""
     bearing_method: BearingMethod | str = "pattern_ml"

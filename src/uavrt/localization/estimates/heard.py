@@ -282,14 +282,14 @@ def height_warning(ground_m: float, said_m: float) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rhythm:
-    """Expected times of a tag's pulses."""
+    """Intervals between a tag's pulses, and their uncertainty."""
 
     intervals_s: tuple[float, ...]
     uncertainty_s: float
 
     @classmethod
     def of(cls, tag: Tag) -> "Rhythm":
-        """Expected pulse times of a tag from its entry in the tag list."""
+        """Pulse intervals of a tag, from its entry in the tag list."""
         return cls(intervals_s=tag.pulse_intervals_s, uncertainty_s=tag.interval_uncertainty_s)
 
 
@@ -392,7 +392,7 @@ class Heard:
         )
 
     def rhythm(self, tag_id: int) -> "Rhythm | None":
-        """Expected pulse times of a tag; None if the tag is not listed."""
+        """Pulse intervals of a tag; None if the tag is not listed."""
         return next((Rhythm.of(tag) for tag in self.tags if tag.tag_id == tag_id), None)
 
     def renamed(self, keys: Mapping[int, int]) -> "Heard":

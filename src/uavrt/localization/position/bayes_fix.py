@@ -1,9 +1,9 @@
 """Compute a position's posterior on cells that are small near its peaks (default estimator).
 
 Cells with much probability are quartered, so that narrow peaks and long tails, such as those of
-a possible outlier, are both resolved. The point is the most probable one; the mean lies outward
-of it for weak geometry. A bearing that contradicts the others is reported and does not move the
-point, since each may be an outlier with some probability.
+a possible outlier, are both resolved. The point is the most probable one; the mean lies
+farther out for weak geometry. A bearing that contradicts the others is reported and does not
+move the point, since each may be an outlier with some probability.
 """
 
 from collections.abc import Callable

@@ -65,7 +65,7 @@ class BearingFixTuning:
     blurs_deg: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
     """Blurs applied to a bearing's table, one for each apparent width of a grid cell [°]."""
     unknown_sigmas_deg: tuple[float, ...] = (1.5, 3.0, 6.0, 12.0, 24.0)
-    """Candidate standard deviations of a bearing without one [°]."""
+    """Candidate standard deviations of a bearing whose own is unknown [°]."""
     multiplied: int = 16
     """Number of densities multiplied before a logarithm is taken; more could underflow."""
     evaluated_share: float = 0.9999

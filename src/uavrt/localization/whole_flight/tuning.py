@@ -21,7 +21,7 @@ class EnergyTuning:
     loud_power: float = 20.0
     """Minimum power over noise of a strong window; noise reaches it once in 5e8 windows."""
     wide_sigmas: float = 8.0
-    """Energy over the channel that shows a strong signal elsewhere [standard deviations]."""
+    """Excess of the whole channel's energy that shows a strong signal [standard deviations]."""
     crest: float = 3.0
     """Maximum ratio of a window's largest sample to its mean power that is no impulse. A pulse
     of N samples has 1/N of its power in one sample, an impulse N times as much."""
@@ -77,7 +77,7 @@ class SearchTuning:
     hypotheses: float = 6.0
     """Number of independent hypotheses for each pattern and cell, from noise flights."""
     burst_hypotheses: float = 2.5
-    """Factor for bursts of a coded tag, because each is the best of some stretches."""
+    """Factor on `hypotheses` for coded tags, where each burst is the best of some stretches."""
     lags: tuple[int, ...] = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
     """Lags at which the correlation of a row's energies is computed [slots]."""
     # Trains of strong pulses: share of the false alarms, hypotheses for each cell of marks,

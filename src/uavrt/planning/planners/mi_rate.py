@@ -82,7 +82,7 @@ class MiRate:
         self._goal: int | None = None
 
     def decide(self, situation: Situation) -> Decision:
-        """Choose the next action, as `Planner` specifies."""
+        """Choose the next action, with its reason and the rated candidates."""
         if not situation.wanted:
             return Decision(action=Hold(duration_s=situation.cycle_s), reason="all found")
         exploring = self._explores(situation)

@@ -1,6 +1,6 @@
 """Positions from bearings after Lenth (1981, Technometrics 23:149), in the local plane.
 
-Each estimator exists as the original system computes it, to reproduce published positions, and
+Each estimator exists as UAV-RT computes it, to reproduce published positions, and
 in a corrected form.
 """
 
