@@ -60,7 +60,7 @@ class FlightTuning:
     """Minimum standard deviation of heading errors that turns do not share [°]."""
     unknown_noise_sigma_deg: float = 4.0
     """Standard deviation of a bearing's error due to noise from one side that was not measured
-    [°]. A line of 6 dB turns bearings by up to 9°; one turn in three is assumed to have one."""
+    [°]. A power line of 6 dB turns bearings by up to 9°; assumed for one turn in three."""
     miss_threshold_db: float = 13.0
     """SNR above which a detector that follows a tag misses no pulse [dB]. Three pulses of 11.4
     dB are found with 90 % (docs/reference); the rest is margin for losses."""

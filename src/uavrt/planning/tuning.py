@@ -43,7 +43,7 @@ class PlanningTuning:
     """Step between distances in the table of levels [m]."""
 
     drones_step_s: float = 1.0
-    """Minimum remaining time of another drone's path that is sampled [s]."""
+    """Minimum time over which another drone's remaining path is sampled [s]."""
     drones_samples: int = 8
     """Number of samples along another drone's planned path."""
 

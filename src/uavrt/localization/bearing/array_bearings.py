@@ -32,8 +32,8 @@ def circle_steering(
 ) -> Steering:
     """Steering function of monopoles evenly on a circle, clockwise from ahead (pseudo-Doppler).
 
-    With a radius above a quarter wavelength, neighbouring elements may differ by more than half
-    a turn, and directions become ambiguous.
+    With a radius above a quarter wavelength, opposite elements may differ by more than half a
+    turn of phase, and directions may become ambiguous.
     """
     places = np.arange(elements) * 360.0 / elements
     turns = radius_wavelengths * np.cos(np.radians(elevation_deg))

@@ -1,4 +1,4 @@
-"""Likelihood of a bearing given the powers of a rotation; level and fading integrate out."""
+"""Likelihood of a bearing given the powers of a rotation; level and fading are averaged."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -27,7 +27,7 @@ def strengths_of(
 ) -> Strengths:
     """Convert a tag's pulses, in order of time, to levels, one for each position and heading.
 
-    Pulses on the ground are excluded. Those missed by `rhythm` count as the weakest received.
+    Pulses on the ground are excluded. Misses at times of `rhythm` count as the weakest pulse.
     """
     monopole = antenna == MONOPOLE
     pattern = None if monopole else pattern_named(antenna)

@@ -87,7 +87,7 @@ class TagPrior:
 
     @property
     def lasting_error(self) -> LastingError | None:
-        """Kind of the lasting error of levels; None if there is none."""
+        """Constants of the lasting error, by hills or shadowing; None if there is none."""
         if self.hills is not None:
             return LOSS.hills
         return LOSS.shadowing if self.shadowing_db > 0.0 else None

@@ -50,7 +50,7 @@ class GridTuning:
     survey_first_cells: int = 28
     """Number of first cells along the longer side for the powers of a survey."""
     survey_held: float = 2e-3
-    """Probability above which a survey's cells are quartered; less changes no circle."""
+    """Probability above which a survey's cells are quartered; a lower one changes no circle."""
     survey_growth: float = 2.0
     """Growth of `held_rough` with each quartering, for surveys. Without it, 95 % circles are
     0.3 % wider, at half as many cells again."""
@@ -192,7 +192,7 @@ class PowerTuning:
     in_a_row: int = 6
     """Number of consecutive pulses over which the SNR of a map is averaged."""
     layer_m: float = 10.0
-    """Height of a layer of a map [m]; thinner ones have too few pulses."""
+    """Height range of one layer of a signal map [m]; thinner ones have too few pulses."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -336,7 +336,7 @@ class LastingError:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LossErrorTuning:
-    """Constants for errors of levels that last: behind hills, and by shadowing."""
+    """Constants for lasting errors of levels: of losses behind hills, and by shadowing."""
 
     hills: LastingError = LastingError(
         mean=0.4, sigma=0.5, correlation_m=800.0, limits=(-0.7, 2.5)

@@ -111,7 +111,7 @@ class HillLosses:
         return other
 
     def rough(self) -> "HillLosses":
-        """Losses on squares three times as large, for the many positions of a decision."""
+        """Losses on squares three times as large, for the many positions of a plan."""
         other = copy(self)
         other._squares = self._rough  # noqa: SLF001 - of a copy of its own
         return other

@@ -125,7 +125,7 @@ class Weights:
         return cls.of(basis, mixing, energies, interval_s)
 
     def only(self, place: int) -> "Weights":
-        """Weights of one position, as the only pattern."""
+        """Weights of one position alone, with a single pattern."""
         return Weights(
             basis=self.mixing[[place]] @ self.basis,
             mixing=np.ones((1, 1), np.float32),

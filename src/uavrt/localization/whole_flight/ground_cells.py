@@ -50,7 +50,7 @@ class Cells:
         return _area(self.range_m, self.width_deg, self.ratio)
 
     def region(self, share: float) -> NDArray[np.bool_]:
-        """Cells that hold a given probability, whichever path loss exponent is true.
+        """(cells,) True for cells that hold `share`, whichever path loss exponent is true.
 
         For each exponent they are the smallest such region. After one pass the exponents cannot
         be distinguished, and a joint region would ignore the less probable ones.

@@ -136,7 +136,7 @@ class PlaceTuning:
     line are rounded alike, which alone makes positions 20 m apart differ."""
     most_rounds: int = 4
     likely_places: int = 100
-    """Number of likely positions used to compute a flight's share."""
+    """Number of likely positions over which it is judged if a flight's train is the tag's."""
     # Work done at once: places times pulses, places of several rates, and pairs of cells.
     block: int = 20_000
     rates_block: int = 300

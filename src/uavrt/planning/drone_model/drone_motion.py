@@ -149,7 +149,7 @@ class Multirotor:
 
     @property
     def hovers(self) -> bool:
-        """Always true."""
+        """True: a multirotor can stay in place and turn."""
         return True
 
     def _ground_speed_m_s(self, course_rad: _Floats, wind: Wind) -> _Floats:
@@ -244,7 +244,7 @@ class FixedWing:
 
     @property
     def hovers(self) -> bool:
-        """Always false."""
+        """False: a fixed wing cannot stay in place."""
         return False
 
     def _turns(
@@ -269,7 +269,7 @@ class FixedWing:
     def durations(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> _Floats:
-        """Durations of paths: the circle in still air, the straight part in the wind."""
+        """(positions,) durations [s]: a circle in still air, a straight part in the wind."""
         _, angle, straight = self._turns(state, east_m, north_m)
         course = np.arctan2(east_m - state.east_m, north_m - state.north_m)
         speed = ground_speed_m_s(self.speed_m_s, course, wind)

@@ -55,7 +55,7 @@ class _PathRating:
     explore_nats: float = 2.5
     """Missing information of every tag above which all directions are rated [nats]."""
     change_gain: float = 0.15
-    """Relative gain required to change the target tag, near animals or drones."""
+    """Relative gain required to change the target tag, if animals or drones are avoided."""
     turn_nats: float = 1.5
     """Minimum information on a possibly near animal that justifies a turn [nats]."""
     near_probability: float = 0.25

@@ -149,7 +149,7 @@ def von_mises(bearing_deg: _Floats, sigma_deg: _Floats) -> _Floats:
 
 
 def density_of(bearing_deg: float, sigma_deg: float | None) -> _Floats:
-    """(360,) probability of whole degrees; an unknown error is a mixture of several."""
+    """(360,) probability of whole degrees; `sigma_deg` None: a mixture of several errors."""
     sigmas = np.array(BEARING_FIX.unknown_sigmas_deg if sigma_deg is None else (sigma_deg,))
     each = von_mises(np.full(len(sigmas), bearing_deg), sigmas)[
         :, :: round(1.0 / BEARING_FIX.step_deg)

@@ -82,7 +82,7 @@ class Stations:
 
     @property
     def with_levels(self) -> "Stations | None":
-        """Stations with a level, and the parameters of the levels; None if there are none."""
+        """Only stations with a known level; None if the levels of all are missing."""
         if self.level_db is None:
             return None
         known = np.isfinite(self.level_db)

@@ -45,7 +45,8 @@ class PowerTrack:
     longitude_deg: _Floats
     height_m: _Floats
     snr_db: _Floats
-    """(n,) energy of each pulse over the median noise [dB], SNR if it is even; NaN: missed."""
+    """(n,) energy of each pulse over the median noise [dB]; equal to the SNR if the noise is
+    even. NaN: missed."""
     threshold_db: float | _Floats = 10.0
     """Ratio above which a missed pulse would have been detected [dB]; (n,) if it varies."""
     antenna: AntennaPattern | None = None

@@ -18,7 +18,7 @@ from uavrt.localization.whole_flight.tuning import BURSTS
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BurstColumns:
-    """Energies of the bursts that begin in each column: arguments of `slot_energies`."""
+    """Energies of the bursts that begin in each column (time step)."""
 
     power: NDArray[np.float32]
     """(rows, columns) mean power over the pulses not overlapped by a strong signal."""

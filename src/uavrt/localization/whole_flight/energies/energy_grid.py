@@ -84,7 +84,7 @@ class SlotEnergies:
         )
 
     def away_from(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(slots,) True for slots with an energy, but not near times (n,) after `start_ns`."""
+        """(slots,) True for slots with an energy, not near times (n,) from `start_ns` [s]."""
         return self.heard & self._beyond(time_s)
 
     def _beyond(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -96,7 +96,7 @@ class SlotEnergies:
         return ~gone
 
     def without(self, time_s: NDArray[np.float64]) -> "SlotEnergies":
-        """Copy without energies near given times (n,) after `start_ns`."""
+        """Copy without energies near given times (n,) from `start_ns` [s]."""
         return self.where(self._beyond(time_s))
 
     def where(self, kept: NDArray[np.bool_]) -> "SlotEnergies":
