@@ -72,7 +72,10 @@ def judge(
     false_alarm_probability: float = WHOLE_FLIGHT_FALSE_ALARM,
     most_drift: float = 0.0,
 ) -> Judgement:
-    """Search for a tag, and again without each train that explains the found one better."""
+    """Search for a tag, and again without each train that explains the found one better.
+
+    `gain` (places, times at `gain_time_s`): relative energy of a pulse from each position.
+    """
     others: list[OtherTrain] = []
     while True:
         weights = low_rank_weights(gain, gain_time_s, energies, tag.pulse_intervals_s[0])
