@@ -21,7 +21,7 @@ class _Sharing:
     """Constants of sharing the path loss exponent."""
 
     exponent_sigma: float = 0.15
-    """Standard deviation between the path loss exponents of two tags in one area."""
+    """Standard deviation of the difference of two tags' exponents in one area."""
     existence: float = 0.95
     """Smallest probability of existence at which a tag informs other tags."""
     news: float = 1.25
