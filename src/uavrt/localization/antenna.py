@@ -52,7 +52,8 @@ class AntennaPattern:
         """Gain relative to boresight towards unit vectors from antenna to source [dB].
 
         Between the two planes decibels are averaged by cos² of the angle about the boresight,
-        the usual interpolation of two cuts. `forward`, `right`, `down`: arrays of one shape.
+        the usual interpolation of two cuts. `forward`, `right`, `down`: components along
+        the antenna's axes, arrays of one shape.
         """
         off = np.degrees(np.arccos(np.clip(forward, -1.0, 1.0)))
         e_plane = _between(self.e_plane_db, off)

@@ -21,7 +21,7 @@ class PowerTables:
     """Log-likelihood of each pulse on a grid of expected levels, for each fading."""
 
     log_likelihood: NDArray[np.float32]
-    """(pulses, levels, fadings) natural logarithms."""
+    """(pulses, levels, fadings) natural logarithm of each pulse's likelihood."""
     fadings_db: tuple[float, ...]
     lowest_db: float
     highest_db: float

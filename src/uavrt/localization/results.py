@@ -65,7 +65,7 @@ class Bearing:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Remarks for the operator in addition to the arc; empty if the direction is clear."""
+        """Remarks for the operator on an unclear direction; empty if the direction is clear."""
         if not self.accepted:
             return ("there is no clear direction",)
         if self.multipath_suspected:
@@ -74,7 +74,7 @@ class Bearing:
 
 
 PositionMethod = Literal["bayes", "track", "mle", "rmr", "mest", "rmr_ahead", "mest_lenth"]
-"""Name of a position estimator. ``mle``, ``rmr`` and ``mest`` are as the original system
+"""Name of a position estimator. ``mle``, ``rmr`` and ``mest`` are as UAV-RT
 computes them, ``rmr_ahead`` and ``mest_lenth`` corrected; ``track`` follows a moving tag."""
 
 

@@ -21,7 +21,7 @@ class PowerLawTuning:
     gaussian_from: float = 1000.0
     """Power over noise above which the law is Gaussian in decibels to 1 %: 30 dB."""
     least_density: float = 1e-300
-    """Minimum probability density in logarithms."""
+    """Minimum probability density of which a logarithm is taken."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,13 +54,13 @@ class FlightTuning:
     one_place_m: float = 30.0
     """Maximum distance of pulses from their median position in a log of one position [m]."""
     hills_digits: int = 4
-    """Decimal digits to which frequencies are rounded for losses behind hills: 10 kHz."""
+    """Power of ten to which frequencies are rounded for losses behind hills: 10 kHz."""
 
     own_heading_sigma_deg: float = 1.0
     """Minimum standard deviation of heading errors that turns do not share [°]."""
     unknown_noise_sigma_deg: float = 4.0
     """Standard deviation of a bearing's error due to noise from one side that was not measured
-    [°]. A line of 6 dB turns bearings by up to 9°; one turn in three is assumed to have one."""
+    [°]. A power line of 6 dB turns bearings by up to 9°; assumed for one turn in three."""
     miss_threshold_db: float = 13.0
     """SNR above which a detector that follows a tag misses no pulse [dB]. Three pulses of 11.4
     dB are found with 90 % (docs/reference); the rest is margin for losses."""
@@ -90,9 +90,9 @@ class FlightTuning:
     """Standard deviation, in each direction, of the error that all positions of a flight share
     [m]. Single-frequency GNSS is off by 1.5 to 3 m for minutes."""
     gain_pulses: int = 6
-    """Number of pulses before and after a change of the receiver's gain that show it."""
+    """Number of pulses compared before and after a possible change of receiver gain."""
     gain_step_db: float = 3.0
-    """Smallest step of the noise that is a change of gain [dB]; smaller ones move little."""
+    """Smallest step of the noise that counts as a change of receiver gain [dB]."""
     steady_noise_db: float = 2.0
     """Range of the noise of `gain_pulses` pulses below which it is steady [dB]. Measured
     densities scatter by 0.3 dB (standard deviation)."""
@@ -116,7 +116,7 @@ class ReceiverTuning:
     most_places: int = 24
     """Maximum number of a receiver's positions, those with the most pulses: a limit on work."""
     received_share: float = 0.5
-    """Minimum share of pulses received at a used position; below it only strong ones were."""
+    """Minimum share of received pulses at a position; below it, levels are biased upwards."""
 
 
 POWER_LAW, ACCEPTANCE = PowerLawTuning(), AcceptanceLimits()

@@ -1,4 +1,4 @@
-"""Compare the noise at each pulse with that usual at the receiver's gain of the time."""
+"""Noise at each pulse relative to the usual noise at the receiver's gain at that time."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ _Floats = NDArray[np.float64]
 def over_usual_noise_db(noise_db: _Floats, snr_db: _Floats) -> _Floats:
     """(n,) noise at pulses in order of time, over its median at that gain [dB].
 
-    Noise from one direction remains, and noise that begins or ends in a moment.
+    Only the effect of the gain is removed: directional and sudden noise remain.
     """
     over_db = noise_db.copy()
     for part in np.split(np.arange(len(noise_db)), _gain_changes(noise_db, snr_db)):
@@ -20,10 +20,10 @@ def over_usual_noise_db(noise_db: _Floats, snr_db: _Floats) -> _Floats:
 
 
 def _gain_changes(noise_db: _Floats, snr_db: _Floats) -> list[int]:
-    """Numbers of the first pulses after a change of the receiver's gain.
+    """Indices of the first pulses after a change of the receiver's gain.
 
-    It raises noise and pulses alike between two pulses. Other noise that begins lowers the SNR;
-    noise from one direction grows over several pulses.
+    Such a change moves noise and pulses alike between two pulses. Other noise that begins
+    lowers the SNR; directional noise grows over several pulses.
     """
     side = FLIGHT.gain_pulses
     if len(noise_db) < 2 * side:

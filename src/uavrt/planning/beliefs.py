@@ -113,7 +113,7 @@ class Interferer:
 
     @classmethod
     def of(cls, prior: TagPrior, rng: Generator) -> "Interferer | None":
-        """Create a tag's possible interferer; None if the tag's pulses are never missed."""
+        """Create a tag's possible interferer; None if `missed_share` of the prior is 0."""
         return cls(prior, rng) if prior.missed_share > 0.0 else None
 
     @property

@@ -21,7 +21,7 @@ class _Sharing:
     """Constants of sharing the path loss exponent."""
 
     exponent_sigma: float = 0.15
-    """Standard deviation between the path loss exponents of two tags in one area."""
+    """Standard deviation of the difference of two tags' exponents in one area."""
     existence: float = 0.95
     """Smallest probability of existence at which a tag informs other tags."""
     news: float = 1.25
@@ -92,7 +92,7 @@ class ExponentSharing:
             self._received[one.tag_id] = others
 
     def _collect(self, belief: TagBelief) -> None:
-        """Message from a tag's own pulses; None unless the tag exists and fits the model."""
+        """Store the message of a tag's pulses if it exists, is located and fits the model."""
         if belief.existence_probability < _SHARING.existence or not belief.model_check().passed:
             return
         if belief.spread().rms_m > _SHARING.placed_m:

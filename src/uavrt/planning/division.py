@@ -34,6 +34,7 @@ def divided(
 
     Each tag in turn goes to the drone that would finish it first (list scheduling). Then single
     tags move to other rounds while that shortens the longest round or the total.
+    `owners`: index of the drone that each tag has now; a change costs `PLANNING.transfer_s`.
     """
     rounds = _Rounds(starts, east_m, north_m, speed_m_s, stay_s, owners)
     tours: list[list[int]] = [[] for _ in starts]

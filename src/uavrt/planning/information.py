@@ -178,7 +178,7 @@ def _pulses(prior: TagPrior, some: Hypotheses, legs: Legs, listener: Listener) -
 def _lasting_variance(
     law: LastingError | None, wrong2: _Singles | float, legs: Legs, pulses: _Floats
 ) -> tuple[_Floats, _Floats | float]:
-    """Variance by a lasting error: of a leg (legs,) and of its pulses (legs, samples) [dB²].
+    """Variance by a lasting error, common to a leg (legs,) and per pulse (legs, samples) [dB²].
 
     Pulses of a turn in place have the same error, so the direction to the tag stays known.
     Along a path the error changes slowly: all pulses of a stretch count as one.

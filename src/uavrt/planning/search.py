@@ -173,7 +173,7 @@ class Search:
         wind: Wind | None,
         battery: Battery | None,
     ) -> Decision | None:
-        """Replace an action by the return if its cycle uses energy that the return needs."""
+        """Return in place of an action that uses energy which the return needs; else None."""
         energy = self.settings.energy
         if battery is None or energy is None or isinstance(decision.action, Return):
             return None

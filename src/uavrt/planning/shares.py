@@ -17,7 +17,7 @@ def tags_by_drone(
     *,
     speed_m_s: float,
 ) -> dict[int, list[int]]:
-    """Located tags, still searched, of each drone in the order of its round."""
+    """Tags of each drone in visiting order: those located, but not yet found."""
     known = [one for tag_id, one in beliefs.items() if tag_id not in found and _is_known(one)]
     drones = list(starts)
     if not known:

@@ -55,7 +55,7 @@ class Situation(SearchSettings):
 
     @classmethod
     def of(cls, settings: SearchSettings, **now: Any) -> "Situation":
-        """Situation of a search, from its settings and its changing values."""
+        """Situation from constant settings and the present values (`now`) of other fields."""
         fixed = {one.name: getattr(settings, one.name) for one in fields(settings)}
         return cls(**fixed, **now)
 
@@ -103,7 +103,7 @@ class Decision:
 class Planner(Protocol):
     """Interface of a planner, which decides where to fly next.
 
-    A planner may have state (a survey its line); all randomness is from the situation's
+    A planner may have state (such as a survey's line); all randomness is from the situation's
     generator, so that equal flights give equal decisions.
     """
 

@@ -21,15 +21,15 @@ class StopRule(Protocol):
     """Interface of a rule that decides whether a tag counts as found."""
 
     def verdict(self, belief: TagBelief) -> Verdict:
-        """Apply the rule to one tag: found or not, and why."""
+        """Decide whether a tag is found, with the reason."""
 
     def needed_nats(self, belief: TagBelief) -> float:
-        """Approximate missing information on the position [nats]; 0 when it is found."""
+        """Approximate information on the position still missing to find the tag [nats]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HonestStop:
-    """Found: a tag's 95 % circle is small, it probably exists, and the model check passes."""
+    """Rule: a tag is found if its 95 % circle is small, it exists, and pulses fit the model."""
 
     radius95_m: float = 25.0
     bayes_factor: float = 100.0
@@ -43,7 +43,7 @@ class HonestStop:
             )
 
     def verdict(self, belief: TagBelief) -> Verdict:
-        """Apply the rule to one tag; cheap checks come first."""
+        """Decide whether a tag is found; the checks that need least computing come first."""
         rms = belief.spread().rms_m
         # A circle of 95 % is 1.7 times as wide as the root mean square of round clouds, and of
         # long ones twice: clouds beyond the wish need no closer look.
@@ -65,6 +65,6 @@ class HonestStop:
         )
 
     def needed_nats(self, belief: TagBelief) -> float:
-        """Missing information [nats]: 1.4 for each halving of the radius."""
+        """Missing information [nats]: 1.4 for each halving of the radius, at least 0.3."""
         ratio = 1.75 * belief.spread().rms_m / self.radius95_m
         return float(max(0.3, 2.0 * np.log(ratio)))

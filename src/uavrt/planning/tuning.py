@@ -29,7 +29,7 @@ class PlanningTuning:
     """Largest position spread of a tag for one drone alone [share of the area's width]."""
 
     scale_drift: float = 0.03
-    """Standard deviation added to the learned power scale per update, as for wind."""
+    """Standard deviation added to the power scale per update, for changes such as wind."""
     return_climb_m_s: float = 3.0
     """Vertical speed of the climb before the return flight [m/s]."""
     return_sink_m_s: float = 1.5
@@ -38,12 +38,12 @@ class PlanningTuning:
     farthest_m: float = 100_000.0
     """Longest range computed for a tag [m]."""
     range_places: int = 4000
-    """Number of distances at which the range is evaluated."""
+    """Number of distances at which the level is computed to find a tag's range."""
     table_step_m: float = 0.5
     """Step between distances in the table of levels [m]."""
 
     drones_step_s: float = 1.0
-    """Minimum remaining time of another drone's path that is sampled [s]."""
+    """Minimum time over which another drone's remaining path is sampled [s]."""
     drones_samples: int = 8
     """Number of samples along another drone's planned path."""
 

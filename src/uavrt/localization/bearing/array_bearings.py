@@ -2,8 +2,8 @@
 
 With a switch that steps at known samples, one receiver measures several antenna elements, or
 the sum and difference of two, during a 20 ms pulse. Comparing their complex amplitudes with
-those of a wave from each direction is a matched-field estimate: pseudo-Doppler (VonEhr, who
-planned it), the two-point phased array (Cliff 2015). Two or more fixed directional antennas,
+those of a wave from each direction is a matched-field estimate: pseudo-Doppler (planned by
+VonEhr) or the two-point phased array (Cliff 2015). Two or more fixed directional antennas,
 compared by strength alone, are amplitude monopulse (Gottwald 2014).
 """
 
@@ -32,8 +32,8 @@ def circle_steering(
 ) -> Steering:
     """Steering function of monopoles evenly on a circle, clockwise from ahead (pseudo-Doppler).
 
-    With a radius above a quarter wavelength, neighbouring elements may differ by more than half
-    a turn, and directions become ambiguous.
+    With a radius above a quarter wavelength, opposite elements may differ by more than half a
+    turn of phase, and directions may become ambiguous.
     """
     places = np.arange(elements) * 360.0 / elements
     turns = radius_wavelengths * np.cos(np.radians(elevation_deg))
@@ -48,7 +48,7 @@ def circle_steering(
 def pair_steering(
     spacing_wavelengths: float, elevation_deg: float = 0.0, *, modes: bool = True
 ) -> Steering:
-    """Steering function of two elements side by side: sum and difference, or each alone."""
+    """Steering function of two adjacent elements, or (`modes`) of their sum and difference."""
     turns = spacing_wavelengths * np.cos(np.radians(elevation_deg))
 
     def steering(direction_deg: _Floats) -> _Complex:
@@ -101,8 +101,8 @@ def amplitude_monopulse(
     The tag's strength and its fading are the same for all antennas at a pulse and cancel.
 
     `boresight_deg` (a,): direction of each antenna, clockwise from true north.
-    `snr_db` (p, a): SNR of each pulse at each antenna; NaN: not received.
-    `fading_db`: standard deviation of level differences without relation to the direction.
+    `snr_db` (p, a): SNR of each pulse at each antenna [dB]; NaN: not received.
+    `fading_db`: standard deviation of level differences not due to the direction [dB].
     Raises `UsageError`: no pulse was received by two antennas.
     """
     heard = ~np.isnan(snr_db)

@@ -40,7 +40,7 @@ def pca(
 ) -> PlainBearing:
     """Principal axis of the pulses drawn as vectors (Shafer 2019, as in uavrt_bearing).
 
-    Each pulse is a vector along its heading, as long as its power over the weakest one's. The
+    Each pulse is a vector along its heading, as long as its power over the weakest pulse's. The
     bearing is the first principal axis, on the side of the mean vector; the confidence is
     tau = 1 - S2²/S1². With fewer than four pulses, or headings that span less than 270° from
     least to greatest, it is the strongest pulse's heading, without a confidence.
@@ -99,7 +99,7 @@ def pearson(
 def ls_db(
     yaw_deg: NDArray[np.float64], level_db: NDArray[np.float64], pattern: AntennaPattern
 ) -> PlainBearing:
-    """Bearing by least squares in decibels with unknown level; the best method at high SNR."""
+    """Bearing by least squares of pattern and levels in dB; the best here at high SNR."""
     gain = pattern.gain_db(_SCAN_DEG[:, None] - yaw_deg[None, :])
     difference = level_db[None, :] - gain
     cost = np.sum((difference - difference.mean(axis=1, keepdims=True)) ** 2, axis=1)
@@ -123,8 +123,8 @@ def ls_linear(
 ) -> PlainBearing:
     """Bearing by least squares in linear power, A g(θ - φ) + B (UAV-RT flight code of 2026).
 
-    Bearings within 90° of the strongest heading are tried. Missed pulses count where the model
-    exceeds half the weakest. The middle of all nearly equal fits is returned.
+    Bearings within 90° of the strongest pulse are tried. A missed pulse counts where the model
+    exceeds half the weakest power. The middle of all nearly equal fits is returned.
     """
     scan = float(yaw_deg[int(np.argmax(power))]) + np.arange(-90.0, 90.25, 0.5)
     gain = 10.0 ** (pattern.gain_db(scan[:, None] - yaw_deg[None, :]) / 10.0)

@@ -32,7 +32,7 @@ class TurnPulses:
 def learn_pattern(
     turns: Sequence[TurnPulses], antenna: AntennaPattern, *, threshold_db: float = 10.0
 ) -> AntennaPattern:
-    """Correct a pattern by turns; bearings are re-estimated in each iteration.
+    """Correct an antenna's pattern by turns, whose bearings each iteration estimates again.
 
     A rotation of the whole pattern cannot be learnt: it is the antenna's mounting. The
     correction is mirrored like the table.
@@ -77,7 +77,7 @@ def _basis(angle_deg: _Floats) -> _Floats:
 def _equations(
     turn: TurnPulses, pattern: AntennaPattern, correction: _Floats, threshold_db: float
 ) -> tuple[_Floats, _Floats]:
-    """Whitened linear equations of one turn for the pattern's correction, without level."""
+    """Matrix and right side of a turn's whitened equations for the harmonics, level removed."""
     found = estimate_bearing(
         turn.yaw_deg,
         None,

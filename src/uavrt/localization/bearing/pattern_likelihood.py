@@ -1,4 +1,4 @@
-"""Likelihood of a bearing given the powers of a rotation; level and fading integrate out."""
+"""Likelihood of a bearing given the powers of a rotation; level and fading are averaged."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -109,8 +109,7 @@ def _summed(
     """Sum of all pulses' tables, linearly interpolated: (bearings, levels, fadings).
 
     `tables`: shape (n, steps, fadings).
-    `places` (n, b): index of a boresight level of 0 dB in each pulse's table at each bearing
-    [steps].
+    `places` (n, b): index in each pulse's table of 0 dB on boresight, for each bearing [steps].
     `starts` (b,): lowest boresight level for each bearing [steps].
     `steps` (k,): offsets of all boresight levels from the lowest [steps].
     """
@@ -134,13 +133,13 @@ def _summed(
 
 
 def _log_mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Logarithm of the mean over the last axis: the equally probable fadings."""
+    """Logarithm of the mean of exp(values) over the last axis: equally probable fadings."""
     top = values.max(axis=-1, keepdims=True)
     return np.asarray(np.log(np.mean(np.exp(values - top), axis=-1)) + top[..., 0])
 
 
 def _log_integral(values: NDArray[np.float64], step_db: float) -> NDArray[np.float64]:
-    """Logarithm of the integral over the levels (axis 1).
+    """Logarithm of the integral of exp(values) over the levels (axis 1).
 
     Where the peak is narrower than a step, the sum would depend on the peak's position between
     two levels. There a parabola through the best three gives its height and width (Laplace).

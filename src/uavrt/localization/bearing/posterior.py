@@ -11,7 +11,7 @@ from uavrt.localization.results import ArrayMethod, Bearing
 
 
 def described(log_density: NDArray[np.float64], *, method: ArrayMethod, pulses: int) -> Bearing:
-    """Bearing with its uncertainty, from a log-likelihood on `GRID_DEG` and a uniform prior."""
+    """Bearing with its uncertainty, from (1440,) log-likelihoods and a uniform prior."""
     best_deg = peak_deg(log_density)
     density = np.exp(log_density - log_density.max())
     density /= density.sum()

@@ -38,7 +38,7 @@ class SwitchSchedule:
             )
 
     def visits(self, first_sample: int, count: int) -> NDArray[np.intp]:
-        """(count,) number of the visit of each sample; negative while the switch settles."""
+        """(count,) number of the switch's stay at each sample; negative while it settles."""
         index = first_sample - self.first_sample + np.arange(count)
         visit, within = np.divmod(index, self.dwell_samples)
         visit -= int(visit[0]) // self.positions * self.positions
@@ -59,7 +59,7 @@ class SwitchedPulse:
     counts: _Floats
     """(positions,) number of samples averaged for each amplitude."""
     noise_power: float
-    """Noise power of one sample, in the bandwidth of one visit of a position."""
+    """Noise power of one sample, from the scatter of the mean values of visits."""
     frequency_hz: float
     """Refined carrier frequency in the samples [Hz]."""
 
@@ -130,7 +130,7 @@ def _fitted(
     frequency_hz: float,
     frequency_error_hz: float,
 ) -> SwitchedPulse:
-    """Fit carrier and amplitudes so that visits (v,) of one position (v, p) agree best."""
+    """Fit carrier and amplitudes to visits (v,); `at_position` (v, p): 1 at their positions."""
     steps = max(1, round(frequency_error_hz / SIMPLE.carrier_step_hz))
     error_hz = np.arange(-steps, steps + 1) * SIMPLE.carrier_step_hz
     turned = sums * np.exp(-2j * np.pi * error_hz[:, None] * middle_s)

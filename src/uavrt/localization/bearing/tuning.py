@@ -42,7 +42,7 @@ class TurnTuning:
     ground_m: tuple[float, float] = (2.0, 6.0)
     """Limits of the height below which the drone is on the ground [m]; barometers drift."""
     around_start_m: float = 100.0
-    """Distance from take-off and landing beyond which a low pose is over lower ground [m]."""
+    """Distance from take-off and landing beyond which low poses count as in flight [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +60,7 @@ class PatternTuning:
     lowest_level_db: float = -6.0
     """Minimum SNR on boresight of a detectable tag [dB]."""
     refined_nats: float = 18.0
-    """Log-density below the best beyond which bearings are not refined [nats]."""
+    """Bearings whose log-density is this far below the best are not refined [nats]."""
     lobe_deg: float = 25.0
     """Half-width of a lobe of the posterior [°]."""
     correlation_pulses: int = 12

@@ -59,7 +59,7 @@ def find_turns(
     time_ns : (n,) int64 array
         Rising times of the poses [ns].
     yaw_deg : (n,) float64 array
-        Heading, any turn; several poses for each 180° of turn.
+        Headings, wrapped or not [deg]; several poses in each 180° of turn.
     latitude_deg, longitude_deg : (n,) float64 arrays
         Positions of the poses.
     height_m : (n,) float64 array, optional
@@ -68,7 +68,7 @@ def find_turns(
     on_ground : (n,) bool array, optional
         True where the autopilot reports to be on the ground: no turn.
     least_turn_deg : float
-        Least angle of a turn. The original needs 270°; a turn of 8 stops has 315°.
+        Least angle of a turn. UAV-RT's own software needs 270°; a turn of 8 stops has 315°.
     speed_m_s : float
         Largest speed of hovering in wind.
     radius_m : float
@@ -118,7 +118,7 @@ def find_turns(
 
 
 def _middle(latitude_deg: _Floats, longitude_deg: _Floats) -> tuple[float, float]:
-    """Median latitude and longitude; exactly independent of the rest of the flight."""
+    """Latitude and longitude of the median [deg], in a plane around these positions alone."""
     plane = plane_around(latitude_deg, longitude_deg)
     east, north = plane.to_local(latitude_deg, longitude_deg)
     latitude, longitude = plane.to_geodetic(np.median(east), np.median(north))
@@ -163,7 +163,7 @@ def _moves(seconds: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool_]
 def _that_lead_away(
     moves: NDArray[np.bool_], east: _Floats, north: _Floats
 ) -> NDArray[np.bool_]:
-    """Select stretches of True whose ends are at least the length of a path apart."""
+    """Mask of the stretches of `moves` whose ends are at least `TURNS.path_m` apart."""
     kept = np.zeros(len(moves), bool)
     for first, last in _runs(moves):
         way_m = np.hypot(east[last - 1] - east[first], north[last - 1] - north[first])

@@ -43,7 +43,7 @@ class Cache:
     def latest(
         self, kind: str, subject: Hashable, make: Callable[..., T], *inputs: object
     ) -> T | None:
-        """Value for a subject from these inputs, or its last value beyond the limit."""
+        """Value for a subject and inputs; at the limit the subject's last value, or None."""
         key = _key(make, inputs, {})
         if key not in self._now and key not in self._before:
             if self._left.get(kind, 1) <= 0:

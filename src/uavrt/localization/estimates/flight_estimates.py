@@ -54,7 +54,7 @@ from uavrt.localization.tuning import FLIGHT
 NO_TIME = -1
 """Value that marks a bearing's time as unknown [ns]; its tag is assumed to rest."""
 EDGE_NS = NANOSECONDS_PER_SECOND
-"""Time before and after a turn in which pulses belong to it [ns]: the antenna hardly moves."""
+"""Pulses this long before or after a turn count as its own [ns]; the antenna hardly moves."""
 NEVER_TURNED = (
     "it was detected, but in no turn in place; receivers that do not turn add their strengths "
     "to a position only with bearings of others"
@@ -78,20 +78,20 @@ _UNMEASURED_SURVEY_NOISE = Caution(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadAs:
-    """Settings for reading a flight or log."""
+    """Settings for estimating bearings and positions from a flight or log."""
 
     antenna: AntennaPattern | str | None = None
     """Antenna pattern, or its name; None: the flight's antenna."""
     offset_deg: float = 0.0
     """Direction of the boresight, clockwise from the heading stored with the pulses [deg]."""
     height_m: float | None = None
-    """Height over the tags for poses without height [m]; for a monopole."""
+    """Height over the tags where a pose has none [m]; for positions by a monopole's powers."""
     heading_sigma_deg: float = COMMON.heading_sigma_deg
     """Standard deviation of the error that all headings of a flight share [deg]."""
     height_sigma_m: float = SURVEY.height_sigma_m
     """Standard deviation of the error that all heights over a tag share [m]; for a monopole."""
     displacement: float = 0.0
-    """Standard deviation of a shift that a tag's bearings share, as a share of the distance."""
+    """Standard deviation of a position shift common to a tag's bearings, over the distance."""
     elevation: Elevation | None = None
     """Elevation files for losses behind hills; None: level ground."""
     bearing_method: BearingMethod | str = "pattern_ml"
@@ -123,12 +123,12 @@ class TagBearing:
     """Number of the turn in the flight, from 0."""
     from_drone: bool = False
     flight: int = 0
-    """Number of the flight or log, from 0; in a position, the receiver's number."""
+    """Index of the flight or log; while a position is estimated, index of the receiver."""
     by_hand: bool = False
     observer: Observer | None = None
-    """Errors of the person who took it by hand; None: unknown."""
+    """Errors of the person who took the bearing by hand; None: unknown."""
     noise_known: bool = True
-    """False: the noise was not measured, and the bearing allows for noise from one side."""
+    """False if the noise was not measured; `bearing` then allows for directional noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,7 +145,7 @@ class TagPosition:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Found:
-    """Bearings and strengths by one receiver, for positions of this receiver and of others."""
+    """One receiver's bearings and levels of tags, from which positions are estimated."""
 
     bearings: Sequence[TagBearing] = ()
     """Bearings in order of time and tag."""
@@ -191,7 +191,7 @@ class HeardInTurn:
 
     @property
     def whole(self) -> bool:
-        """True if the turn is complete, or nearly."""
+        """True if the turn spans at least `FLIGHT.whole_turn_deg`."""
         return abs(self.turn.turned_deg) >= FLIGHT.whole_turn_deg
 
     @property
@@ -364,7 +364,7 @@ def corrected_antenna(
 
 
 def antenna_of(heard: Heard, how: ReadAs) -> AntennaPattern | str:
-    """Pattern of the requested antenna, else of the antenna that received the pulses."""
+    """Requested antenna pattern, or its name; by default that of the receiving antenna."""
     return heard.antenna if how.antenna is None else how.antenna
 
 
@@ -429,7 +429,7 @@ def find(
     theirs: Sequence[TagBearing] = (),
     cache: Cache | None = None,
 ) -> Found:
-    """Estimate bearings of a receiver, and strengths of tags without; `theirs` replace.
+    """Estimate a receiver's bearings, and levels of the tags that have no bearing.
 
     A bearing in `theirs`, from the drone, replaces one estimated here from fewer pulses of a
     turn. The other parameters are those of `bearings_of`.
@@ -445,7 +445,7 @@ def find(
 def with_strengths(
     heard: Heard, how: ReadAs, bearings: Sequence[TagBearing], cache: Cache | None = None
 ) -> Found:
-    """Add the strengths of tags without bearings to a receiver's bearings."""
+    """Combine a receiver's bearings with the levels of its tags that have no bearing."""
     cache = cache or Cache()
     turned = {
         one.tag_id
@@ -479,7 +479,7 @@ def _strengths(heard: Heard, how: ReadAs, tag_id: int, cache: Cache) -> Strength
 
 
 def _is_of_turn(pulses: PulseColumns) -> bool:
-    """True if a bearing without a clear direction is from a turn, not from one heading."""
+    """True if the antenna's headings at the pulses span enough for a turn (45°)."""
     yaw = np.unwrap(yaws_deg(pulses.quaternion_wxyz), period=360.0)
     return float(np.ptp(yaw)) >= FLIGHT.least_turn_deg
 
@@ -568,7 +568,7 @@ def place(
     over: FlightGround | None = None,
     cache: Cache | None = None,
 ) -> list[TagPosition]:
-    """Estimate one position for each tag with bearings, or received by the first receiver."""
+    """Estimate a position of each tag that has bearings or that the first receiver received."""
     how, cache = how or ReadAs(), cache or Cache()
     tags = {one.tag_id for each in found for one in each.bearings}
     every = sorted(tags.union(*(each.heard for each in found[:1])))
@@ -684,7 +684,7 @@ def _position_of(
 def survey(
     heard: Heard, how: ReadAs, over: FlightGround | None = None, cache: Cache | None = None
 ) -> tuple[dict[int, TagPosition], dict[int, PowerTrack]]:
-    """Positions and tracks from strength alone; raises `UsageError` if bearings are needed."""
+    """Positions and powers by tag, from strength alone; `UsageError` if bearings are needed."""
     cache = cache or Cache()
     if how.method not in ("bayes", "track"):
         raise UsageError(
@@ -732,7 +732,7 @@ def _surveyed(
 
 
 def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> PowerTrack:
-    """Collect a tag's pulses along the flight, with missed ones of a listed tag."""
+    """Powers of a tag's received pulses along a flight, and misses if the tag is listed."""
     own, poses = heard.pulses[tag_id], heard.poses
     if len(own.time_ns) < 3:
         raise UsageError(

@@ -74,7 +74,7 @@ class PoseColumns:
 
     @property
     def flown_m(self) -> _Floats:
-        """(n,) heights above take-off or lowest pose [m], which separate flight from ground."""
+        """(n,) heights above the take-off [m]; if all are unknown, above the lowest pose."""
         amsl = self.amsl_m
         if np.any(np.isfinite(self.height_m)) or not np.any(np.isfinite(amsl)):
             return self.height_m
@@ -126,7 +126,7 @@ class PulseColumns:
     """(n,) noise density at each pulse; NaN where unknown."""
     frequency_hz: _Floats
     rate: NDArray[np.int64]
-    """(n,) number of the tag's interval in use, from 1."""
+    """(n,) which of the tag's pulse intervals was in use, from 1."""
     altitude_amsl_m: _Floats
     """(n,) altitude of the antenna above sea level [m]; NaN where unknown."""
 
@@ -139,7 +139,7 @@ class PulseColumns:
     def noise_db(self) -> _Floats:
         """(n,) noise at each pulse over that usual at its gain [dB]; 0 if any is unknown.
 
-        SNR plus this noise is a pulse's energy, which noise from one direction does not change.
+        The sum with the SNR is the pulse's energy, which directional noise does not change.
         """
         noise = self.noise_psd
         if not self.noise_known:
@@ -188,7 +188,7 @@ class PulseColumns:
     def missed_ns(self, rhythm: "Rhythm | None") -> _Floats:
         """Times of expected pulses that were not received, between received ones [ns].
 
-        They lie between two pulses whose distance is a multiple of the tag's interval. A gap of
+        They divide a gap between pulses that is a multiple of the tag's interval. A gap of
         more than a day's pulses counts as a jump of the clock.
         """
         if rhythm is None or len(self.time_ns) < 2:
@@ -259,7 +259,7 @@ class FlightGround:
         return replace(self, hills=self.hills.with_limitations(*limitations))
 
     def at(self, frequency_hz: float) -> "FlightGround":
-        """Losses behind hills for a tag at this frequency."""
+        """Copy with the losses behind hills of a tag at this frequency."""
         return replace(self, hills=self.hills.at(frequency_hz))
 
     def heights_m(self, time_ns: Sequence[int]) -> _Floats:
@@ -268,7 +268,7 @@ class FlightGround:
 
 
 def height_warning(ground_m: float, said_m: float) -> tuple[str, ...]:
-    """Warn if elevation files and flight disagree on the height of the take-off."""
+    """Warning if elevation files (`ground_m`) and flight (`said_m`) differ at the take-off."""
     if (
         not abs(said_m - ground_m) > FLIGHT.reported_height_m
     ):  # also if one of the heights is unknown
@@ -282,19 +282,19 @@ def height_warning(ground_m: float, said_m: float) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rhythm:
-    """Expected times of a tag's pulses."""
+    """Intervals between a tag's pulses, and their uncertainty."""
 
     intervals_s: tuple[float, ...]
     uncertainty_s: float
 
     @classmethod
     def of(cls, tag: Tag) -> "Rhythm":
-        """Expected pulse times of a tag from its entry in the tag list."""
+        """Pulse intervals of a tag, from its entry in the tag list."""
         return cls(intervals_s=tag.pulse_intervals_s, uncertainty_s=tag.interval_uncertainty_s)
 
 
 def _far_from(known_ns: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """(n,) True for times farther than the largest pose gap from each of rising `known_ns`."""
+    """(n,) True for times farther than `FLIGHT.pose_gap_ns` from all rising `known_ns`."""
     if not len(known_ns):
         return np.ones(len(times_ns), bool)
     after = np.searchsorted(known_ns, times_ns)
@@ -374,7 +374,7 @@ class Heard:
         name: str = "this vehicle",
         goes_on: bool = False,
     ) -> "Heard":
-        """Convert records; a log has `poses` None. Raises `UsageError` without any pose."""
+        """Convert records; a log has no `poses`. Raises `UsageError` if no pulse has a pose."""
         if pulse_poses and all(one.pose is None for one in pulse_poses):
             raise UsageError(
                 "no pulse has a pose, so headings are unknown",
@@ -392,11 +392,11 @@ class Heard:
         )
 
     def rhythm(self, tag_id: int) -> "Rhythm | None":
-        """Expected pulse times of a tag; None if the tag is not listed."""
+        """Pulse intervals of a tag; None if the tag is not listed."""
         return next((Rhythm.of(tag) for tag in self.tags if tag.tag_id == tag_id), None)
 
     def renamed(self, keys: Mapping[int, int]) -> "Heard":
-        """Copy with other tag numbers."""
+        """Copy with tag numbers replaced; `keys` maps old numbers to new ones."""
         return replace(
             self,
             pulses={keys.get(tag_id, tag_id): own for tag_id, own in self.pulses.items()},
@@ -432,7 +432,7 @@ class Heard:
     def over(
         self, elevation: Elevation | None, lay: Callable[..., HillLosses] = HillLosses
     ) -> FlightGround | None:
-        """Ground model under the flight, for the median frequency; raises `FormatError`."""
+        """Ground model at the pulses' median frequency, or None; raises `FormatError`."""
         over = None if elevation is None else FlightGround.of(elevation, self.poses, lay)
         heard_hz = [own.frequency_hz for own in self.pulses.values()]
         every_hz = np.concatenate(heard_hz) if heard_hz else np.zeros(0)

@@ -1,7 +1,7 @@
 """Estimate bearings of turns in progress, from pulses and poses as they arrive.
 
-The flight's estimator runs again for each new pulse of a turn, from the third on. The interval
-is wide while little of the turn is done. The ground station does the same with received data.
+Each new pulse of a turn, from the third on, gives a new estimate of the bearing, with a wide
+interval while little of the turn is done. The ground station does the same with received data.
 This stage runs on the drone when its process table has the `estimator`.
 """
 

@@ -27,7 +27,7 @@ def strengths_of(
 ) -> Strengths:
     """Convert a tag's pulses, in order of time, to levels, one for each position and heading.
 
-    Pulses on the ground are excluded. Pulses missed at the times of `rhythm` count as weaker.
+    Pulses on the ground are excluded. Misses at times of `rhythm` count as the weakest pulse.
     """
     monopole = antenna == MONOPOLE
     pattern = None if monopole else pattern_named(antenna)
@@ -58,7 +58,7 @@ def strengths_of(
 def _off_ground(
     time_ns: NDArray[np.int64], on_ground_ns: Sequence[tuple[int, int]]
 ) -> NDArray[np.intp]:
-    """True for pulses received in flight, as the autopilot reports, or on a mast."""
+    """Indices of pulses not received while the autopilot reports to be on the ground."""
     down = np.zeros(len(time_ns), bool)
     for first, last in on_ground_ns:
         down |= (time_ns >= first) & (time_ns <= last)

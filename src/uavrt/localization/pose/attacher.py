@@ -21,7 +21,7 @@ class PoseAttacher:
     A pulse is returned with its interpolated pose as soon as attitude and position after its
     centre have arrived. After `wait_s` it gets a marked, extrapolated pose, or None.
 
-    `wait_s`: longest wait from its arrival here; 0 for a system without autopilot.
+    `wait_s`: longest time that a pulse is held [s]; 0 for a system without autopilot.
     """
 
     def __init__(self, ring: PoseRing, *, wait_s: float) -> None:
@@ -70,7 +70,7 @@ class PoseAttacher:
         return released
 
     def _pose(self, pulse: Pulse, overdue: bool) -> tuple[bool, Pose | None]:
-        """True if the pulse can be returned now, and the pulse's pose."""
+        """True if the pulse can be returned now, and the pulse's pose; None if unknown."""
         center_ns = (pulse.start_time_ns + pulse.end_time_ns) // 2
         try:
             return True, self._ring.antenna_pose(center_ns)

@@ -46,7 +46,7 @@ class Series(Generic[S]):
         return self._count
 
     def add(self, sample: S) -> bool:
-        """Append a sample; False if late; `OverflowError` after a reboot: clear, add again."""
+        """Append a sample; False if late. `OverflowError`: clock reset; clear, add again."""
         time_ns = sample.time_ns
         if self._count:
             fall_ns = self._times[self._count - 1] - time_ns

@@ -1,9 +1,9 @@
 """Compute a position's posterior on cells that are small near its peaks (default estimator).
 
 Cells with much probability are quartered, so that narrow peaks and long tails, such as those of
-a possible outlier, are both resolved. The point is the most probable one; the mean lies outward
-of it for weak geometry. A bearing that contradicts the others is reported and does not move the
-point, since each may be an outlier with some probability.
+a possible outlier, are both resolved. The point is the most probable one; the mean lies
+farther out for weak geometry. A bearing that contradicts the others is reported and does not
+move the point, since each may be an outlier with some probability.
 """
 
 from collections.abc import Callable
@@ -74,7 +74,7 @@ class Cells:
         return float(self.east_m[kept[nearest]]), float(self.north_m[kept[nearest]])
 
     def radius_m(self, share: float, point: tuple[float, float], sigma_m: float) -> float:
-        """Radius of the circle around a point that holds a given probability [m]."""
+        """Radius that holds `share` around a point [m]; `sigma_m`: error of all positions."""
         distance = np.hypot(self.east_m - point[0], self.north_m - point[1])
         # Four parts of each cell, for the cell that holds the point itself reaches from 0.
         parts = (np.arange(4) - 1.5) / 4.0
@@ -84,7 +84,7 @@ class Cells:
         return shifted_m(float(np.interp(share, held, spread[order], left=0.0)), share, sigma_m)
 
     def ellipse(self, sigma_m: float, share: float = 0.95) -> Ellipse:
-        """Ellipse of the posterior's covariance, scaled as for a normal law."""
+        """Ellipse by covariance of the posterior and of a shared error, as for a normal law."""
         x, y = self.mean()
         centred = np.stack([self.east_m - x, self.north_m - y])
         covariance = (centred * self.probability) @ centred.T
@@ -200,7 +200,8 @@ def cells_posterior(
 def cells_refined(log_likelihood: LogLikelihood, cells: Cells, density: _Floats) -> Cells:
     """Refine an earlier posterior's cells for a likelihood with further data.
 
-    Where it differs from the first one by a constant only, no cell is quartered again.
+    `density`: the new log-likelihood at the cells. If it differs from the earlier one by a
+    constant only, no cell is quartered again.
     """
     added = density - cells.log_density
     rough = cells.rough | (added - np.median(added) > GRID.added_nats)
@@ -290,10 +291,10 @@ def _overlooked(
 
 
 def most_probable(cells: Cells, log_likelihood: LogLikelihood) -> tuple[float, float]:
-    """East and north of the maximum on an even grid, refined by parabolas [m].
+    """East and north of the likelihood's maximum [m].
 
-    It is found on an even grid over the more likely half. Cells of several sizes are blurred
-    differently and cannot be compared to the last metre.
+    An even grid covers the more likely half, and parabolas refine the maximum. Values of cells
+    of different sizes are blurred differently and do not compare to the metre.
     """
     east, north, step = _even_axes(cells.around(0.5), GRID.peak_cells)
     y, x = (one.ravel() for one in np.meshgrid(north, east, indexing="ij"))

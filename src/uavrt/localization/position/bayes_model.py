@@ -94,7 +94,7 @@ class Model:
 
     @property
     def shows_m(self) -> float:
-        """Cell width that resolves a survey's peak [m]; at least a share of its extent."""
+        """Cell width that resolves a survey's peak [m]; at least 1/16 of the survey's side."""
         around = self.overflown
         square_m2 = (around.east_m - around.west_m) * (around.north_m - around.south_m)
         return max(
@@ -103,7 +103,7 @@ class Model:
         )
 
     def shared_sigma_m(self, point: tuple[float, float], share: float) -> float:
-        """Standard deviation [m] of a shift with the circle of `share` of all possible ones."""
+        """Sigma [m] of the normal shift with the possible shifts' circle of `share`."""
         away = np.concatenate(self.tracks, axis=1) - np.array(point)[:, None]
         probability, relative, beyond_m = np.transpose(self.known.displacements)
         away_m = np.mean(np.hypot(*away))

@@ -152,7 +152,7 @@ class _Agreement:
     """Explanations with their probabilities, the resting tag first."""
     reported: Fit | None = None
     unchecked: tuple[Caution, ...] = ()
-    """Reason why errors that all bearings share cannot be checked."""
+    """Caution that errors which all bearings share cannot be checked; empty if they can."""
 
     @property
     def others(self) -> tuple[tuple[float, Fit], ...]:
@@ -283,7 +283,7 @@ def _heading_error(
 
 
 def _doubts(model: Model, cells: Cells) -> Doubts | None:
-    """Heading error and outlier probabilities, for the likeliest error of the bearings."""
+    """Heading error and outlier probabilities by the likeliest error law; None: no bearings."""
     if not model.bearings:
         return None
     top = int(np.argmax(cells.log_density))

@@ -53,7 +53,7 @@ def estimate_position(
         Powers, for the method ``bayes``, without pulses already used in the bearings.
     method : str
         ``"bayes"`` (the default); ``"track"``, which follows a tag unless a fixed position
-        explains the data; ``"mle"``, ``"rmr"``, ``"mest"`` as the original system computes
+        explains the data; ``"mle"``, ``"rmr"``, ``"mest"`` as UAV-RT computes
         them; ``"rmr_ahead"``, ``"mest_lenth"``, which are corrected; or one of an installed
         package (docs/how-to/extend.md).
     outlier_share : float, optional
@@ -68,7 +68,7 @@ def estimate_position(
     propagation : Propagation, optional
         Knowledge of the path loss.
     displacement : float or tuple of Displacement
-        Standard deviation of a shift that all bearings share, as a share of the distance, or an
+        Standard deviation of a position shift that all bearings share, over the distance; or an
         observer's. By hand, bearings often agree with each other better than with the animal.
     max_range_m : float, optional
         Largest distance of the tag from the stations or the track; by default 3000 with

@@ -21,11 +21,11 @@ _MOVES = "the tag moved; its path is estimated from bearings"
 
 
 def followed(position: Position, model: Model, follow: Follow) -> Position:
-    """Add the path of a moving tag to a position; on request also if it may be resting.
+    """Add the path of a moving tag to an estimated position.
 
-    A tag whose data allow a fixed position keeps it, and has a path only on request. The
-    position by bearings already allows for walking; where powers contradict a fixed one, it is
-    the path's end.
+    If the data allow rest, the position stays, and there is a path only with ``"always"``. A
+    position by bearings stays, too, since it allows for walking. If powers contradict rest, the
+    path's end becomes the position.
     """
     if model.stations is not None:
         return _by_bearings(position, model, follow)

@@ -95,7 +95,7 @@ def survey_walk(
     around: Area,
     propagation: Propagation,
 ) -> SurveyWalk | None:
-    """Compare a walking with a resting tag by the powers of a survey; None if no signs."""
+    """Compare a walking with a resting tag by a survey's powers; None: no signs of a walk."""
     if powers.time_s is None:
         return None
     heard = ~np.isnan(powers.snr_db)

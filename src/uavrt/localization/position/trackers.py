@@ -87,7 +87,7 @@ class TagPrior:
 
     @property
     def lasting_error(self) -> LastingError | None:
-        """Kind of the lasting error of levels; None if there is none."""
+        """Constants of the lasting error, by hills or shadowing; None if there is none."""
         if self.hills is not None:
             return LOSS.hills
         return LOSS.shadowing if self.shadowing_db > 0.0 else None
@@ -344,7 +344,7 @@ class _MotionModel:
         state.east_m_s[those], state.north_m_s[those] = velocity
 
     def learn_exponent(self, precision: float, weighted: float) -> None:
-        """Use the path loss exponent learned from other tags in new hypotheses."""
+        """Add other tags' path loss exponent (precision, precision × mean) to the prior."""
         known, before = self._external_exponent
         self._external_exponent = (known + precision, before + weighted)
 
@@ -498,7 +498,7 @@ class ParticleTracker:
         return Expectation(level_db=mean, variance_db2=variance, log_probability=evidence)
 
     def density(self, heard: Listening) -> float:
-        """Probability density [1/dB] that the tag sends this pulse, without an update."""
+        """Probability density of this pulse's level if the tag sent it [1/dB]; no update."""
         level, expected, scatter_db, behind = self._expected(heard)
         both = level.update(
             heard,
@@ -568,7 +568,7 @@ class ParticleTracker:
         return mean, float(weight @ (exponent - mean) ** 2)
 
     def take_exponent(self, precision: float, weighted: float) -> None:
-        """Update the exponent from other tags: `precision`, and precision times mean."""
+        """Update the path loss exponent by other tags': precision, and precision × mean."""
         self._walk.learn_exponent(precision, weighted)
         exponent = self._state.exponent
         self._weigh((weighted - 0.5 * precision * exponent) * exponent)
@@ -643,7 +643,7 @@ class ParticleTracker:
         return evidence
 
     def _add_surprise(self, nats: float) -> None:
-        """Sum the log-likelihood ratio of clutter to tag; above a limit, redraw particles."""
+        """Add to the log-likelihood ratio of clutter to tag; redraw particles above a limit."""
         self._surprise = max(0.0, self._surprise + nats)
         if self._surprise > TRACK.lost_nats:
             self._renew()

@@ -46,11 +46,11 @@ class GridTuning:
     map_sigmas: float = 8.0
     """Distance within which a cell adds to the map [standard deviations]; 1e-14 is beyond."""
     map_reach: int = 10
-    """Distance from a cell up to which the map's points are found one by one [points]."""
+    """Reach of a cell's spread above which whole rows of the map are computed [points]."""
     survey_first_cells: int = 28
     """Number of first cells along the longer side for the powers of a survey."""
     survey_held: float = 2e-3
-    """Probability above which a survey's cells are quartered; less changes no circle."""
+    """Probability above which a survey's cells are quartered; a lower one changes no circle."""
     survey_growth: float = 2.0
     """Growth of `held_rough` with each quartering, for surveys. Without it, 95 % circles are
     0.3 % wider, at half as many cells again."""
@@ -65,7 +65,7 @@ class BearingFixTuning:
     blurs_deg: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
     """Blurs applied to a bearing's table, one for each apparent width of a grid cell [°]."""
     unknown_sigmas_deg: tuple[float, ...] = (1.5, 3.0, 6.0, 12.0, 24.0)
-    """Candidate standard deviations of a bearing without one [°]."""
+    """Candidate standard deviations of a bearing whose own is unknown [°]."""
     multiplied: int = 16
     """Number of densities multiplied before a logarithm is taken; more could underflow."""
     evaluated_share: float = 0.9999
@@ -192,7 +192,7 @@ class PowerTuning:
     in_a_row: int = 6
     """Number of consecutive pulses over which the SNR of a map is averaged."""
     layer_m: float = 10.0
-    """Height of a layer of a map [m]; thinner ones have too few pulses."""
+    """Height range of one layer of a signal map [m]; thinner ones have too few pulses."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -336,7 +336,7 @@ class LastingError:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LossErrorTuning:
-    """Constants for errors of levels that last: behind hills, and by shadowing."""
+    """Constants for lasting errors of levels: of losses behind hills, and by shadowing."""
 
     hills: LastingError = LastingError(
         mean=0.4, sigma=0.5, correlation_m=800.0, limits=(-0.7, 2.5)
@@ -349,7 +349,7 @@ class LossErrorTuning:
     """Shadowing in units of its standard deviation. Its correlation is exponential in the path
     (Gudmundson 1991, "Correlation model for shadow fading in mobile radio systems")."""
     pulse_share: float = 0.05
-    """Standard deviation of each pulse's own part, as a share of the loss."""
+    """Standard deviation of errors that differ from pulse to pulse, as a share of the loss."""
     grazing_db: float = 6.0
     """Change of loss by some metres of height where a path grazes a hill [dB]."""
     grazing_fall_db: float = 3.0

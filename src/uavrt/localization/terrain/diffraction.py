@@ -54,7 +54,7 @@ def edge_parameters(
 ) -> _Floats:
     """Parameter ν of the equivalent edge of each profile (P.526-15, equations 53 to 57).
 
-    `x` (paths, points): from the drone [m]; points at or beyond `far` do not count.
+    `x` (paths, points): distances from the drone [m]; points at or beyond `far` do not count.
     `ground`: heights, less the earth's bulge: x² / (2 · 8500 km).
     `far`, `antenna`, `tag` (paths,): distance to the tag, and heights of both antennas, less
     the bulge.
@@ -84,7 +84,7 @@ def hidden_parameter(
     tag: _Floats,
     wavelength_m: float,
 ) -> _Floats:
-    """Parameter ν of the edge where both horizons' rays meet, for tags out of sight."""
+    """Parameter ν of the edge where horizon rays, of slopes `from_drone`, `from_tag`, meet."""
     both = np.maximum(from_drone + from_tag, 1e-9)
     at = np.clip((tag - antenna + from_tag * far) / both, 1e-3 * far, 0.999 * far)
     above = antenna + from_drone * at - (antenna * (far - at) + tag * at) / far

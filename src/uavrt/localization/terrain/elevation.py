@@ -76,7 +76,7 @@ class Elevation:
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """Sentences of caution about the datums."""
+        """Warnings for the operator about the heights' datums; empty if there are none."""
         said = []
         if ELLIPSOID in self.datums:
             said.append(

@@ -111,7 +111,7 @@ class HillLosses:
         return other
 
     def rough(self) -> "HillLosses":
-        """Losses on squares three times as large, for the many positions of a decision."""
+        """Losses on squares three times as large, for the many positions of a plan."""
         other = copy(self)
         other._squares = self._rough  # noqa: SLF001 - of a copy of its own
         return other
@@ -284,7 +284,7 @@ class _Squares:
         return 0.0 if self._grid is None else self._grid.unknown_share
 
     def reach(self, east_m: float, north_m: float) -> None:
-        """Extend the ground to all sides; unchanged if it is large enough."""
+        """Extend the ground to these distances on all sides; unchanged if it reaches as far."""
         needed = max(max(east_m, north_m) + _FINEST_M, _LEAST_REACH_M)
         if needed <= self.reach_m or not np.isfinite(self.start_m):
             return

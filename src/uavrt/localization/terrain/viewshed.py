@@ -27,7 +27,10 @@ def terrain_loss_map(
     tag_m: float,
     frequency_hz: float,
 ) -> NDArray[np.float32]:
-    """Loss beyond that of level ground, from a drone to tags at all cells [dB]."""
+    """Loss beyond that of level ground, from a drone to tags at all cells [dB].
+
+    `antenna_m`, `tag_m`: heights of the antenna and of the tags above the ground beneath them.
+    """
     height = ground.height_m
     rows, columns = height.shape
     column = (east_m - ground.west_m) / ground.cell_m

@@ -1,4 +1,4 @@
-"""Find one tag by all pulses of a whole flight, when each group is below the noise; no I/O.
+"""Find one tag by all pulses of a whole flight, each too weak to be detected; no I/O.
 
 `energies/energy_grid` turns a channel's samples into energies, `energies/folding` sums them for
 every interval and phase, `flight_judgement` weights the sums by position and estimates their

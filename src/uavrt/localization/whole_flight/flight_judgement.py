@@ -38,7 +38,7 @@ class FoldedTrain:
     """Likeliest train of pulses of a whole flight."""
 
     false_alarm_probability: float
-    """Probability that noise alone gives as unlikely a train in the whole search."""
+    """Probability that noise alone gives a train this unlikely anywhere in the search."""
     score: float
     """Weighted sum [standard deviations]; for a train of strong pulses, their number."""
     interval_s: float
@@ -65,7 +65,7 @@ class Weights:
     """Weight of a pulse in each slot, for each position, as a mixture of few patterns."""
 
     basis: NDArray[np.float32]
-    """(patterns, slots) patterns that are folded."""
+    """(patterns, slots) weights of the slots; sums are folded for each pattern."""
     mixing: NDArray[np.float32]
     """(places, patterns) coefficients of the patterns for each position."""
     deviation: _Floats
@@ -125,7 +125,7 @@ class Weights:
         return cls.of(basis, mixing, energies, interval_s)
 
     def only(self, place: int) -> "Weights":
-        """Weights of one position, as the only pattern."""
+        """Weights of one position alone, with a single pattern."""
         return Weights(
             basis=self.mixing[[place]] @ self.basis,
             mixing=np.ones((1, 1), np.float32),
@@ -254,7 +254,7 @@ def _folds(
 
 
 def cells_searched(slots: int, slot_s: float, between_s: tuple[float, float]) -> float:
-    """Number of distinguishable cells of a fold of one frequency, a slot apart.
+    """Number of distinguishable cells (interval and phase) in folds of one frequency.
 
     Cells differ by at least a slot over all pulses. A fold has rows for up to twice the
     periods; only the true number counts.
@@ -402,7 +402,7 @@ def _in_full(found: Peaks, logs: _Floats, weights: Weights, energies: SlotEnergi
 
 
 def _loud_trains(energies: SlotEnergies, tag: Tag, most: int) -> list[FoldedTrain]:
-    """Trains of strong pulses; their number in N slots is binomial by chance."""
+    """Trains of strong pulses; by chance, the number of these in N slots is binomial."""
     counts = np.count_nonzero(energies.loud, axis=1)
     rows = np.flatnonzero(counts >= SEARCH.least_marks)
     if not len(rows):
@@ -429,7 +429,7 @@ def _loud_trains(energies: SlotEnergies, tag: Tag, most: int) -> list[FoldedTrai
 def _through_middles(
     logs: _Floats, found: Peaks, energies: SlotEnergies
 ) -> tuple[NDArray[np.intp], _Floats]:
-    """Order trains of strong pulses: likeliest first, then the most central.
+    """Indices of strong pulses' trains, likeliest and most central first; log-probabilities.
 
     Frequencies next to a pulse's have fewer marks and can give less likely trains of the same
     pulses: all these trains get their lowest probability.
@@ -469,7 +469,7 @@ def _marks(
 
 
 def loud_tail(energies: SlotEnergies, found: Peaks, plain: Weights) -> _Floats:
-    """Natural logarithm of the probability of each peak of marks in noise."""
+    """Log-probability of as many strong pulses as in each peak, by chance."""
     listened = max(int(np.count_nonzero(energies.listened)), 1)
     share = np.count_nonzero(energies.loud, axis=1)[found.row] / listened
     seen = found.score / np.sqrt(found.interval * energies.slot_s / plain.interval_s)

@@ -42,7 +42,7 @@ class Cells:
     """(cells,) ratio of the outer to the inner radius of a cell."""
     probability: _Floats
     by_fall: _Floats
-    """(falls, cells) joint probability of a path loss exponent and a cell."""
+    """(exponents, cells) joint probability of a path loss exponent and a cell."""
 
     @property
     def area(self) -> _Floats:
@@ -50,7 +50,7 @@ class Cells:
         return _area(self.range_m, self.width_deg, self.ratio)
 
     def region(self, share: float) -> NDArray[np.bool_]:
-        """Cells that hold a given probability, whichever path loss exponent is true.
+        """(cells,) True for cells that hold `share`, whichever path loss exponent is true.
 
         For each exponent they are the smallest such region. After one pass the exponents cannot
         be distinguished, and a joint region would ignore the less probable ones.
@@ -139,7 +139,7 @@ class Cells:
         return float(weight @ east), float(weight @ north)
 
     def middle_m(self) -> tuple[float, float]:
-        """Middle of the only part of the ground with high probability, else of all [m]."""
+        """East and north of the likeliest point of a dominant part, else of the mean [m]."""
         inside = np.flatnonzero(self.region(0.95))
         for part in self._connected(inside):
             if self.probability[part].sum() >= PLACE.alone:
@@ -157,7 +157,7 @@ class Cells:
         """Radii of circles around a position that hold given probabilities [m].
 
         Each cell's probability is spread evenly over its ground, as in `region`.
-        They allow for an error that all positions of the drone share.
+        The radii allow for an error that all positions of the drone share.
         """
         chosen = slice(None) if cells is None else cells
         parts = (np.arange(PLACE.points) + 0.5) / PLACE.points
@@ -211,9 +211,9 @@ class LikelyGround:
     uneven: _Floats
     """(cells,) range of log-likelihood among the parts of the cell last divided."""
     logs: _Floats
-    """(falls, cells) log-likelihood, integrated over all levels."""
+    """(exponents, cells) log-likelihood by path loss exponent, integrated over levels."""
     level_db: _Floats
-    """(falls, cells) mean level of the tag [dB]."""
+    """(exponents, cells) mean level of the tag [dB], by path loss exponent."""
 
     @property
     def area(self) -> _Floats:
@@ -222,7 +222,7 @@ class LikelyGround:
 
     @property
     def held(self) -> _Floats:
-        """(falls, cells) posterior probability."""
+        """(exponents, cells) posterior probability of a path loss exponent and a cell."""
         held = np.exp(self.logs - self.logs.max()) * self.area
         return np.asarray(held / held.sum())
 

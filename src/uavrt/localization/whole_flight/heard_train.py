@@ -104,8 +104,8 @@ class HeardTrain:
     """Mean energy of a slot that has only noise [noise energies of a window]."""
     places: Places
     log_trains: float | None = None
-    """Logarithm of the number of trains from which this was chosen as the best; None: it is the
-    tag's. A weak one may be another train; the flight then has no information."""
+    """Logarithm of the number of trains from which this was chosen as the best; None: certainly
+    the tag's. A weak one may be chance; the flight then has no information."""
     rates: int = 1
     """Number of the tag's rates; in some slots another rate may have been used."""
 
@@ -227,7 +227,7 @@ def _pulse_ratio(energy: _Floats, many: float) -> _Floats:
 
 
 def _pulse_law(energy: _Floats, part: float) -> tuple[_Floats, _Floats]:
-    """Density over that of noise, and distribution function, of a window in a pulse."""
+    """Density over that of noise, and CDF, of a window with the share `part` of a pulse."""
     strength = part * 10.0 ** (STRENGTHS_DB / 10.0)[:, np.newaxis]
     x = 2.0 * np.sqrt(energy * strength)
     # Bounded: energies this far above noise are certain.

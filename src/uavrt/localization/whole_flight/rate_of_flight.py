@@ -17,7 +17,10 @@ _Floats = NDArray[np.float64]
 
 
 def other_rate_logs(inverses: Iterable[_Floats], shape: tuple[int, ...]) -> _Floats:
-    """Logarithm of the gain in likelihood if a tag may have used another rate in some slots."""
+    """Log gain in likelihood if a tag may have used another rate in some slots.
+
+    `inverses`: one array for each slot, 1 / likelihood ratio of a pulse of this rate.
+    """
     total, product, on = np.zeros(shape), np.ones(shape), np.full(shape, 0.5)
     for slot, inverse in enumerate(inverses):
         on *= 1.0 - 2.0 * PLACE.rate_change
@@ -35,7 +38,7 @@ def other_rate_logs(inverses: Iterable[_Floats], shape: tuple[int, ...]) -> _Flo
 
 
 def likeliest_states(logs: _Floats) -> NDArray[np.bool_]:
-    """True for slots in which a tag used a rate, by the likeliest path (Viterbi 1967)."""
+    """(slots,) True where a tag used a rate, by the likeliest path (Viterbi 1967)."""
     levels, slots = logs.shape
     at_other = np.log1p(PLACE.stray_share * np.expm1(logs))
     change, stay = np.log(PLACE.rate_change), np.log1p(-PLACE.rate_change)

@@ -61,7 +61,7 @@ class Track:
     """Ground model in the plane; None: level ground."""
 
     def gain_db(self, east_m: _Floats, north_m: _Floats, turn_deg: float = 0.0) -> _Floats:
-        """(places, times) level of pulses [dB]; 0 is boresight at 1 m."""
+        """(places, times) level, 0 on boresight at 1 m [dB]; `turn_deg`: heading error."""
         cosine, sine = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
         gain_db = np.empty((len(east_m), len(self.east_m)))
         rise: NDArray[np.floating[Any]] = np.zeros(len(east_m))
@@ -89,7 +89,7 @@ class Track:
     def _towards_db(
         self, axes: _Floats, north: _Floats, east: _Floats, down: _Floats
     ) -> _Floats:
-        """(times,) antenna gain in unit directions [dB]; `axes` has the shape (3, 3, times)."""
+        """(places, times) antenna gain in unit directions [dB]; `axes` is (3, 3, times)."""
         if self.pattern.name == MONOPOLE:
             # A monopole stays upright however the drone tilts, and receives nothing from below.
             return monopole_gain_db(np.degrees(np.arcsin(np.clip(down, -1.0, 1.0))))
@@ -98,7 +98,7 @@ class Track:
         )
 
     def away_db(self, east_m: _Floats, north_m: _Floats, part: _Floats) -> _Floats:
-        """(places, parts) path length in decibels [dB]: 10 for each factor of ten."""
+        """(places, parts) 10 log10 of the path length in metres, at time indices `part`."""
         times = np.arange(len(self.east_m))
         east, north, height = (
             np.interp(part, times, each) for each in (self.east_m, self.north_m, self.height_m)

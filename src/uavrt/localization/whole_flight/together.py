@@ -52,7 +52,7 @@ class JointTrain:
     """Likeliest train of a tag in several flights."""
 
     false_alarm_probability: float
-    """Probability that noise alone gives as unlikely a train in the whole search."""
+    """Probability that noise alone gives a train this unlikely anywhere in the search."""
     score: float
     log_probability: float
     hypotheses: float
@@ -64,7 +64,7 @@ class JointTrain:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Search:
-    """Search at one rate over narrow ranges of intervals."""
+    """Search at one of a tag's rates, over narrow ranges of intervals."""
 
     flights: Sequence[Listened]
     weights: Sequence[Weights]
@@ -74,7 +74,7 @@ class _Search:
     rate: int
 
     def best(self, number: int) -> NDArray[np.float32]:
-        """(places, rows, ranges) highest score of a flight over all phases."""
+        """(places, frequencies, ranges) highest score of a flight over all phases."""
         energies, weights = self.flights[number].energies, self.weights[number]
         rows = np.arange(len(energies.energy))
         found = np.full((len(weights.mixing), len(rows), self.halves), -np.inf, np.float32)
@@ -101,7 +101,7 @@ class _Search:
     def train(
         self, number: int, place: int | None, offset_hz: float, stretch: int
     ) -> FoldedTrain:
-        """Likeliest train of one flight at the joint result; `place` None: any position."""
+        """Likeliest train at a position (None: any), frequency and number of interval range."""
         energies, weights = self.flights[number].energies, self.weights[number]
         row = int(np.argmin(np.abs(energies.offsets_hz - offset_hz)))
         rows = range(
@@ -131,7 +131,7 @@ class _Search:
 def search_together(
     flights: Sequence[Listened], tag: Tag, *, moves: bool = False
 ) -> JointTrain:
-    """Find the likeliest tag of several flights, resting or, with `moves`, elsewhere."""
+    """Find a tag's likeliest trains in several flights; `moves`: its position may differ."""
     weights, patterns = _weights(flights, tag, moves=moves)
     found = [
         _likeliest(_search(flights, weights, between_s, rate), tag, patterns, moves=moves)
@@ -220,7 +220,7 @@ def _likeliest(
 
 
 def _sums(search: _Search, *, moves: bool) -> tuple[_Floats, _Floats]:
-    """(places, rows, ranges) joint scores and their skewness; one position if the tag moves."""
+    """(places, frequencies, ranges) scores and skewness; one position if the tag moves."""
     total, square, cube = np.zeros(1), np.zeros(1), np.zeros(1)
     for number, weights in enumerate(search.weights):
         rows = search.rows(number)

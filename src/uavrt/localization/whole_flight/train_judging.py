@@ -43,7 +43,7 @@ class OtherTrain:
     drift: float
     loud: bool
     ratio: tuple[int, int] | None
-    """Ratio of the train's interval to the tag's; the times cannot distinguish the two."""
+    """Ratio of the train's interval to the tag's, if times fit both; None: no simple one."""
     other_code: bool = False
     """True if the bursts lack pulses of the tag's code."""
 
@@ -72,7 +72,10 @@ def judge(
     false_alarm_probability: float = WHOLE_FLIGHT_FALSE_ALARM,
     most_drift: float = 0.0,
 ) -> Judgement:
-    """Search for a tag, and again without each train that explains the found one better."""
+    """Search for a tag, and again without each train that explains the found one better.
+
+    `gain` (places, times at `gain_time_s`): relative energy of a pulse from each position.
+    """
     others: list[OtherTrain] = []
     while True:
         weights = low_rank_weights(gain, gain_time_s, energies, tag.pulse_intervals_s[0])
@@ -184,7 +187,7 @@ def _elsewhere(
 
 
 def _ratio(value: float) -> tuple[int, int] | None:
-    """Small numbers p and q with p/q within 1 % of a value."""
+    """Small integers p and q with p/q within 1 % of a value; None if there are none."""
     for below in range(1, SEARCH.small_number + 1):
         above = round(value * below)
         if (

@@ -168,10 +168,10 @@ def _shows_falls(heard: Sequence[HeardTrain], east_north_m: tuple[_Floats, _Floa
 def _all_logs(
     reading: _Reading, east_north_m: tuple[_Floats, _Floats], *, falls: bool
 ) -> _Floats:
-    """Log likelihood ratio and posterior of exponent, position and level over flights.
+    """(exponents, places, levels) log likelihood ratio of all flights plus exponents' prior.
 
-    The error that all headings share is integrated out, by a parabola over its standard
-    deviation to both sides.
+    The error that all headings share is integrated out, by a parabola through one standard
+    deviation to both sides. `falls`: True to examine all path loss exponents.
     """
     sigma_deg = COMMON.heading_sigma_deg
     if all(one.places.track.pattern.name == MONOPOLE for one in reading.heard):
@@ -192,7 +192,7 @@ def _turned_logs(
     falls: bool,
     tempered: bool = True,
 ) -> _Floats:
-    """Logarithms as of `_all_logs`, if all headings are off by `turn_deg`."""
+    """Result of `_all_logs` for a heading error; `tempered`: reduce evidence by `_counted`."""
     heard = reading.heard
     each_db = [one.places.track.gain_db(*east_north_m, turn_deg) for one in heard]
     strongest_db = np.max([one.max(axis=1) for one in each_db], axis=0)[:, np.newaxis]
@@ -214,7 +214,7 @@ def _turned_logs(
 
 
 def _over_levels(logs: _Floats, levels_db: _Floats) -> tuple[_Floats, _Floats]:
-    """Logarithm of the likelihood (falls, places) averaged over levels, and mean level [dB]."""
+    """(exponents, places) log-likelihood averaged over levels, and mean level [dB]."""
     fine = np.linspace(
         levels_db[0], levels_db[-1], PLACE.level_parts * (len(levels_db) - 1) + 1
     )
@@ -266,7 +266,7 @@ def _away_db(one: HeardTrain, east_m: _Floats, north_m: _Floats) -> _Floats:
 def _logs(
     one: HeardTrain, gain_db: _Floats, table: _Floats, levels_db: _Floats, counted: float = 1.0
 ) -> _Floats:
-    """Log likelihood ratio of each position and level; levels are whole steps apart."""
+    """(places, levels) log likelihood ratio of a flight; levels are whole table steps apart."""
     column, beyond_db = table_columns(one.pulses.energy)
     chosen = table[:, column].T.astype(np.float32)
     chosen *= np.float32(counted)

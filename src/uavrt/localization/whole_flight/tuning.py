@@ -21,7 +21,7 @@ class EnergyTuning:
     loud_power: float = 20.0
     """Minimum power over noise of a strong window; noise reaches it once in 5e8 windows."""
     wide_sigmas: float = 8.0
-    """Energy over the channel that shows a strong signal elsewhere [standard deviations]."""
+    """Excess of the whole channel's energy that shows a strong signal [standard deviations]."""
     crest: float = 3.0
     """Maximum ratio of a window's largest sample to its mean power that is no impulse. A pulse
     of N samples has 1/N of its power in one sample, an impulse N times as much."""
@@ -35,7 +35,7 @@ class EnergyTuning:
     """Largest overlap of a block with earlier ones that counts as drift [s]. A crystal 100 ppm
     fast gathers it in 17 minutes; a clock set back by more is ignored."""
     least_step_s: float = 0.0015
-    """Minimum time step between blocks that is corrected [s]; each costs a window."""
+    """Minimum time step between blocks that is corrected [s]; a correction costs a window."""
     dead_s: float = 0.1
     """Minimum duration of exact zeros that means a dead radio or a filled gap [s]."""
 
@@ -71,13 +71,13 @@ class SearchTuning:
     """Number of sums (frequencies times patterns) folded at once: 60 MB. An addition takes 0.8
     ns with NumPy on the reference computer, and 1.9 ns with 12 sums."""
     gain_block: int = 16_000
-    """Number of gains computed at once (places times times), which the cache holds."""
+    """Number of gains computed at once (positions × times), so that they fit in the cache."""
     moment_slots: int = 16384
     least_skewness: float = 0.02
     hypotheses: float = 6.0
     """Number of independent hypotheses for each pattern and cell, from noise flights."""
     burst_hypotheses: float = 2.5
-    """Factor for bursts of a coded tag, because each is the best of some stretches."""
+    """Factor on `hypotheses` for coded tags, where each burst is the best of some stretches."""
     lags: tuple[int, ...] = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
     """Lags at which the correlation of a row's energies is computed [slots]."""
     # Trains of strong pulses: share of the false alarms, hypotheses for each cell of marks,
@@ -132,11 +132,11 @@ class PlaceTuning:
     levels_db: tuple[float, float] = (-14.0, 9.0)
     level_parts: int = 8
     strength_step_db: float = 0.1
-    """Step between two strengths in the likelihood table [dB]. At 0.5 dB the pulses of a lane
-    are rounded alike, which alone makes positions 20 m apart differ."""
+    """Step between two strengths in the likelihood table [dB]. At 0.5 dB the pulses of a flight
+    line are rounded alike, which alone makes positions 20 m apart differ."""
     most_rounds: int = 4
     likely_places: int = 100
-    """Number of likely positions used to compute a flight's share."""
+    """Number of likely positions over which it is judged if a flight's train is the tag's."""
     # Work done at once: places times pulses, places of several rates, and pairs of cells.
     block: int = 20_000
     rates_block: int = 300
@@ -193,9 +193,9 @@ class PlaceTuning:
     even_log: float = 2.0
     finest_m: float = 3.0
     density_power: int = 8
-    """Power of the probability density by which the likeliest position is averaged."""
+    """Power of the probability density that weights cells in the likeliest position's mean."""
     alone: float = 0.9
-    """Minimum probability of a part of the region for its middle to be the position."""
+    """Minimum probability of a region's part whose likeliest point becomes the position."""
     points: int = 7
     """Number of points along each side of a cell over which its probability is spread."""
     kept: float = 0.998

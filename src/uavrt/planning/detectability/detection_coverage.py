@@ -98,7 +98,7 @@ def planned_antenna_path(
     interval_s: float,
     nose_first: bool = False,
 ) -> AntennaPath:
-    """Distribute a tag's pulses along straight paths between corners (east, north)."""
+    """Antenna at a tag's pulses on straight paths; `nose_first`: antenna along the path."""
     points = np.array(corners_m, np.float64)
     legs = np.hypot(*np.diff(points, axis=0).T)
     gone = np.concatenate(([0.0], np.cumsum(legs)))

@@ -37,7 +37,7 @@ class GroundReflection:
         return np.asarray(20.0 * np.log10(np.maximum(both, 1e-3)))
 
     def __call__(self, dx: _Floats, dy: _Floats, height_m: _Floats | float) -> _Floats:
-        """Correction for distances at one height, as `trackers.PathGain` specifies [dB]."""
+        """Level of both rays over the direct one for offsets east, north and a height [dB]."""
         height = round(float(np.mean(height_m)), 1)
         table = self._tables.get(height)
         if table is None:

@@ -69,7 +69,7 @@ class Path:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Legs:
-    """Straight paths or turns in place from the present position, each with equal samples."""
+    """Straight paths or turns in place from the present position, with equally many samples."""
 
     duration_s: _Floats
     """(legs,) durations [s]; infinite if the wind is too strong."""
@@ -149,7 +149,7 @@ class Multirotor:
 
     @property
     def hovers(self) -> bool:
-        """Always true."""
+        """True: a multirotor can stay in place and turn."""
         return True
 
     def _ground_speed_m_s(self, course_rad: _Floats, wind: Wind) -> _Floats:
@@ -185,7 +185,7 @@ class Multirotor:
     def durations(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> _Floats:
-        """Durations of paths, as `Vehicle` specifies."""
+        """(positions,) duration of the path to each [s]; infinite if the wind is too strong."""
         _, _, _, turning, flying = self._profile(state, east_m, north_m, wind)
         return turning + flying if self.turns_first else np.maximum(turning * 0.0, flying)
 
@@ -197,7 +197,7 @@ class Multirotor:
         wind: Wind,
         time_s: _Floats,
     ) -> Legs:
-        """Samples of paths, as `Vehicle` specifies."""
+        """Sample the paths to positions (legs,) at times (legs, samples) from now."""
         distance, speed, turn, turning, flying = self._profile(state, east_m, north_m, wind)
         wait = turning if self.turns_first else np.zeros_like(turning)
         moving = np.clip(time_s - wait[:, None], 0.0, flying[:, None])
@@ -244,7 +244,7 @@ class FixedWing:
 
     @property
     def hovers(self) -> bool:
-        """Always false."""
+        """False: a fixed wing cannot stay in place."""
         return False
 
     def _turns(
@@ -269,7 +269,7 @@ class FixedWing:
     def durations(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> _Floats:
-        """Durations of paths: the circle in still air, the straight part in the wind."""
+        """(positions,) durations [s]: a circle in still air, a straight part in the wind."""
         _, angle, straight = self._turns(state, east_m, north_m)
         course = np.arctan2(east_m - state.east_m, north_m - state.north_m)
         speed = ground_speed_m_s(self.speed_m_s, course, wind)
@@ -284,7 +284,7 @@ class FixedWing:
         wind: Wind,
         time_s: _Floats,
     ) -> Legs:
-        """Samples of paths, as `Vehicle` specifies."""
+        """Sample the paths to positions (legs,) at times (legs, samples) from now."""
         side, angle, straight = (one[:, None] for one in self._turns(state, east_m, north_m))
         total = self.durations(state, east_m, north_m, wind)
         radius, yaw = self.turn_radius_m, np.radians(state.yaw_deg)

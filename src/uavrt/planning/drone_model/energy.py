@@ -50,7 +50,7 @@ class EnergyModel:
         return (self.power_w(airspeed_m_s) * duration_s + climb) / 3600.0  # J in a Wh
 
     def learnt(self, predicted_wh: float, used_wh: float, sigma_wh: float) -> "EnergyModel":
-        """Update the power scale: predicted energy of a stretch against that used.
+        """Copy with the power scale updated by predicted and used energy of a flown stretch.
 
         An unlikely value (an unknown payload) is accepted, but increases the uncertainty: the
         drone has to come home. `sigma_wh` is the error of two readings' difference. Raises

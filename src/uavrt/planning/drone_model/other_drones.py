@@ -41,7 +41,7 @@ class OtherDrones:
 
     separation: Separation
     listening: tuple[Path, ...] = ()
-    """Planned paths of the other drones that report; their pulses there count as received."""
+    """Planned paths of reporting drones; what pulses will show there counts as known."""
     left: frozenset[int] = frozenset()
     """Tags that other drones search for, so that this drone does not."""
     strips: tuple[Strip, ...] = ()

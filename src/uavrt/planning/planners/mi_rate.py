@@ -42,7 +42,7 @@ class _PathRating:
     hypotheses: int = 48
     """Number of hypotheses of each tag used to rate a path."""
     turn_s: float = 2.0
-    """Approximate time to turn before a path of the following round [s]."""
+    """Assumed time to turn before each path of a round to the remaining tags [s]."""
     stay_s: float = 4.0
     """Time spent at the end of a path to a tag [s]."""
     finished_share: float = 0.1
@@ -55,7 +55,7 @@ class _PathRating:
     explore_nats: float = 2.5
     """Missing information of every tag above which all directions are rated [nats]."""
     change_gain: float = 0.15
-    """Relative gain required to change the target tag, near animals or drones."""
+    """Relative gain required to change the target tag, if animals or drones are avoided."""
     turn_nats: float = 1.5
     """Minimum information on a possibly near animal that justifies a turn [nats]."""
     near_probability: float = 0.25
@@ -82,7 +82,7 @@ class MiRate:
         self._goal: int | None = None
 
     def decide(self, situation: Situation) -> Decision:
-        """Choose the next action, as `Planner` specifies."""
+        """Choose the next action, with its reason and the rated candidates."""
         if not situation.wanted:
             return Decision(action=Hold(duration_s=situation.cycle_s), reason="all found")
         exploring = self._explores(situation)

@@ -39,7 +39,7 @@ class CandidatePaths:
 def headings(
     situation: Situation, count: int, distance_m: float, *, first_deg: float = 0.0
 ) -> tuple[_Floats, _Floats]:
-    """Ends of paths of one length in evenly spread directions."""
+    """East and north of the ends of equally long paths in evenly spread directions [m]."""
     angle = np.radians(first_deg + np.arange(count) * 360.0 / count)
     state = situation.state
     return (
@@ -51,7 +51,7 @@ def headings(
 def checked(
     situation: Situation, east_m: _Floats, north_m: _Floats, *, stays_s: float = 0.0
 ) -> CandidatePaths:
-    """Check which paths, and stays at their ends, area and distance to animals allow."""
+    """Check which paths, with stays at their ends, area and distance to animals allow."""
     state = situation.state
     here = (state.east_m, state.north_m)
     refused = situation.area.refusals(here, east_m, north_m, state.height_m)
@@ -151,7 +151,7 @@ def sampled(
 
 
 def turning(state: VehicleState, turn_deg: float, duration_s: float, samples: int) -> Legs:
-    """Sample a turn in place like the paths."""
+    """Positions and headings during a turn in place, in the form of sampled paths."""
     shares = (np.arange(samples) + 0.5) / samples
     return Legs(
         duration_s=np.array([duration_s]),

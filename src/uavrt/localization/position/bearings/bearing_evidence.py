@@ -56,7 +56,7 @@ class BearingEvidence:
         )
 
     def densities(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float) -> _Floats:
-        """(n, places, turned) density of each bearing for each position and heading error."""
+        """(n, places, errors) density of each bearing for each position and heading error."""
         out = np.empty((len(self._east_m), len(east_m), len(self._turned_deg)))
         count = self._tables.shape[2]
         for station, table in enumerate(self._tables):
@@ -76,7 +76,7 @@ class BearingEvidence:
     def log_likelihoods(
         self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float
     ) -> _Floats:
-        """(places, turned) log-likelihood of all bearings with a heading error's prior."""
+        """(places, errors) log-likelihood of all bearings plus log-prior of heading errors."""
         return self._log_likelihoods(self.densities(east_m, north_m, cell_m))
 
     def _log_likelihoods(self, densities: _Floats) -> _Floats:
@@ -149,7 +149,7 @@ def von_mises(bearing_deg: _Floats, sigma_deg: _Floats) -> _Floats:
 
 
 def density_of(bearing_deg: float, sigma_deg: float | None) -> _Floats:
-    """(360,) probability of whole degrees; an unknown error is a mixture of several."""
+    """(360,) probability of whole degrees; `sigma_deg` None: a mixture of several errors."""
     sigmas = np.array(BEARING_FIX.unknown_sigmas_deg if sigma_deg is None else (sigma_deg,))
     each = von_mises(np.full(len(sigmas), bearing_deg), sigmas)[
         :, :: round(1.0 / BEARING_FIX.step_deg)

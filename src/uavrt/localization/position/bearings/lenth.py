@@ -1,6 +1,6 @@
 """Positions from bearings after Lenth (1981, Technometrics 23:149), in the local plane.
 
-Each estimator exists as the original system computes it, to reproduce published positions, and
+Each estimator exists as UAV-RT computes it, to reproduce published positions, and
 in a corrected form.
 """
 
@@ -88,7 +88,7 @@ def m_estimate(rays: Rays, *, as_original: bool) -> PlanePosition | None:
 
 
 def repeated_median(rays: Rays, *, as_original: bool) -> PlanePosition | None:
-    """Repeated median of the lines' crossings, as in the original; None without crossings."""
+    """Repeated median of crossings, `as_original` also of those behind stations; or None."""
     c, s = np.cos(rays.angle_rad), np.sin(rays.angle_rad)
     dx = rays.east_m[None, :] - rays.east_m[:, None]
     dy = rays.north_m[None, :] - rays.north_m[:, None]

@@ -40,10 +40,10 @@ class Observer:
     displacements: tuple[Displacement, ...]
 
     def corrected(self, bearing: Bearing, number: int) -> Bearing:
-        """Correct a bearing, and widen it for a position with bearings of others.
+        """Bearing without the person's mean error, and with the person's standard deviation.
 
-        `number`: bearings of this person in it, 0 if there are no others. With `number` times
-        the displacement's variance each, together they are as accurate as one displaced place.
+        `number`: this person's bearings in a position that also uses others'; else 0. Each has
+        `number` times the shared errors' variance, so that together they weigh as one place.
         """
         shared = np.hypot(self.heading_error_sigma_deg, np.degrees(self.displaced))
         return replace(

@@ -25,7 +25,7 @@ class Stations:
     posterior: _Floats | None = None
     """(n, 360) probability of whole degrees; replaces `sigma_deg`."""
     level_db: _Floats | None = None
-    """(n,) SNR on boresight [dB], NaN if unknown. Differences show the distance."""
+    """(n,) SNR on boresight [dB], NaN if unknown; differences depend on the distances."""
     level_sigma_db: _Floats | None = None
     """(n,) standard deviations of the levels [dB]; None: 0."""
     height_m: _Floats | None = None
@@ -82,7 +82,7 @@ class Stations:
 
     @property
     def with_levels(self) -> "Stations | None":
-        """Stations with a level, and the parameters of the levels; None if there are none."""
+        """Only stations with a known level; None if the levels of all are missing."""
         if self.level_db is None:
             return None
         known = np.isfinite(self.level_db)

@@ -40,7 +40,7 @@ def dot(a: NDArray[np.floating], b: NDArray[np.floating]) -> _Floats:
 
 
 def thinned(missed: NDArray[np.intp]) -> tuple[NDArray[np.intp], float]:
-    """Thin out missed pulses evenly along the track; returns these and their weights."""
+    """Missed pulses thinned out evenly along the track, and how many each represents."""
     every = max(1, -(-len(missed) // POWER.most_misses))
     kept = missed[every // 2 :: every]
     return kept, len(missed) / max(1, len(kept))

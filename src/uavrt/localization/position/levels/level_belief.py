@@ -121,7 +121,7 @@ class GroundEffect:
     """Height of the ground above that at the take-off [m]."""
     lost_db: _Floats
     doubtful_db: _Floats
-    """Additional loss if the lasting error is 1 [dB]."""
+    """Additional loss per unit of the lasting error [dB]."""
 
     @classmethod
     def shadowing(cls, shadowing_db: float, like: _Floats) -> "GroundEffect":
@@ -236,7 +236,7 @@ class LevelBelief:
         return np.asarray(np.log(mixed))
 
     def _learn(self, behind: GroundEffect | None, moved: _Floats, shrunk: _Floats) -> None:
-        """Update the level's mean and variance with a received level."""
+        """Update by slope (`moved`) and curvature (`shrunk`) of the log-likelihood by level."""
         error, with_pulse = self.error, self.variance_db2
         if error is not None and behind is not None:
             with_pulse = with_pulse - behind.doubtful_db * error.with_level_db

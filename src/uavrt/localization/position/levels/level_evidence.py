@@ -31,7 +31,7 @@ class Propagation:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Levels:
-    """Received levels in the local plane: rows of bearings, then rows of receivers."""
+    """Levels in the local plane: rows of bearings, then of receivers that never turned."""
 
     east_m: _Floats
     north_m: _Floats
@@ -73,7 +73,7 @@ class LevelEvidence:
         self._own_gains = LEVEL.receiver_gains_db if listeners else ((1.0, 1.0),)
 
     def log_likelihood(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """(places,) log-likelihood up to a constant."""
+        """(places,) log-likelihood of positions by the levels, up to a constant."""
         levels, over = self._levels, self._over_hills
         dx, dy = east_m[:, None] - levels.east_m, north_m[:, None] - levels.north_m
         height, variance = levels.height_m[np.newaxis], self._variance_db2[np.newaxis]

@@ -21,7 +21,7 @@ _Floats = NDArray[np.floating[Any]]
 
 
 def doubtful_db(lost_db: _Floats) -> _Floats:
-    """Additional loss if the relative error of the losses is 1 [dB] (P.526-15, eq. 31).
+    """Additional loss per unit of the relative error of losses [dB].
 
     Near grazing, some metres of height change a loss by up to 6 dB (P.526-15, equation 31).
     """
@@ -84,7 +84,7 @@ class LossError:
         )
 
     def learnt(self, doubtful: _Floats, moved: _Floats, shrunk: _Floats) -> "LossError":
-        """Distribution after a pulse; see `LevelBelief.update`."""
+        """Distribution after a pulse with a slope (`moved`) and curvature of log-likelihood."""
         with_pulse = self.with_level_db - doubtful * self.variance
         return replace(
             self,

@@ -40,6 +40,6 @@ class TrackHillLosses:
 
 
 def track_error_db(lost_db: _Floats) -> float:
-    """Standard deviation of the error of losses (n,) [dB], without the common error."""
+    """Standard deviation of the errors of losses (n,) [dB], without their common factor."""
     hidden = float(np.mean(lost_db > POWER.hidden_db))
     return float(np.hypot(POWER.hill_error * np.std(lost_db), POWER.map_error_db * hidden**0.5))

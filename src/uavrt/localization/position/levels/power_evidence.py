@@ -45,7 +45,8 @@ class PowerTrack:
     longitude_deg: _Floats
     height_m: _Floats
     snr_db: _Floats
-    """(n,) energy of each pulse over the median noise [dB], SNR if it is even; NaN: missed."""
+    """(n,) energy of each pulse over the median noise [dB]; equal to the SNR if the noise is
+    even. NaN: missed."""
     threshold_db: float | _Floats = 10.0
     """Ratio above which a missed pulse would have been detected [dB]; (n,) if it varies."""
     antenna: AntennaPattern | None = None
@@ -64,7 +65,7 @@ class PowerTrack:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PulseGeometry:
-    """Geometry between positions and pulses, shape (places, pulses), for any height."""
+    """Horizontal offsets from pulses to positions, (places, pulses); valid at any height."""
 
     east_m: _Reals
     north_m: _Reals
@@ -79,7 +80,7 @@ class PulseGeometry:
 def fit_each(
     several: Sequence["PowerEvidence"], east_m: _Floats, north_m: _Floats
 ) -> list[PowerFit]:
-    """Fit several evidences at once that differ only in the height of the track."""
+    """Fit several `PowerEvidence` at once, whose tracks differ only in height."""
     first = several[0]
     fits = []
     together = max(1, POWER.together // len(first.used))
@@ -150,7 +151,7 @@ class PowerEvidence:
         return replace(fit, level_db=fit.level_db + self._mean_db)
 
     def correlation_at_best(self, east_m: _Floats, north_m: _Floats) -> float:
-        """Correlation of neighbouring pulses' fading, at the likeliest of (places,)."""
+        """Correlation of neighbouring pulses' fading, at the likeliest of the positions."""
         fit = self.fit(east_m, north_m)
         top = int(np.argmax(fit.log_likelihood))
         loss, z = self._heard_from(east_m[top : top + 1], north_m[top : top + 1])
@@ -166,7 +167,7 @@ class PowerEvidence:
         return max(lasting_correlation(residual), by_hills)
 
     def _heard_from(self, east_m: _Floats, north_m: _Floats) -> tuple[_Reals, _Reals]:
-        """(places, received) loss, and level over the pulses' mean, without antenna gain."""
+        """(places, received) -10 log10(r / 100 m), and level over its mean less gain [dB]."""
         heard = np.flatnonzero(self._heard)
         return self._over_mean(heard, *self.propagation(east_m, north_m, heard))
 

@@ -317,14 +317,14 @@ def _height_sigma_m(track: PowerTrack, sigma_m: float) -> float:
 
 
 def _log_prior_of_height(shifts_m: _Floats, sigma_m: float) -> _Floats:
-    """(n,) log-density of height errors before the flight: usual or far greater errors."""
+    """(n,) log-prior of height errors: a mixture of usual and of far greater errors."""
     usual = (1.0 - SURVEY.far_wrong_share) * _normal(shifts_m, sigma_m)
     far_wrong = SURVEY.far_wrong_share * _normal(shifts_m, SURVEY.far_wrong_sigmas * sigma_m)
     return np.asarray(np.log(usual + far_wrong))
 
 
 def _log_prior_of_reading(kept: NDArray[np.bool_]) -> float:
-    """Log-prior of a set of the tag's own pulses (n,); other pulses have any strength."""
+    """Log-prior that the pulses `kept` (n,) are the tag's, and the others of any strength."""
     return float(np.sum(~kept)) * _LOG_FOREIGN + float(np.sum(kept)) * _LOG_OWN
 
 

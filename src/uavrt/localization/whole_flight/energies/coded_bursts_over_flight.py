@@ -18,7 +18,7 @@ from uavrt.localization.whole_flight.tuning import BURSTS
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BurstColumns:
-    """Energies of the bursts that begin in each column: arguments of `slot_energies`."""
+    """Energies of the bursts that begin in each column (time step)."""
 
     power: NDArray[np.float32]
     """(rows, columns) mean power over the pulses not overlapped by a strong signal."""
@@ -43,7 +43,7 @@ def burst_columns(
     tag: Tag,
     hop_s: float,
 ) -> BurstColumns:
-    """Average the pulses of each burst, with the best of some stretches of the gaps."""
+    """Average the pulses of each burst, with the code's gaps stretched as fits best."""
     rows, columns = power.shape
     starts_s = pulse_starts_s(tag)
     pulses = len(starts_s)

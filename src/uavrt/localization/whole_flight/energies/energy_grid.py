@@ -33,7 +33,7 @@ class SlotEnergies:
     energy: NDArray[np.float32]
     """(frequencies, slots) energies with mean 0 and variance 1 in noise; 0 without samples."""
     heard: NDArray[np.bool_]
-    """(slots,) True for slots with an energy."""
+    """(slots,) True for slots with a valid energy: samples, and no strong signal nearby."""
     offsets_hz: NDArray[np.float64]
     """(frequencies,) offset from the tag's nominal frequency [Hz]."""
     start_ns: int
@@ -43,7 +43,7 @@ class SlotEnergies:
     """(frequencies,) mean energy before standardisation, in units of the noise."""
     sigma: NDArray[np.float64]
     left_out: int
-    """Number of columns excluded because a strong signal was received."""
+    """Number of time steps excluded because a strong signal was received."""
     level: NDArray[np.float32]
     """(frequencies, slots) maximum power over noise, strong pulses included; 0 if excluded."""
     loud: NDArray[np.bool_]
@@ -84,7 +84,7 @@ class SlotEnergies:
         )
 
     def away_from(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(slots,) True for slots with an energy, but not near times (n,) after `start_ns`."""
+        """(slots,) True for slots with an energy, not near times (n,) from `start_ns` [s]."""
         return self.heard & self._beyond(time_s)
 
     def _beyond(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -96,7 +96,7 @@ class SlotEnergies:
         return ~gone
 
     def without(self, time_s: NDArray[np.float64]) -> "SlotEnergies":
-        """Copy without energies near given times (n,) after `start_ns`."""
+        """Copy without energies near given times (n,) from `start_ns` [s]."""
         return self.where(self._beyond(time_s))
 
     def where(self, kept: NDArray[np.bool_]) -> "SlotEnergies":
@@ -202,7 +202,7 @@ def slot_layout(
 def gather(
     blocks: Iterable[tuple[NDArray[np.complex64], int]], sample_rate_hz: float
 ) -> tuple[NDArray[np.complex64], NDArray[np.bool_], int]:
-    """Put a channel's blocks at their times, with zeros where samples are missing.
+    """Join blocks by time: samples (0 if missing), True if present, and the start [ns].
 
     Overlaps, as from a fast crystal, are left out. A clock that was set back, or changed by
     hours, is treated as if it had not been set.
@@ -326,7 +326,7 @@ def slot_energies(
 
 
 def _dead(samples: NDArray[np.complex64], least: int) -> NDArray[np.bool_]:
-    """True for samples in runs of at least `length` exact zeros."""
+    """True for samples in runs of at least `least` exact zeros."""
     dead = np.zeros(len(samples), bool)
     for first, end in zero_runs(samples, least):
         dead[first:end] = True
@@ -349,7 +349,7 @@ def _tops(power: NDArray[np.float32], reach: int, at: NDArray[np.intp]) -> NDArr
 def _channel_columns(
     samples: NDArray[np.complex64], hop: int, window: int, columns: int, sample_rate_hz: float
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Maximum sample over noise in each column, and True if the whole channel is strong."""
+    """Maximum sample power over noise by column; True if the whole channel is strong."""
     crest, wide = np.zeros(columns, np.float32), np.zeros(columns, bool)
     length = max(1, round(ENERGY.level_s * sample_rate_hz / hop))
     beyond = -(-window // hop)
@@ -436,7 +436,7 @@ def _spread(flags: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
 def _centred(
     energy: NDArray[np.float32], good: NDArray[np.bool_], length: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float64]]:
-    """Shift each stretch of a row to mean 0, and scale each row to variance 1."""
+    """Energies of mean 0 in each stretch, variance 1 in each row; rows' means and sigmas."""
     result = np.zeros_like(energy)
     rows = len(energy)
     if not good.any():

@@ -70,7 +70,7 @@ def _fold_numpy(
 def highest(
     sums: NDArray[np.float32], mixing: NDArray[np.float32], scale: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
-    """Mix the sums of patterns for each position; find the highest cell of each, and where."""
+    """Highest score of each position, from patterns' sums by `mixing`, and its flat index."""
     patterns, rows, period = sums.shape
     places = len(mixing)
     native = kernels()
