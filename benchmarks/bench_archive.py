@@ -104,7 +104,7 @@ def _lists(archive: Path) -> Table:
     here = archive / "here"
     _write_library(here)
     started_s = time.process_time()
-    FlightLibrary(here).prepare()
+    FlightLibrary(here).summaries()
     first_s = time.process_time() - started_s
     library = FlightLibrary(here)
     since_ns = START_NS + 500 * DAY_NS
@@ -352,7 +352,7 @@ def write_archive(
         file = output / PULSES / f"key{number}.parquet"
         file.parent.mkdir(exist_ok=True)
         pq.write_table(_pulses(rng, flight, start_ns, pulses_each), file, compression="zstd")
-        ledger.settle(
+        ledger.record(
             RecordingRow(
                 path=f"/archive/{flight}.sigmf-meta",
                 flight=flight,

@@ -251,7 +251,7 @@ class Signal:
                 first, last = max(offset, 0), min(offset + len(pulse), BLOCK)
                 if first < last:
                     samples[first:last] += pulse[first - offset : last - offset]
-        return memoryview(samples.view(np.uint8))
+        return samples.view(np.uint8).data
 
 
 def cpu_s(pid: int) -> float:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ SIGNAL_S = 20.0
 
 def run() -> list[Table]:
     """All tables of this section."""
-    long = {"interval_uncertainty_s": 0.000125, "interval_jitter_s": 0.002}
+    long: dict[str, Any] = {"interval_uncertainty_s": 0.000125, "interval_jitter_s": 0.002}
     cases = [
         case("noise, one tag, K = 3", THESIS_TAG, None, 1),
         case("tag of 20 dB, one tag, K = 3", THESIS_TAG, 20.0, 1),

@@ -1,6 +1,7 @@
 """Decimator, channelizer and tuner against their peers, in the receiver's 87 ms blocks."""
 
 from collections.abc import Callable
+from functools import partial
 from itertools import cycle
 
 import numpy as np
@@ -148,9 +149,7 @@ def tuners() -> Table:
     cases = []
     for count in (1, 10, 100):
         tags = list(150e6 + rng.integers(-105_000, 105_000, count).astype(float))
-        cases.append(
-            Case(name=f"{count} tag(s)", run=lambda tags=tags: tune(tags), signal_s=1.0)
-        )
+        cases.append(Case(name=f"{count} tag(s)", run=partial(tune, tags), signal_s=1.0))
     table = compare("Tuner", cases, rounds=9)
     rows = [[row[0], f"{10 * float(row[1]):.1f}"] for row in table.rows]
     return Table(title=table.title, header=["", "CPU ms"], rows=rows)

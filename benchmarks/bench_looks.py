@@ -77,7 +77,7 @@ def _flown() -> tuple[dict[int, float], float, float]:
             _fly(minute, tag.frequency_hz, log, recorder)
             if minute + 1 in LOOKS:
                 began_s = time.process_time()
-                flight.judge(tag)
+                flight.search(tag)
                 costs[minute + 1] = time.process_time() - began_s
         recorder.close()
         log.close()
@@ -104,7 +104,7 @@ def _fly(minute: int, frequency_hz: float, log: FlightRecorder, keep: ChannelRec
     wanted = 60 * (minute + 1) * rate
     while keep.written_samples < wanted:
         time.sleep(0.05)
-    log.write_poses(
+    log.write(
         Poses(
             poses=tuple(_pose(tenth / 5.0) for tenth in range(300 * minute, 300 * minute + 300))
         )

@@ -136,8 +136,6 @@ def write_flight(directory: Path) -> str:
         keeper.add_pose(pose)
         snr_db = float(12.0 + 14.0 * rng.random() + 6.0 * math.sin(seconds / 90.0))
         keeper.add_pulse(pulse_at(place, 2 + 2 * (place % TAGS), pose, snr_db))
-        if place % 5000 == 0:
-            keeper.commit()
     keeper.close()
     return flight_id
 
