@@ -61,12 +61,12 @@ class Turn:
 
 @dataclass(frozen=True, slots=True)
 class Home:
-    """Return home by the autopilot's own mode."""
+    """Return home in the autopilot's own return mode, which also lands."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ready:
-    """Enter the mode in which a take-off is commanded."""
+    """Set the mode from which a take-off is commanded."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -340,7 +340,7 @@ def map_fault(now: VehicleNow, limits: Limits) -> str | None:
 def check_ground(
     stations: tuple[Place, ...], now: VehicleNow, limits: Limits, height: float
 ) -> None:
-    """Refuse a path, or a return from any part of it, too close to the map's ground.
+    """Raise `PlanError` for a path or a return from it that is too low over the map's ground.
 
     A climb may be late and a descent early, so the first part counts with the lower height.
     """
@@ -429,7 +429,7 @@ def _way(
     *,
     turn_s: float = 0.0,
 ) -> Plan:
-    """Make the steps through positions; checks fence and battery, also for the return."""
+    """Plan a path and its return; `PlanError` if fence, ground or battery forbid either."""
     if now.altitude_relative_m < limits.lowest_m - SAFETY.gust_below_m:
         raise PlanError(
             f"the drone is at {now.altitude_relative_m:.0f} m, and its path would begin below "
@@ -505,7 +505,7 @@ def reserve_wh(limits: Limits) -> float:
 
 
 def multirotor_of(limits: Limits) -> Multirotor:
-    """Model of the drone's motion; the autopilot holds the speed over ground."""
+    """Model of the drone's motion at the ground speed and greatest airspeed of `limits`."""
     return Multirotor(
         speed_m_s=limits.speed_m_s, airspeed_m_s=limits.airspeed_m_s, acceleration_m_s2=3.0
     )

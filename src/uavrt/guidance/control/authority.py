@@ -1,4 +1,4 @@
-"""Decide whether the drone may be commanded: only until a pilot acts or a fault occurs. Pure.
+"""Decide if the drone may be commanded; a pilot's action or a fault ends permission. Pure.
 
 Three states. *Out*: nothing is sent. *Confirmed*: the operator has confirmed an order; it must
 begin within 10 s. *In command*: the first command was sent. Any observed change that no command
@@ -25,7 +25,7 @@ from uavrt.guidance.safety import SAFETY
 
 
 class Standing(StrEnum):
-    """State of the authority over the vehicle: out of command, confirmed or in command."""
+    """Whether this program may command the vehicle: no, once confirmed, or already does."""
 
     OUT = "out"
     CONFIRMED = "confirmed"
@@ -33,9 +33,9 @@ class Standing(StrEnum):
 
 
 class Authority:
-    """Last check of every command to one vehicle; nothing is sent without it.
+    """Permits or refuses each command to one vehicle, as the last check before it is sent.
 
-    A take-off is confirmed only with `may_take_off`. `unwatched_channels`: channels of the
+    A take-off is refused unless `may_take_off`. `unwatched_channels`: channels of the
     remote control without switch or stick, which are ignored.
     """
 
@@ -68,7 +68,7 @@ class Authority:
 
     @property
     def order_id(self) -> int | None:
-        """Number of the confirmed or commanded order; None if there is none."""
+        """Number of the order that is confirmed or being flown; None if there is none."""
         return None if self._order is None else self._order.offer.order_id
 
     def offer(self, order_id: int, nonce: int, now_s: float, *, takeoff: bool = False) -> None:
@@ -185,13 +185,13 @@ class Authority:
 
     @property
     def climbs(self) -> bool:
-        """True once the take-off itself was commanded; the drone then climbs to the height."""
+        """True from the take-off command until the next command; the drone climbs meanwhile."""
         motion = None if self._order is None else self._order.motion
         return motion is not None and isinstance(motion.wish, TakeOff)
 
     @property
     def flies_ours(self) -> bool:
-        """True while the vehicle flies a command of this order, or still the previous one's."""
+        """True while the vehicle flies a command of this order or still of the previous."""
         return self._order is not None and self._order.leg is not None
 
     def vehicle_seen(
@@ -202,7 +202,7 @@ class Authority:
         wishes_refused: int = 0,
         ground_silent_s: float = 0.0,
     ) -> VehicleSeen | None:
-        """Vehicle state for the pilot module; None without a position or a home."""
+        """Vehicle state for `uavrt.guidance.pilot`; None without a position or a home."""
         position, home, order = self.vehicle.position, self.vehicle.home, self._order
         if position is None or home is None:
             return None
@@ -235,7 +235,7 @@ class Authority:
         return motion is not None and motion.obeyed
 
     def see(self, seen: Observation) -> None:
-        """Handle a report of the vehicle; a change without a command ends the order."""
+        """Handle a report of the vehicle; a change that no command caused ends the order."""
         restarted = self.vehicle.restarted(seen)
         if restarted is not None:
             self._end(restarted, seen.time_s)
@@ -253,7 +253,7 @@ class Authority:
             self._end(self._order.overdue(self.vehicle, now_s), now_s)
 
     def _end(self, reason: str | None, time_s: float) -> None:
-        """End command and withdraw any proposal; an earlier reason is not replaced."""
+        """End control and withdraw any proposed order; keeps the reason of an earlier end."""
         if reason is None:
             return
         self._offers.clear()

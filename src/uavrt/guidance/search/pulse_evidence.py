@@ -49,9 +49,9 @@ class _TagSearch:
     gap_s: float
     """Longest time between two reports of an uninterrupted search [s]."""
     threshold_db: float
-    """ENR threshold of a missed pulse that no later group can include [dB]."""
+    """ENR threshold for missed pulses [dB], and for received ones above it."""
     least_db: float
-    """ENR threshold of a missed pulse that a later group may include [dB]."""
+    """ENR threshold for received pulses weaker than `threshold_db` [dB]."""
     from_s: float | None = None
     """Time since which the search has had no gap [s]; None: not searched."""
     to_s: float = 0.0
@@ -59,15 +59,16 @@ class _TagSearch:
     """Start of the first pulse slot not evaluated yet [s]."""
     first_psds: dict[str, float] = field(default_factory=dict)
     noise_db: float = 0.0
-    """Latest noise over the first known [dB]."""
+    """Ratio of the latest noise power density to the first measured one [dB]."""
     heard_s: list[float] = field(default_factory=list)
     pulses: int = 0
     missed: int = 0
 
     def set_noise(self, measured_by: str, psd: float) -> None:
-        """Record the noise, which may change with the heading; a pulse's energy does not.
+        """Update `noise_db`; the noise, unlike a pulse's energy, may change with the heading.
 
-        Reports measure a channel, pulses one frequency: each has a first value of its own.
+        `measured_by`: reports measure a channel, pulses one frequency; each has its own first
+        value. `psd`: noise power density.
         """
         if isfinite(psd) and psd > 0.0:
             before = 10.0 ** (self.noise_db / 10.0)
@@ -116,7 +117,7 @@ class PulseEvidence:
         return search.pulses, search.missed
 
     def place(self, place: Antenna) -> None:
-        """Record the antenna's present pose."""
+        """Store the antenna's present pose, for pulses missed about this time."""
         self._places.append(place)
         while self._places[0].time_s < place.time_s - SEARCH_RULES.kept_s:
             self._places.popleft()
@@ -149,7 +150,7 @@ class PulseEvidence:
         return self._evidence(pulse.tag_id, place, pulse.snr_db, search)
 
     def searched(self, report: SearchReport, time_s: float) -> None:
-        """Record a detector's report that it searches for a tag."""
+        """Store a detector's report that it has searched for a tag until `time_s`."""
         search = self._searches.get(report.tag_id)
         if search is None:
             return
@@ -214,9 +215,9 @@ def _pulse_search(tag: Tag, k: int) -> _TagSearch:
 
 
 def _coded_search(tag: Tag, codes: int) -> _TagSearch:
-    """Search state of a coded tag; a burst found with nine others is 18 intervals late.
+    """Search state of a coded tag, whose strong bursts are reported within two seconds.
 
-    A strong burst is reported within two seconds.
+    Weak bursts found in groups come later: up to 18 intervals in a group of ten.
     """
     (interval,) = tag.pulse_intervals_s
     return _TagSearch(
