@@ -191,17 +191,17 @@ def _has_account(user: str) -> bool:
 
 
 def _literal(path: Path) -> str:
-    """Path for the end of a line in the unit, where systemd expands ``%``."""
+    """Path as text at the end of a line in the unit, with ``%`` escaped for systemd."""
     return str(path).replace("%", "%%")
 
 
 def _place(path: str) -> str:
-    """Quoted path for ``ReadWritePaths=``, which expands ``%`` but not ``$``."""
+    """Quoted path for ``ReadWritePaths=``, with ``%`` escaped for systemd."""
     return _quoted(f"-{path}").replace("$$", "$")
 
 
 def _home_access(plan: ServicePlan) -> str:
-    """Setting that hides home directories, unless the program or its files are in one."""
+    """Line of the unit that hides home directories, unless program or files are in one."""
     used = (plan.program, plan.directory, plan.config, *plan.writable)
     within = any(
         path.is_relative_to(home) for path in used if path is not None for home in _HOMES
@@ -300,7 +300,7 @@ def _write(path: Path, text: str) -> str:
 
 
 def _link(path: Path, target: str) -> str:
-    """Enable a unit as ``systemctl enable`` does, without a running systemd."""
+    """Create the link `path` by which systemd starts a unit, as ``systemctl enable`` does."""
     try:
         if path.is_symlink() and str(path.readlink()) == target:
             return f"{path.name} starts at boot"

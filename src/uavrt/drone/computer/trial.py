@@ -89,7 +89,7 @@ class Seen:
         return heard and bool(self.armed)
 
     def missing(self, needs: Needs, now_s: float) -> str:
-        """Text on what is missing at present; None if nothing is."""
+        """Text on what is missing at present; empty if nothing is."""
         wanted = [(self.status_s, "the service")]
         wanted += [(self.heartbeat_s, "the autopilot's heartbeat")] * needs.heartbeat
         wanted += [(self.poses_s, "poses")] * needs.poses
@@ -114,10 +114,10 @@ class Trial:
         self._good_from_s: float | None = None
         self.seen = Seen()
         self.fault = "the service sent no status"
-        """Text on what was missing at the last check."""
+        """Text on what was missing when it last did not work."""
 
     def judge(self, records: list[Any], now_s: float) -> Verdict:
-        """Add new records; return the decision on the new version."""
+        """Evaluate new records; return the decision on the new version, or to wait."""
         for record in records:
             self.seen.take(record, now_s)
             if self.seen.restarted:
@@ -140,7 +140,10 @@ class Trial:
 
 
 def require_still(seen: Seen, needs: Needs, now_s: float, *, bench: bool) -> Needs:
-    """Require that the vehicle does not fly; return what the new version must show."""
+    """Raise `UsageError` if the vehicle may fly; return what the new version must produce.
+
+    `bench`: the drone is on a bench; heartbeat and poses are required only if present now.
+    """
     if seen.armed:
         raise UsageError("the vehicle is armed: nothing was changed", remedy="Disarm it first")
     if seen.state in (SystemState.DETECTING, SystemState.CAPTURING):

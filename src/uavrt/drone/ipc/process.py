@@ -61,7 +61,7 @@ class ProcessFrame:
         return frame
 
     def stop(self) -> None:
-        """End the process's loop."""
+        """Set `running` to False, which ends the process's main loop."""
         self.running = False
 
     def send(self, topic: str, record: object) -> None:
@@ -72,7 +72,7 @@ class ProcessFrame:
         self.link.put(topic, record)
 
     def receive(self, timeout_s: float = 0.0) -> list[tuple[str, Any]]:
-        """Return received records; the start of a flight sets the clock."""
+        """Return received (topic, record) pairs; a flight's record also sets `clock`."""
         records = self.link.receive(timeout_s)
         for _, record in records:
             if isinstance(record, FlightInfo):
@@ -116,7 +116,7 @@ class ProcessFrame:
         )
 
     def idle(self, reason: str) -> None:
-        """Idle until the end, when a restart would change nothing."""
+        """Report a fault until stopped, if a restart of the process would change nothing."""
         while self.running:
             self.receive(timeout_s=0.5)
             self.report(reason, ok=False)

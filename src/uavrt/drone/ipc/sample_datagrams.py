@@ -157,9 +157,7 @@ class ChannelReceiver:
         return self._sock.fileno()
 
     def receive(self) -> list[ChannelBlock]:
-        """Return the next datagram's blocks, in order; `lost_before`: lost samples of a
-        channel.
-        """
+        """Return the blocks of the next valid datagram, in order; empty if none waits."""
         while True:
             try:
                 datagram = self._sock.recv(MAX_DATAGRAM_BYTES)

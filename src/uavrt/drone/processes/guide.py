@@ -90,7 +90,7 @@ def ground_of(settings: GuidanceSettings, home: tuple[float, float]) -> GroundAr
 
 
 def fenced(limits: Limits, fence: VehicleFence | None) -> Limits:
-    """Add the vehicle's own fence to the limits; raises `PlanError` for an unusable fence."""
+    """Add the autopilot's geofence to the limits; raises `PlanError` if it is unusable."""
     if fence is None:
         return limits
     if fence.fault is not None:
@@ -167,10 +167,10 @@ class _Planned:
 
 
 class _Planning:
-    """Plans an order in the background, because elevation files take seconds to read.
+    """Plans an order in the background.
 
-    Reading elevation files takes seconds, and such a silence of the guide would end the order
-    being flown.
+    Reading elevation files takes seconds. Such a silence of the guide process would end the
+    order being flown.
     """
 
     def __init__(self, asked: _OrderRequest, in_background: InBackground) -> None:
@@ -254,7 +254,7 @@ class Guide:
         frame.send("wish", VehicleWish(order_id=None, ends=True))
 
     def take(self, topic: str, record: object) -> None:
-        """Handle an order, vehicle report, neighbour, flight or pulse from the supervisor."""
+        """Handle a record from the supervisor: order, vehicle, other drone, flight or pulse."""
         match record:
             case VehicleReport():
                 self._vehicle = record

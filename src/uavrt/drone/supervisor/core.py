@@ -207,7 +207,7 @@ class Supervisor:
         self._restart_task = asyncio.ensure_future(self._search_again())
 
     async def _search_again(self) -> None:
-        """Restart receiver and detectors; publish the tags again to drop older records."""
+        """Restart receiver and detectors; publish the tags again, which clears old results."""
         flight = await self._fleet.restart_search()
         if flight is not None:
             self._publish("corrected_tags", flight)

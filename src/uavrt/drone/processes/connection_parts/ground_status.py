@@ -85,7 +85,7 @@ class GroundStatus:
         return self._limiter.left_out + self._tag_limiter.left_out
 
     def tags(self, count: int) -> None:
-        """Set the number of tags that are searched."""
+        """Set the number of searched tags, on which the rate of their reports depends."""
         self._tags = count
 
     def tick(self, state: SystemState, now_ns: int) -> None:
@@ -144,7 +144,7 @@ class GroundStatus:
         *,
         newcomer: bool,
     ) -> None:
-        """Repeat lasting faults, for stations that missed the first report or are new."""
+        """Repeat lasting faults for stations that missed them; at once for a `newcomer`."""
         if not newcomer and not self._due("faults", FAULTS_NS, now_ns):
             return
         for fault in (*map(_fault_of, filter(lambda one: one.reason, processes)), *others):
@@ -159,7 +159,7 @@ class GroundStatus:
         return allowed
 
     def search_report(self, report: SearchReport, now_ns: int) -> None:
-        """Send a report that a tag is searched, at a limited rate."""
+        """Send a tag's search report; if one was sent recently, that the detector works."""
         if self._due(f"search {report.tag_id}", SEARCH_REPORT_NS, now_ns):
             self._send(self._exchange.search_report(report))
         else:

@@ -108,7 +108,7 @@ class PoseDesk:
             self._ring.clear()
 
     def watch_clock(self, stale: bool, counters: Callable[[], Mapping[str, float]]) -> None:
-        """Report when the autopilot's clock becomes unknown or known."""
+        """Report to the operator when the autopilot's clock becomes unknown or known again."""
         if stale == self._clock_is_stale:
             return
         self._clock_is_stale = stale
@@ -149,11 +149,11 @@ class PoseDesk:
         self._attacher.add(pulse, self._clock.now_ns() + self.shift_ns)
 
     def ready(self) -> list[PulsePose]:
-        """Return the pulses with a known pose, and those that will never have one."""
+        """Remove and return the pulses with a known pose, and those that will not get one."""
         return self._marked(self._attacher.ready(self._clock.now_ns() + self.shift_ns))
 
     def flush(self) -> list[PulsePose]:
-        """Return all waiting pulses, with a pose where it is known."""
+        """Remove and return all waiting pulses, with a pose where it is known."""
         return self._marked(self._attacher.flush())
 
     def _marked(self, pulse_poses: list[PulsePose]) -> list[PulsePose]:

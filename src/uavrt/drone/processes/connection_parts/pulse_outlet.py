@@ -29,13 +29,13 @@ FLIGHTS = 4
 """Number of flights whose pulses may be undelivered; the recorder handles as many."""
 RECENT = 2_000
 RECENT_NS = ns_from_s(60.0)
-"""Largest age of the `RECENT` remembered deliveries [ns], which may not be stored yet. The
-recorder commits every three seconds; after a longer delay some pulses are sent twice."""
+"""Time for which deliveries are remembered [ns], `RECENT` at most; the database may lack them.
+The recorder commits every three seconds; after a longer delay some pulses are sent twice."""
 REFILL_PERIOD_NS = ns_from_s(0.5)
 
 
 class PulseOutlet:
-    """All pulses that are still to be sent to the ground."""
+    """Sends pulses to the ground, and reads unsent ones from the flights' databases."""
 
     def __init__(
         self,
@@ -78,7 +78,7 @@ class PulseOutlet:
     def receipt(
         self, payload: bytes, place: tuple[int, int], now_ns: int
     ) -> tuple[bool, float | None]:
-        """Handle a receipt; return if it acknowledged, and the round trip [s], if known."""
+        """Handle a receipt; return if it acknowledged any pulse, and the round trip [s]."""
         try:
             receipt = Receipt.decode(payload)
         except TunnelError as error:

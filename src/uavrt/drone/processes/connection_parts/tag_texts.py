@@ -12,7 +12,7 @@ exceeds a turn's time behind the antenna, and one or two lost groups."""
 
 
 class TagTexts:
-    """Decides which text is due; an unsent one is due again with the next pulse."""
+    """Decides when to report a tag as received; an unsent text is due with the next pulse."""
 
     def __init__(self, tags: Iterable[Tag] = ()) -> None:
         self.begin_flight(tags)

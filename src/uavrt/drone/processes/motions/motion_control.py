@@ -38,9 +38,9 @@ class Outlets:
     command: Callable[[Message], None]
     """Function that sends a command to the autopilot at once."""
     leaves: Callable[[], bool]
-    """True if a command could be sent at once."""
+    """Function that returns True if a command could be sent at once."""
     state: Callable[[bytes, Asker | None], None]
-    """Function that sends a payload of type 60006 to one station, or to all if None."""
+    """Function that sends the state of a motion order to one station, or to all if None."""
     ask: Callable[[Command], None]
     record: Callable[[str, object], None]
     """Function that sends a record to the guide, through the supervisor."""
@@ -48,7 +48,7 @@ class Outlets:
 
 
 class MotionControl:
-    """The authority over the present autopilot, and the commands of its order."""
+    """Sends the commands of the confirmed order, if `Authority` permits them."""
 
     def __init__(
         self,
@@ -69,7 +69,7 @@ class MotionControl:
         self._late_reported = False
 
     def use(self, kind: AutopilotName | None) -> None:
-        """Set the autopilot's kind, for the rules on commands; None: no commands possible."""
+        """Set the kind of autopilot; None: unknown, so that no command can be sent."""
         if kind is None:
             self.authority = None
             return

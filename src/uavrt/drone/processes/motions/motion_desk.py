@@ -24,7 +24,7 @@ from uavrt.link.mavlink.message import Message
 
 
 class MotionDesk:
-    """Passes each message to the parts that need it, in a safe order."""
+    """Passes each message of autopilot and guide to the parts that need it, in a safe order."""
 
     def __init__(
         self,

@@ -38,7 +38,7 @@ class _Question:
 
 
 class MotionOrders:
-    """Motion orders that wait for an answer; `next_request_id` numbers the queries."""
+    """Handles stations' motion orders; `next_request_id`: makes numbers for queries."""
 
     def __init__(
         self,
@@ -176,7 +176,7 @@ class NeighbourReports:
     def receive(
         self, payload: bytes, asker: Asker, refusal: str | None, *, sealed: bool
     ) -> None:
-        """Handle a report of type 60010; parameters as for `MotionOrders.receive`."""
+        """Handle a report on another drone; parameters as in `MotionOrders.receive`."""
         now_s = monotonic_s()
         try:
             neighbour = decode_neighbour(payload)

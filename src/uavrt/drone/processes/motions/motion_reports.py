@@ -74,7 +74,7 @@ class MotionReports:
         self.report(now_s)
 
     def standing_changed(self, now_s: float) -> None:
-        """Report that control has begun or ended."""
+        """Report to operator, stations and guide that control has begun or ended."""
         control = self._control
         ended = control.authority if control.standing is Standing.OUT else None
         log.info(
@@ -100,7 +100,7 @@ class MotionReports:
         self.answer("state", self._control.text, None, 0)
 
     def stations_silent(self, silent_s: Mapping[Asker, float]) -> None:
-        """Set the silence of each ground station [s]."""
+        """Set for how long each ground station has been silent [s]."""
         self._silent_s = silent_s
 
     @property

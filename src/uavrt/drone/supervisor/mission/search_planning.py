@@ -65,7 +65,7 @@ def request_tuning(question: TuningRequest, launcher: Launcher | None = None) ->
 
 
 def _answer(question: TuningRequest, launcher: Launcher) -> bytes:
-    """Run this module as a program; return what it printed."""
+    """Run this module as a program with a request; return the JSON answer."""
     asked = os.memfd_create("question")  # a command line holds 128 kB
     try:
         with open(asked, "wb", closefd=False) as file:

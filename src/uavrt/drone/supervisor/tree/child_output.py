@@ -34,10 +34,7 @@ def warning_text(process: str, line: bytes) -> StatusText | None:
 
 
 class OutputLog:
-    """Files for the lines that the processes print; unwritable lines are counted.
-
-    Lines that cannot be written (full disk) are dropped and counted; the process continues.
-    """
+    """Writes printed lines to files; drops and counts them if the disk is full."""
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory

@@ -34,7 +34,7 @@ SILENCE_REPORT_S = 4.0
 
 
 class Fleet:
-    """All instances of the rows in the table of processes, in start order.
+    """Starts, monitors and stops the processes in the table, in the table's order.
 
     `mission`: source of state, tags, flight, settings and clock. `wake`: a process has ended.
     """
@@ -215,7 +215,7 @@ class Fleet:
 
     @contextlib.contextmanager
     def exempt(self, pid: int) -> Iterator[None]:
-        """Context in which a child process that belongs to no row is not killed."""
+        """Context in which a child that is not in the table of processes is not killed."""
         self._exempt.add(pid)
         try:
             yield
@@ -253,7 +253,7 @@ class Fleet:
         self._sockets = {}
 
     async def restart_search(self) -> FlightInfo | None:
-        """Restart receiver and detectors with the flight's present tags; None if it ended."""
+        """Restart receiver and detectors; return the flight with its tags, None if it ended."""
         flight = self._mission.flights.flight
         self._restarts_waiting += 1
         try:
