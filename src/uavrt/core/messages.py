@@ -267,7 +267,7 @@ class Beep:
 
     @property
     def away_hz(self) -> float | None:
-        """Difference of the sender's frequency from that listed for the likeliest tag [Hz]."""
+        """Sender's frequency minus that of the likeliest listed tag [Hz]; None without one."""
         return self.offsets_hz[0] if self.offsets_hz else None
 
     def same_as(self, other: "Beep") -> bool:
@@ -409,7 +409,7 @@ class LiveBearing:
     interval90_deg: tuple[float, float]
     """Arc that holds the bearing with 90 % probability [°], clockwise from first to second."""
     level_db: float | None
-    """SNR with the antenna pointed at the tag [dB]."""
+    """SNR with the antenna pointed at the tag [dB]; None if not estimated."""
     pulses: int
     accepted: bool
     """True if the SNR of the pulses clearly depends on the direction of the antenna."""
@@ -608,7 +608,7 @@ class VehicleFence:
     keep_out: tuple[KeepOut, ...] = ()
     """Areas that the vehicle must not enter."""
     fault: str | None = None
-    """Reason why the fence cannot be used, with a remedy; then no motion is allowed."""
+    """Reason why the fence cannot be used, so that no motion is allowed; None: usable."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -629,7 +629,7 @@ class Motion:
     tags: tuple[int, ...] = ()
     """Numbers of tags to search for; empty: all listed tags."""
     radius_m: float | None = None
-    """Radius of a search around the drone, if there is no outline [m]."""
+    """Radius of a search around the drone [m]; None: the search has an outline."""
     wish_m: float = 25.0
     """Target accuracy [m]: radius around the estimate that contains the tag with 95 %."""
     keep_out: tuple[KeepOut, ...] = ()
@@ -700,7 +700,7 @@ class Neighbour:
     age_s: float = 0.0
     """Time since the other drone's last report [s]."""
     course: Course | None = None
-    """Last report of the other drone; its `asked_way` is a leg assigned but not yet begun."""
+    """Last report of the other drone, or None; `asked_way`: leg assigned but not yet begun."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -742,7 +742,7 @@ class SearchNote:
     tag_id: int | None = None
     """Number of a found tag; otherwise None."""
     goal: tuple[float, float] | None = None
-    """Latitude and longitude [°] of the destination."""
+    """Latitude and longitude [°] of the destination; None without one."""
     area: tuple[tuple[float, float], ...] = ()
     """Outline of the search area, at the start of the search."""
 

@@ -47,7 +47,7 @@ class Go:
     height_m: float
     """Height above home [m]."""
     yaw_deg: float | None = None
-    """Heading during the flight [°], for an autopilot that takes it with the position."""
+    """Heading during the flight [°]; None: chosen by the autopilot."""
     stay_s: float = 0.0
 
 
@@ -379,7 +379,7 @@ def check_ground(
 def excluded_areas(
     order: Order, limits: Limits, plane: TangentPlane
 ) -> tuple[Circle | Polygon, ...]:
-    """Excluded areas of the order and the limits, in a local plane."""
+    """Excluded areas of order and limits, as shapes in the local plane."""
     return tuple(_excluded(one, plane) for one in (*limits.keep_out, *order.keep_out))
 
 

@@ -37,7 +37,7 @@ class SafetyLimits:
     sticks_lost_s: float = 1.5
     landed_age_s: float = 3.0
     heartbeat_lost_s: float = 5.0
-    """Silence of the heartbeat, which reports disarming, that ends the order [s]."""
+    """Time without a heartbeat, which reports disarming, after which an order ends [s]."""
     latest_telemetry_s: float = 0.2
     """Largest delay of the autopilot's messages for a command to be sent [s]."""
     clock_drift: float = 2e-4

@@ -32,7 +32,7 @@ class Disk(Protocol):
 
 
 def at_once(job: Callable[[], T], then: Callable[[T], None]) -> bool:
-    """Run a job in the calling thread, for programs without a link to keep alive."""
+    """Run a job at once in the calling thread; always True. For programs without a link."""
     then(job())
     return True
 

@@ -76,7 +76,7 @@ class FirstSetup:
         return not (self.config.parent / DONE).exists()
 
     def values(self) -> dict[str, Any]:
-        """Initial values of each step, without secrets."""
+        """Initial values of the form fields, by step; without passwords and keys."""
         settings = self._settings()
         return {
             "name": self._handed_over().get("name") or socket.gethostname(),
@@ -143,7 +143,7 @@ class FirstSetup:
         return [check_autopilot(settings, held)]
 
     def finish(self) -> dict[str, str]:
-        """Finish the set-up permanently; raises `UsageError` if a step is missing."""
+        """Finish the set-up; return the hostname. Raises `UsageError` if a step is missing."""
         self._require_wanted()
         missing = [step for step in STEPS if step not in self.done]
         if missing:

@@ -236,7 +236,7 @@ def _quoted(word: str) -> str:
 
 
 def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
-    """Write unit and rule, and enable the unit if `root` is this system; can be repeated."""
+    """Write unit and rule; start the service if `root` is ``/``. Texts on what was done."""
     done = [
         _write(root / UNIT_PATH, unit_text(plan)),
         _write(root / RULE_PATH, rule_text()),
@@ -256,7 +256,7 @@ def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
 
 
 def remove(root: Path = Path("/")) -> list[str]:
-    """Stop and remove the service, not its flights; raises `UsageError` if not permitted."""
+    """Stop and remove the service, not its flights; texts on what was done, or `UsageError`."""
     done = _call(("systemctl", "stop", UNIT)) if root == Path("/") else []
     for path in (WANTED_PATH, UNIT_PATH, UPDATE_WANTED_PATH, UPDATE_UNIT_PATH, RULE_PATH):
         try:
@@ -272,7 +272,7 @@ def remove(root: Path = Path("/")) -> list[str]:
 
 
 def status(root: Path = Path("/")) -> list[str]:
-    """Describe what is installed, and the state of the service."""
+    """Lines of text on what is installed, and on the state of the service."""
     lines = [
         f"{'unit':<8}{_present(root / UNIT_PATH)}",
         f"{'at boot':<8}{'yes' if (root / WANTED_PATH).is_symlink() else 'no'}",

@@ -92,9 +92,9 @@ class ProcessFrame:
         last: bool = False,
         reason: str = "",
     ) -> None:
-        """Send a health report if it is due, the last one, or changed; and queued records.
+        """Send queued records, and a health report if it is due, changed or the last one.
 
-        Call it in each turn of the loop: it also sends all queued records.
+        Call it in each turn of the loop.
         """
         now_s = monotonic_s()
         if not last and now_s < self._next_health_s and (status, ok, reason) == self._last:

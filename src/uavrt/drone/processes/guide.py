@@ -463,7 +463,7 @@ class Guide:
             planner.ask(time_ns, now, idle=pilot.idle, others=others)
 
     def _choose(self, choice: Choice, pilot: Pilot, now: VehicleNow) -> None:
-        """Fly a decision; near other drones, only after the path was assigned to this drone."""
+        """Fly a search decision; if other drones search too, once its path is assigned."""
         if choice.steps is None or choice.way is None or self._shared.choose(choice, now):
             self._follow(choice, choice.notes, pilot, now)
             return

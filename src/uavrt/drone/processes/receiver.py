@@ -243,7 +243,10 @@ class Receiver:
         )
 
     def restart_filters(self, *, failed: bool = True) -> None:
-        """Restart the filters, because the next samples do not continue the last ones."""
+        """Restart the filters at a gap in the samples.
+
+        `failed`: True after a failure of the radio, False after a change of its settings.
+        """
         self.failures += failed
         self._reopened = True
         self._front_end.reset()

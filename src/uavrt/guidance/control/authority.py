@@ -101,7 +101,8 @@ class Authority:
         """Accept the operator's confirmation of the proposed order.
 
         With `sticks_unseen` the operator accepts that a pilot's sticks are not monitored.
-        Raises `CommandRefused`: the order is another one, too late, or the vehicle changed.
+        Raises `CommandRefused` if the order is not the proposed one, the confirmation is late,
+        or the vehicle's state has changed.
         """
         offer = self._offers.take(order_id, nonce, now_s)
         vehicle, before = self.vehicle, self._order
@@ -157,7 +158,7 @@ class Authority:
     def command(
         self, order_id: int, wish: Wish, now_s: float, *, stops: bool = False
     ) -> VehicleCommand:
-        """Convert a requested motion to the command to send now, once.
+        """Return the command to send now, once, for a requested motion.
 
         With `stops` the command stops the drone in its present mode. It may be an order's first
         command while the previous order is still flown. Raises `CommandRefused`: nothing may be

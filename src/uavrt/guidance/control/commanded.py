@@ -28,7 +28,7 @@ class Commanded:
     first: bool
     """True for an order's first command, which may change the mode."""
     before: TargetSeen | None
-    """Target that the autopilot reported before the command."""
+    """Target that the autopilot reported before the command; None without one."""
     start: PositionSeen
     """Position of the drone when the command was sent."""
     turning_deg_s: InitVar[float]
@@ -283,7 +283,7 @@ def _left_of_heading(
 
 
 def _left_of_turn(yaw: YawWatch | None) -> tuple[Left, ...]:
-    """Remaining angle of a turn in place."""
+    """Remaining angle of a turn in place; empty if the heading is not reported."""
     if yaw is None or yaw.turn_deg is None:
         return ()
     left = abs(yaw.turn_deg) - yaw.turned_deg

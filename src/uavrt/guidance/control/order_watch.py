@@ -67,17 +67,17 @@ class OrderWatch:
     home: HomeSeen
     """Home position at the confirmation."""
     target: TargetSeen | None
-    """Newest target reported before the first command."""
+    """Newest target reported before the first command; None without one."""
     rc: RcWatch | None
     """Monitor of the remote control since the confirmation; None without one."""
     sticks_unseen: bool
     """True if the operator accepted that sticks are not monitored."""
     flown: Commanded | None
-    """Command of the previous order, flown until this order's first command."""
+    """Command of the previous order, flown until this order's first command; or None."""
     motion: Commanded | None = None
     own_mode_seen: bool = False
     in_air_s: float | None = None
-    """Time of the first report that the vehicle flies before its take-off command [s]."""
+    """Time since when a vehicle is reported in the air before its take-off command [s]."""
     jumps: JumpWatch = field(init=False)
 
     def __post_init__(self) -> None:

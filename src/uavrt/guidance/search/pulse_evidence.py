@@ -88,7 +88,7 @@ def threshold_db(k: int, *, coded: bool = False) -> float:
 
 
 class PulseEvidence:
-    """Converts pulses, search reports and positions to evidence."""
+    """Converts pulses, search reports and poses to evidence on the tags' positions."""
 
     def __init__(
         self,

@@ -180,7 +180,7 @@ def _wanted(order: Order, listed: Sequence[Tag]) -> tuple[Tag, ...]:
 
 
 def _circle(order: Order, now: VehicleNow, plane: TangentPlane) -> tuple[Place, ...]:
-    """Outline of a circle around the drone."""
+    """Corners of a circular search area around the drone; `PlanError` without a radius."""
     radius = order.radius_m
     if radius is None or not 10.0 <= radius <= 10_000.0:
         raise PlanError(

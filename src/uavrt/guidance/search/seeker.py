@@ -39,7 +39,7 @@ class Choice:
     """Text for the operator, one line."""
     notes: tuple[SearchNote, ...]
     way: tuple[Place, Place] | None = None
-    """Start and end of the path that the steps fly; equal if the drone stays."""
+    """Start and end of the path that the steps fly, equal for a stay; None: no change."""
     returning: bool = False
     held: tuple[int, ...] = ()
     """Tags that this drone searches for, if other drones search too."""
@@ -255,7 +255,7 @@ class Seeker:
         return 0.0 if self._begun_ns is None else s_from_ns(time_ns - self._begun_ns)
 
     def _state(self, time_s: float, now: VehicleNow, *, idle: bool) -> VehicleState:
-        """State in which a new action can start: during flight, at the stopping point."""
+        """Drone's state at the start of a new action: in flight, where it can stop."""
         stand = self._stopping_point(now, None if idle else self._course.goal_m)
         east, north = self._task.local_m(*stand)
         return VehicleState(

@@ -69,7 +69,7 @@ class NamedValues:
         return None if first_ns is None else max(gap_ns, first_ns)
 
     def take(self, now_ns: int, rate_bytes_s: float) -> NamedValueFloat | None:
-        """Return the message that is due; a tag's pulse count follows its SNR."""
+        """Return the message that is due, or None; a tag's pulse count follows its SNR."""
         if self.wait_ns(now_ns) != 0:
             return None
         if not self._outgoing:

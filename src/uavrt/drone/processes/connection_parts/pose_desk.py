@@ -170,7 +170,7 @@ class PoseDesk:
         return replace(pose, extrapolated=True)
 
     def missing(self) -> str | None:
-        """Text on what is missing for the station's own pose; changes are reported."""
+        """Text on what the station's own pose lacks, or None; changes go to the operator."""
         assert self._own is not None
         missing = self._own.status
         if missing != self._missing:

@@ -78,7 +78,7 @@ class PulseOutlet:
     def receipt(
         self, payload: bytes, place: tuple[int, int], now_ns: int
     ) -> tuple[bool, float | None]:
-        """Handle a receipt; return if it acknowledged any pulse, and the round trip [s]."""
+        """Handle a receipt; return if it acknowledged a pulse, and round trip [s] or None."""
         try:
             receipt = Receipt.decode(payload)
         except TunnelError as error:
@@ -153,7 +153,7 @@ class PulseOutlet:
 def _read(
     flights: Sequence[str], store: int, room: int, without: Collection[ItemKey]
 ) -> tuple[list[PulsePose], bool]:
-    """Get up to `room` unsent pulses that are not in `without`; True if more exist."""
+    """Read up to `room` unsent pulses that are not in `without`, and whether more exist."""
     found: list[PulsePose] = []
     more = False
     for directory in flights:

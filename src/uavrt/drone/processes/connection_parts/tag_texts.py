@@ -32,7 +32,7 @@ class TagTexts:
                 del self._due[tag_id]
 
     def text(self, pulse: Pulse) -> str | None:
-        """Register a pulse; return the text that is due. Only confirmed pulses are used."""
+        """Register a pulse, if confirmed; return the text due about its tag, or None."""
         if not pulse.confirmed:
             return None
         tag_id = pulse.tag_id

@@ -98,7 +98,7 @@ class Launcher:
         self._restarts.started(self._asked_s)
 
     def tend(self) -> str | None:
-        """Check the nursery and restart it when due; return a text if it has ended."""
+        """Check the nursery, restart it when due; return a text if it has ended, or None."""
         now_s = monotonic_s()
         if self._process is None:
             if now_s >= self._restarts.not_before_s:
@@ -154,7 +154,7 @@ class Launcher:
         environment: Mapping[str, str],
         arguments: Sequence[str] = (),
     ) -> int:
-        """Start ``python -m MODULE`` in its own process group; the caller must reap it."""
+        """Start ``python -m MODULE`` in its own process group; return its id, to be reaped."""
         environment = {**self._environment, **environment}
         pid = self._fork(module, name, output, fds, environment, arguments)
         if pid is not None:
@@ -231,7 +231,7 @@ class Launcher:
         return int(answer["pid"])
 
     def _answer(self) -> dict[str, int | str] | None:
-        """Wait for the nursery's answer to a request, skipping answers to life checks."""
+        """Wait for the nursery's answer to a request; None if none arrives in `ANSWER_S`."""
         deadline_s = monotonic_s() + ANSWER_S
         answer: dict[str, int | str] | None = {}
         while answer == {} and self._readable(max(0.0, deadline_s - monotonic_s())):

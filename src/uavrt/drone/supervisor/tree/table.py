@@ -76,7 +76,7 @@ class ProcessRow:
     per_worker: bool = False
     """True if each detector worker gets its own instance."""
     samples_to: str | None = None
-    """Name of the row that receives samples from this one, by a socket for each instance."""
+    """Name of the row whose processes receive samples from this one, or None."""
     silence_limit_s: float = 5.0
     """Silence after which the process is killed [s]; a healthy one reports once a second."""
     start_limit_s: float = 20.0

@@ -25,7 +25,7 @@ Line = tuple[str, bytes]
 
 
 class Outbox:
-    """Queue of record lines to be sent to one process; `keeps` those sent until taken."""
+    """Queue of records for one process; with `keeps`, sent ones stay until taken."""
 
     def __init__(self, backlog: int | None = None, *, keeps: bool = False) -> None:
         self._backlog = backlog
