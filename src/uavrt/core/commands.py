@@ -134,7 +134,7 @@ class Who(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Button:
-    """The command's button on the ground station's page."""
+    """Texts of a command's button on the ground station's page."""
 
     action: str
     label: str
@@ -148,7 +148,7 @@ class Button:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandField:
-    """A number that a command carries."""
+    """A number in the payload of a command: name, type, unit and range."""
 
     name: str
     kind: Literal["u32", "f64"] = "u32"
@@ -166,7 +166,7 @@ class CommandField:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandRow:
-    """One row of the table of commands."""
+    """Definition of one command: effect, permitted senders, payload and button."""
 
     name: CommandName
     meaning: str

@@ -28,7 +28,7 @@ T = TypeVar("T")
 CPU_S = 2
 """Limit of processor time for reading a short file from outside [s]."""
 MEMORY_BYTES = 200_000_000
-"""Memory limit for reading one foreign input."""
+"""Limit of memory for reading one file from outside [bytes]."""
 MOST_FAULTS = 50
 _REMEDY = "Check the name: another file may be meant"
 _PIECE_BYTES = 1 << 20

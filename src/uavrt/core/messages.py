@@ -51,7 +51,7 @@ class Tag:
     interval_jitter_s: float = 0.0
     """Largest independent timing error of each pulse [s]; it does not accumulate."""
     k: int = 3
-    """Number of pulses summed for one decision."""
+    """Number of pulses (coded tag: bursts) that the detector sums for one decision."""
     false_alarm_probability: float = DEFAULT_FALSE_ALARM_PROBABILITY
     """False-alarm setting: expected number of false groups in each decision interval."""
     name: str | None = None
@@ -90,7 +90,7 @@ class Pulse:
     group_index: int
     """Number of the pulse among the K pulses detected together (its group), from 1."""
     group_sequence: int
-    """Number of the group, increasing for each tag and rate."""
+    """Number of the group of K pulses, increasing for each tag and rate."""
     noise_psd: float
     """Noise power density at the pulse's frequency [input units squared per hertz]."""
     detection_status: DetectionStatus
@@ -762,7 +762,7 @@ class MotionOffer:
     refused: bool = False
     """True if the request is refused; the summary contains the reason."""
     takeoff: bool = False
-    """True if the order begins on the ground."""
+    """True if the order begins with a take-off from the ground."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -778,7 +778,7 @@ class VehicleSeen:
     home: tuple[float, float]
     battery_percent: float | None
     obeyed: bool
-    """True if the vehicle reports the target of our last command."""
+    """True if the autopilot's reports show that it carries out our last command."""
     wishes_sent: int
     wishes_refused: int
     turned_deg: float
@@ -803,7 +803,7 @@ class VehicleReport:
     """Our control: ``"out"`` (nothing may be sent), ``"confirmed"`` by the operator but no
     command sent yet, or ``"in command"`` (commands were sent)."""
     reason: str = ""
-    """Reason why control is ``"out"``."""
+    """Reason why nothing may be sent, if `standing` is ``"out"``."""
     order_id: int | None = None
     mode: str = ""
     seen: VehicleSeen | None = None

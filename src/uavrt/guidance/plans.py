@@ -41,7 +41,7 @@ _LIMITS = PlanLimits()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Go:
-    """Fly to a position."""
+    """Step of an order: fly to a position and stay for `stay_s`."""
 
     place: Place
     height_m: float
@@ -53,7 +53,7 @@ class Go:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Turn:
-    """Turn in place by one command."""
+    """Step of an order: turn in place by one command."""
 
     turn_deg: float
     rate_deg_s: float
@@ -61,17 +61,17 @@ class Turn:
 
 @dataclass(frozen=True, slots=True)
 class Home:
-    """Return home in the autopilot's own return mode, which also lands."""
+    """Step of an order: return home in the autopilot's own mode, which also lands."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ready:
-    """Set the mode from which a take-off is commanded."""
+    """Step of an order: set the mode in which a take-off is commanded."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Climb:
-    """Take off straight up."""
+    """Step of an order: take off straight up."""
 
     height_m: float
     """Height above home [m]."""

@@ -46,7 +46,7 @@ _HOMES = (Path("/home"), Path("/root"), Path("/run/user"))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServicePlan:
-    """Program, user and directories of the service."""
+    """Program, user, directories and settings file of the systemd service."""
 
     program: Path
     user: str
@@ -210,7 +210,7 @@ def _home_access(plan: ServicePlan) -> str:
 
 
 def rule_text() -> str:
-    """Text of the udev rule."""
+    """Text of the udev rule that gives the group ``plugdev`` access to USB radios."""
     lines = ["# uavrt: radios for the group plugdev, also over ssh and for services"]
     for vendor, product, name in (usb for row in RADIOS.values() for usb in row.usb):
         lines.append(f"# {name}")

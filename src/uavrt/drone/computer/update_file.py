@@ -51,7 +51,7 @@ _MAKER = "Ask its maker for a corrected file"
 
 
 class Wheel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A file of an update."""
+    """Entry of a manifest: name, size [bytes] and SHA-256 of one Python wheel."""
 
     name: str
     bytes: Annotated[int, msgspec.Meta(ge=1, le=MOST_WHEEL_BYTES)]

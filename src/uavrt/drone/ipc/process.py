@@ -80,7 +80,7 @@ class ProcessFrame:
         return records
 
     def notify(self, severity: int, text: str) -> None:
-        """Send a text to the operator."""
+        """Send a text to the operator, with a MAVLink severity (0: emergency, 7: debug)."""
         self.send("status_text", StatusText(severity=severity, text=text))
 
     def report(

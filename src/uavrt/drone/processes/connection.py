@@ -65,7 +65,7 @@ class LinkWatch:
         self._stations: frozenset[tuple[int, int]] = frozenset()
 
     def tasks(self) -> list[Coroutine[Any, Any, None]]:
-        """Coroutines that serve the links."""
+        """Coroutines that keep the links open and receive from them; empty without links."""
         served = [self._serve(number, address) for number, address in self._addresses.items()]
         return [*served, self._link.keep_time()] if served else []
 

@@ -191,7 +191,7 @@ class DetectorBank:
         return self._marked(pulses + bursts)
 
     def all(self) -> list[PulseDetector]:
-        """All single-tag detectors created so far."""
+        """Detectors of all uncoded tags whose channel has delivered samples."""
         return self._group.detectors
 
     def search_reports(self) -> list[SearchReport]:

@@ -157,7 +157,7 @@ class _OrderRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Planned:
-    """A planned order, ready to be proposed."""
+    """A planned order, ready to be proposed to the operator."""
 
     home: tuple[float, float]
     pilot: Pilot
@@ -365,7 +365,7 @@ class Guide:
         return None if now is None else self._energy_learning.learn(now)
 
     def _fly_order(self, vehicle: VehicleReport, now: VehicleNow | None, now_s: float) -> None:
-        """Request the motion that is due in the confirmed order."""
+        """Send the request of the motion that is due in the confirmed order, if any."""
         offered = self._offered
         if offered is not None and vehicle.order_id == offered.pilot.order.order_id:
             self._begin(offered, vehicle, now)

@@ -154,7 +154,7 @@ class Recorder:
             lock.release()
 
     def turn(self, records: list[tuple[str, object]]) -> None:
-        """Write the records received; commit when due."""
+        """Write the received records to the flight; commit them to the disk when due."""
         for topic, record in records:
             match record:
                 case Delivered():

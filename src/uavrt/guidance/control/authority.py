@@ -151,7 +151,7 @@ class Authority:
         self._end(reason, now_s)
 
     def planner_alive(self, now_s: float) -> None:
-        """Record a heartbeat of the planning process."""
+        """Register a heartbeat of the planning process, whose silence ends the order."""
         if self._order is not None:
             self._order.planner_alive(now_s)
 
@@ -231,7 +231,7 @@ class Authority:
 
     @property
     def obeyed(self) -> bool:
-        """True if the vehicle reports the target of the last command."""
+        """True if the autopilot's reports show that it carries out the last command."""
         motion = None if self._order is None else self._order.motion
         return motion is not None and motion.obeyed
 

@@ -129,7 +129,7 @@ class BootTimeSeen:
 
 @dataclass(frozen=True, slots=True)
 class Boot:
-    """Report that a new or restarted autopilot was found."""
+    """Event: a new or restarted autopilot was found."""
 
     time_s: float
 

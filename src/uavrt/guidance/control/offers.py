@@ -34,14 +34,14 @@ class Offer:
     rests: bool
     """True if the vehicle was in its command mode without an order when it was proposed."""
     target: TargetSeen | None
-    """Target reported at the proposal, or None; a change shows another station's command."""
+    """Target at the proposal if at rest, else None; a change shows another's command."""
     place: PositionSeen
     home: HomeSeen
     rc: RcWatch | None
     """Monitor of the remote control since the proposal; None without one."""
     yaw: RestingYaw | None
     target_yaw: RestingYaw | None
-    """Monitors of a resting vehicle's heading, and of its target heading; None if unknown."""
+    """Monitors of a resting vehicle's heading and target heading; None: moving or unknown."""
 
     def turned(self, seen: PositionSeen | TargetSeen) -> bool:
         """True if another station or a pilot has turned the vehicle since the proposal."""

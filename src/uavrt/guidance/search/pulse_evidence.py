@@ -32,7 +32,7 @@ class Antenna:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """A detected or a missed pulse of a tag."""
+    """A detected or missed pulse of a tag, with antenna pose and SNR or threshold."""
 
     tag_id: int
     time_s: float
@@ -41,7 +41,7 @@ class Evidence:
 
 @dataclass(slots=True)
 class _TagSearch:
-    """Search state of one tag."""
+    """Searched times, threshold and pulse counts of one tag."""
 
     slot_s: float
     """Pulse interval including its uncertainty [s]."""
@@ -162,7 +162,7 @@ class PulseEvidence:
         search.set_noise("report", report.noise_psd)
 
     def missed(self) -> list[Evidence]:
-        """Return the pulses that by now have certainly been missed."""
+        """Evidence of expected pulses that were not detected, and can no longer be reported."""
         found = []
         for tag_id, search in self._searches.items():
             if search.from_s is None:

@@ -38,7 +38,7 @@ class Equipment:
     yaw_offset_deg: float = 0.0
     """Boresight of the antenna, clockwise from the drone's nose [°]."""
     k: int = 0
-    """Number of pulses in a group; 0: as set for each tag."""
+    """Number of pulses that the detector sums for one decision; 0: as set for each tag."""
     planner: str = "mi_rate"
     seed: int = 1
     hills: HillLosses | None = None

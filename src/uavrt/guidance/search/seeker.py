@@ -129,7 +129,7 @@ class Seeker:
         )
 
     def place(self, time_ns: int, now: VehicleNow) -> None:
-        """Record the drone's present position."""
+        """Store the drone's present position, to locate missed pulses."""
         if self._begun_ns is None:
             return
         east, north = self._task.here_m(now)
@@ -216,7 +216,7 @@ class Seeker:
         self._course = self._course_before
 
     def end(self, time_ns: int, now: VehicleNow, reason: str) -> SearchNote:
-        """Record the end of the search, whatever its reason."""
+        """Make the log entry of the search's end, whatever its reason."""
         text = f"{len(self._search.found)} of {len(self._task.tags)} found"
         time_s = self._elapsed_s(time_ns)
         return self._notes.note("ended", time_ns, time_s, now, text, reason, likely=True)

@@ -51,7 +51,7 @@ class NamedValues:
         self._counts.update(counts)
 
     def heard(self, pulse: Pulse, now_ns: int) -> None:
-        """Add a pulse; only confirmed ones count."""
+        """Count a pulse, if confirmed, and use its SNR for the tag's next message."""
         if pulse.confirmed and self._which != "off":
             self._counts[pulse.tag_id] += 1
             self._news[pulse.tag_id] = now_ns, pulse.snr_db

@@ -96,7 +96,7 @@ class OwnPose:
 
     @property
     def status(self) -> str | None:
-        """Text on what is missing; None if position and heading are known."""
+        """Text on whether position or heading is missing; None if both are known."""
         now_ns = self._clock_ns()
         if self._fault is not None:
             return f"no position: {self._fault}"
@@ -115,7 +115,7 @@ class OwnPose:
         return counts
 
     async def run(self) -> None:
-        """Produce samples until cancelled."""
+        """Produce attitude and position samples until cancelled."""
         if self._address is None:
             await self._report_fixed_place()
         elif self._settings.source == "gpsd":

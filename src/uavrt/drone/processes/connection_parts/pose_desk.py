@@ -36,7 +36,7 @@ OWN_POSE_PERIOD_NS = 250_000_000
 REPORT_PERIOD_NS = NANOSECONDS_PER_SECOND
 """Time between two reports of the position of a station without autopilot [ns]."""
 RECORD_NS = ns_from_s(TOPICS["poses"].every_s or 0.5)
-"""Time covered by the poses of one record [ns]."""
+"""Time after which the collected poses are sent to the recorder, as one record [ns]."""
 POSES_KEPT_NS = 200 * POSE_PERIOD_NS
 """Gap after which recording restarts with the newest pose [ns]."""
 SAME_CLOCK_NS = 1_000_000
@@ -102,7 +102,7 @@ class PoseDesk:
             self._own.use(settings)
 
     def use_clock(self, offset_ns: int) -> None:
-        """Set the clock of a new flight."""
+        """Use the clock of a new flight; `offset_ns`: UTC minus CLOCK_MONOTONIC [ns]."""
         before_ns, self.shift_ns = self.shift_ns, offset_ns - self._clock.offset_ns
         if abs(self.shift_ns - before_ns) > SAME_CLOCK_NS:
             self._ring.clear()
@@ -163,7 +163,7 @@ class PoseDesk:
         ]
 
     def _by_the_clock(self, pose: Pose) -> Pose:
-        """Mark a pose as extrapolated if the autopilot's clock is."""
+        """Mark a pose as extrapolated if the autopilot's clock is extrapolated."""
         if not self._clock_is_stale or pose.extrapolated:
             return pose
         self._on_stale_clock += 1

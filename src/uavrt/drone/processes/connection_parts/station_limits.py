@@ -38,7 +38,7 @@ class StationLimits:
 
     @property
     def has_commander(self) -> bool:
-        """True if the station in command is known."""
+        """True if a station is in command."""
         return self._commander is not None
 
     def commander(self, place: Place) -> None:

@@ -60,7 +60,7 @@ class FenceWatch:
             self._end(self._download)
 
     def repeat(self) -> None:
-        """Send the known fence again, because the guide was restarted."""
+        """Send the known fence again, because the guide process was restarted."""
         if self._known is not None:
             self._report(self._known)
 

@@ -33,7 +33,7 @@ STOP_WITHIN_S = 1.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outlets:
-    """Functions by which the motion parts send their messages."""
+    """Functions that send messages of motion control to their receivers."""
 
     command: Callable[[Message], None]
     """Function that sends a command to the autopilot at once."""
@@ -43,7 +43,7 @@ class Outlets:
     """Function that sends the state of a motion order to one station, or to all if None."""
     ask: Callable[[Command], None]
     record: Callable[[str, object], None]
-    """Function that sends a record to the guide, through the supervisor."""
+    """Function that sends a record to the guide process, through the supervisor."""
     text: Callable[[StatusText], None]
 
 
@@ -110,20 +110,20 @@ class MotionControl:
             self.end(f"the drone side stood still for {pause_s:.0f} s", now_s)
 
     def see(self, observations: Iterable[Observation], now_s: float) -> None:
-        """Pass the autopilot's reports to the authority."""
+        """Pass the autopilot's reports to `authority`, which may end control."""
         if self.authority is not None:
             for one in observations:
                 self.authority.see(one)
             self.watch(now_s)
 
     def end(self, reason: str, now_s: float) -> None:
-        """End control, for the given reason."""
+        """End our control of the drone, for the given reason; no more commands are sent."""
         if self.authority is not None:
             self.authority.stop(now_s, reason)
             self.watch(now_s)
 
     def tick(self, now_s: float) -> None:
-        """End control if the autopilot, the guide or the operator is silent."""
+        """End control if autopilot, guide process or operator has been silent for too long."""
         if self.authority is not None and self.stalls.silence_counts(now_s):
             self.authority.tick(now_s)
 
@@ -204,7 +204,7 @@ class TakeBack:
 
     @property
     def under_way(self) -> bool:
-        """True until the stop command is sent."""
+        """True from *Take back* until the stop command is sent."""
         return self._by_s > 0.0
 
     def begin(self, now_s: float) -> None:

@@ -72,7 +72,7 @@ class MotionDesk:
             self._fence.vehicle(message, now_s)
 
     def wish(self, wish: VehicleWish) -> None:
-        """Handle a motion request from the guide."""
+        """Handle a motion request from the guide process, which plans orders."""
         now_s, authority = monotonic_s(), self.control.authority
         self.control.wake(now_s)
         if authority is None:

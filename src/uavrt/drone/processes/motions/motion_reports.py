@@ -112,7 +112,7 @@ class MotionReports:
         return min(NEVER_S, silent_s.get(self._confirmer, NEVER_S))
 
     def report(self, now_s: float) -> None:
-        """Report the vehicle's state to the guide."""
+        """Report the vehicle's state to the guide process."""
         self._next_report_s = now_s + REPORT_S
         self._out.record("vehicle", self._vehicle_report(now_s))
 

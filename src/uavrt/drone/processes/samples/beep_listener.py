@@ -55,7 +55,7 @@ class BeepListener:
         self._put((self._search, radio, tags))
 
     def take_found(self) -> list[Beep]:
-        """Return the senders found since the last call."""
+        """Return the beeping senders found since the last call."""
         found = [self._found.popleft() for _ in range(len(self._found))]
         return [beep for search, beep in found if search is self._search]
 

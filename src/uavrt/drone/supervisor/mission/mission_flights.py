@@ -42,7 +42,7 @@ Tuner = Callable[[TuningRequest], Tuning]
 
 
 class Flights:
-    """The present flight and the last ended ones."""
+    """Begins, resumes and ends flights; holds the present one and the last ended ones."""
 
     def __init__(
         self,

@@ -11,7 +11,7 @@ exceeds the 10 s in which the connection suppresses repeated texts."""
 
 
 class WallClockWatch:
-    """Compares the computer's clock with the flight's."""
+    """Detects corrections of the computer's clock in flight, and an impossible date."""
 
     def __init__(self) -> None:
         self._noted_s = 0.0

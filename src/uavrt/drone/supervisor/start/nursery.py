@@ -54,7 +54,7 @@ class ForkedProcess:
     fds: list[int]
     """Received descriptors: one per requested number, then one to confirm the fork."""
     parent_id: int
-    """Process id of the short-lived parent between the nursery and this process."""
+    """Process id of the short-lived parent between the fork server and this process."""
 
 
 def serve(sock: socket.socket) -> ForkedProcess | None:

@@ -42,7 +42,7 @@ class Restarts:
         self._started_s = now_s
 
     def reset_count(self) -> None:
-        """Reset the count after the operator ended the flight."""
+        """Reset the count of consecutive ends, after the operator ended the flight."""
         self.in_a_row, self.not_before_s = 0, 0.0
 
     def ended(self, now_s: float, reason: str) -> float:

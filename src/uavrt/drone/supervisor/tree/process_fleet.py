@@ -75,11 +75,11 @@ class Fleet:
 
     @property
     def instances(self) -> Iterable[Instance]:
-        """All process instances that ever ran or had a record to receive."""
+        """State of all processes that ever ran or had a record to receive."""
         return self._instances.values()
 
     def instance_of(self, row: ProcessRow) -> Instance:
-        """Get the instance of a row with only one instance, running or not."""
+        """Get the state of the process of a row that has only one process, running or not."""
         return self._instance(row.name, row, 0)
 
     def _instance(self, name: str, row: ProcessRow, worker: int) -> Instance:
@@ -118,7 +118,7 @@ class Fleet:
                 loop.add_reader(nursery_fd, self._on_nursery, nursery_fd)
 
     def _on_nursery(self, nursery_fd: int) -> None:
-        """Wake the supervisor when the nursery has finished its imports or has ended."""
+        """Wake the supervisor when the fork server has done its imports or has ended."""
         asyncio.get_running_loop().remove_reader(nursery_fd)
         self._wake()
 

@@ -74,7 +74,7 @@ class ProcessRow:
     acks_taken: bool = False
     """True if the process reports how many records it has taken; the rest is sent again."""
     per_worker: bool = False
-    """True if each detector worker gets its own instance."""
+    """True if one such process runs for each detector worker."""
     samples_to: str | None = None
     """Name of the row whose processes receive samples from this one, or None."""
     silence_limit_s: float = 5.0
