@@ -275,7 +275,7 @@ class Beep:
         return self._near(other) and self.kind is other.kind
 
     def replaced_by(self, other: "Beep") -> bool:
-        """True if another measurement replaces this one, in which I and Q may be swapped."""
+        """True if another measurement is of this sender and only one assumes swapped I/Q."""
         mirrored = self.kind is BeepKind.MIRRORED
         decided = mirrored is not (other.kind is BeepKind.MIRRORED)
         at_one_rate = abs(self.interval_s - other.interval_s) < _SAME_RATE * self.interval_s

@@ -48,7 +48,7 @@ class VehicleNow(VehicleSeen):
 
     time_s: float
     order_id: int | None
-    """Number of the confirmed or commanded order; None when out of command."""
+    """Number of the order that is confirmed or being flown; None without one."""
     began: bool
     """True once the order's first command was sent."""
     wind: "Wind | None" = None

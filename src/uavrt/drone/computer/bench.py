@@ -108,7 +108,7 @@ class Bench:
         return one
 
     def reset(self) -> None:
-        """Reset for another drone, or after this drone was moved."""
+        """Discard all records, for another drone or after this drone was moved."""
         self.tags.clear()
         self.pose_ns = self.posed = None
 

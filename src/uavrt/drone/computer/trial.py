@@ -35,14 +35,14 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Needs:
-    """Records that a working version must produce, as requirements of a trial."""
+    """Kinds of records that a new version must produce to pass its trial."""
 
     heartbeat: bool
     poses: bool
 
     @classmethod
     def of(cls, settings: Settings) -> "Needs":
-        """Records that a drone or ground station with the given settings must produce."""
+        """Kinds of records that a drone or ground station with these settings must produce."""
         own = settings.pose.source != "autopilot"
         heartbeat = bool(settings.mavlink.address) and not own
         return cls(heartbeat=heartbeat, poses=heartbeat or own)

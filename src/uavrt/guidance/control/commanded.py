@@ -174,7 +174,7 @@ class Commanded:
         return same_place(one, other, self.behaviour.target_m)
 
     def _made_s(self, seen: TargetSeen | PositionSeen) -> float:
-        """Time of a report by its own clock [s], unaffected by delayed processing."""
+        """Time at which the autopilot made a report [s, monotonic], despite delays here."""
         by_its_clock_s = self.start.time_s + seen.boot_s - self.start.boot_s
         return max(min(seen.time_s, by_its_clock_s), seen.time_s - SAFETY.stall_s)
 

@@ -254,7 +254,7 @@ class OrderWatch:
         return leg.see_position(seen, vehicle.turning_deg_s)
 
     def _turned(self, seen: PositionSeen | TargetSeen) -> bool:
-        """True if someone else turns a resting vehicle before the order's first command."""
+        """True if a pilot or station turns a resting vehicle before the first command."""
         return self.motion is None and self.offer.rests and self.offer.turned(seen)
 
     def _see_landed(self, seen: LandedSeen) -> str | None:

@@ -109,7 +109,7 @@ class PulseEvidence:
         self._places: deque[Antenna] = deque()
         self._keys: dict[tuple[int, int], None] = {}
         self.refused = 0
-        """Number of pulses without information: no pose, doubtful, ghost or repeated."""
+        """Number of unused pulses: without pose, doubtful, repeated, or a receiver artefact."""
 
     def counts(self, tag_id: int) -> tuple[int, int]:
         """Numbers of detected and missed pulses of a tag."""

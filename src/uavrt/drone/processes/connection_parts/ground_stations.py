@@ -99,7 +99,7 @@ class GroundStations:
             tunnel.send_message(value, Priority.OTHER, asker.link)
 
     def answer_keepalive(self, payload: bytes, peer: Peer) -> None:
-        """Answer a station's keepalive: return its nonce with the session for seals."""
+        """Answer a station's keepalive with its nonce, and the session for sealed commands."""
         self.asked(peer)
         session = self.gate.keepalive(payload, peer.place, self._link.place)
         if session is not None:

@@ -93,7 +93,7 @@ class ParameterDesk:
     def receive_sealed(
         self, inside: bytes, peer: Peer, refusal: str | None, request_id: int
     ) -> None:
-        """Handle an authenticated request by name or index; NaN as value reads."""
+        """Handle an authenticated request by name or index; a value of NaN means: read."""
         try:
             name, value = read_parameter(inside)
         except TunnelError as error:

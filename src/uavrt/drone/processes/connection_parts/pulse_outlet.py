@@ -91,7 +91,7 @@ class PulseOutlet:
         return receipt.store in self.sender.stores.confirmed, self.sender.underway.fresh_trip_s
 
     def tick(self, now_ns: int) -> None:
-        """Note deliveries to stations without receipts; read pulses from disk if needed."""
+        """Report deliveries to stations without receipts; read pulses from disk if needed."""
         self._delivered(PLAIN, self.sender.pulses.sent_plain(), now_ns)
         for number, key in self.sender.settled():
             self._delivered(number, [key], now_ns)

@@ -18,7 +18,7 @@ class TagTexts:
         self.begin_flight(tags)
 
     def begin_flight(self, tags: Iterable[Tag]) -> None:
-        """Reset for a new flight."""
+        """Reset for a new flight: a text is due when each of its tags is first received."""
         self._tags = {tag.tag_id: tag for tag in tags}
         self._last_ns: dict[int, int] = {}
         self._due: dict[int, float | None] = {}

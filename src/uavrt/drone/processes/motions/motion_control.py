@@ -155,7 +155,7 @@ class MotionControl:
         return self.authority
 
     def fly(self, wish: VehicleWish, now_s: float) -> bool:
-        """Handle the guide's request for the present order; True if a motion was requested."""
+        """Handle a request of the guide process; True if for a motion, even a refused one."""
         authority = self.known
         assert wish.order_id is not None
         self._said = wish.said or self._said

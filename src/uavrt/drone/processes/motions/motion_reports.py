@@ -19,7 +19,7 @@ UNKNOWN = "the autopilot is not known. Fly a multirotor with PX4 or ArduPilot"
 
 
 class MotionReports:
-    """Sends reports and answers about the motion order that `control` flies."""
+    """Sends reports and answers about the motion order in progress."""
 
     def __init__(
         self, outlets: Outlets, control: MotionControl, autopilot: ReportedAutopilot

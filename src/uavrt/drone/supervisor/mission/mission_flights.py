@@ -26,7 +26,7 @@ from uavrt.drone.supervisor.mission.tag_upload import TagUpload, check_tag
 from uavrt.link.tunnel.tag_lists import searched_text
 
 LAST_FLIGHTS = 3
-"""Number of ended flights that connection and recorder can still serve."""
+"""Number of ended flights whose last pulses can still be recorded and sent."""
 RESUME_WITHIN_S = 900.0
 """Largest age of a flight that resumes after a restart of the computer [s]. This covers a
 battery change or brown-out in the air, but not last week's flight."""

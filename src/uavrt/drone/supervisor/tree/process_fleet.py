@@ -296,7 +296,7 @@ class Fleet:
     # --------------------------------------------------------------- assignment
 
     def make_sample_sockets(self) -> None:
-        """Create a new flight's sample sockets, one for each receiving instance."""
+        """Create a new flight's sample sockets, a pair for each receiving process."""
         self._window_hz = self._mission.settings.in_flight.detection.frequency_window_hz
         flight = self._mission.flights.flight
         if flight is not None and math.isfinite(flight.center_frequency_hz):
@@ -321,7 +321,7 @@ class Fleet:
         return tuple(fds)
 
     async def taken(self, topic: str, limit_s: float) -> bool:
-        """Wait until processes with `acks_taken` took a topic's records; False on a timeout."""
+        """Wait until processes acknowledged a topic's records; False after `limit_s` [s]."""
         deadline_s = monotonic_s() + limit_s
         takers = [i for i in self._instances.values() if i.row.acks_taken]
         while any(instance.outbox.holds(topic) for instance in takers):

@@ -72,7 +72,7 @@ class ProcessRow:
     """Largest number of one topic's records queued for the process; None: no limit. Bursts must
     fit: a hundred tags with pulses at the same time give hundreds of records."""
     acks_taken: bool = False
-    """True if the process reports how many records it has taken; the rest is sent again."""
+    """True if the process acknowledges handled records; others are resent after a restart."""
     per_worker: bool = False
     """True if one such process runs for each detector worker."""
     samples_to: str | None = None
