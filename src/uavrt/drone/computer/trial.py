@@ -114,7 +114,7 @@ class Trial:
         self._good_from_s: float | None = None
         self.seen = Seen()
         self.fault = "the service sent no status"
-        """Text on what was missing when it last did not work."""
+        """Text on what was missing or restarted at the last failed check."""
 
     def judge(self, records: list[Any], now_s: float) -> Verdict:
         """Evaluate new records; return the decision on the new version, or to wait."""

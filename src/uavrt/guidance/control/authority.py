@@ -25,7 +25,7 @@ from uavrt.guidance.safety import SAFETY
 
 
 class Standing(StrEnum):
-    """Whether this program may command the vehicle: no, once confirmed, or already does."""
+    """Stages of control over the vehicle: none, order confirmed, commands being sent."""
 
     OUT = "out"
     CONFIRMED = "confirmed"

@@ -94,7 +94,7 @@ class Commanded:
         return 0.0 if self.yaw is None else self.yaw.turned_deg
 
     def overdue(self, now_s: float, target_age_s: float) -> str | None:
-        """Text on what is overdue: obedience, progress or a report; None if nothing is."""
+        """Text on an overdue reaction to the command, progress or report; None if none is."""
         rises = isinstance(self.wish, TakeOff)
         longest_s = SAFETY.takeoff_begins_within_s if rises else SAFETY.obeyed_within_s
         if not self.obeyed:

@@ -19,7 +19,7 @@ class ModeSeen:
     armed: bool | None = None
     """True if the motors are armed; None: not in the message."""
     failsafe: bool = False
-    """True if the autopilot's system status is critical, emergency or worse."""
+    """True if the autopilot's system status is critical or worse."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -34,7 +34,7 @@ class Offer:
     rests: bool
     """True if the vehicle was in its command mode without an order when it was proposed."""
     target: TargetSeen | None
-    """Target at the proposal if at rest, else None; a change shows another's command."""
+    """Target reported by a vehicle at rest, or None; a change shows a station's command."""
     place: PositionSeen
     home: HomeSeen
     rc: RcWatch | None

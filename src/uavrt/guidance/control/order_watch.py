@@ -77,7 +77,7 @@ class OrderWatch:
     motion: Commanded | None = None
     own_mode_seen: bool = False
     in_air_s: float | None = None
-    """Time since when a vehicle is reported in the air before its take-off command [s]."""
+    """Time since which a vehicle is reported in the air before its take-off command [s]."""
     jumps: JumpWatch = field(init=False)
 
     def __post_init__(self) -> None:
@@ -175,7 +175,7 @@ class OrderWatch:
         self.flown = None
 
     def overdue(self, vehicle: ObservedVehicle, now_s: float) -> str | None:
-        """Text on what is overdue: obedience, progress or a report; None if nothing is."""
+        """Text on an overdue reaction to the command, progress or report; None if none is."""
         if now_s - self.planner_s > SAFETY.planner_lost_s:
             return "the guide is silent"
         lost = vehicle.lost(now_s)

@@ -43,7 +43,7 @@ class Progress:
     def see(self, time_s: float, *parts: Left, free: bool = False) -> None:
         """Add the present remaining values, in the same order at each call.
 
-        `free`: True if the drone has no reason to brake, as it is far from its target.
+        `free`: True if the drone has no reason to brake before the first value has decreased.
         """
         if all(part.now <= part.tolerance for part in parts if part.needed):
             self._samples.clear()

@@ -145,7 +145,7 @@ class YawWatch:
         return follows
 
     def _align(self, time_s: float, off_deg: float) -> None:
-        """Update since when a measured heading is aligned with its aim."""
+        """Update the time since which a measured heading is aligned with its aim."""
         if self.exact or self._near or self._aligned:
             return
         if off_deg > SAFETY.turn_done_deg:

@@ -43,7 +43,7 @@ ALIVE_NS = ns_from_s(3.0)
 """Shortest time between two heartbeats of a tag's detector [ns]. The original ground station
 expects one within K + 1 pulse intervals and a second, about 6 s."""
 ALIVE_PER_TAG_NS = ns_from_s(0.1)
-"""Factor on the number of tags; used instead of `ALIVE_NS` if longer [ns]: 10 a second."""
+"""Least period of these heartbeats for each searched tag [ns]; 10 a second in all."""
 BEEP_NS = ns_from_s(5.0)
 """Time between two reports of beeping senders, which are sent in turn [ns]."""
 THERMAL_ZONE = Path("/sys/class/thermal/thermal_zone0/temp")

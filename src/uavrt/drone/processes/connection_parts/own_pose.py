@@ -25,13 +25,13 @@ log = get_logger()
 FIXED_PERIOD_S = 0.5
 """Time between two poses of a fixed station [s]; poses are interpolated."""
 CLOSEST_NS = ns_from_s(0.02)
-"""Time after a position for which others are dropped [ns]; GPS receivers send 1 to 20 Hz."""
+"""Time for which positions after a position are dropped [ns]; GPS sends 1 to 20 a second."""
 SILENCE_NS = ns_from_s(5.0)
 """Age above which a position is outdated [ns]; receivers send one a second."""
 ALTITUDE_HOLDS_NS = ns_from_s(3.0)
 """Time after a position with altitude during which positions without it are dropped [ns]."""
 WATCH_PERIOD_S = 3.0
-"""Time between data requests to a silent gpsd [s]; a restarted gpsd lost the request."""
+"""Time between data requests to a silent gpsd [s]; a restarted one lost them."""
 GPSD = "127.0.0.1:2947"
 WAIT_S = 1.5
 """Longest time that a pulse waits for the receiver's next position [s]."""

@@ -98,7 +98,7 @@ class PulsePath:
     def pass_on(self, pulse_poses: Iterable[PulsePose]) -> None:
         """Send pulses with poses to recorder and ground, unless they were sent before.
 
-        The recorder sends a pulse itself if its pose comes too late.
+        This includes pulses to which the recorder has given a reconstructed pose.
         """
         for pulse_pose in pulse_poses:
             if self._delivery.may_send(pulse_pose.pulse.key):

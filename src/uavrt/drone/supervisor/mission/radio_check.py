@@ -41,7 +41,7 @@ class RadioTest:
         return self._process.pid
 
     def stop(self) -> None:
-        """Kill the test, because a flight needs the radio; `answer` then reports this."""
+        """Kill the test, because a flight needs the radio; `answer` then returns a failure."""
         with suppress(ProcessLookupError):
             os.killpg(self.pid, signal.SIGKILL)
 
