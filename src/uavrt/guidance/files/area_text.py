@@ -84,7 +84,7 @@ class _Outline:
 
 @contextmanager
 def in_words(what: str, remedy: str) -> Iterator[None]:
-    """Context that converts errors in a file's text to `FormatError`; `what` begins its text."""
+    """Context that converts errors in a file's text to `FormatError`: `what`, the reason."""
     try:
         yield
     except (

@@ -25,7 +25,7 @@ log = get_logger()
 FIXED_PERIOD_S = 0.5
 """Time between two poses of a fixed station [s]; poses are interpolated."""
 CLOSEST_NS = ns_from_s(0.02)
-"""Time for which positions after a position are dropped [ns]; GPS sends 1 to 20 a second."""
+"""Time after a position in which others are dropped [ns]; GPS sends 1 to 20 a second."""
 SILENCE_NS = ns_from_s(5.0)
 """Age above which a position is outdated [ns]; receivers send one a second."""
 ALTITUDE_HOLDS_NS = ns_from_s(3.0)
