@@ -673,7 +673,7 @@ class Course:
     """True if a search order is confirmed."""
     returning: bool = False
     flown: int = 0
-    """Number of the assigned leg that the drone is flying; 0: none."""
+    """Number of the leg that the ground assigned and the drone is flying; 0: none."""
     asked: int = 0
     """Number of the leg that the drone requests; 0: none."""
     asked_way: tuple[tuple[float, float], ...] = ()
@@ -681,7 +681,7 @@ class Course:
     given: tuple[tuple[int, int], ...] = ()
     """Ids of the other drones, each with the version of its leg that this request considers."""
     held: tuple[int, ...] = ()
-    """Tags that the drone is searching for at present."""
+    """Ids of the tags that the drone is searching for at present."""
     found: tuple[FoundTag, ...] = ()
 
 

@@ -91,7 +91,7 @@ class GroundStations:
         self._link.tunnel.send_tunnel(payload, priority, self._peer(asker), kind)
 
     def answer_parameter(self, value: ParamValue, asker: Peer | None) -> None:
-        """Report a parameter to all stations, or to one with low priority."""
+        """Report a parameter's value to all stations or, with low priority, to `asker`."""
         tunnel = self._link.tunnel
         if asker is None or (self._limits.commands(asker.place) and not self.gate.locked):
             tunnel.send_message(value)

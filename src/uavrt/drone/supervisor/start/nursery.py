@@ -58,7 +58,7 @@ class ForkedProcess:
 
 
 def serve(sock: socket.socket) -> ForkedProcess | None:
-    """Fork on request; returns in each fork, and returns None when the supervisor ends."""
+    """Fork on request: returns its data in each new process, None when the supervisor ends."""
     while True:
         data, fds, _, _ = socket.recv_fds(sock, MAX_REQUEST_BYTES, MAX_FDS)
         if not data:
