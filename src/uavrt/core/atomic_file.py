@@ -19,7 +19,7 @@ _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.ENOSYS)
 
 
 def is_part(path: Path) -> bool:
-    """True if a file name is that of a file being written by `replacing`."""
+    """True if a file is the unfinished copy that `replacing` writes, by its name."""
     return _PART_NAME.fullmatch(path.name) is not None
 
 
@@ -49,7 +49,10 @@ def replacing(path: Path, *, sync: bool = True) -> Iterator[Path]:
 def write_atomically(
     path: Path, content: str | bytes, *, sync: bool = True, mode: int = 0o644
 ) -> None:
-    """Replace a file's content with text (UTF-8) or bytes; write to a device directly."""
+    """Replace a file's content, with permissions `mode`; text is written as UTF-8.
+
+    A device file is not replaced but written to. Raises `OSError`.
+    """
     data = content.encode() if isinstance(content, str) else content
     if path.exists() and not path.is_file():
         path.write_bytes(data)
@@ -64,7 +67,7 @@ def write_atomically(
 
 
 def make_directories(path: Path) -> None:
-    """Create a directory and its parents, each synced before its content; raises `OSError`."""
+    """Create a directory and missing parents, durable after a power cut; raises `OSError`."""
     if path.is_dir():
         return
     make_directories(path.parent)
@@ -73,7 +76,7 @@ def make_directories(path: Path) -> None:
 
 
 def sync_to_disk(path: Path) -> None:
-    """Sync a file or directory, where the file system supports it; raises `OSError`."""
+    """Write a file or directory to the disk now (fsync), if supported; raises `OSError`."""
     if path.is_dir() and not hasattr(os, "O_DIRECTORY"):
         return  # Windows
     descriptor = os.open(path, os.O_RDONLY)

@@ -40,7 +40,7 @@ class Clock:
         return time.monotonic_ns() + self.offset_ns
 
     def wall_correction_ns(self) -> int:
-        """Change of the wall clock since the offset was fixed [ns]."""
+        """Time by which the wall clock was set forward since the flight's start [ns]."""
         return time.time_ns() - self.now_ns()
 
 

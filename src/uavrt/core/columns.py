@@ -10,12 +10,12 @@ R = TypeVar("R")
 
 
 def chosen_rows(record: R, which: Any) -> R:
-    """Copy a dataclass with selected rows of its arrays; other fields are unchanged."""
+    """Copy a dataclass, its arrays indexed along axis 0 by `which`: mask, slice or indices."""
     return replace(record, **{name: one[which] for name, one in _arrays(record)})  # type: ignore[type-var]
 
 
 def joined_rows(records: Sequence[R], axis: int = 0) -> R:
-    """Join the arrays of dataclasses along an axis; other fields are those of the first."""
+    """Concatenate the arrays of dataclasses along `axis`; other fields are the first's."""
     names = [name for name, _ in _arrays(records[0])]
     joined = {
         name: np.concatenate([getattr(one, name) for one in records], axis=axis)

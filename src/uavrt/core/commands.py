@@ -27,7 +27,7 @@ class SystemState(StrEnum):
 
     @property
     def words(self) -> str:
-        """Name of the state for the operator."""
+        """Name of the state in plain words, for the operator."""
         return {"receiving_tags": "receiving tags", "has_tags": "ready"}.get(self, self.value)
 
 
@@ -134,7 +134,7 @@ class Who(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Button:
-    """The command's button on the ground station's page."""
+    """Texts of a command's button on the ground station's page."""
 
     action: str
     label: str
@@ -148,7 +148,7 @@ class Button:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandField:
-    """A number that a command carries."""
+    """A number in the payload of a command: name, type, unit and range."""
 
     name: str
     kind: Literal["u32", "f64"] = "u32"
@@ -156,17 +156,17 @@ class CommandField:
     unit: str = ""
     low: float = -inf
     high: float = inf
-    """Smallest and largest value that the ground sends and the drone accepts, in `values`."""
+    """Largest valid number (`low`: smallest); checked only for the `member` ``"values"``."""
     member: str | None = "values"
-    """Member of `uavrt.core.messages.Command` that holds the number: `values`, or a separate
-    member, where 0 becomes None. None: the drone ignores the number."""
+    """Field of `uavrt.core.messages.Command` that holds the number: ``"values"``, or a field of
+    its own, where 0 becomes None. None: the drone ignores the number."""
     from_g2: bool = False
     """True if the field is missing in the protocol versions before G2."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandRow:
-    """One row of the table of commands."""
+    """Definition of one command: effect, permitted senders, payload and button."""
 
     name: CommandName
     meaning: str
@@ -184,7 +184,7 @@ class CommandRow:
     button: Button | None = None
 
     def fault(self, numbers: Sequence[float]) -> str | None:
-        """Text about the first number outside its range; None without any."""
+        """Error text for the first number outside its range; None if all are valid."""
         for one, number in zip(self.fields, numbers, strict=False):
             if one.member == "values" and not one.low <= number <= one.high:
                 bounds = f"{one.low:g} to {one.high:g} {one.unit}".rstrip()
@@ -192,7 +192,7 @@ class CommandRow:
         return None
 
     def members(self, numbers: Sequence[float]) -> dict[str, Any]:
-        """Members of the supervisor's `Command` that hold the numbers of a message."""
+        """Keyword arguments of `uavrt.core.messages.Command` for the numbers of a message."""
         given = [*zip(self.fields, numbers, strict=False)]
         own = {one.member: number or None for one, number in given if one.member}
         values = {one.name: number for one, number in given if one.member == "values"}
@@ -200,7 +200,7 @@ class CommandRow:
 
 
 BARE, BARE_G2 = (4,), (8,)
-"""Lengths of a payload without parameters [bytes]; from G2 on, a request id is included."""
+"""Lengths of a payload without parameters [bytes], without and with a request id."""
 
 _FREQUENCY = CommandField(name="center_frequency_hz", unit="Hz", member="center_frequency_hz")
 _GAIN = CommandField(name="gain", member="gain")

@@ -58,7 +58,7 @@ class UavrtError(Exception):
 
 
 def listed_faults(source: str, faults: Sequence[str], number: int | None = None) -> str:
-    """Text with the number of faults in a file and a line for each.
+    """Text with the number of faults in the file `source` and a line for each.
 
     `number`: total number, if `faults` lists only some.
     """
@@ -179,7 +179,7 @@ def needs_extra(extra: str, what: str, *, otherwise: str = "") -> Iterator[None]
 def os_errors_as(
     kind: type[UavrtError], failed: object, remedy: str | None = None
 ) -> Iterator[None]:
-    """Context that converts `OSError` to an error of class `kind`, with the system's reason."""
+    """Context that converts `OSError` to `kind`; its text: `failed`, then the reason."""
     try:
         yield
     except OSError as error:

@@ -28,14 +28,14 @@ T = TypeVar("T")
 CPU_S = 2
 """Limit of processor time for reading a short file from outside [s]."""
 MEMORY_BYTES = 200_000_000
-"""Memory limit for reading one foreign input."""
+"""Limit of memory for reading one file from outside [bytes]."""
 MOST_FAULTS = 50
 _REMEDY = "Check the name: another file may be meant"
 _PIECE_BYTES = 1 << 20
 _LARGE_BYTES = 50_000_000
 _ZIP_END_BYTES, _ZIP_ENTRY_BYTES = 66_000, 100
 _PIPES = ("/dev/fd/", "/dev/stdin", "/proc/self/fd/")
-"""Paths of a shell's pipes: `uavrt tags check <(…)`."""
+"""Beginnings of the paths by which a shell passes pipes: `uavrt tags check <(…)`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +62,7 @@ class Limit:
 SETTINGS = Limit(what="a settings file", bytes=200_000, values=5_000, depth=8)
 TAGS = Limit(what="a tag file", bytes=1_000_000, values=100_000, depth=8)
 YAML_TAGS = Limit(what="a list of tags in YAML", bytes=150_000, values=20_000, depth=8)
-"""Limits for YAML lists of tags: PyYAML reads about 200 kB a second; 500 codes have 60 kB."""
+"""Limits for YAML lists of tags: PyYAML reads 200 kB a second; 500 coded tags take 60 kB."""
 SHAPES = Limit(what="an area or a path", bytes=2_000_000, values=100_000, depth=40)
 NOTES = Limit(what="a description in JSON", bytes=20_000_000, values=500_000)
 """Limits for JSON: SigMF metadata of a recording with gaps, results of a flight."""
@@ -71,7 +71,7 @@ ARCHIVE_NOTE = Limit(what="a note of an archive", bytes=200_000_000)
 TEXT_LOG = Limit(what="a log", bytes=512 * 1024 * 1024, values=10_000_000)
 """Limits for text logs; lines are counted, not values, because line ends compress well."""
 OWN = Limit(what="a file of uavrt's own", bytes=20_000_000)
-"""Limits for files that uavrt keeps across restarts; the list of 10 000 flights has 8 MB."""
+"""Limits for files that uavrt keeps across restarts; a list of 10 000 flights has 8 MB."""
 KEYS = Limit(what="a key or certificate", bytes=200_000)
 REQUEST = Limit(what="a request", bytes=500_000, values=60_000, depth=16)
 """Limits for requests to the ground station, which decodes them in at most 20 ms."""
@@ -116,7 +116,7 @@ def _check_holes(about: os.stat_result, name: object) -> None:
 
 
 def require_plain_file(path: str | os.PathLike[str], mode: int | None = None) -> None:
-    """Raise `FormatError` for a pipe, socket or device, except a pipe from a shell."""
+    """Raise `FormatError` for a socket, device or pipe, except a shell's; `mode`: st_mode."""
     name = os.fspath(path)
     mode = os.stat(path).st_mode if mode is None else mode
     passed = stat.S_ISFIFO(mode) and name.startswith(_PIPES)
@@ -153,7 +153,7 @@ _GZIP_BITS = 31
 
 
 def unpack(pieces: Iterable[bytes], most: int) -> bytes:
-    """Unpack gzip data; returns at most a little more than `most` bytes."""
+    """Unpack gzip data; stops soon after `most` bytes, so a zip bomb does no harm."""
     content = bytearray()
     unpacker = zlib.decompressobj(_GZIP_BITS)
     for piece in pieces:
@@ -180,7 +180,7 @@ def pieces_of(content: bytes) -> Iterable[bytes]:
 
 
 def read_json(content: bytes | str, limit: Limit) -> Any:
-    """Decode JSON from outside; raises `ValueError` whose text can end a sentence."""
+    """Decode JSON from outside; raises `ValueError` if it is invalid or exceeds a limit."""
     if len(content) > limit.bytes:
         raise ValueError(f"the content is too long: more than {limit.bytes:,} bytes")
     # Commas in texts count, too: they are few compared with the limit.
@@ -215,7 +215,7 @@ def read_record(path: str | os.PathLike[str], kind: type[T], limit: Limit = OWN)
 
 
 def decode_record(content: bytes | str | msgspec.Raw, kind: type[T]) -> T:
-    """Decode a record from JSON; the text of its `FormatError` is the reason alone."""
+    """Decode a record of class `kind` from JSON; raises `FormatError` with the reason."""
     try:
         return msgspec.json.decode(content, type=kind)
     except (msgspec.MsgspecError, UnicodeError, RecursionError) as error:
@@ -278,7 +278,7 @@ def check_toml(text: str, limit: Limit) -> None:
 
 
 def shortened(faults: list[str]) -> list[str]:
-    """List the first faults of a file; a last line counts the remaining ones."""
+    """First faults of a file, and a last line with the number of the others."""
     if len(faults) <= MOST_FAULTS:
         return faults
     return [*faults[:MOST_FAULTS], f"and {len(faults) - MOST_FAULTS} more"]

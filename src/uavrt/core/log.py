@@ -60,7 +60,7 @@ class Logger:
         self.log(logging.WARNING, event, **facts)
 
     def seldom(self, count: int, event: str, **facts: Any) -> None:
-        """Log the first, second, fourth, eighth … of equal events; `count` includes this."""
+        """Log the first, second, fourth, eighth … of equal events; `count`: number so far."""
         if count.bit_count() == 1:
             self.log(logging.WARNING, event, times=count, **facts)
 
@@ -93,7 +93,7 @@ class Logger:
 
 
 def _takes_more(stream: TextIO) -> bool:
-    """True if a line can be written without blocking, as to a stopped terminal (Ctrl-S).
+    """True if a line can be written without blocking.
 
     A terminal that was stopped (Ctrl-S) or a pipe without a reader would otherwise stop the
     supervisor, and with it every process.

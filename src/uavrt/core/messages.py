@@ -25,8 +25,9 @@ DetectionStatus = Literal["subthreshold", "detected", "confirmed", "integrated"]
 track. *integrated*: found after the flight in all its data; never in flight or over radio."""
 
 _SAME_SENDER_HZ = 300.0
-_SAME_RATE = 0.01
 """Maximum frequency difference of two measurements of one sender [Hz]."""
+_SAME_RATE = 0.01
+"""Maximum relative difference of two measured pulse intervals of one sender."""
 _KILOHERTZ_FROM_HZ = 995.0
 
 DEFAULT_FALSE_ALARM_PROBABILITY = 0.01
@@ -50,7 +51,7 @@ class Tag:
     interval_jitter_s: float = 0.0
     """Largest independent timing error of each pulse [s]; it does not accumulate."""
     k: int = 3
-    """Number of pulses summed for one decision."""
+    """Number of pulses (coded tag: bursts) that the detector sums for one decision."""
     false_alarm_probability: float = DEFAULT_FALSE_ALARM_PROBABILITY
     """False-alarm setting: expected number of false groups in each decision interval."""
     name: str | None = None
@@ -83,19 +84,19 @@ class Pulse:
     snr_db: float
     """Ratio of pulse energy to noise power density (ENR) [dB]."""
     group_snr_db: float
-    """Mean linear SNR of the group's pulses [dB]."""
+    """Mean SNR of the K pulses that were detected together, averaged as power [dB]."""
     score: float
-    """Ratio of the decision statistic to its threshold; 1 is just detected."""
+    """Ratio of the detector's test statistic to its threshold; 1 or more: detected."""
     group_index: int
-    """Position of the pulse in its group, from 1."""
+    """Number of the pulse among the K pulses detected together (its group), from 1."""
     group_sequence: int
-    """Number of the group, increasing for each tag and rate."""
+    """Number of the group of K pulses, increasing for each tag and rate."""
     noise_psd: float
     """Noise power density at the pulse's frequency [input units squared per hertz]."""
     detection_status: DetectionStatus
     confirmed: bool
     rate: int
-    """Number of the tag's interval in use, from 1."""
+    """Pulse interval in use: 1 or 2, the first or second of `Tag.pulse_intervals_s`."""
     predicted_next_start_ns: int | None
     predicted_next_end_ns: int | None
     also_possible_tag_ids: tuple[int, ...] = ()
@@ -162,7 +163,8 @@ class SearchReport:
     usable_share: float | None = None
     """Fraction of the time without another signal on the tag's frequency; None if unknown."""
     weakest_enr_db: float | None = None
-    """ENR at which 90 % of the groups would have been found [dB]; None if unknown."""
+    """Ratio of pulse energy to noise power density (ENR) at which 90 % of groups of K pulses
+    would have been found [dB]; None if unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -202,14 +204,14 @@ class PositionSample:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PulsePose:
-    """A pulse with the antenna's pose at its centre, or without one."""
+    """A pulse, and the antenna's pose at the middle of the pulse; None if unknown."""
 
     pulse: Pulse
     pose: Pose | None
 
 
 class BeepKind(StrEnum):
-    """How a sender of pulses relates to the list of tags."""
+    """Kinds of received senders of pulses, in comparison with the list of tags."""
 
     LISTED = "listed"
     """A sender that agrees with a listed tag's entry."""
@@ -265,7 +267,7 @@ class Beep:
 
     @property
     def away_hz(self) -> float | None:
-        """Difference of the sender's frequency from that listed for the likeliest tag [Hz]."""
+        """Sender's frequency minus that of the likeliest listed tag [Hz]; None without one."""
         return self.offsets_hz[0] if self.offsets_hz else None
 
     def same_as(self, other: "Beep") -> bool:
@@ -273,7 +275,7 @@ class Beep:
         return self._near(other) and self.kind is other.kind
 
     def replaced_by(self, other: "Beep") -> bool:
-        """True if another measurement of a sender decides whether I and Q are swapped."""
+        """True if another measurement is of this sender and only one assumes swapped I/Q."""
         mirrored = self.kind is BeepKind.MIRRORED
         decided = mirrored is not (other.kind is BeepKind.MIRRORED)
         at_one_rate = abs(self.interval_s - other.interval_s) < _SAME_RATE * self.interval_s
@@ -326,7 +328,7 @@ class Beep:
         return self.reason.endswith(_SWAPPED)
 
     def __str__(self) -> str:
-        """Write the sender as a line for the operator."""
+        """Describe the sender in one line, for the operator."""
         rate = 60.0 / self.interval_s
         return (
             f"{self.level_db:.0f} dB at {self.frequency_hz / 1e6:.6f} MHz, "
@@ -407,22 +409,22 @@ class LiveBearing:
     interval90_deg: tuple[float, float]
     """Arc that holds the bearing with 90 % probability [°], clockwise from first to second."""
     level_db: float | None
-    """SNR with the antenna pointed at the tag [dB]."""
+    """SNR with the antenna pointed at the tag [dB]; None if not estimated."""
     pulses: int
     accepted: bool
-    """True if the pulses show a direction."""
+    """True if the SNR of the pulses clearly depends on the direction of the antenna."""
     ambiguous: bool
     multipath_suspected: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Delivered:
-    """Pulses received by a ground station's store, or sent to stations without receipts."""
+    """Report on pulses that a ground station has stored, or that were sent without receipt."""
 
     time_ns: int
     store: int
-    """Number of the store that received the pulses (`uavrt.link.tunnel.own_messages.private`);
-    0: they were sent once, without receipt."""
+    """Id of the ground station's database that has stored the pulses; 0: they were sent once to
+    stations that send no receipts."""
     pulses: tuple[PulseKey, ...]
 
 
@@ -435,11 +437,11 @@ class Recorded:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Taken:
-    """Report of how many records a process has handled; the next one resumes after these."""
+    """Report of how many records a process has handled; the rest is sent to its next run."""
 
     records: int
-    """Number of records since the process started that are on the disk or need not be stored.
-    The process's assignment is not counted."""
+    """Number of records received since the start that are on disk or need no storage. The first
+    record, which assigns the process its task, is not counted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -565,7 +567,7 @@ class Operation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightInfo:
-    """Record of a started flight, from which the recorder opens the flight directory."""
+    """Description of a started flight: directory, clock, radio frequency and tags."""
 
     directory: str
     start_time_ns: int
@@ -606,7 +608,7 @@ class VehicleFence:
     keep_out: tuple[KeepOut, ...] = ()
     """Areas that the vehicle must not enter."""
     fault: str | None = None
-    """Reason why the fence cannot be used, with a remedy; then no motion is allowed."""
+    """Reason why the fence cannot be used, so that no motion is allowed; None: usable."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -627,9 +629,9 @@ class Motion:
     tags: tuple[int, ...] = ()
     """Numbers of tags to search for; empty: all listed tags."""
     radius_m: float | None = None
-    """Radius of a search around the drone, if there is no outline [m]."""
+    """Radius of a search around the drone [m]; None: the search has an outline."""
     wish_m: float = 25.0
-    """Target accuracy [m]: radius around a found tag that contains it with 95 %."""
+    """Target accuracy [m]: radius around the estimate that contains the tag with 95 %."""
     keep_out: tuple[KeepOut, ...] = ()
     """Areas that must not be flown over, in addition to those of the settings."""
 
@@ -671,15 +673,15 @@ class Course:
     """True if a search order is confirmed."""
     returning: bool = False
     flown: int = 0
-    """Number of the assigned leg that the drone is flying; 0: none."""
+    """Number of the leg that the ground assigned and the drone is flying; 0: none."""
     asked: int = 0
     """Number of the leg that the drone requests; 0: none."""
     asked_way: tuple[tuple[float, float], ...] = ()
-    """Start and end of the requested leg."""
+    """Start and end of the requested leg, as latitude and longitude [°]; empty: none."""
     given: tuple[tuple[int, int], ...] = ()
-    """Ids of other vehicles, and the versions of their legs when this leg was chosen."""
+    """Ids of the other drones, each with the version of its leg that this request considers."""
     held: tuple[int, ...] = ()
-    """Tags that the drone is searching for at present."""
+    """Ids of the tags that the drone is searching for at present."""
     found: tuple[FoundTag, ...] = ()
 
 
@@ -690,7 +692,7 @@ class Neighbour:
     vehicle: int
     """MAVLink system id of the other drone; 0: others exist, but none has reported yet."""
     version: int = 0
-    """Version of the other drone's leg, which changes with each new leg."""
+    """Number that identifies the other drone's leg; changes with each new leg."""
     granted: int = 0
     """Number of the receiver's requested leg that is now assigned to it; 0: none."""
     denied: int = 0
@@ -698,7 +700,7 @@ class Neighbour:
     age_s: float = 0.0
     """Time since the other drone's last report [s]."""
     course: Course | None = None
-    """Last report of the other drone; `asked_way` is a leg assigned and not yet begun."""
+    """Last report of the other drone, or None; `asked_way`: leg assigned but not yet begun."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -722,7 +724,7 @@ class SoughtTag:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchNote:
-    """A decision, find, start or end of a search, with the reason."""
+    """Log entry of a search: its start or end, a decision, or a found tag; with the reason."""
 
     time_ns: int
     order_id: int
@@ -740,27 +742,27 @@ class SearchNote:
     tag_id: int | None = None
     """Number of a found tag; otherwise None."""
     goal: tuple[float, float] | None = None
-    """Latitude and longitude [°] of the destination."""
+    """Latitude and longitude [°] of the destination; None without one."""
     area: tuple[tuple[float, float], ...] = ()
     """Outline of the search area, at the start of the search."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionOffer:
-    """The guide's plan for a request, or the reason of its refusal."""
+    """Plan for a requested motion, to be confirmed by the operator; or its refusal."""
 
     request_id: int
     asker: tuple[int, int]
     order_id: int
     nonce: int
-    """Number that confirms the order; valid once."""
+    """Random number that the confirmation must contain; valid once."""
     summary: str
     mode: str = ""
-    """Flight mode that the drone would leave, as in the summary."""
+    """Present flight mode, which the drone would leave."""
     refused: bool = False
     """True if the request is refused; the summary contains the reason."""
     takeoff: bool = False
-    """True if the order begins on the ground."""
+    """True if the order begins with a take-off from the ground."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -776,7 +778,7 @@ class VehicleSeen:
     home: tuple[float, float]
     battery_percent: float | None
     obeyed: bool
-    """True if the vehicle reports the target of our last command."""
+    """True if the autopilot's reports show that it carries out our last command."""
     wishes_sent: int
     wishes_refused: int
     turned_deg: float
@@ -798,9 +800,10 @@ class VehicleReport:
     takeoff_fault: str | None = field(kw_only=True, default=None)
     """Reason why no take-off can be confirmed now, with a remedy; None if possible."""
     standing: str = "out"
-    """State of our control: ``"out"``, ``"confirmed"`` or ``"in command"``."""
+    """Our control: ``"out"`` (nothing may be sent), ``"confirmed"`` by the operator but no
+    command sent yet, or ``"in command"`` (commands were sent)."""
     reason: str = ""
-    """Reason why control is ``"out"``."""
+    """Reason why nothing may be sent, if `standing` is ``"out"``."""
     order_id: int | None = None
     mode: str = ""
     seen: VehicleSeen | None = None
@@ -832,7 +835,7 @@ class GoHome(msgspec.Struct, frozen=True, kw_only=True, tag=True):
 
 
 class TakeMode(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """Change to our flight mode on the ground, before a take-off in that mode."""
+    """Set the mode in which motions are flown, on the ground before a take-off in that mode."""
 
 
 class TakeOff(msgspec.Struct, frozen=True, kw_only=True, tag=True):
@@ -847,11 +850,11 @@ Wish = FlyThere | TurnInPlace | GoHome | TakeMode | TakeOff
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleWish:
-    """The guide's requested motion; permitted or refused by `uavrt.guidance.control`."""
+    """Request of a motion, which `uavrt.guidance.control` permits or refuses."""
 
     order_id: int | None
     wish: Wish | None = None
-    """Requested motion; None: no new request, only a sign that the guide is running."""
+    """Requested motion; None: no new request, only a sign that the requester runs."""
     ends: bool = False
     """True if the order has ended."""
     said: str = ""
@@ -899,7 +902,7 @@ class ChannelBlock:
     clipped_ns: tuple[tuple[int, int], ...] = ()
     """Start and end of clipped time spans [ns, UTC] since the last block, in order."""
     carriers_hz: tuple[float, ...] = ()
-    """Frequencies of strong steady carriers in the radio's band [Hz]; they cause ghosts."""
+    """Frequencies of strong steady carriers in the radio's band [Hz]; cause of false pulses."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 
 class Registry(Mapping[str, T], Generic[T]):
-    """Named objects: uavrt's own, and those of installed packages.
+    """Mapping of names to objects: uavrt's own, and those of installed packages.
 
     `group`: group of entry points. `own`: uavrt's objects; other packages cannot use their
     names. `kind`: required type of objects from other packages; None: any callable.

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SIGMF_FULL_SCALE = "uavrt:full_scale"
-"""Key in the global SigMF metadata: physical value of a full-scale sample."""
+"""Key in SigMF metadata for the physical value of a full-scale sample."""
 NANOSECONDS_PER_SECOND = 1_000_000_000
 SPEED_OF_LIGHT_M_S = 299_792_458.0
 

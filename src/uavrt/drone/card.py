@@ -30,7 +30,7 @@ BATTERY_CLOCK_OFF_S = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Card:
-    """State of the file system with the flights."""
+    """State of the file system that holds the flights, and of its memory card."""
 
     device: str
     """Mounted device, such as ``/dev/mmcblk0p2``."""
@@ -42,7 +42,7 @@ class Card:
     life_used_tenths: int | None
 
     def faults(self) -> list[str]:
-        """Texts on faults; empty if there are none."""
+        """Texts for the operator, one for each fault of the card; empty if there are none."""
         found = []
         if self.read_only:
             found.append("read-only: nothing more is recorded")
@@ -85,7 +85,7 @@ def _is_mounted_so(directory: Path) -> bool:
 
 
 def _takes_nothing(directory: Path) -> bool:
-    """True if a test write of an unnamed file fails; before Linux 6.15 no flag shows this."""
+    """True if a test file is refused as read-only; before Linux 6.15 no flag shows this."""
     try:
         os.close(os.open(directory, os.O_TMPFILE | os.O_WRONLY, 0o600))
     except OSError as error:

@@ -18,7 +18,7 @@ from uavrt.drone.ipc.topics import decode_record, encode_record
 
 SOCKET_NAME = "status.sock"
 STATUS_S = 3.0
-"""Period of the supervisor's status reports [s]."""
+"""Longest wait for a status report [s]; the supervisor sends one each second."""
 
 
 def status_socket_path(settings: Settings) -> Path:
@@ -29,7 +29,7 @@ def status_socket_path(settings: Settings) -> Path:
 
 
 def running_status(path: Path) -> SystemStatus | None:
-    """Status of the running system; None if none runs."""
+    """Status of the system that serves the socket at `path`; None if none runs."""
     try:
         reader = StatusReader(path)
     except (UavrtError, OSError):
@@ -44,11 +44,14 @@ def running_status(path: Path) -> SystemStatus | None:
 
 
 def _never() -> None:
-    """Check nothing; default of `check`."""
+    """Do nothing: default for a check during a wait."""
 
 
 class StatusReader:
-    """Reads the records of the supervisor's status socket, once it opens in time."""
+    """Client of the supervisor's status socket.
+
+    Waits `timeout_s` for the socket to open, then raises `UavrtError`; calls `check` meanwhile.
+    """
 
     def __init__(
         self, path: Path, timeout_s: float = 0.0, check: Callable[[], None] = _never

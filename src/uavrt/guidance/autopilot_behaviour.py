@@ -29,15 +29,15 @@ class Behaviour:
     mode_rate_hz: float
     """Rate requested for the mode's message [Hz]; PX4 ignores it for CURRENT_MODE."""
     yaw_in_reposition: bool
-    """True if DO_REPOSITION sets headings, so that turns are steps; False: CONDITION_YAW."""
+    """True if DO_REPOSITION sets headings: turns are flown in steps; False: CONDITION_YAW."""
     follows_course: bool
-    """True if the heading follows the course over ground; False: the target's bearing."""
+    """True if the nose turns into the direction of motion in flight; False: to the target."""
 
     takeoff_mode: int
     """Mode in which the vehicle takes off; then `own_mode` follows, if different."""
 
     mission_modes: frozenset[int]
-    """Modes in which the vehicle flies its mission, or returns along it."""
+    """Custom modes in which the vehicle flies its mission, or returns along it."""
     home_in_mission: bool
     """True if item 0 of the vehicle's mission is home."""
 
@@ -60,7 +60,7 @@ class Behaviour:
         return self.takeoff_mode == self.own_mode
 
     def mode_name(self, mode: int) -> str:
-        """Name of a mode as pilots know it, or its number."""
+        """Name of a flight mode as pilots know it; its number if the name is unknown."""
         return self.mode_names.get(mode, f"mode {mode}")
 
 

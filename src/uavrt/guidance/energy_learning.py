@@ -20,7 +20,7 @@ def energy_of(hover_w: float | None) -> EnergyModel:
 
 
 class EnergyLearning:
-    """Power estimate of one drone, updated over all its orders if the battery is known."""
+    """Estimate of one drone's power of flight, updated if the battery's capacity is known."""
 
     def __init__(self, hover_w: float | None, battery_wh: float | None) -> None:
         self.energy = energy_of(hover_w)

@@ -22,14 +22,14 @@ _MOST_SQUARES = 300
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GroundAround:
-    """Heights of the ground around home: the highest of four grid corners."""
+    """Heights of the ground around home, on a square grid."""
 
     home_amsl_m: float
     """Height of home above sea level by the map [m]."""
     reach_m: float
     step_m: float
     heights_m: _Floats
-    """Ground above home (north, east) from the south-west corner [m]; NaN if unknown."""
+    """Ground above home [m]: grid (north, east) from the south-west corner; NaN: unknown."""
 
     @classmethod
     def around(
@@ -52,7 +52,7 @@ class GroundAround:
         return cls(home_amsl_m=home, reach_m=count * step, step_m=step, heights_m=heights)
 
     def above_home_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Highest ground around positions, above home [m]; NaN if a corner is unknown."""
+        """Highest of the four grid points around each position, above home [m], or NaN."""
         last = len(self.heights_m) - 1
         column = np.floor((east_m + self.reach_m) / self.step_m).astype(np.intp)
         row = np.floor((north_m + self.reach_m) / self.step_m).astype(np.intp)
@@ -64,7 +64,7 @@ class GroundAround:
         return np.where(beyond, np.nan, high)
 
     def highest_home_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Highest known ground above home on the straight return [m]; 0 without any."""
+        """Highest known ground between each position and home, above home [m]; at least 0."""
         farthest = float(np.max(np.hypot(east_m, north_m), initial=0.0))
         shares = np.linspace(0.0, 1.0, int(farthest / self.step_m) + 2)[:, None]
         x, y = np.ravel(east_m), np.ravel(north_m)
@@ -72,6 +72,6 @@ class GroundAround:
         return np.asarray(ground.max(axis=0, initial=0.0)).reshape(np.shape(east_m))
 
     def apart_m(self, home_amsl_m: float) -> float | None:
-        """Height of home by the autopilot minus that of the map [m]; None if small."""
+        """Height of home by the autopilot minus that by the map [m]; None if at most 15 m."""
         apart = home_amsl_m - self.home_amsl_m
         return apart if abs(apart) > SAFETY.home_height_error_m else None

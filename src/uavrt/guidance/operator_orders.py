@@ -23,7 +23,7 @@ class Order(Motion):
 
     @classmethod
     def of(cls, motion: Motion, order_id: int = 0) -> Self:
-        """Make the order of a requested motion, with a number; 0 for a preview."""
+        """Make an order from a requested motion; `order_id`: its number, 0 for a preview."""
         asked = {field.name: getattr(motion, field.name) for field in fields(Motion)}
         return cls(order_id=order_id, **asked)
 
@@ -44,14 +44,14 @@ class Limits(GuidanceSettings):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleNow(VehicleSeen):
-    """State of the vehicle and of the authority over it, to plan steps."""
+    """State of the vehicle, and of our permission to command it."""
 
     time_s: float
     order_id: int | None
-    """Number of the confirmed or commanded order; None when out of command."""
+    """Number of the order that is confirmed or being flown; None without one."""
     began: bool
     """True once the order's first command was sent."""
     wind: "Wind | None" = None
     """Wind reported by the autopilot; None: not reported."""
     energy: "EnergyModel | None" = None
-    """Learned power of flight; None: as in the limits."""
+    """Learned power of flight; None: computed from the hover power in the settings."""

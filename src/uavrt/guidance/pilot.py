@@ -51,14 +51,14 @@ class _BatteryWatch:
 
 
 def _waits(step: Step, now: VehicleNow) -> bool:
-    """True if a step must wait because the drone still settles or turns."""
+    """True if a step must wait because the drone has not come to rest or still turns."""
     if isinstance(step, Turn) and not now.heading_rests:
         return True
     return now.settling and not isinstance(step, Home)
 
 
 class Pilot:
-    """Flies the steps of one order; with `waits` further ones come by `redirect`."""
+    """Flies the steps of one order; with `waits` it then waits for more, by `redirect`."""
 
     def __init__(
         self, order: Order, plan: Plan, limits: Limits, *, waits: bool = False
@@ -91,7 +91,7 @@ class Pilot:
 
     @property
     def progress(self) -> str:
-        """Number of the present step, and number of all steps."""
+        """Text with the number of the present step and of all steps: ``step 2 of 5``."""
         return f"step {min(self._number + 1, len(self._steps))} of {len(self._steps)}"
 
     @property
@@ -100,7 +100,7 @@ class Pilot:
         return self._waits and self._number >= len(self._steps)
 
     def redirect(self, steps: Sequence[Step], now: VehicleNow) -> None:
-        """Replace the remaining steps; stop first if the turn could seem another's command."""
+        """Replace the remaining steps; stop first if a turn could look like a takeover."""
         if self._flies_home:
             return
         if self.shared and isinstance(steps[0], Home):
@@ -119,7 +119,7 @@ class Pilot:
         self._failed = self._failed or reason
 
     def _turns_off(self, step: Step, now: VehicleNow) -> bool:
-        """True if a new course at the present speed could look like another's command."""
+        """True if a turn at the present speed could look like another station's command."""
         before = self._steps[self._number]
         if not isinstance(before, Go) or now.speed_m_s < SAFETY.free_speed_m_s:
             return False
@@ -158,7 +158,7 @@ class Pilot:
         return None if step is None or _waits(step, now) else self._wish(step, now)
 
     def _due(self, now: VehicleNow) -> Step | None:
-        """Return the step to request now: a return, then a hold, then a step of the order."""
+        """Step to request now, by priority: return, hold, next step of the order; or None."""
         urgent = self._urgent(now)
         if isinstance(urgent, Home) and self.shared:
             self._steps, self._number, self._holding = [self._over_home(now), urgent], 0, None
@@ -243,7 +243,7 @@ class Pilot:
         return now.time_s - self._there_s >= step.stay_s
 
     def _urgent(self, now: VehicleNow) -> Step | None:
-        """Return home if the battery requires it; hold or return without a ground station."""
+        """Step required now by the battery (return) or a lost link (hold, return), or None."""
         limits = self._limits
         if not now.began or self._returning or self.order.action == "takeoff":
             return None  # a take-off ends where it hovers, and says no more
@@ -275,7 +275,7 @@ class Pilot:
         return None
 
     def _stop_at(self, now: VehicleNow) -> Go:
-        """Point on the drone's path where it comes to a stop."""
+        """Step that flies to the point on the drone's path where it can stop."""
         step = None if self.idle else self._steps[self._number]
         place = (now.latitude_deg, now.longitude_deg)
         if isinstance(step, Go):
@@ -284,7 +284,7 @@ class Pilot:
         return Go(place=place, height_m=min(height, self._limits.highest_m))
 
     def _over_home(self, now: VehicleNow) -> Go:
-        """Position above home at this drone's height in a shared search."""
+        """Step that flies above home at this drone's own height, for a shared search."""
         height = self.order.height_m
         height = now.altitude_relative_m if height is None else height
         height = max(height, self._limits.lowest_m)

@@ -41,19 +41,19 @@ _LIMITS = PlanLimits()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Go:
-    """Fly to a position."""
+    """Step of an order: fly to a position and stay for `stay_s`."""
 
     place: Place
     height_m: float
     """Height above home [m]."""
     yaw_deg: float | None = None
-    """Heading during the flight [°], for an autopilot that takes it with the position."""
+    """Heading during the flight [°]; None: chosen by the autopilot."""
     stay_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Turn:
-    """Turn in place by one command."""
+    """Step of an order: turn in place by one command."""
 
     turn_deg: float
     rate_deg_s: float
@@ -61,17 +61,17 @@ class Turn:
 
 @dataclass(frozen=True, slots=True)
 class Home:
-    """Return home by the autopilot's own mode."""
+    """Step of an order: return home in the autopilot's own mode, which also lands."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ready:
-    """Enter the mode in which a take-off is commanded."""
+    """Step of an order: set the mode in which a take-off is commanded."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Climb:
-    """Take off straight up."""
+    """Step of an order: take off straight up."""
 
     height_m: float
     """Height above home [m]."""
@@ -340,7 +340,7 @@ def map_fault(now: VehicleNow, limits: Limits) -> str | None:
 def check_ground(
     stations: tuple[Place, ...], now: VehicleNow, limits: Limits, height: float
 ) -> None:
-    """Refuse a path, or a return from any part of it, too close to the map's ground.
+    """Raise `PlanError` for a path or a return from it that is too low over the map's ground.
 
     A climb may be late and a descent early, so the first part counts with the lower height.
     """
@@ -379,7 +379,7 @@ def check_ground(
 def excluded_areas(
     order: Order, limits: Limits, plane: TangentPlane
 ) -> tuple[Circle | Polygon, ...]:
-    """Excluded areas of the order and the limits, in a local plane."""
+    """Excluded areas of order and limits, as shapes in the local plane."""
     return tuple(_excluded(one, plane) for one in (*limits.keep_out, *order.keep_out))
 
 
@@ -429,7 +429,7 @@ def _way(
     *,
     turn_s: float = 0.0,
 ) -> Plan:
-    """Make the steps through positions; checks fence and battery, also for the return."""
+    """Plan a path and its return; `PlanError` if fence, ground or battery forbid either."""
     if now.altitude_relative_m < limits.lowest_m - SAFETY.gust_below_m:
         raise PlanError(
             f"the drone is at {now.altitude_relative_m:.0f} m, and its path would begin below "
@@ -505,7 +505,7 @@ def reserve_wh(limits: Limits) -> float:
 
 
 def multirotor_of(limits: Limits) -> Multirotor:
-    """Model of the drone's motion; the autopilot holds the speed over ground."""
+    """Model of the drone's motion at the ground speed and greatest airspeed of `limits`."""
     return Multirotor(
         speed_m_s=limits.speed_m_s, airspeed_m_s=limits.airspeed_m_s, acceleration_m_s2=3.0
     )

@@ -37,7 +37,7 @@ class SafetyLimits:
     sticks_lost_s: float = 1.5
     landed_age_s: float = 3.0
     heartbeat_lost_s: float = 5.0
-    """Silence of the heartbeat, which reports disarming, that ends the order [s]."""
+    """Time without a heartbeat, which reports disarming, after which an order ends [s]."""
     latest_telemetry_s: float = 0.2
     """Largest delay of the autopilot's messages for a command to be sent [s]."""
     clock_drift: float = 2e-4
@@ -58,7 +58,7 @@ class SafetyLimits:
     home_height_error_m: float = 15.0
     """Height difference at home above which the elevation map is not used [m]."""
     flying_height_m: float = 2.0
-    """Height above home of a flying drone [m], if no landed state is reported."""
+    """Height above home above which a drone flies [m], if no landed state is reported."""
     lowest_height_m: float = 20.0
     """Lowest commanded height above ground [m], unless the settings have another."""
     gust_below_m: float = 1.0
@@ -72,8 +72,8 @@ class SafetyLimits:
     obeyed_within_s: float = 3.0
     takeoff_begins_within_s: float = 10.0
     in_air_unsure_s: float = 2.0
-    """Time for which a vehicle that does not rise may be reported in the air on the ground [s];
-    PX4 1.17 (SIH) did so for 1.0 s after arming."""
+    """Longest time for which a vehicle on the ground may be reported in the air [s]; PX4 1.17
+    (SIH) did so for 1.0 s after arming."""
     # Times for which the reports of before a command are right [s]. Targets change in 0.05 to
     # 0.09 s; PX4 reports the mode at 2 Hz.
     target_changes_s: float = 0.5
@@ -96,7 +96,7 @@ class SafetyLimits:
     setpoint_braking_deg_s2: float = 20.0
     """Braking of the heading setpoint [°/s²]: PX4 1.17, MPC_YAWRAUTO_ACC."""
     setpoint_rests_deg_s: float = 1.5
-    """Largest rate of a heading setpoint that rests [°/s]."""
+    """Rate of a heading setpoint up to which it counts as at rest [°/s]."""
     leg_speed_m_s: float = 1.5
     """Lowest speed far from the target, except at the start of a step [m/s]."""
 
@@ -126,27 +126,27 @@ class SafetyLimits:
     heading_stays_m: float = 0.7
     """Distance from the target within which the heading stays [m]; PX4 turns until 1 to 2 m."""
     bearing_place_error_m: float = 1.0
-    """Position error of a computed bearing, against the autopilot's position [m]."""
+    """Position error assumed for the bearing of a target [m]."""
     # Tolerance of a measured heading that was on the bearing for some time [°, s]. On 68 legs
     # of PX4 1.17 and ArduCopter 4.7 it then stayed within 4.2° of the bearing farther than 3 m
     # from the target, and within 2.2° of itself nearer than `heading_stays_m`.
     aligned_deg: float = 12.0
     aligned_s: float = 1.0
     settled_deg: float = 0.3
-    """Largest change between two reports of a heading at rest [°]."""
+    """Change between two reports up to which a heading counts as at rest [°]."""
     # A setpoint may stop on its way to the bearing: nearer than this [m], or for this time [s].
     frozen_m: float = 2.5
     stopped_s: float = 1.0
     turn_made_up_s: float = 6.0
     """Time to stop and reverse a turn that was in progress when a command was sent [s]."""
     report_delay_s: float = 0.3
-    """Time after a command in which a reported setpoint may be older than the command [s]."""
+    """Time after a command for which a reported setpoint may predate the command [s]."""
     # A heading that follows the course turns by this angle in this time [s, °]. After a new
     # target near the old one ArduCopter 4.7 swung by 38° beyond the bearing, 0.4 s behind it.
     course_follow_s: float = 1.0
     course_follow_deg: float = 3.0
     either_way_deg: float = 150.0
-    """Angle between heading and course above which a turn to either side is accepted [°]."""
+    """Angle from heading to course above which the turn may go to either side [°]."""
     # Least speeds at which ArduCopter's heading follows the course [m/s]: 5 % of its speed,
     # and nearer than `frozen_m`, where it returns from its overshoot.
     course_m_s: float = 0.5

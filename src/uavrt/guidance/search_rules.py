@@ -20,7 +20,7 @@ class SearchRules:
     turn_step_s: float = 2.7
     """Time between two headings of a turn in steps [s]."""
     circle_corners: int = 16
-    """Number of corners of the outline around a position."""
+    """Number of corners of the outline of a circular search area."""
 
     kept_away: float = 0.99
     """Required probability of keeping the distance to animals, for each path and tag."""
@@ -37,12 +37,12 @@ class SearchRules:
     kept_s: float = 60.0
     """Time for which the drone's past positions are stored [s]."""
     most_keys: int = 4096
-    """Largest number of pulses stored to recognise repetitions."""
+    """Largest number of remembered pulses, by which repeated ones are recognised."""
 
     learns_percent: float = 3.0
     """Battery charge used between two updates of the power estimate [%]."""
     reading_share: float = 0.005
-    """Error of a difference of two whole-percent readings, as a share of the battery."""
+    """Error of the difference of two charge readings in whole percent [full battery = 1]."""
     # Uncertainty of the hovering power before the first lesson, unknown and given in the
     # settings, as a share of it; the way home allows for two. Drones take 400 to 1200 W.
     unknown_sigma: float = 1.0

@@ -39,7 +39,7 @@ def product(a: Quaternion, b: Quaternion) -> Quaternion:
 
 
 def rotated(q: Quaternion, v: Vector) -> Vector:
-    """Rotate a vector from the body frame to north, east, down."""
+    """Rotate a vector by an attitude `q`: from the body frame to north, east, down."""
     w, x, y, z = q
     conjugate = (w, -x, -y, -z)
     _, north, east, down = product(product(q, (0.0, *v)), conjugate)
@@ -47,7 +47,7 @@ def rotated(q: Quaternion, v: Vector) -> Vector:
 
 
 def from_euler_deg(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Quaternion:
-    """Quaternion of yaw, then pitch, then roll [°] (intrinsic z, y', x''); NaN if any is.
+    """Quaternion of yaw, then pitch, then roll [°] (intrinsic z, y', x'').
 
     All components are NaN if an angle is not finite.
     """

@@ -9,10 +9,10 @@ ARMED, LANDED = "autopilot_armed", "autopilot_landed"
 GROUND_STATION = "ground station"
 """Process name in the ground station's own health reports."""
 EVER_NS = 2**62
-"""End of the last time span on the ground [ns]; the last report stays valid for ever."""
+"""End of a time span on the ground that no later report has ended [ns]."""
 
 Reports = Iterable[tuple[int, bool]]
-"""Pairs of a report's time [ns] and the reported state."""
+"""Pairs of a report's time [ns] and its state: True if armed, or if landed."""
 
 
 def spans_on_ground(armed: Reports, landed: Reports) -> tuple[tuple[int, int], ...]:
@@ -41,7 +41,7 @@ def spans_on_ground(armed: Reports, landed: Reports) -> tuple[tuple[int, int], .
 
 
 def ground_state(health: Health) -> tuple[float | None, float | None]:
-    """Armed and landed states in a health report; None where not reported."""
+    """Armed and landed states in a health report (1: yes, 0: no); None where not reported."""
     return health.counters.get(ARMED), health.counters.get(LANDED)
 
 
@@ -52,7 +52,7 @@ class GroundStates:
         self._reports: list[tuple[int, bool | None, bool | None]] = []
 
     def add(self, time_ns: int, armed: float | None, landed: float | None) -> bool:
-        """Add a report of both states (0: no, None: not reported); False if unchanged."""
+        """Add a report of both states (0: no, None: not reported); True if one has changed."""
         now = (None if armed is None else bool(armed), None if landed is None else bool(landed))
         last = self._reports[-1][1:] if self._reports else (None, None)
         if now == last:

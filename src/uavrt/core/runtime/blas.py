@@ -18,7 +18,7 @@ _SKYLAKE = {"avx512f", "avx512cd", "avx512bw", "avx512dq", "avx512vl"}
 def blas_environment(
     given: Mapping[str, str] = os.environ, cpuinfo: Path = Path("/proc/cpuinfo")
 ) -> dict[str, str]:
-    """Environment variables to set for a process, unless they are in `given`."""
+    """Environment variables to add to `given`, except those already set there."""
     wanted = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL")}
     try:
         with cpuinfo.open(encoding="ascii", errors="replace") as lines:

@@ -32,7 +32,7 @@ class Disk(Protocol):
 
 
 def at_once(job: Callable[[], T], then: Callable[[T], None]) -> bool:
-    """Run a job in the calling thread, for programs without a link to keep alive."""
+    """Run a job at once in the calling thread; always True. For programs without a link."""
     then(job())
     return True
 
@@ -72,7 +72,7 @@ class DiskThread:
         return True
 
     async def run(self, function: Callable[..., T], *given: Any) -> T:
-        """Await a function run in the thread; raises `RecordingError` if too many jobs wait."""
+        """Await a function's result from the thread; `RecordingError` if too many jobs wait."""
         result: asyncio.Future[T] = asyncio.get_running_loop().create_future()
 
         def job() -> Callable[[], None]:
@@ -90,7 +90,7 @@ class DiskThread:
         return await result
 
     async def finish(self, within_s: float = FINISH_S) -> None:
-        """Wait for the queued jobs to finish, unless the disk stalls."""
+        """Wait until the queued jobs are done, but not longer than `within_s` [s]."""
         for _ in range(round(within_s / FINISH_TURN_S)):
             if not self._jobs and self._since_s is None:
                 return
@@ -102,7 +102,7 @@ class DiskThread:
         return len(self._jobs)
 
     def stalled_s(self, now_s: float) -> float:
-        """Duration of the present job so far [s]; 0 while the job is not slow."""
+        """Duration of the present job so far [s]; 0 without one, or up to `SLOW_S`."""
         since_s = self._since_s
         return 0.0 if since_s is None or now_s - since_s < SLOW_S else now_s - since_s
 
@@ -125,7 +125,7 @@ class DiskThread:
 
 
 class DiskBatches(Generic[T, R]):
-    """Collects items in the loop; `write` runs in the thread, then `then` in the loop."""
+    """Collects items, and writes them in batches in the disk thread, one batch at a time."""
 
     def __init__(
         self,

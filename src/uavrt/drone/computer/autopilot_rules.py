@@ -43,7 +43,7 @@ class Need:
 
 
 def serial_number(port: str) -> int:
-    """ArduPilot's number of a port ``TELEM2`` or ``SERIAL2``; raises `ConfigError`."""
+    """Number n in SERIALn of a port ``TELEM2`` or ``SERIAL2``; raises `ConfigError`."""
     number = port.removeprefix("SERIAL")
     if number.isdecimal() and int(number) in ARDUPILOT_SERIALS:
         return int(number)
@@ -54,7 +54,7 @@ def serial_number(port: str) -> int:
 
 
 def px4_port(port: str) -> tuple[int, str]:
-    """PX4's number and short name of a port; raises `ConfigError`."""
+    """Value of MAV_n_CONFIG and short name (``TEL2``) of a port; raises `ConfigError`."""
     if port not in PX4_PORTS:
         raise ConfigError(f"unknown port {port}", remedy=f"Choose from {', '.join(PX4_PORTS)}")
     return PX4_PORTS[port]
@@ -66,7 +66,7 @@ def has_serial_ports(values: Mapping[str, float | None]) -> bool:
 
 
 def operator_failsafe(px4: bool, values: Mapping[str, float | None]) -> tuple[bool, str, str]:
-    """Describe what the autopilot does when it loses the operator's ground station.
+    """Check the autopilot's reaction to a lost ground station: (passed, text, remedy).
 
     PX4 counts every heartbeat of type GCS, ArduPilot those of the system MAV_GCS_SYSID
     (SYSID_MYGCS before 4.7); our ground stations send neither.
@@ -85,7 +85,7 @@ def operator_failsafe(px4: bool, values: Mapping[str, float | None]) -> tuple[bo
 
 
 def names_to_read(px4: bool, port: str | None) -> list[str]:
-    """Names of the parameters that the rules need."""
+    """Names of the autopilot parameters that `needs` and `operator_failsafe` evaluate."""
     if px4:
         names = [
             f"MAV_{n}_{what}" for n in PX4_INSTANCES for what in ("CONFIG", "MODE", "FORWARD")
@@ -101,7 +101,7 @@ def names_to_read(px4: bool, port: str | None) -> list[str]:
 def needs(
     px4: bool, values: Mapping[str, float | None], port: str | None, baud: int
 ) -> list[Need]:
-    """Needed value of every relevant parameter; `ConfigError` without a usable port."""
+    """Reported and needed values of all relevant parameters; `ConfigError`: no usable port."""
     return _px4(values, port, baud) if px4 else _ardupilot(values, port, baud)
 
 

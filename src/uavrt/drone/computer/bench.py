@@ -46,7 +46,7 @@ LEVEL_REMEDY = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightFacts:
-    """Values that a bench check judges beside its records; None if unknown."""
+    """Values that a bench check uses in addition to records; None if unknown."""
 
     tags: tuple[Tag, ...]
     state: SystemState | None
@@ -80,7 +80,7 @@ class _Heard:
 
 @dataclass(slots=True)
 class Bench:
-    """Collects records with their arrival times."""
+    """Latest records of a drone under check, each with its time of arrival."""
 
     tags: dict[int, _Heard] = field(default_factory=dict)
     pose_ns: int | None = None
@@ -102,18 +102,18 @@ class Bench:
                 self.pose_ns = now_ns
 
     def alive(self, tag_id: int, now_ns: int) -> _Heard:
-        """Record that a tag's detector reported."""
+        """Register that a tag's detector works; return the tag's latest records."""
         one = self.tags.setdefault(tag_id, _Heard())
         one.detector_ns = now_ns
         return one
 
     def reset(self) -> None:
-        """Reset for another drone, or after this drone was moved."""
+        """Discard all records, for another drone or after this drone was moved."""
         self.tags.clear()
         self.pose_ns = self.posed = None
 
     def noise(self, tags: Iterable[Tag]) -> dict[int, _Heard]:
-        """Noise at the frequencies of the tags, where known [dB]."""
+        """Latest records by tag id, of the tags at whose frequency the noise is known."""
         ids = {tag.tag_id for tag in tags}
         return {
             tag_id: one
@@ -129,7 +129,7 @@ def _add_noise(one: _Heard, noise_psd: float) -> None:
 
 
 def first_flight(facts: FlightFacts, bench: Bench, now_ns: int) -> list[Finding]:
-    """Evaluate each item of the check list; unknown items count as faults."""
+    """Findings on each item of the check list before a flight; unknown items are faults."""
     judged = [
         _drone(facts),
         _radio(facts, bench, now_ns),
@@ -206,7 +206,7 @@ def _noise(facts: FlightFacts, bench: Bench) -> Finding:
 def _level(
     what: str, levels: dict[int, float], apart_db: float, usual_db: float | None
 ) -> Finding:
-    """Compare a noise level, steady and equal at all tags, with that of past flights."""
+    """Finding on noise levels [dB] at the tags: steady, equal, and as in past flights."""
     even = f"within {apart_db:.0f} dB on all tags, and steady"
     if usual_db is None:
         return _open(

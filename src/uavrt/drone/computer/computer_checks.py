@@ -37,7 +37,7 @@ IDLE_CORES_NEEDED = 0.5
 def examine(
     settings: Settings, running: SystemStatus | None, *, mavlink: str | None = None
 ) -> Iterator[Finding]:
-    """Run all checks, one finding after the other."""
+    """Run all checks of the drone's computer; yields a finding after each."""
     yield check_radio(settings, running)
     if mavlink is not None:
         settings = replace(settings, mavlink=replace(settings.mavlink, address=mavlink))
@@ -184,7 +184,7 @@ def check_kept_time() -> Finding:
 
 
 def _timedatectl() -> str:
-    """State of the clock by systemd: ``yes`` if set by a time server, else ``no`` or empty."""
+    """``yes`` if a time server has set the clock, by systemd; else ``no``; empty if unknown."""
     if shutil.which("timedatectl") is None:
         return ""
     finished = subprocess.run(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """One line of a check: passed or failed, with a remedy."""
+    """Result of one check: passed or failed, with a text and a remedy."""
 
     what: str
     ok: bool

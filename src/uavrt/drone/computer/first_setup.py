@@ -76,7 +76,7 @@ class FirstSetup:
         return not (self.config.parent / DONE).exists()
 
     def values(self) -> dict[str, Any]:
-        """Initial values of each step, without secrets."""
+        """Initial values of the form fields, by step; without passwords and keys."""
         settings = self._settings()
         return {
             "name": self._handed_over().get("name") or socket.gethostname(),
@@ -108,7 +108,7 @@ class FirstSetup:
         }
 
     def take(self, step: str, values: object) -> tuple[StepFault, ...]:
-        """Check a step's values and, if valid, write them."""
+        """Check a step's values and, if all are valid, write them; returns the faults found."""
         judge: dict[str, Callable[[dict[str, Any]], tuple[StepFault, ...]]] = {
             "name": self._name,
             "antenna": self._antenna,
@@ -128,7 +128,7 @@ class FirstSetup:
         return faults
 
     def test(self, step: str, running: SystemStatus | None) -> list[Finding]:
-        """Test a step's settings: the radio, or the autopilot's link. Takes seconds."""
+        """Findings of a test of a step's settings: radio or autopilot's link. Takes seconds."""
         self._require_wanted()
         settings = self._settings()
         if step == "radio":
@@ -143,7 +143,7 @@ class FirstSetup:
         return [check_autopilot(settings, held)]
 
     def finish(self) -> dict[str, str]:
-        """Finish the set-up permanently; raises `UsageError` if a step is missing."""
+        """Finish the set-up; return the hostname. Raises `UsageError` if a step is missing."""
         self._require_wanted()
         missing = [step for step in STEPS if step not in self.done]
         if missing:
@@ -287,7 +287,7 @@ class FirstSetup:
         write_atomically(self.config.parent / HANDOVER, text, mode=0o600)
 
     def _may_log_in(self) -> Path:
-        """Keys allowed to log in, in an image's form (deploy/image/configure-root.sh)."""
+        """File of an image with the SSH keys for log-in (deploy/image/configure-root.sh)."""
         return self.config.parent.resolve().parent / "ssh/authorized_keys"
 
     def _has_update_key(self) -> bool:

@@ -46,7 +46,7 @@ _HOMES = (Path("/home"), Path("/root"), Path("/run/user"))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServicePlan:
-    """Program, user and directories of the service."""
+    """Program, user, directories and settings file of the systemd service."""
 
     program: Path
     user: str
@@ -191,17 +191,17 @@ def _has_account(user: str) -> bool:
 
 
 def _literal(path: Path) -> str:
-    """Path for the end of a line in the unit, where systemd expands ``%``."""
+    """Path as text at the end of a line in the unit, with ``%`` escaped for systemd."""
     return str(path).replace("%", "%%")
 
 
 def _place(path: str) -> str:
-    """Quoted path for ``ReadWritePaths=``, which expands ``%`` but not ``$``."""
+    """Quoted path for ``ReadWritePaths=``, with ``%`` escaped for systemd."""
     return _quoted(f"-{path}").replace("$$", "$")
 
 
 def _home_access(plan: ServicePlan) -> str:
-    """Setting that hides home directories, unless the program or its files are in one."""
+    """Line of the unit that hides home directories, unless program or files are in one."""
     used = (plan.program, plan.directory, plan.config, *plan.writable)
     within = any(
         path.is_relative_to(home) for path in used if path is not None for home in _HOMES
@@ -210,7 +210,7 @@ def _home_access(plan: ServicePlan) -> str:
 
 
 def rule_text() -> str:
-    """Text of the udev rule."""
+    """Text of the udev rule that gives the group ``plugdev`` access to USB radios."""
     lines = ["# uavrt: radios for the group plugdev, also over ssh and for services"]
     for vendor, product, name in (usb for row in RADIOS.values() for usb in row.usb):
         lines.append(f"# {name}")
@@ -236,7 +236,7 @@ def _quoted(word: str) -> str:
 
 
 def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
-    """Write unit and rule, and enable the unit if `root` is this system; can be repeated."""
+    """Write unit and rule; start the service if `root` is ``/``. Texts on what was done."""
     done = [
         _write(root / UNIT_PATH, unit_text(plan)),
         _write(root / RULE_PATH, rule_text()),
@@ -256,7 +256,7 @@ def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
 
 
 def remove(root: Path = Path("/")) -> list[str]:
-    """Stop and remove the service, not its flights; raises `UsageError` if not permitted."""
+    """Stop and remove the service, not its flights; texts on what was done, or `UsageError`."""
     done = _call(("systemctl", "stop", UNIT)) if root == Path("/") else []
     for path in (WANTED_PATH, UNIT_PATH, UPDATE_WANTED_PATH, UPDATE_UNIT_PATH, RULE_PATH):
         try:
@@ -272,7 +272,7 @@ def remove(root: Path = Path("/")) -> list[str]:
 
 
 def status(root: Path = Path("/")) -> list[str]:
-    """Describe what is installed, and the state of the service."""
+    """Lines of text on what is installed, and on the state of the service."""
     lines = [
         f"{'unit':<8}{_present(root / UNIT_PATH)}",
         f"{'at boot':<8}{'yes' if (root / WANTED_PATH).is_symlink() else 'no'}",
@@ -300,7 +300,7 @@ def _write(path: Path, text: str) -> str:
 
 
 def _link(path: Path, target: str) -> str:
-    """Enable a unit as ``systemctl enable`` does, without a running systemd."""
+    """Create the link `path` by which systemd starts a unit, as ``systemctl enable`` does."""
     try:
         if path.is_symlink() and str(path.readlink()) == target:
             return f"{path.name} starts at boot"

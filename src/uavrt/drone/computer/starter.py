@@ -67,7 +67,7 @@ Keywords=radio;telemetry;wildlife;drone;
 
 
 def _quoted(word: str) -> str:
-    r"""Quoted word for ``Exec=``: for the shell's reserved characters, then for a value."""
+    r"""Word quoted for ``Exec=``: reserved characters escaped, then ``\`` and ``%`` doubled."""
     if any(letter in word for letter in "\n\r\0"):
         raise UsageError(f"{word!r} has a line break", remedy="Give a path without one")
     escaped = "".join(f"\\{letter}" if letter in '"`$\\' else letter for letter in word)

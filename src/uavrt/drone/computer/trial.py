@@ -35,14 +35,14 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Needs:
-    """Records that a working version must produce, as requirements of a trial."""
+    """Kinds of records that a new version must produce to pass its trial."""
 
     heartbeat: bool
     poses: bool
 
     @classmethod
     def of(cls, settings: Settings) -> "Needs":
-        """Records that a drone or ground station with the given settings must produce."""
+        """Kinds of records that a drone or ground station with these settings must produce."""
         own = settings.pose.source != "autopilot"
         heartbeat = bool(settings.mavlink.address) and not own
         return cls(heartbeat=heartbeat, poses=heartbeat or own)
@@ -89,7 +89,7 @@ class Seen:
         return heard and bool(self.armed)
 
     def missing(self, needs: Needs, now_s: float) -> str:
-        """Text on what is missing at present; None if nothing is."""
+        """Text on what is missing at present; empty if nothing is."""
         wanted = [(self.status_s, "the service")]
         wanted += [(self.heartbeat_s, "the autopilot's heartbeat")] * needs.heartbeat
         wanted += [(self.poses_s, "poses")] * needs.poses
@@ -114,10 +114,10 @@ class Trial:
         self._good_from_s: float | None = None
         self.seen = Seen()
         self.fault = "the service sent no status"
-        """Text on what was missing at the last check."""
+        """Text on what was missing or restarted at the last failed check."""
 
     def judge(self, records: list[Any], now_s: float) -> Verdict:
-        """Add new records; return the decision on the new version."""
+        """Evaluate new records; return the decision on the new version, or to wait."""
         for record in records:
             self.seen.take(record, now_s)
             if self.seen.restarted:
@@ -140,7 +140,10 @@ class Trial:
 
 
 def require_still(seen: Seen, needs: Needs, now_s: float, *, bench: bool) -> Needs:
-    """Require that the vehicle does not fly; return what the new version must show."""
+    """Raise `UsageError` if the vehicle may fly; return what the new version must produce.
+
+    `bench`: the drone is on a bench; heartbeat and poses are required only if present now.
+    """
     if seen.armed:
         raise UsageError("the vehicle is armed: nothing was changed", remedy="Disarm it first")
     if seen.state in (SystemState.DETECTING, SystemState.CAPTURING):

@@ -82,7 +82,7 @@ def _require_room(place: Installation, present: Path) -> None:
 def install_beside(
     update: Update, place: Installation, *, config: Path, directory: Path
 ) -> Path:
-    """Install and test the new version next to the present one; return its directory."""
+    """Install and test a new version in its own directory, which is returned."""
     made = place.version_directory(update.name)
     try:
         if not (made / COMPLETE).exists():
@@ -176,7 +176,7 @@ def _environment() -> dict[str, str]:
 
 
 def rehearse(made: Path, version: str, *, config: Path) -> None:
-    """Let the new version load everything a flight needs; raises `UsageError`."""
+    """Test that the new version loads all modules and settings; raises `UsageError` if not."""
     command = python_module(made, "uavrt.cli", "update", "--rehearse")
     if config.exists():
         command += ["--config", str(config.absolute())]

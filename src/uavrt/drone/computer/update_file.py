@@ -51,7 +51,7 @@ _MAKER = "Ask its maker for a corrected file"
 
 
 class Wheel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A file of an update."""
+    """Entry of a manifest: name, size [bytes] and SHA-256 of one Python wheel."""
 
     name: str
     bytes: Annotated[int, msgspec.Meta(ge=1, le=MOST_WHEEL_BYTES)]
@@ -81,11 +81,11 @@ class Update:
     manifest: Manifest | None
     """Manifest of a ``.tar``; None for a single wheel."""
     content: bytes | None = None
-    """Signed bytes of a single wheel, read once so that the file cannot change."""
+    """Signed bytes of a single wheel, read once so that the file cannot change; else None."""
 
 
 def version_key(version: str) -> tuple[object, ...]:
-    """Make a version comparable (PEP 440, without epochs); raises `FormatError`.
+    """Sort key of a version (PEP 440, without epochs); raises `FormatError`.
 
     >>> version_key("0.10.0") > version_key("0.9.1") > version_key("0.9.1rc2")
     True

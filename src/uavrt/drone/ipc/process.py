@@ -61,7 +61,7 @@ class ProcessFrame:
         return frame
 
     def stop(self) -> None:
-        """End the process's loop."""
+        """Set `running` to False, which ends the process's main loop."""
         self.running = False
 
     def send(self, topic: str, record: object) -> None:
@@ -72,7 +72,7 @@ class ProcessFrame:
         self.link.put(topic, record)
 
     def receive(self, timeout_s: float = 0.0) -> list[tuple[str, Any]]:
-        """Return received records; the start of a flight sets the clock."""
+        """Return received (topic, record) pairs; a flight's record also sets `clock`."""
         records = self.link.receive(timeout_s)
         for _, record in records:
             if isinstance(record, FlightInfo):
@@ -80,7 +80,7 @@ class ProcessFrame:
         return records
 
     def notify(self, severity: int, text: str) -> None:
-        """Send a text to the operator."""
+        """Send a text to the operator, with a MAVLink severity (0: emergency, 7: debug)."""
         self.send("status_text", StatusText(severity=severity, text=text))
 
     def report(
@@ -92,9 +92,9 @@ class ProcessFrame:
         last: bool = False,
         reason: str = "",
     ) -> None:
-        """Send a health report if it is due, the last one, or changed; and queued records.
+        """Send queued records, and a health report if it is due, changed or the last one.
 
-        Call it in each turn of the loop: it also sends all queued records.
+        Call it in each turn of the loop.
         """
         now_s = monotonic_s()
         if not last and now_s < self._next_health_s and (status, ok, reason) == self._last:
@@ -116,7 +116,7 @@ class ProcessFrame:
         )
 
     def idle(self, reason: str) -> None:
-        """Idle until the end, when a restart would change nothing."""
+        """Report a fault until stopped, if a restart of the process would change nothing."""
         while self.running:
             self.receive(timeout_s=0.5)
             self.report(reason, ok=False)

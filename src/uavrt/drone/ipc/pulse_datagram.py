@@ -77,7 +77,7 @@ class PulseRecord:
 
 
 def record_of_pulse(pulse: Pulse) -> PulseRecord:
-    """Convert a pulse to a pulse record."""
+    """Convert a detected pulse to the record that is sent as a datagram."""
     return PulseRecord(
         tag_id=pulse.tag_id,
         frequency_hz=round(pulse.frequency_hz),

@@ -157,9 +157,7 @@ class ChannelReceiver:
         return self._sock.fileno()
 
     def receive(self) -> list[ChannelBlock]:
-        """Return the next datagram's blocks, in order; `lost_before`: lost samples of a
-        channel.
-        """
+        """Return the blocks of the next valid datagram, in order; empty if none waits."""
         while True:
             try:
                 datagram = self._sock.recv(MAX_DATAGRAM_BYTES)
@@ -197,7 +195,7 @@ class ChannelReceiver:
 
 
 def _pieces(datagram: bytes) -> list[int]:
-    """Offsets of a datagram's blocks; none if the datagram is invalid."""
+    """Offsets of a datagram's blocks [bytes]; empty if the datagram is invalid."""
     if len(datagram) < ENVELOPE.size:
         return []
     places = []
@@ -214,7 +212,7 @@ def _pieces(datagram: bytes) -> list[int]:
 
 
 def _begin(datagram: bytes) -> int:
-    """Offset of the first block in a datagram."""
+    """Offset of the first block in a datagram [bytes]."""
     clipped: int
     carriers: int
     _, _, clipped, carriers = ENVELOPE.unpack_from(datagram)
@@ -231,7 +229,7 @@ def _carriers_hz(datagram: bytes) -> tuple[float, ...]:
 
 
 def _clipped_ns(datagram: bytes) -> tuple[tuple[int, int], ...]:
-    """Stretches with clipped samples that a datagram reports [ns, UTC]."""
+    """Start and end of the time spans with clipped samples in a datagram [ns, UTC]."""
     end = ENVELOPE.size + STRETCH.size * ENVELOPE.unpack_from(datagram)[2]
     stretches = datagram[ENVELOPE.size : end]
     return tuple((begin, end) for begin, end in STRETCH.iter_unpack(stretches))

@@ -19,8 +19,8 @@ class Assignment:
     last_flights: tuple[str, ...] = ()
     """Directories of earlier flights with pulses that may not have reached the ground."""
     tags: tuple[Tag, ...] = ()
-    """Tags that this process serves: all, or a worker's share."""
+    """Tags that this process serves: all, or this detector worker's share."""
     worker_of_tag: dict[int, int] = field(default_factory=dict)
     """Number of each tag's detector worker by tag id, for the receiver."""
     sample_fds: tuple[int, ...] = ()
-    """Descriptors of sample sockets: one to receive, if used, then one to send per receiver."""
+    """Descriptors of sample sockets: the receiving one, if any, then one for each detector."""

@@ -65,7 +65,7 @@ class LinkWatch:
         self._stations: frozenset[tuple[int, int]] = frozenset()
 
     def tasks(self) -> list[Coroutine[Any, Any, None]]:
-        """Coroutines that serve the links."""
+        """Coroutines that keep the links open and receive from them; empty without links."""
         served = [self._serve(number, address) for number, address in self._addresses.items()]
         return [*served, self._link.keep_time()] if served else []
 
@@ -82,7 +82,7 @@ class LinkWatch:
 
     @property
     def linked(self) -> bool:
-        """True if any link is configured."""
+        """True if any link to an autopilot or ground station is configured."""
         return bool(self._addresses)
 
     @property
@@ -112,7 +112,7 @@ class LinkWatch:
 
 
 class ConnectionProcess:
-    """Creates the parts of the process and runs each in turn."""
+    """Creates the parts of the connection process, and runs each in turn."""
 
     def __init__(self, frame: ProcessFrame) -> None:
         settings, flight = frame.assignment.settings, frame.assignment.flight

@@ -140,7 +140,7 @@ class DetectorBank:
 
     @contextmanager
     def _handle_failures(self) -> Iterator[None]:
-        """Context that handles an error in one tag's search, so that the others continue."""
+        """Context in which an error in one tag's search restarts the detectors."""
         try:
             with self._watch:
                 yield
@@ -191,7 +191,7 @@ class DetectorBank:
         return self._marked(pulses + bursts)
 
     def all(self) -> list[PulseDetector]:
-        """All single-tag detectors created so far."""
+        """Detectors of all uncoded tags whose channel has delivered samples."""
         return self._group.detectors
 
     def search_reports(self) -> list[SearchReport]:
@@ -219,10 +219,7 @@ class DetectorBank:
         return total
 
     def _of_channel(self, block: ChannelBlock) -> list[Tag]:
-        """Tags of a channel that are still searched, by the nearest centre.
-
-        A process receives the channels of its own tags only.
-        """
+        """Tags of this process still searched, for which the channel is the nearest."""
         half_spacing_hz = block.sample_rate_hz / 4
         return [
             tag

@@ -120,7 +120,7 @@ class Estimation:
             self._frame.send("bearing", due)
 
     def counters(self) -> dict[str, float]:
-        """Counts with names for a health record."""
+        """Numbers of bearings made, sent and waiting, for the health report."""
         return {
             "bearings_made": self.made,
             "bearings_sent": self.sent,

@@ -90,7 +90,7 @@ def ground_of(settings: GuidanceSettings, home: tuple[float, float]) -> GroundAr
 
 
 def fenced(limits: Limits, fence: VehicleFence | None) -> Limits:
-    """Add the vehicle's own fence to the limits; raises `PlanError` for an unusable fence."""
+    """Add the autopilot's geofence to the limits; raises `PlanError` if it is unusable."""
     if fence is None:
         return limits
     if fence.fault is not None:
@@ -157,7 +157,7 @@ class _OrderRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Planned:
-    """A planned order, ready to be proposed."""
+    """A planned order, ready to be proposed to the operator."""
 
     home: tuple[float, float]
     pilot: Pilot
@@ -167,10 +167,10 @@ class _Planned:
 
 
 class _Planning:
-    """Plans an order in the background, because elevation files take seconds to read.
+    """Plans an order in the background.
 
-    Reading elevation files takes seconds, and such a silence of the guide would end the order
-    being flown.
+    Reading elevation files takes seconds. Such a silence of the guide process would end the
+    order being flown.
     """
 
     def __init__(self, asked: _OrderRequest, in_background: InBackground) -> None:
@@ -254,7 +254,7 @@ class Guide:
         frame.send("wish", VehicleWish(order_id=None, ends=True))
 
     def take(self, topic: str, record: object) -> None:
-        """Handle an order, vehicle report, neighbour, flight or pulse from the supervisor."""
+        """Handle a record from the supervisor: order, vehicle, other drone, flight or pulse."""
         match record:
             case VehicleReport():
                 self._vehicle = record
@@ -365,7 +365,7 @@ class Guide:
         return None if now is None else self._energy_learning.learn(now)
 
     def _fly_order(self, vehicle: VehicleReport, now: VehicleNow | None, now_s: float) -> None:
-        """Request the motion that is due in the confirmed order."""
+        """Send the request of the motion that is due in the confirmed order, if any."""
         offered = self._offered
         if offered is not None and vehicle.order_id == offered.pilot.order.order_id:
             self._begin(offered, vehicle, now)
@@ -463,7 +463,7 @@ class Guide:
             planner.ask(time_ns, now, idle=pilot.idle, others=others)
 
     def _choose(self, choice: Choice, pilot: Pilot, now: VehicleNow) -> None:
-        """Fly a decision; near other drones, only after the path was assigned to this drone."""
+        """Fly a search decision; if other drones search too, once its path is assigned."""
         if choice.steps is None or choice.way is None or self._shared.choose(choice, now):
             self._follow(choice, choice.notes, pilot, now)
             return

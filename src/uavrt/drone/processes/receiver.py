@@ -59,7 +59,7 @@ class ChannelSink(Protocol):
         """Process the next block of a channel."""
 
     def flush(self) -> None:
-        """End a radio block; send the blocks again that could not be sent."""
+        """End a radio block; send also blocks that could not be sent before."""
 
 
 _RECORDED_AGAIN_S = 10.0
@@ -69,7 +69,7 @@ class Receiver:
     """Processes the radio's samples for the detectors."""
 
     makes_channels = True
-    """True if this receiver makes channels, whose samples are then recorded, too."""
+    """True if the samples of this receiver's channels are recorded, if so configured."""
 
     def __init__(
         self,
@@ -121,7 +121,7 @@ class Receiver:
         self.samples = 0
         self.samples_lost = 0
         self.samples_unsure = 0
-        """Number of samples that are lost, or only seem so by a wrong clock rate."""
+        """Number of samples that are lost, or seem lost because of a wrong sample rate."""
         self._next_loss_report_s = LOSS_REPORT_S
         self.first_sample_ns = 0
         self.last_sample_ns = 0
@@ -243,7 +243,10 @@ class Receiver:
         )
 
     def restart_filters(self, *, failed: bool = True) -> None:
-        """Restart the filters, because the next samples do not continue the last ones."""
+        """Restart the filters at a gap in the samples.
+
+        `failed`: True after a failure of the radio, False after a change of its settings.
+        """
         self.failures += failed
         self._reopened = True
         self._front_end.reset()
@@ -255,7 +258,7 @@ class Receiver:
             self._beeping.clear()
 
     def flush(self) -> None:
-        """End a radio block; send the blocks again that could not be sent."""
+        """End a radio block; send also blocks that could not be sent before."""
         for sink in self._sinks:
             sink.flush()
 

@@ -132,7 +132,7 @@ class Recorder:
         self._start_ns = AFTER_ALL_NS
 
     def _check_an_ended_flight(self) -> None:
-        """Reconstruct missing poses in one ended flight that was cut off."""
+        """Reconstruct missing poses in the next earlier flight not checked yet."""
         if not self._unchecked:
             return
         root = self._unchecked.popleft()
@@ -154,7 +154,7 @@ class Recorder:
             lock.release()
 
     def turn(self, records: list[tuple[str, object]]) -> None:
-        """Write the records received; commit when due."""
+        """Write the received records to the flight; commit them to the disk when due."""
         for topic, record in records:
             match record:
                 case Delivered():
@@ -317,7 +317,7 @@ class Recorder:
             self._to_report.clear()
 
     def _report_taken(self) -> None:
-        """Report committed records; call it only when everything received is committed."""
+        """Report how many records were received, all of which must be committed."""
         lines = self._frame.link.lines
         if lines != self._reported_lines:
             self._reported_lines = lines

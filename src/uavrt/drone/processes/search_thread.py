@@ -72,7 +72,7 @@ class SearchThread:
     def ask(
         self, time_ns: int, now: VehicleNow, *, idle: bool, others: Sequence[Neighbour] = ()
     ) -> None:
-        """Request the next path, if a decision is due."""
+        """Request the next decision, if due; it appears in `results`."""
         if self.is_time(now, idle=idle):
             self._deciding, self._asked_s = True, now.time_s
             self._put(lambda: self._seeker.think(time_ns, now, idle=idle, others=others))
@@ -88,17 +88,17 @@ class SearchThread:
         self._asked_s, self._again_s = now.time_s - SEARCH_RULES.cycle_s, now.time_s + RETRY_S
 
     def end(self, time_ns: int, now: VehicleNow, reason: str) -> None:
-        """Request the summary, which is the last result."""
+        """End the search; its summary is the last of the `results`."""
         self._put(lambda: self._seeker.end(time_ns, now, reason))
         self._put(None)
 
     @property
     def over(self) -> bool:
-        """True once no more results will arrive."""
+        """True once the search has ended and all `results` were read."""
         return self._over and self._results.empty()
 
     def results(self) -> list[Choice | SearchNote | SearchFailed]:
-        """Return the results since the last call."""
+        """Return decisions, log entries and a failure since the last call."""
         found = []
         while not self._results.empty():
             result = self._results.get()

@@ -62,7 +62,7 @@ CLOSE_S = 5.0
 
 
 class Supervisor:
-    """Connects commands, processes and records; `on_record` gets each record line."""
+    """Runs the processes, routes records, carries out commands; `on_record` gets each line."""
 
     def __init__(
         self,
@@ -207,7 +207,7 @@ class Supervisor:
         self._restart_task = asyncio.ensure_future(self._search_again())
 
     async def _search_again(self) -> None:
-        """Restart receiver and detectors; publish the tags again to drop older records."""
+        """Restart receiver and detectors; publish the tags again, which clears old results."""
         flight = await self._fleet.restart_search()
         if flight is not None:
             self._publish("corrected_tags", flight)
@@ -238,7 +238,7 @@ class Supervisor:
             self.command(Command(name="stop_detection", request_id=number, source="capture"))
 
     async def _answer_radio_status(self, command: Command) -> None:
-        """Query the radio or, while the receiver uses it, read the receiver's health report."""
+        """Reply whether the radio works, by a test or, in flight, the receiver's health."""
         if self.mission.state in (SystemState.DETECTING, SystemState.CAPTURING):
             health = next(
                 (i.health for i in self._fleet.instances if i.row.name == "receiver"), None

@@ -56,7 +56,7 @@ class Viewers:
                 writer.write(data)
 
     async def serve(self, path: str) -> asyncio.Server | None:
-        """Open the socket; None on a card that cannot be written, so that flights continue."""
+        """Open the socket; None if the card cannot be written, so the system still runs."""
         require_unserved(path)
         try:
             os.makedirs(os.path.dirname(path) or ".", exist_ok=True)
@@ -107,7 +107,7 @@ def require_unserved(path: str) -> None:
 
 @contextlib.contextmanager
 def _restrict_access() -> Iterator[None]:
-    """Give files to their owner, and to the owner's own group."""
+    """Context in which new files are open only to their owner and the owner's own group."""
     old_mask = os.umask(0o117 if _has_own_group() else 0o177)
     try:
         yield

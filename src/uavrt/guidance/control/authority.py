@@ -1,4 +1,4 @@
-"""Decide whether the drone may be commanded: only until a pilot acts or a fault occurs. Pure.
+"""Decide if the drone may be commanded; a pilot's action or a fault ends permission. Pure.
 
 Three states. *Out*: nothing is sent. *Confirmed*: the operator has confirmed an order; it must
 begin within 10 s. *In command*: the first command was sent. Any observed change that no command
@@ -25,7 +25,7 @@ from uavrt.guidance.safety import SAFETY
 
 
 class Standing(StrEnum):
-    """State of the authority over the vehicle: out of command, confirmed or in command."""
+    """Stages of control over the vehicle: none, order confirmed, commands being sent."""
 
     OUT = "out"
     CONFIRMED = "confirmed"
@@ -33,9 +33,9 @@ class Standing(StrEnum):
 
 
 class Authority:
-    """Last check of every command to one vehicle; nothing is sent without it.
+    """Permits or refuses each command to one vehicle, as the last check before it is sent.
 
-    A take-off is confirmed only with `may_take_off`. `unwatched_channels`: channels of the
+    A take-off is refused unless `may_take_off`. `unwatched_channels`: channels of the
     remote control without switch or stick, which are ignored.
     """
 
@@ -68,7 +68,7 @@ class Authority:
 
     @property
     def order_id(self) -> int | None:
-        """Number of the confirmed or commanded order; None if there is none."""
+        """Number of the order that is confirmed or being flown; None if there is none."""
         return None if self._order is None else self._order.offer.order_id
 
     def offer(self, order_id: int, nonce: int, now_s: float, *, takeoff: bool = False) -> None:
@@ -101,7 +101,8 @@ class Authority:
         """Accept the operator's confirmation of the proposed order.
 
         With `sticks_unseen` the operator accepts that a pilot's sticks are not monitored.
-        Raises `CommandRefused`: the order is another one, too late, or the vehicle changed.
+        Raises `CommandRefused` if the order is not the proposed one, the confirmation is late,
+        or the vehicle's state has changed.
         """
         offer = self._offers.take(order_id, nonce, now_s)
         vehicle, before = self.vehicle, self._order
@@ -150,14 +151,14 @@ class Authority:
         self._end(reason, now_s)
 
     def planner_alive(self, now_s: float) -> None:
-        """Record a heartbeat of the planning process."""
+        """Register a heartbeat of the planning process, whose silence ends the order."""
         if self._order is not None:
             self._order.planner_alive(now_s)
 
     def command(
         self, order_id: int, wish: Wish, now_s: float, *, stops: bool = False
     ) -> VehicleCommand:
-        """Convert a requested motion to the command to send now, once.
+        """Return the command to send now, once, for a requested motion.
 
         With `stops` the command stops the drone in its present mode. It may be an order's first
         command while the previous order is still flown. Raises `CommandRefused`: nothing may be
@@ -185,13 +186,13 @@ class Authority:
 
     @property
     def climbs(self) -> bool:
-        """True once the take-off itself was commanded; the drone then climbs to the height."""
+        """True from the take-off command until the next command; the drone climbs meanwhile."""
         motion = None if self._order is None else self._order.motion
         return motion is not None and isinstance(motion.wish, TakeOff)
 
     @property
     def flies_ours(self) -> bool:
-        """True while the vehicle flies a command of this order, or still the previous one's."""
+        """True while the vehicle flies a command of this order or still of the previous."""
         return self._order is not None and self._order.leg is not None
 
     def vehicle_seen(
@@ -202,7 +203,7 @@ class Authority:
         wishes_refused: int = 0,
         ground_silent_s: float = 0.0,
     ) -> VehicleSeen | None:
-        """Vehicle state for the pilot module; None without a position or a home."""
+        """Vehicle state for `uavrt.guidance.pilot`; None without a position or a home."""
         position, home, order = self.vehicle.position, self.vehicle.home, self._order
         if position is None or home is None:
             return None
@@ -230,12 +231,12 @@ class Authority:
 
     @property
     def obeyed(self) -> bool:
-        """True if the vehicle reports the target of the last command."""
+        """True if the autopilot's reports show that it carries out the last command."""
         motion = None if self._order is None else self._order.motion
         return motion is not None and motion.obeyed
 
     def see(self, seen: Observation) -> None:
-        """Handle a report of the vehicle; a change without a command ends the order."""
+        """Handle a report of the vehicle; a change that no command caused ends the order."""
         restarted = self.vehicle.restarted(seen)
         if restarted is not None:
             self._end(restarted, seen.time_s)
@@ -253,7 +254,7 @@ class Authority:
             self._end(self._order.overdue(self.vehicle, now_s), now_s)
 
     def _end(self, reason: str | None, time_s: float) -> None:
-        """End command and withdraw any proposal; an earlier reason is not replaced."""
+        """End control and withdraw any proposed order; keeps the reason of an earlier end."""
         if reason is None:
             return
         self._offers.clear()

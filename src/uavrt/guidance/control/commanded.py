@@ -20,7 +20,7 @@ OTHERS_TARGET, OTHERS_HEIGHT = (
 
 @dataclass(slots=True, kw_only=True)
 class Commanded:
-    """The last command and the drone's progress with it; methods return deviations."""
+    """The last command, and checks of whether the drone carries it out."""
 
     wish: Wish
     behaviour: Behaviour
@@ -28,7 +28,7 @@ class Commanded:
     first: bool
     """True for an order's first command, which may change the mode."""
     before: TargetSeen | None
-    """Target that the autopilot reported before the command."""
+    """Target that the autopilot reported before the command; None without one."""
     start: PositionSeen
     """Position of the drone when the command was sent."""
     turning_deg_s: InitVar[float]
@@ -47,9 +47,10 @@ class Commanded:
     """Highest altitude so far during a take-off [m]."""
     obeyed: bool = field(init=False, default=False)
     settled: bool = field(init=False, default=False)
-    """True once the drone has been at its target."""
+    """True once the drone has been within `Behaviour.settles_m` of its target."""
     not_settled_yet: bool = field(init=False, default=False)
-    """True while the drone is near its target, where it may stop and a pause would not show."""
+    """True while the drone is near its target but has not been within `settles_m` of it; a
+    pilot's pause there looks like arrival."""
 
     def __post_init__(self, turning_deg_s: float, previous: "Commanded | None") -> None:
         wish, start = self.wish, self.start
@@ -77,14 +78,14 @@ class Commanded:
 
     @property
     def _wanted_yaw_deg(self) -> float | None:
-        """Heading of the command, for an autopilot that takes one [°]."""
+        """Commanded heading [°]; None without one, or if the autopilot accepts none."""
         if isinstance(self.wish, FlyThere) and self.behaviour.yaw_in_reposition:
             return self.wish.yaw_deg
         return None
 
     @property
     def takes_off(self) -> bool:
-        """True for a take-off, during which the autopilot may report no target."""
+        """True for a take-off command; the autopilot may then report no target."""
         return isinstance(self.wish, TakeMode | TakeOff)
 
     @property
@@ -93,7 +94,7 @@ class Commanded:
         return 0.0 if self.yaw is None else self.yaw.turned_deg
 
     def overdue(self, now_s: float, target_age_s: float) -> str | None:
-        """Return which report or progress is overdue by now; None if none is."""
+        """Text on an overdue reaction to the command, progress or report; None if none is."""
         rises = isinstance(self.wish, TakeOff)
         longest_s = SAFETY.takeoff_begins_within_s if rises else SAFETY.obeyed_within_s
         if not self.obeyed:
@@ -113,7 +114,10 @@ class Commanded:
     def see_target(
         self, seen: TargetSeen, position: PositionSeen | None, turning_deg_s: float
     ) -> str | None:
-        """Check the reported target; `turning_deg_s`: rate of change of the heading [°/s]."""
+        """Text if the reported target shows another's command; None if it may follow from ours.
+
+        `turning_deg_s`: rate of change of the reported target heading [°/s].
+        """
         match self.wish:
             case GoHome():
                 return None  # the mode shows it
@@ -137,7 +141,7 @@ class Commanded:
     def see_target_yaw(
         self, seen: TargetSeen, position: PositionSeen | None, turning_deg_s: float
     ) -> str | None:
-        """Check the heading that the autopilot reports with its target."""
+        """Text if the heading reported with the target deviates from the command, or None."""
         if seen.yaw_deg is None or not self.behaviour.yaw_in_reposition:
             return None
         if not isinstance(self.wish, FlyThere):
@@ -155,7 +159,7 @@ class Commanded:
         return self.target_yaw.fault(self._made_s(seen), seen.yaw_deg, *here)
 
     def _see_target_of_takeoff(self, seen: TargetSeen) -> str | None:
-        """Check a take-off's target: none, or above the start at the order's height."""
+        """Text if a take-off's target is not above the start at the order's height, or None."""
         height = seen.altitude_amsl_m
         if seen.latitude_deg is None or height is None:
             return None
@@ -170,7 +174,7 @@ class Commanded:
         return same_place(one, other, self.behaviour.target_m)
 
     def _made_s(self, seen: TargetSeen | PositionSeen) -> float:
-        """Time of a report by its own clock [s], unaffected by delayed processing."""
+        """Time at which the autopilot made a report [s, monotonic], despite delays here."""
         by_its_clock_s = self.start.time_s + seen.boot_s - self.start.boot_s
         return max(min(seen.time_s, by_its_clock_s), seen.time_s - SAFETY.stall_s)
 
@@ -189,7 +193,7 @@ class Commanded:
         return between_m(seen, position) < SAFETY.astray_m + stops_within_m(position.speed_m_s)
 
     def see_position(self, seen: PositionSeen, turning_deg_s: float) -> str | None:
-        """Check a position; `turning_deg_s`: rate of change of the heading [°/s]."""
+        """Text if the position deviates from the command; None if not."""
         wish = self.wish
         if isinstance(wish, GoHome):
             return None
@@ -224,7 +228,7 @@ class Commanded:
         return self.yaw.fault(made_s, seen.yaw_deg, bearing_deg, away_m, course_deg)
 
     def _see_climb(self, seen: PositionSeen) -> str | None:
-        """Check a climb: straight up, without a pause; for `TakeMode`, still on the ground."""
+        """Text if the drone does not climb straight up (`TakeMode`: stays down), or None."""
         altitude, rises = seen.altitude_amsl_m, isinstance(self.wish, TakeOff)
         done_m = SAFETY.takeoff_done_m
         self.top_m = max(self.top_m, altitude)
@@ -241,7 +245,7 @@ class Commanded:
         return self._see_yaw(seen)
 
     def _left(self, seen: PositionSeen, turning_deg_s: float) -> tuple[Left, ...]:
-        """Remaining distances and angles of a motion in the air."""
+        """Remaining distance, height difference and angle of a motion in the air."""
         wish, yaw = self.wish, self.yaw
         if not isinstance(wish, FlyThere):
             return _left_of_turn(yaw)
@@ -279,7 +283,7 @@ def _left_of_heading(
 
 
 def _left_of_turn(yaw: YawWatch | None) -> tuple[Left, ...]:
-    """Remaining angle of a turn in place."""
+    """Remaining angle of a turn in place; empty if the heading is not reported."""
     if yaw is None or yaw.turn_deg is None:
         return ()
     left = abs(yaw.turn_deg) - yaw.turned_deg

@@ -22,7 +22,7 @@ class Lateness:
         """Delay of the last message [s]."""
 
     def see(self, seen: BootTimeSeen) -> None:
-        """Measure the delay of a message by its time since the autopilot's start."""
+        """Update `late_s` by a message that contains the autopilot's time since its start."""
         self._boot_s = max(seen.boot_s, self._boot_s)
         offset_s = seen.time_s - seen.boot_s
         expected_s = offset_s
@@ -39,7 +39,7 @@ class Lateness:
 
     @property
     def fault(self) -> str | None:
-        """Reason if reports are too late for any command; None if they are not."""
+        """Text if reports arrive too late for any command to be sent; None if they do not."""
         if self.late_s <= SAFETY.latest_telemetry_s:
             return None
         return f"the autopilot's messages come {self.late_s:.1f} s late"

@@ -19,7 +19,7 @@ class ModeSeen:
     armed: bool | None = None
     """True if the motors are armed; None: not in the message."""
     failsafe: bool = False
-    """True if the autopilot reports a critical or worse state."""
+    """True if the autopilot's system status is critical or worse."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,7 +76,7 @@ class TargetSeen:
     altitude_amsl_m: float | None
     yaw_deg: float | None
     yaw_rate_deg_s: float | None = None
-    """Rate of change of the heading; None if the autopilot does not report it."""
+    """Rate of change of the target heading [°/s]; None if not reported."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +111,7 @@ class LandedSeen:
 
 @dataclass(frozen=True, slots=True)
 class FailsafeSeen:
-    """Report that the autopilot is in a failsafe."""
+    """Report that the autopilot has started a failsafe action."""
 
     time_s: float
     what: Literal["fence", "battery", "position estimate", "critical state"]
@@ -129,7 +129,7 @@ class BootTimeSeen:
 
 @dataclass(frozen=True, slots=True)
 class Boot:
-    """Report that a new or restarted autopilot was found."""
+    """Event: a new or restarted autopilot was found."""
 
     time_s: float
 

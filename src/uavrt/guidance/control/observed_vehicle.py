@@ -35,12 +35,12 @@ class ObservedVehicle:
         self.turning_deg_s = self.target_turning_deg_s = 0.0
         """Last rates of change of the heading and of the reported target heading [°/s]."""
         self._rest: PositionSeen | None = None
-        """First position report since which the heading has stayed about the same."""
+        """Position report from which on the heading has stayed the same within a tolerance."""
         self.landed: LandedSeen | None = None
         self.sticks: SticksSeen | None = None
         self.home: HomeSeen | None = None
         self.failsafe = failsafe
-        """Last failsafe reported; kept over a restart of the autopilot until it is too old."""
+        """Last reported failsafe; valid until too old, even if the autopilot restarts."""
         self._lateness = Lateness()
 
     def take(self, seen: Observation) -> bool:
@@ -81,7 +81,7 @@ class ObservedVehicle:
         return True
 
     def restarted(self, seen: Observation) -> str | None:
-        """Reason if a report shows that the autopilot has restarted; None if not."""
+        """Text if a report shows that the autopilot has restarted; None if it does not."""
         if isinstance(seen, Boot):
             return "another autopilot"
         restarted = isinstance(seen, BootTimeSeen) and self._lateness.starts_again(seen)
@@ -97,7 +97,7 @@ class ObservedVehicle:
 
     @property
     def heading_rests(self) -> bool:
-        """True if the heading is at rest: a new turn then comes from a command or a pilot."""
+        """True if the heading is steady; a new turn then comes from a command or a pilot."""
         position = self.position
         if position is None or self._rest is None:
             return False
@@ -116,7 +116,7 @@ class ObservedVehicle:
 
     @property
     def late(self) -> str | None:
-        """Reason if reports are too old for any command; None if they are not."""
+        """Text if reports arrive too late for any command to be sent; None if they do not."""
         return self._lateness.fault
 
     def fault(self, now_s: float, *, takeoff: bool = False) -> tuple[str, str] | None:
@@ -147,7 +147,7 @@ class ObservedVehicle:
         return None
 
     def lost(self, now_s: float) -> str | None:
-        """Name of the report that is missing for so long that an order ends; else None."""
+        """Text on a report that is missing for so long that an order ends; None without one."""
         if self.mode is None or now_s - self.mode.time_s > SAFETY.mode_lost_s:
             return "the mode is no longer reported"
         if self.heartbeat is None or now_s - self.heartbeat.time_s > SAFETY.heartbeat_lost_s:
@@ -181,7 +181,7 @@ class ObservedVehicle:
 
 
 def ended_by(seen: Observation) -> str | None:
-    """Reason if a report ends any order and any proposal; None if it does not."""
+    """Text if a report (failsafe, disarming, lost position) ends any order; else None."""
     match seen:
         case FailsafeSeen():
             return f"failsafe: {seen.what}"

@@ -34,14 +34,14 @@ class Offer:
     rests: bool
     """True if the vehicle was in its command mode without an order when it was proposed."""
     target: TargetSeen | None
-    """Target of a vehicle without an order; a changed one shows another station's command."""
+    """Target reported by a vehicle at rest, or None; a change shows a station's command."""
     place: PositionSeen
     home: HomeSeen
     rc: RcWatch | None
     """Monitor of the remote control since the proposal; None without one."""
     yaw: RestingYaw | None
     target_yaw: RestingYaw | None
-    """Monitors of a resting vehicle's heading: as measured, and as reported with the target."""
+    """Monitors of a resting vehicle's heading and target heading; None: moving or unknown."""
 
     def turned(self, seen: PositionSeen | TargetSeen) -> bool:
         """True if another station or a pilot has turned the vehicle since the proposal."""
@@ -51,7 +51,7 @@ class Offer:
         return watch.turned(seen.boot_s, seen.yaw_deg)
 
     def objection(self, seen: Observation, vehicle: ObservedVehicle) -> str | None:
-        """Reason if a report shows that a pilot has flown the vehicle since the proposal."""
+        """Text if a report shows that a pilot flew the vehicle since the proposal, or None."""
         match seen:
             case ModeSeen() if seen.mode != self.mode:  # also if it comes back
                 return f"the mode has changed to {vehicle.behaviour.mode_name(seen.mode)}"
@@ -80,7 +80,7 @@ class Offers:
     def __init__(self) -> None:
         self._offer: Offer | None = None
         self._withdrawn: tuple[int, str] | None = None
-        """Nonce of a proposal that a pilot's action has ended, and that action."""
+        """Nonce of the proposal that a pilot's action has ended, and a text on this action."""
         self._used: set[int] = set()
 
     def add(self, offer: Offer) -> None:
@@ -115,7 +115,7 @@ class Offers:
         self._offer = None
 
     def see(self, seen: Observation, vehicle: ObservedVehicle) -> None:
-        """Withdraw the proposed order if a report shows that someone else flies the vehicle."""
+        """Withdraw the proposed order if a report shows that a pilot or other station acts."""
         offer = self._offer
         if offer is None:
             return
@@ -144,8 +144,8 @@ def resting(
 def is_elsewhere(target: TargetSeen | None, place: PositionSeen | None) -> bool:
     """True if the first reported target is not where the vehicle holds its position.
 
-    In Guided, ArduPilot reports no target before it has one. A target where it holds or comes
-    to rest belongs to no order.
+    Then another station commands the vehicle. In Guided, ArduPilot reports no target before it
+    has one; a target where the vehicle holds or comes to rest belongs to no order.
     """
     if target is None or target.latitude_deg is None or place is None:
         return False

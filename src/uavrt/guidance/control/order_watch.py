@@ -34,10 +34,10 @@ class JumpWatch:
 
     before: PositionSeen
     jumped_m: float = 0.0
-    """Sum of altitude jumps against the height above home [m]."""
+    """Sum of the changes of altitude that the height above home did not show [m]."""
 
     def see(self, seen: PositionSeen) -> str | None:
-        """Text on a value that has jumped since the previous report; None if none has."""
+        """Text on a position or altitude that jumped since the last report; None without."""
         before, self.before = self.before, seen
         gap_s = max(0.0, seen.boot_s - before.boot_s)
         rise = seen.altitude_amsl_m - before.altitude_amsl_m
@@ -67,17 +67,17 @@ class OrderWatch:
     home: HomeSeen
     """Home position at the confirmation."""
     target: TargetSeen | None
-    """Newest target reported before the first command."""
+    """Newest target reported before the first command; None without one."""
     rc: RcWatch | None
     """Monitor of the remote control since the confirmation; None without one."""
     sticks_unseen: bool
     """True if the operator accepted that sticks are not monitored."""
     flown: Commanded | None
-    """Command of the previous order, flown until this order's first command."""
+    """Command of the previous order, flown until this order's first command; or None."""
     motion: Commanded | None = None
     own_mode_seen: bool = False
     in_air_s: float | None = None
-    """Time since when a take-off's vehicle was reported in the air before its command [s]."""
+    """Time since which a vehicle is reported in the air before its take-off command [s]."""
     jumps: JumpWatch = field(init=False)
 
     def __post_init__(self) -> None:
@@ -90,7 +90,7 @@ class OrderWatch:
 
     @property
     def leg(self) -> Commanded | None:
-        """Flight to a position in progress; None if there is none."""
+        """Command being flown, of this order or still of the previous one; None if none is."""
         return self.motion or self.flown
 
     @property
@@ -146,7 +146,7 @@ class OrderWatch:
             raise CommandRefused("the drone is still moving or turning")
 
     def _check_seen(self, vehicle: ObservedVehicle, now_s: float) -> None:
-        """Raise `CommandRefused` if reports are too old for a takeover to have been noticed."""
+        """Raise `CommandRefused` if reports are so old that a takeover could be unnoticed."""
         if vehicle.mode is None or now_s - vehicle.mode.time_s > SAFETY.mode_age_s:
             raise CommandRefused("the last mode report is older than 1 s")
         if vehicle.position is None or now_s - vehicle.position.time_s > SAFETY.position_age_s:
@@ -175,7 +175,7 @@ class OrderWatch:
         self.flown = None
 
     def overdue(self, vehicle: ObservedVehicle, now_s: float) -> str | None:
-        """Text on the report or progress that is overdue by now; None if none is."""
+        """Text on an overdue reaction to the command, progress or report; None if none is."""
         if now_s - self.planner_s > SAFETY.planner_lost_s:
             return "the guide is silent"
         lost = vehicle.lost(now_s)
@@ -192,7 +192,7 @@ class OrderWatch:
         return None
 
     def see(self, seen: Observation, vehicle: ObservedVehicle) -> str | None:
-        """Text on a reported change without a command; None if there is none."""
+        """Text on a reported change that no command caused; None if there is none."""
         match seen:
             case PositionSeen():
                 return self._see_position(seen, vehicle)
@@ -254,7 +254,7 @@ class OrderWatch:
         return leg.see_position(seen, vehicle.turning_deg_s)
 
     def _turned(self, seen: PositionSeen | TargetSeen) -> bool:
-        """True if someone else turns a resting vehicle before the order's first command."""
+        """True if a pilot or station turns a resting vehicle before the first command."""
         return self.motion is None and self.offer.rests and self.offer.turned(seen)
 
     def _see_landed(self, seen: LandedSeen) -> str | None:
@@ -265,7 +265,7 @@ class OrderWatch:
         return "the vehicle has landed" if seen.on_ground and (rises or not takes_off) else None
 
     def _see_in_air(self, seen: LandedSeen) -> str | None:
-        """Check if a vehicle flies before its take-off's command, except just after arming.
+        """Text if a vehicle flies before its take-off command; None if not.
 
         PX4 1.17 reports flight for about a second after arming on the ground. Until it reports
         the ground again, `check` refuses the command.
@@ -289,9 +289,9 @@ class OrderWatch:
 
 
 def _setpoint_turns(motion: Commanded, vehicle: ObservedVehicle) -> bool:
-    """True if the heading's setpoint turns although the drone has the commanded heading.
+    """True if the heading setpoint turns although the drone has the commanded heading.
 
-    Another station's turn then begins, which a further command would undo.
+    Another station then has begun a turn, which a further command would undo.
     """
     wanted_deg = None if motion.yaw is None else motion.yaw.wanted_deg
     target, seen = vehicle.target, vehicle.position

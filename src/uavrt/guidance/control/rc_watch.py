@@ -9,11 +9,11 @@ from uavrt.guidance.safety import SAFETY
 
 
 class RcWatch:
-    """Detects a stick or switch that has moved, in two messages or for 0.1 s.
+    """Detects a stick or switch that has moved.
 
     A single message may be a receiver's glitch. So a switch counts as moved after two messages,
-    or after one and 0.1 s without a contrary one. `unwatched`: channels without a control, such
-    as one that carries the RSSI.
+    or after one and 0.1 s without a contrary one. `unwatched`: numbers of channels
+    without a control, such as one that carries the RSSI.
     """
 
     def __init__(self, then: SticksSeen, unwatched: frozenset[int]) -> None:
@@ -26,7 +26,7 @@ class RcWatch:
         return bool(self._off_since_s)
 
     def see(self, seen: SticksSeen) -> str | None:
-        """Compare a report with the first one; return what has certainly moved, or None."""
+        """Compare a report with the first one; text on a moved stick or switch, or None."""
         off = self._elsewhere(seen.switches_us)
         again = [number for number in off if number in self._off_since_s]
         self._off_since_s = {
@@ -39,7 +39,7 @@ class RcWatch:
         return _switched(again)
 
     def sure(self, now_s: float) -> str | None:
-        """Return the switch that has moved if no further report arrived in time, or None."""
+        """Text on a switch that moved 0.1 s ago, if no later message denies it; else None."""
         since_s = self._off_since_s.items()
         return _switched(
             [one for one, at_s in since_s if now_s - at_s >= SAFETY.switch_moved_s]
@@ -57,7 +57,7 @@ class RcWatch:
 
 
 def _switched(channels: list[int]) -> str | None:
-    """Text on a moved switch, with the remedy if the channel is no switch."""
+    """Text on the first of the moved channels, with a remedy if it is no switch; else None."""
     if not channels:
         return None
     unless = "(guidance.unwatched_channels leaves it out)"

@@ -16,11 +16,11 @@ class Left:
     """Remaining distance [m] or angle [°] of a motion."""
 
     now: float
-    """NaN without a meaning: the angle to a place that is beneath the drone."""
+    """Remaining value at present; NaN if undefined: the bearing to a place below the drone."""
     soon: float
-    """Remaining distance or angle if the drone braked now; it falls first in a turn back."""
+    """Remaining value at the point where the drone would stop if it braked now."""
     least: float
-    """Smallest decrease within `SAFETY.no_progress_s` that counts as progress."""
+    """Smallest decrease in `SAFETY.no_progress_s` that counts as progress."""
     tolerance: float
     """Remaining distance or angle at which the motion is done."""
     needed: bool = True
@@ -41,9 +41,9 @@ class Progress:
         self._samples: deque[_Sample] = deque()
 
     def see(self, time_s: float, *parts: Left, free: bool = False) -> None:
-        """Add the remaining distances and angles: each time the same ones in the same order.
+        """Add the present remaining values, in the same order at each call.
 
-        `free`: True if the drone has no reason to brake or stop before the first has decreased.
+        `free`: True if the drone has no reason to brake before the first value has decreased.
         """
         if all(part.now <= part.tolerance for part in parts if part.needed):
             self._samples.clear()
@@ -55,7 +55,7 @@ class Progress:
             self._samples.popleft()
 
     def stopped(self, time_s: float, for_s: float = SAFETY.no_progress_s) -> bool:
-        """True if something remains and no value has decreased during `for_s`."""
+        """True if the step is unfinished and no remaining value decreased for `for_s` [s]."""
         if not self._samples or time_s - self._samples[0].time_s < for_s:
             return False
         return not self._nearer(time_s, for_s)

@@ -40,12 +40,12 @@ class YawWatch:
     _near: bool = False
     _looks_since_s: float | None = None
     _aligned: bool = False
-    """True once the heading has been aligned with the target for a while: the turn is over."""
+    """True once the heading has been aligned with its aim for `SAFETY.aligned_s`."""
     _moved_s: float = 0.0
     _turns: bool = False
     _settles: bool = False
     _on_deg: float = 0.0
-    """Angle of the setpoint's turn since the command, in its direction before [°]."""
+    """Angle by which the setpoint has continued its turn since `_turn_s` [°]."""
     _ended: bool = False
     _side_deg: float = 0.0
     """Angle from the heading to the aim at the last report [°], signed."""
@@ -54,11 +54,11 @@ class YawWatch:
     _courses: deque[tuple[float, float, float]] = field(default_factory=deque)
     """Times [s], headings and courses over ground [°] of the last `SAFETY.course_follow_s`."""
     _turn_s: float = field(init=False)
-    """Time of the command, or at which the setpoint turned past its aim [s]."""
+    """Start of the turn that may continue: the command, or the passing of the aim [s]."""
     _seen_s: float = field(init=False)
     """Time of the last report [s]."""
     _stood_s: float = 0.0
-    """Time without a course since the first one [s], at most `SAFETY.course_follow_s`."""
+    """Time of standing still after moving [s], at most `SAFETY.course_follow_s`."""
 
     def __post_init__(self) -> None:
         self._turn_s = self._seen_s = self.start_s
@@ -145,7 +145,7 @@ class YawWatch:
         return follows
 
     def _align(self, time_s: float, off_deg: float) -> None:
-        """Record since when a measured heading is aligned with the target."""
+        """Update the time since which a measured heading is aligned with its aim."""
         if self.exact or self._near or self._aligned:
             return
         if off_deg > SAFETY.turn_done_deg:
@@ -156,7 +156,7 @@ class YawWatch:
             self._aligned = time_s - self._looks_since_s >= SAFETY.aligned_s
 
     def _pass_aim(self, time_s: float, side_deg: float, step_deg: float) -> None:
-        """Let a setpoint brake that turns past its aim, because the aim came to meet it.
+        """Allow a setpoint that turns past its moving aim the angle that it needs to stop.
 
         A heading that begins to turn at its aim does not pass it.
         """
@@ -182,9 +182,9 @@ class YawWatch:
         return bool(longest) and not self._ended
 
     def _turned_on_deg(self, time_s: float, step_deg: float, off_deg: float) -> float:
-        """Largest angle by which an earlier turn may still turn away from the aim [°].
+        """Largest angle by which an earlier turn may still lead away from the aim [°].
 
-        A setpoint completes the earlier turn first; then it turns to its aim.
+        A setpoint first completes a turn that began before the command.
         """
         if not self.exact:
             return _turns_on_deg(self.turning_deg_s)
@@ -242,15 +242,12 @@ def _turns_to(goal_deg: float, yaw_deg: float, before_deg: float, tolerance_deg:
 
 
 def _turns_on_deg(turning_deg_s: float) -> float:
-    """Largest angle by which a turn may continue [°]; 25° and 50° were measured in flight."""
+    """Largest angle by which an earlier turn continues [°]; 25° and 50° were measured."""
     return 1.5 * abs(turning_deg_s) + 15.0 if abs(turning_deg_s) > SAFETY.turning_deg_s else 0.0
 
 
 def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
-    """Largest angle in which PX4's heading setpoint ends a turn [°].
-
-    3° are the margin.
-    """
+    """Largest angle in which PX4's heading setpoint stops a turn, with a margin of 3° [°]."""
     if abs(turning_deg_s) <= SAFETY.turning_deg_s:
         return 0.0
     return turning_deg_s**2 / (2.0 * SAFETY.setpoint_braking_deg_s2) + 3.0

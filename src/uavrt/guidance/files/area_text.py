@@ -39,7 +39,7 @@ _KEEP_OUT_REMEDY = (
 
 
 def area_in(text: str, name: str) -> tuple[Place, ...]:
-    """Read the single outline in the text of a file; ignores excluded areas."""
+    """Read the only outline in a file's text, without excluded areas; raises `FormatError`."""
     with in_words(f"{name} gives no area", _REMEDY):
         outlines = [one for one in _read(text) if not one.keep_out]
         if len(outlines) != 1:
@@ -76,7 +76,7 @@ class _Outline:
     corners: list[tuple[float, float]]
     keep_out: bool = False
     mixed: bool = True
-    """True if the format does not state the purpose of the outline."""
+    """True if the file format does not state whether the outline is searched or excluded."""
     radius_m: float | None = None
     name: str = ""
     holes: bool = False
@@ -84,7 +84,7 @@ class _Outline:
 
 @contextmanager
 def in_words(what: str, remedy: str) -> Iterator[None]:
-    """Convert any error caused by a file's text to a `FormatError` that describes it."""
+    """Context that converts errors in a file's text to `FormatError`: `what`, the reason."""
     try:
         yield
     except (
@@ -200,7 +200,7 @@ def _shapes(found: Any, properties: Any, every: bool) -> Iterator[_Outline]:
 
 
 def _not_understood(name: str, kind: object) -> ValueError:
-    """Make the error for an excluded area that cannot be read."""
+    """Error for the excluded area `name`, whose shape `kind` is not supported."""
     return ValueError(f'"{name[:MOST_NAME]}" is a {kind} without an outline')
 
 

@@ -53,7 +53,7 @@ class MissionItem:
     def at(
         cls, command: int, frame: int, place: Place, height_m: float = 0.0, first: float = 0.0
     ) -> "MissionItem":
-        """Make the waypoint of a position; the vehicle's heading follows its course."""
+        """Make the item of a position; `first`: parameter 1. A waypoint sets no heading."""
         return cls(
             command=command,
             frame=frame,
@@ -69,7 +69,7 @@ class MissionItem:
         return self.x / FULL_SCALE_DEG, self.y / FULL_SCALE_DEG
 
     def flies_as(self, other: "MissionItem") -> bool:
-        """True if another item means the same flight to an autopilot."""
+        """True if an autopilot flies another item in the same way, within rounding."""
         if self.command != other.command:
             return False
         if self.command == RETURN:
@@ -152,7 +152,7 @@ def _check_with_home(
 
 
 def difference(sent: Sequence[MissionItem], held: Sequence[MissionItem]) -> str | None:
-    """Text on a difference between a mission as read back and as sent; None without one."""
+    """Text on how a mission read back from the vehicle differs from the one sent, or None."""
     if len(sent) != len(held):
         return f"it has {len(held)} items, not {len(sent)}"
     for number, (one, other) in enumerate(zip(sent, held, strict=True), 1):
@@ -186,7 +186,7 @@ def fence_of(items: Iterable[MissionItem]) -> VehicleFence:
 
 
 def _corners(first: MissionItem, rest: Iterator[MissionItem]) -> tuple[Place, ...]:
-    """Read the corners of a fence polygon; each item repeats the number of corners."""
+    """Read the corners of a fence polygon; each item contains the number of corners."""
     count = first.params[0]
     if not (isfinite(count) and 3.0 <= count <= 1000.0):
         raise FormatError(f"the vehicle's fence has {count:g} corners", remedy=_REMEDY)

@@ -26,12 +26,12 @@ _Metres = tuple[float, float]
 
 
 def paths_of(others: Sequence[Neighbour], plane: TangentPlane) -> tuple[Strip, ...]:
-    """Straight paths of other drones: those being flown and those assigned next."""
+    """Reserved strips of the other drones: paths being flown, and those assigned next."""
     return tuple(strip for one in others for strip in pairwise(_corners(one, plane)))
 
 
 def _corners(one: Neighbour, plane: TangentPlane) -> list[_Metres]:
-    """Present position of another drone, its goal, and its next goal."""
+    """Present position of another drone, its goal, and its next goal (east, north) [m]."""
     course = one.course
     if course is None:
         return []
@@ -86,7 +86,7 @@ def other_drones_of(
 
 
 def _path(corners: list[_Metres], state: VehicleState, speed_m_s: float) -> Path:
-    """Predict times and positions of a drone that departs at once, at the common speed."""
+    """Predict times and positions of a drone that flies `corners` from now at `speed_m_s`."""
     east, north = np.array(corners).T
     steps = np.hypot(np.diff(east), np.diff(north))
     yaw = np.degrees(np.arctan2(np.diff(east), np.diff(north)))

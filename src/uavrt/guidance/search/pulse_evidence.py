@@ -32,7 +32,7 @@ class Antenna:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """A detected or a missed pulse of a tag."""
+    """A detected or missed pulse of a tag, with antenna pose and SNR or threshold."""
 
     tag_id: int
     time_s: float
@@ -41,7 +41,7 @@ class Evidence:
 
 @dataclass(slots=True)
 class _TagSearch:
-    """Search state of one tag."""
+    """Searched times, threshold and pulse counts of one tag."""
 
     slot_s: float
     """Pulse interval including its uncertainty [s]."""
@@ -49,9 +49,9 @@ class _TagSearch:
     gap_s: float
     """Longest time between two reports of an uninterrupted search [s]."""
     threshold_db: float
-    """ENR threshold of a missed pulse that no later group can include [dB]."""
+    """ENR threshold for missed pulses [dB], and for received ones above it."""
     least_db: float
-    """ENR threshold of a missed pulse that a later group may include [dB]."""
+    """ENR threshold for received pulses weaker than `threshold_db` [dB]."""
     from_s: float | None = None
     """Time since which the search has had no gap [s]; None: not searched."""
     to_s: float = 0.0
@@ -59,15 +59,16 @@ class _TagSearch:
     """Start of the first pulse slot not evaluated yet [s]."""
     first_psds: dict[str, float] = field(default_factory=dict)
     noise_db: float = 0.0
-    """Latest noise over the first known [dB]."""
+    """Ratio of the latest noise power density to the first measured one [dB]."""
     heard_s: list[float] = field(default_factory=list)
     pulses: int = 0
     missed: int = 0
 
     def set_noise(self, measured_by: str, psd: float) -> None:
-        """Record the noise, which may change with the heading; a pulse's energy does not.
+        """Update `noise_db`; the noise, unlike a pulse's energy, may change with the heading.
 
-        Reports measure a channel, pulses one frequency: each has a first value of its own.
+        `measured_by`: reports measure a channel, pulses one frequency; each has its own first
+        value. `psd`: noise power density.
         """
         if isfinite(psd) and psd > 0.0:
             before = 10.0 ** (self.noise_db / 10.0)
@@ -87,7 +88,7 @@ def threshold_db(k: int, *, coded: bool = False) -> float:
 
 
 class PulseEvidence:
-    """Converts pulses, search reports and positions to evidence."""
+    """Converts pulses, search reports and poses to evidence on the tags' positions."""
 
     def __init__(
         self,
@@ -108,7 +109,7 @@ class PulseEvidence:
         self._places: deque[Antenna] = deque()
         self._keys: dict[tuple[int, int], None] = {}
         self.refused = 0
-        """Number of pulses without information: no pose, doubtful, ghost or repeated."""
+        """Number of unused pulses: without pose, doubtful, repeated, or a receiver artefact."""
 
     def counts(self, tag_id: int) -> tuple[int, int]:
         """Numbers of detected and missed pulses of a tag."""
@@ -116,7 +117,7 @@ class PulseEvidence:
         return search.pulses, search.missed
 
     def place(self, place: Antenna) -> None:
-        """Record the antenna's present pose."""
+        """Store the antenna's present pose, for pulses missed about this time."""
         self._places.append(place)
         while self._places[0].time_s < place.time_s - SEARCH_RULES.kept_s:
             self._places.popleft()
@@ -149,7 +150,7 @@ class PulseEvidence:
         return self._evidence(pulse.tag_id, place, pulse.snr_db, search)
 
     def searched(self, report: SearchReport, time_s: float) -> None:
-        """Record a detector's report that it searches for a tag."""
+        """Store a detector's report that it has searched for a tag until `time_s`."""
         search = self._searches.get(report.tag_id)
         if search is None:
             return
@@ -161,7 +162,7 @@ class PulseEvidence:
         search.set_noise("report", report.noise_psd)
 
     def missed(self) -> list[Evidence]:
-        """Return the pulses that by now have certainly been missed."""
+        """Evidence of expected pulses that were not detected, and can no longer be reported."""
         found = []
         for tag_id, search in self._searches.items():
             if search.from_s is None:
@@ -214,9 +215,9 @@ def _pulse_search(tag: Tag, k: int) -> _TagSearch:
 
 
 def _coded_search(tag: Tag, codes: int) -> _TagSearch:
-    """Search state of a coded tag; a burst found with nine others is 18 intervals late.
+    """Search state of a coded tag, whose strong bursts are reported within two seconds.
 
-    A strong burst is reported within two seconds.
+    Weak bursts found in groups come later: up to 18 intervals in a group of ten.
     """
     (interval,) = tag.pulse_intervals_s
     return _TagSearch(

@@ -78,7 +78,7 @@ class SearchDecisions:
     def decide(
         self, state: VehicleState, now: VehicleNow, others: Sequence[Neighbour]
     ) -> Decision:
-        """Decide what to fly from a state; a path that must not be flown becomes a stay."""
+        """Choose the next action; a stay if its path meets an excluded area or a drone."""
         task, search = self._task, self._search
         drones = None
         if others:
@@ -109,7 +109,7 @@ class SearchDecisions:
         )
 
     def _entered(self, action: Action, state: VehicleState, now: VehicleNow) -> str | None:
-        """Text on an excluded area that an action crosses, from here or the stopping point.
+        """Text on an excluded area that an action crosses; None if it crosses none.
 
         The path is checked from the present position and from the stopping point.
         """
@@ -124,7 +124,7 @@ class SearchDecisions:
         return None
 
     def text(self, action: Action, now: VehicleNow) -> str:
-        """Text on an action for the operator."""
+        """Describe an action for the operator: ``fly 40 m NW``."""
         goal = goal_of(action)
         if goal is None:
             return str(action)
@@ -146,5 +146,5 @@ def _meets(action: Action, state: VehicleState, drones: OtherDrones) -> str | No
 
 
 def goal_of(action: Action) -> tuple[float, float] | None:
-    """East and north of an action's goal [m]; None if the drone stays."""
+    """East and north of an action's goal [m]; None unless it flies to a position."""
     return (action.east_m, action.north_m) if isinstance(action, FlyTo) else None

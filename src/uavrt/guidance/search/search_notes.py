@@ -18,7 +18,7 @@ MOST_CELLS = 6
 
 
 class SearchNotes:
-    """Makes the records of one search."""
+    """Makes the log entries of one search."""
 
     def __init__(self, task: SearchTask, search: Search, evidence: PulseEvidence) -> None:
         self._task, self._search, self._evidence = task, search, evidence
@@ -35,7 +35,7 @@ class SearchNotes:
         goal_m: tuple[float, float] | None = None,
         likely: bool = False,
     ) -> SearchNote:
-        """Record a decision or event; with `likely` also the cells of tags not yet found."""
+        """Make a log entry; with `likely` also the likeliest cells of tags not yet found."""
         return SearchNote(
             time_ns=time_ns,
             order_id=self._task.order.order_id,
@@ -52,7 +52,7 @@ class SearchNotes:
         )
 
     def found(self, tag_id: int, time_ns: int, elapsed_s: float, now: VehicleNow) -> SearchNote:
-        """Record that a tag was found."""
+        """Make the log entry of a found tag, with the reason."""
         reason = self._search.found[tag_id].reason
         note = self.note("found", time_ns, elapsed_s, now, f"tag {tag_id} found", reason)
         return replace(note, tag_id=tag_id)

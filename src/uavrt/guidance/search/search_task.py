@@ -38,7 +38,7 @@ class Equipment:
     yaw_offset_deg: float = 0.0
     """Boresight of the antenna, clockwise from the drone's nose [°]."""
     k: int = 0
-    """Number of pulses in a group; 0: as set for each tag."""
+    """Number of pulses that the detector sums for one decision; 0: as set for each tag."""
     planner: str = "mi_rate"
     seed: int = 1
     hills: HillLosses | None = None
@@ -68,7 +68,7 @@ class SearchTask:
         check_height(self.height_m, lowest_m=limits.lowest_m, highest_m=limits.highest_m)
 
     def search(self, now: VehicleNow) -> Search:
-        """Start with prior beliefs; raises `PlanError` if the drone is outside the limits."""
+        """Make the search with prior beliefs; `PlanError` if area or battery forbid it."""
         order, limits, away = self.order, self.limits, self.limits.keep_away_m
         area = area_of(order, self.outline, now, limits)
         check_battery(now, limits, 0.0, self.here_m(now), self.height_m)
@@ -127,7 +127,7 @@ class SearchTask:
         )
 
     def _planner(self) -> Planner:
-        """Make the configured planner; uavrt's own accounts for the duration of a turn."""
+        """Make the planner of the settings; uavrt's own gets the duration of a turn."""
         if self.equipment.planner != "mi_rate":
             return planner_named(self.equipment.planner)
         turning = self.turn_s
@@ -180,7 +180,7 @@ def _wanted(order: Order, listed: Sequence[Tag]) -> tuple[Tag, ...]:
 
 
 def _circle(order: Order, now: VehicleNow, plane: TangentPlane) -> tuple[Place, ...]:
-    """Outline of a circle around the drone."""
+    """Corners of a circular search area around the drone; `PlanError` without a radius."""
     radius = order.radius_m
     if radius is None or not 10.0 <= radius <= 10_000.0:
         raise PlanError(

@@ -31,7 +31,7 @@ from uavrt.planning.drone_model.planner_actions import Action, FlyTo, Hold, Retu
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """Result of a decision: steps to fly, and the text for the operator."""
+    """Result of a decision: steps to fly, a text for the operator, and log entries."""
 
     steps: tuple[Step, ...] | None
     """Steps to fly from now on; None: no change."""
@@ -39,7 +39,7 @@ class Choice:
     """Text for the operator, one line."""
     notes: tuple[SearchNote, ...]
     way: tuple[Place, Place] | None = None
-    """Start and end of the path that the steps fly; equal if the drone stays."""
+    """Start and end of the path that the steps fly, equal for a stay; None: no change."""
     returning: bool = False
     held: tuple[int, ...] = ()
     """Tags that this drone searches for, if other drones search too."""
@@ -53,7 +53,7 @@ class _Course:
     goal_m: tuple[float, float] | None = None
     """East and north of the goal [m]; None if the drone stays."""
     near: float = 0.0
-    """Probability, at the decision, that an animal was too close."""
+    """Probability that an animal was nearer than its protected distance, at the decision."""
     over: bool = False
     said: str = "searching"
 
@@ -129,7 +129,7 @@ class Seeker:
         )
 
     def place(self, time_ns: int, now: VehicleNow) -> None:
-        """Record the drone's present position."""
+        """Store the drone's present position, to locate missed pulses."""
         if self._begun_ns is None:
             return
         east, north = self._task.here_m(now)
@@ -147,7 +147,7 @@ class Seeker:
         )
 
     def pulse(self, pulse_pose: PulsePose) -> None:
-        """Update beliefs with a received pulse."""
+        """Update the belief about a tag's position with a received pulse."""
         pulse = pulse_pose.pulse
         time_s = self._elapsed_s((pulse.start_time_ns + pulse.end_time_ns) // 2)
         if self._begun_ns is not None and time_s >= 0.0:
@@ -156,13 +156,13 @@ class Seeker:
                 self._listen(evidence)
 
     def searched(self, report: SearchReport) -> None:
-        """Record a detector's report that it searches for a tag."""
+        """Use a detector's report of a search without detection: pulses may be missed."""
         time_s = self._elapsed_s(report.time_ns)
         if self._begun_ns is not None and time_s >= 0.0:
             self._evidence.searched(report, time_s)
 
     def _listen(self, evidence: Evidence) -> None:
-        """Update beliefs with evidence, even if it arrives late."""
+        """Update the belief about a tag's position with a received or missed pulse."""
         tag_id = evidence.tag_id
         self._latest_s[tag_id] = max(self._latest_s.get(tag_id, 0.0), evidence.time_s)
         self._search.listen(tag_id, self._latest_s[tag_id], evidence.listening)
@@ -212,17 +212,17 @@ class Seeker:
         )
 
     def withdraw(self) -> None:
-        """Withdraw the last decision: the flight continues as before."""
+        """Forget the last decision, because it is not flown."""
         self._course = self._course_before
 
     def end(self, time_ns: int, now: VehicleNow, reason: str) -> SearchNote:
-        """Record the end of the search, whatever its reason."""
+        """Make the log entry of the search's end, whatever its reason."""
         text = f"{len(self._search.found)} of {len(self._task.tags)} found"
         time_s = self._elapsed_s(time_ns)
         return self._notes.note("ended", time_ns, time_s, now, text, reason, likely=True)
 
     def _approached(self, state: VehicleState) -> bool:
-        """True if an animal has probably come closer since the stay began."""
+        """True if an animal has probably come too close since the drone began to stay."""
         near = self._search.near(state)
         return (
             near > 1.0 - SEARCH_RULES.kept_away
@@ -255,7 +255,7 @@ class Seeker:
         return 0.0 if self._begun_ns is None else s_from_ns(time_ns - self._begun_ns)
 
     def _state(self, time_s: float, now: VehicleNow, *, idle: bool) -> VehicleState:
-        """State in which a new action can start: during flight, at the stopping point."""
+        """Drone's state at the start of a new action: in flight, where it can stop."""
         stand = self._stopping_point(now, None if idle else self._course.goal_m)
         east, north = self._task.local_m(*stand)
         return VehicleState(

@@ -52,7 +52,7 @@ class SharedSearch:
         self._returning = False
 
     def take(self, report: Neighbour, now_s: float) -> None:
-        """Handle the ground's report of another drone."""
+        """Store the ground station's report of another drone, with its answer to a request."""
         self._reported_s = now_s
         asked = self._asked
         if asked is not None and asked.number in (report.granted, report.denied):
@@ -61,7 +61,7 @@ class SharedSearch:
             self._others[report.vehicle] = (report, now_s)
 
     def informed(self, now_s: float) -> bool:
-        """True if a ground station reports other drones at present."""
+        """True if a ground station has reported other drones recently."""
         return self._reported_s is not None and now_s - self._reported_s < SAFETY.report_age_s
 
     def must_report(self, now_s: float) -> bool:
@@ -104,7 +104,7 @@ class SharedSearch:
                 )
 
     def begin(self, now_s: float) -> None:
-        """Start an order; drones with outdated reports are dropped."""
+        """Reset for a new order, and forget drones whose reports are outdated."""
         self._others = {
             vehicle: (one, reported_s)
             for vehicle, (one, reported_s) in self._others.items()
@@ -114,7 +114,7 @@ class SharedSearch:
         self.end()
 
     def end(self) -> None:
-        """End the order, with all paths assigned to this drone."""
+        """Give up all paths requested by or assigned to this drone, as its order has ended."""
         self._asked = self._granted = self._goal = None
         self._returning = False
 
@@ -159,7 +159,7 @@ class SharedSearch:
         return choice, True
 
     def _clear(self, now: VehicleNow, end: Place) -> bool:
-        """True if a path, also from the present position, keeps the distance to others."""
+        """True if the path to `end` keeps the required distance to other drones' paths."""
         plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
         here = (now.latitude_deg, now.longitude_deg)
         stand = here if self._goal is None else stopping_place(now, self._goal)
@@ -170,13 +170,13 @@ class SharedSearch:
         return off >= SEPARATION.distance_m
 
     def go(self, goal: Place | None, *, returning: bool = False) -> None:
-        """Fly to a goal without a request: alone, on an assigned path, or for safety."""
+        """Set the goal of a flight that needs no assignment; None: the drone stays."""
         self._asked, self._goal, self._returning = None, goal, returning
 
     def course(
         self, now: VehicleNow, *, searching: bool = False, height_m: float | None = None
     ) -> Course:
-        """Report of this drone's own course; its tag lists begin with another tag each time."""
+        """Report of this drone's course; each begins its lists of tags with another tag."""
         self._sequence = (self._sequence + 1) % _ROUND
         here = (now.latitude_deg, now.longitude_deg)
         height = now.altitude_relative_m if height_m is None else height_m

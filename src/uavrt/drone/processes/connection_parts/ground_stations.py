@@ -29,7 +29,7 @@ class GroundStations:
         self._next_session_ns = 0
 
     def asked(self, peer: Peer) -> None:
-        """Remember the link of a station's message, to answer on the same link."""
+        """Store the link on which a station's message arrived, for the answer."""
         self._asked_on[peer.place] = peer.link
 
     def commander(self, source: str | None) -> None:
@@ -42,7 +42,7 @@ class GroundStations:
         self._limits.commander(place)
 
     def accepted(self, asker: Place) -> None:
-        """Treat a station as in command until the supervisor confirms it."""
+        """Treat a station as in command, if none is, until the supervisor confirms it."""
         if not self._limits.has_commander:
             self._limits.commander(asker)
 
@@ -52,12 +52,15 @@ class GroundStations:
         return self._limits.dropped
 
     def admits(self, peer: Peer, answers: int = 0) -> bool:
-        """True if an unsealed message may be handled; with a key, all senders share a limit."""
+        """True if an unauthenticated message may be handled; `answers`: number of replies.
+
+        All senders share one limit if the drone has a key.
+        """
         place = (0, 0) if self.gate.locked else peer.place
         return self._limits.admits(place, self._now_ns(), answers=answers)
 
     def admits_file_request(self, peer: Peer, *, detecting: bool) -> bool:
-        """True if a request for a file may be handled."""
+        """True if the rate limits allow a file request; lower if `detecting` without proof."""
         proof = not (self.gate.locked and detecting) or self.gate.asks_for_files(peer.place)
         return self._limits.admits_file_request(peer.place, self._now_ns(), proof=proof)
 
@@ -68,7 +71,7 @@ class GroundStations:
             self._link.tunnel.rate_of(peer.link).acknowledged(trip_s, self._now_ns())
 
     def silent_s(self) -> dict[Place, float]:
-        """Silence of each station [s]; after its first sealed message only those count."""
+        """Silence of each station [s]; once one sends sealed messages, only these count."""
         return self._link.stations_silent_s() | self.gate.silent_s()
 
     def answer(self, answer: Answer | None, *, urgent: bool = True) -> None:
@@ -88,7 +91,7 @@ class GroundStations:
         self._link.tunnel.send_tunnel(payload, priority, self._peer(asker), kind)
 
     def answer_parameter(self, value: ParamValue, asker: Peer | None) -> None:
-        """Report a parameter to all stations, or to one with low priority."""
+        """Report a parameter's value to all stations or, with low priority, to `asker`."""
         tunnel = self._link.tunnel
         if asker is None or (self._limits.commands(asker.place) and not self.gate.locked):
             tunnel.send_message(value)
@@ -96,7 +99,7 @@ class GroundStations:
             tunnel.send_message(value, Priority.OTHER, asker.link)
 
     def answer_keepalive(self, payload: bytes, peer: Peer) -> None:
-        """Answer a station's keepalive: return its nonce with the session for seals."""
+        """Answer a station's keepalive with its nonce, and the session for sealed commands."""
         self.asked(peer)
         session = self.gate.keepalive(payload, peer.place, self._link.place)
         if session is not None:

@@ -43,7 +43,7 @@ ALIVE_NS = ns_from_s(3.0)
 """Shortest time between two heartbeats of a tag's detector [ns]. The original ground station
 expects one within K + 1 pulse intervals and a second, about 6 s."""
 ALIVE_PER_TAG_NS = ns_from_s(0.1)
-"""Additional time for each tag in `ALIVE_NS` [ns]; limits these reports to 10 a second."""
+"""Least period of these heartbeats for each searched tag [ns]; 10 a second in all."""
 BEEP_NS = ns_from_s(5.0)
 """Time between two reports of beeping senders, which are sent in turn [ns]."""
 THERMAL_ZONE = Path("/sys/class/thermal/thermal_zone0/temp")
@@ -85,7 +85,7 @@ class GroundStatus:
         return self._limiter.left_out + self._tag_limiter.left_out
 
     def tags(self, count: int) -> None:
-        """Set the number of tags that are searched."""
+        """Set the number of searched tags, on which the rate of their reports depends."""
         self._tags = count
 
     def tick(self, state: SystemState, now_ns: int) -> None:
@@ -144,7 +144,7 @@ class GroundStatus:
         *,
         newcomer: bool,
     ) -> None:
-        """Repeat lasting faults, for stations that missed the first report or are new."""
+        """Repeat lasting faults for stations that missed them; at once for a `newcomer`."""
         if not newcomer and not self._due("faults", FAULTS_NS, now_ns):
             return
         for fault in (*map(_fault_of, filter(lambda one: one.reason, processes)), *others):
@@ -159,7 +159,7 @@ class GroundStatus:
         return allowed
 
     def search_report(self, report: SearchReport, now_ns: int) -> None:
-        """Send a report that a tag is searched, at a limited rate."""
+        """Send a tag's search report; if one was sent recently, that the detector works."""
         if self._due(f"search {report.tag_id}", SEARCH_REPORT_NS, now_ns):
             self._send(self._exchange.search_report(report))
         else:

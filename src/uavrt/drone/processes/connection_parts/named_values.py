@@ -51,7 +51,7 @@ class NamedValues:
         self._counts.update(counts)
 
     def heard(self, pulse: Pulse, now_ns: int) -> None:
-        """Add a pulse; only confirmed ones count."""
+        """Count a pulse, if confirmed, and use its SNR for the tag's next message."""
         if pulse.confirmed and self._which != "off":
             self._counts[pulse.tag_id] += 1
             self._news[pulse.tag_id] = now_ns, pulse.snr_db
@@ -69,7 +69,7 @@ class NamedValues:
         return None if first_ns is None else max(gap_ns, first_ns)
 
     def take(self, now_ns: int, rate_bytes_s: float) -> NamedValueFloat | None:
-        """Return the message that is due; a tag's pulse count follows its SNR."""
+        """Return the message that is due, or None; a tag's pulse count follows its SNR."""
         if self.wait_ns(now_ns) != 0:
             return None
         if not self._outgoing:

@@ -25,13 +25,13 @@ log = get_logger()
 FIXED_PERIOD_S = 0.5
 """Time between two poses of a fixed station [s]; poses are interpolated."""
 CLOSEST_NS = ns_from_s(0.02)
-"""Shortest time between two positions [ns]; receivers send 1 to 20 a second."""
+"""Time after a position in which others are dropped [ns]; GPS sends 1 to 20 a second."""
 SILENCE_NS = ns_from_s(5.0)
 """Age above which a position is outdated [ns]; receivers send one a second."""
 ALTITUDE_HOLDS_NS = ns_from_s(3.0)
 """Time after a position with altitude during which positions without it are dropped [ns]."""
 WATCH_PERIOD_S = 3.0
-"""Time between requests to a silent gpsd [s], which forgets a request on reconnection."""
+"""Time between data requests to a silent gpsd [s]; a restarted one lost them."""
 GPSD = "127.0.0.1:2947"
 WAIT_S = 1.5
 """Longest time that a pulse waits for the receiver's next position [s]."""
@@ -96,7 +96,7 @@ class OwnPose:
 
     @property
     def status(self) -> str | None:
-        """Text on what is missing; None if position and heading are known."""
+        """Text on whether position or heading is missing; None if both are known."""
         now_ns = self._clock_ns()
         if self._fault is not None:
             return f"no position: {self._fault}"
@@ -115,7 +115,7 @@ class OwnPose:
         return counts
 
     async def run(self) -> None:
-        """Produce samples until cancelled."""
+        """Produce attitude and position samples until cancelled."""
         if self._address is None:
             await self._report_fixed_place()
         elif self._settings.source == "gpsd":

@@ -68,7 +68,7 @@ class ParameterDesk:
         *,
         sealed: bool = False,
     ) -> None:
-        """Handle a request to read or set parameters; `refusal` forbids setting any."""
+        """Handle a request for parameters; `refusal`: why none may be set, or None."""
         answer = self._server.receive(message)
         if isinstance(answer, list):
             for value in answer:
@@ -93,7 +93,7 @@ class ParameterDesk:
     def receive_sealed(
         self, inside: bytes, peer: Peer, refusal: str | None, request_id: int
     ) -> None:
-        """Handle an authenticated request by name or index; NaN as value reads."""
+        """Handle an authenticated request by name or index; a value of NaN means: read."""
         try:
             name, value = read_parameter(inside)
         except TunnelError as error:
@@ -131,7 +131,7 @@ class ParameterDesk:
                 self._send(self._server.value(name), None)
 
     def running(self, running: bool) -> None:
-        """Set whether detection runs, before the reply to the causing command."""
+        """Set whether detection runs; must precede `reply` to the command that changed it."""
         changed, self._running = self._running is not running, running
         if changed and not self._is_pending(RUN.name):
             self._send(self._server.value(RUN.name), None)

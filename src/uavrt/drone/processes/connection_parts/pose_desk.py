@@ -36,7 +36,7 @@ OWN_POSE_PERIOD_NS = 250_000_000
 REPORT_PERIOD_NS = NANOSECONDS_PER_SECOND
 """Time between two reports of the position of a station without autopilot [ns]."""
 RECORD_NS = ns_from_s(TOPICS["poses"].every_s or 0.5)
-"""Time covered by the poses of one record [ns]."""
+"""Time after which the collected poses are sent to the recorder, as one record [ns]."""
 POSES_KEPT_NS = 200 * POSE_PERIOD_NS
 """Gap after which recording restarts with the newest pose [ns]."""
 SAME_CLOCK_NS = 1_000_000
@@ -102,13 +102,13 @@ class PoseDesk:
             self._own.use(settings)
 
     def use_clock(self, offset_ns: int) -> None:
-        """Set the clock of a new flight."""
+        """Use the clock of a new flight; `offset_ns`: UTC minus CLOCK_MONOTONIC [ns]."""
         before_ns, self.shift_ns = self.shift_ns, offset_ns - self._clock.offset_ns
         if abs(self.shift_ns - before_ns) > SAME_CLOCK_NS:
             self._ring.clear()
 
     def watch_clock(self, stale: bool, counters: Callable[[], Mapping[str, float]]) -> None:
-        """Report when the autopilot's clock becomes unknown or known."""
+        """Report to the operator when the autopilot's clock becomes unknown or known again."""
         if stale == self._clock_is_stale:
             return
         self._clock_is_stale = stale
@@ -149,11 +149,11 @@ class PoseDesk:
         self._attacher.add(pulse, self._clock.now_ns() + self.shift_ns)
 
     def ready(self) -> list[PulsePose]:
-        """Return the pulses with a known pose, and those that will never have one."""
+        """Remove and return the pulses with a known pose, and those that will not get one."""
         return self._marked(self._attacher.ready(self._clock.now_ns() + self.shift_ns))
 
     def flush(self) -> list[PulsePose]:
-        """Return all waiting pulses, with a pose where it is known."""
+        """Remove and return all waiting pulses, with a pose where it is known."""
         return self._marked(self._attacher.flush())
 
     def _marked(self, pulse_poses: list[PulsePose]) -> list[PulsePose]:
@@ -163,14 +163,14 @@ class PoseDesk:
         ]
 
     def _by_the_clock(self, pose: Pose) -> Pose:
-        """Mark a pose as extrapolated if the autopilot's clock is."""
+        """Mark a pose as extrapolated if the autopilot's clock is extrapolated."""
         if not self._clock_is_stale or pose.extrapolated:
             return pose
         self._on_stale_clock += 1
         return replace(pose, extrapolated=True)
 
     def missing(self) -> str | None:
-        """Text on what is missing for the station's own pose; changes are reported."""
+        """Text on what the station's own pose lacks, or None; changes go to the operator."""
         assert self._own is not None
         missing = self._own.status
         if missing != self._missing:

@@ -29,13 +29,13 @@ FLIGHTS = 4
 """Number of flights whose pulses may be undelivered; the recorder handles as many."""
 RECENT = 2_000
 RECENT_NS = ns_from_s(60.0)
-"""Largest age of the `RECENT` remembered deliveries [ns], which may not be stored yet. The
-recorder commits every three seconds; after a longer delay some pulses are sent twice."""
+"""Time for which deliveries are remembered [ns], `RECENT` at most; the database may lack them.
+The recorder commits every three seconds; after a longer delay some pulses are sent twice."""
 REFILL_PERIOD_NS = ns_from_s(0.5)
 
 
 class PulseOutlet:
-    """All pulses that are still to be sent to the ground."""
+    """Sends pulses to the ground, and reads unsent ones from the flights' databases."""
 
     def __init__(
         self,
@@ -78,7 +78,7 @@ class PulseOutlet:
     def receipt(
         self, payload: bytes, place: tuple[int, int], now_ns: int
     ) -> tuple[bool, float | None]:
-        """Handle a receipt; return if it acknowledged, and the round trip [s], if known."""
+        """Handle a receipt; return if it acknowledged a pulse, and round trip [s] or None."""
         try:
             receipt = Receipt.decode(payload)
         except TunnelError as error:
@@ -91,7 +91,7 @@ class PulseOutlet:
         return receipt.store in self.sender.stores.confirmed, self.sender.underway.fresh_trip_s
 
     def tick(self, now_ns: int) -> None:
-        """Note deliveries to stations without receipts; read pulses from disk if needed."""
+        """Report deliveries to stations without receipts; read pulses from disk if needed."""
         self._delivered(PLAIN, self.sender.pulses.sent_plain(), now_ns)
         for number, key in self.sender.settled():
             self._delivered(number, [key], now_ns)
@@ -153,7 +153,7 @@ class PulseOutlet:
 def _read(
     flights: Sequence[str], store: int, room: int, without: Collection[ItemKey]
 ) -> tuple[list[PulsePose], bool]:
-    """Get up to `room` unsent pulses that are not in `without`; True if more exist."""
+    """Read up to `room` unsent pulses that are not in `without`, and whether more exist."""
     found: list[PulsePose] = []
     more = False
     for directory in flights:

@@ -96,7 +96,10 @@ class PulsePath:
             self._link.tunnel.unanswered(now_ns)
 
     def pass_on(self, pulse_poses: Iterable[PulsePose]) -> None:
-        """Send pulses to recorder and ground, unless the recorder replaced a late pose."""
+        """Send pulses with poses to recorder and ground, unless they were sent before.
+
+        This includes pulses to which the recorder has given a reconstructed pose.
+        """
         for pulse_pose in pulse_poses:
             if self._delivery.may_send(pulse_pose.pulse.key):
                 self._send_record("pulse_pose", pulse_pose)
@@ -108,7 +111,7 @@ class PulsePath:
             self._send(pulse_pose)
 
     def recorded(self, record: Recorded) -> None:
-        """Record which pulses the flight's database contains."""
+        """Register pulses that are now in the flight's database."""
         known = [self._delivery.recorded(key) for key in record.pulses]
         if not all(known):
             self.outlet.disk_has_news()

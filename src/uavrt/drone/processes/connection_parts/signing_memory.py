@@ -19,14 +19,14 @@ BEHIND_S, BEHIND_AFTER_BOOT_S = 3.0, 40.0
 
 
 class SigningKept(msgspec.Struct):
-    """Contents of the file: the boot in which it was written, and the times."""
+    """Contents of the file: the boot in which it was written, and times of signed frames."""
 
     boot_id: str
     times: SigningTimes
 
 
 class SigningMemory:
-    """Stores the times of one `Signing` in a file of a directory."""
+    """Stores the newest times of signed frames, of one `Signing`, in a directory's file."""
 
     def __init__(self, signing: Signing, directory: Path) -> None:
         self._signing = signing

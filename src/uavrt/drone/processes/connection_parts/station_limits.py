@@ -38,7 +38,7 @@ class StationLimits:
 
     @property
     def has_commander(self) -> bool:
-        """True if the station in command is known."""
+        """True if a station is in command."""
         return self._commander is not None
 
     def commander(self, place: Place) -> None:
@@ -52,7 +52,7 @@ class StationLimits:
         return place == self._commander
 
     def admits_file_request(self, place: Place, now_ns: int, *, proof: bool = True) -> bool:
-        """True if a file request may be handled; `proof`: no authentication is missing."""
+        """True if a file request may be handled; `proof`: authenticated, or need not be."""
         allowance = self._files if proof else self._open_files
         admitted = (proof and place == self._commander) or allowance.take(now_ns)
         self.dropped += not admitted

@@ -12,13 +12,13 @@ exceeds a turn's time behind the antenna, and one or two lost groups."""
 
 
 class TagTexts:
-    """Decides which text is due; an unsent one is due again with the next pulse."""
+    """Decides when to report a tag as received; an unsent text is due with the next pulse."""
 
     def __init__(self, tags: Iterable[Tag] = ()) -> None:
         self.begin_flight(tags)
 
     def begin_flight(self, tags: Iterable[Tag]) -> None:
-        """Reset for a new flight."""
+        """Reset for a new flight: a text is due when each of its tags is first received."""
         self._tags = {tag.tag_id: tag for tag in tags}
         self._last_ns: dict[int, int] = {}
         self._due: dict[int, float | None] = {}
@@ -32,7 +32,7 @@ class TagTexts:
                 del self._due[tag_id]
 
     def text(self, pulse: Pulse) -> str | None:
-        """Register a pulse; return the text that is due. Only confirmed pulses are used."""
+        """Register a pulse, if confirmed; return the text due about its tag, or None."""
         if not pulse.confirmed:
             return None
         tag_id = pulse.tag_id

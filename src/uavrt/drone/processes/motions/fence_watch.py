@@ -22,7 +22,7 @@ FENCE_PERIOD_S = 30.0
 
 
 class FenceWatch:
-    """Downloads the autopilot's geofence and passes it on."""
+    """Downloads the autopilot's geofence and sends it to the guide process."""
 
     def __init__(
         self,
@@ -49,7 +49,7 @@ class FenceWatch:
             self._end(download)
 
     def tick(self, now_s: float, *, resting: bool) -> None:
-        """Send the requests that are due; start no download while an order is flown."""
+        """Send the requests that are due; a download starts only if `resting` (no order)."""
         if self._download is None and resting and now_s >= self._next_s:
             own = self._place()
             peer = Peer(own[0], MavComponent.COMP_ID_AUTOPILOT1)
@@ -60,7 +60,7 @@ class FenceWatch:
             self._end(self._download)
 
     def repeat(self) -> None:
-        """Send the known fence again, because the guide was restarted."""
+        """Send the known fence again, because the guide process was restarted."""
         if self._known is not None:
             self._report(self._known)
 

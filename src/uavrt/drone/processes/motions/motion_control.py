@@ -33,22 +33,22 @@ STOP_WITHIN_S = 1.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outlets:
-    """Functions by which the motion parts send their messages."""
+    """Functions that send messages of motion control to their receivers."""
 
     command: Callable[[Message], None]
     """Function that sends a command to the autopilot at once."""
     leaves: Callable[[], bool]
-    """True if a command could be sent at once."""
+    """Function that returns True if a command could be sent at once."""
     state: Callable[[bytes, Asker | None], None]
-    """Function that sends a payload of type 60006 to one station, or to all if None."""
+    """Function that sends the state of a motion order to one station, or to all if None."""
     ask: Callable[[Command], None]
     record: Callable[[str, object], None]
-    """Function that sends a record to the guide, through the supervisor."""
+    """Function that sends a record to the guide process, through the supervisor."""
     text: Callable[[StatusText], None]
 
 
 class MotionControl:
-    """The authority over the present autopilot, and the commands of its order."""
+    """Sends the commands of the confirmed order, if `Authority` permits them."""
 
     def __init__(
         self,
@@ -69,7 +69,7 @@ class MotionControl:
         self._late_reported = False
 
     def use(self, kind: AutopilotName | None) -> None:
-        """Set the autopilot's kind, for the rules on commands; None: no commands possible."""
+        """Set the kind of autopilot; None: unknown, so that no command can be sent."""
         if kind is None:
             self.authority = None
             return
@@ -110,20 +110,20 @@ class MotionControl:
             self.end(f"the drone side stood still for {pause_s:.0f} s", now_s)
 
     def see(self, observations: Iterable[Observation], now_s: float) -> None:
-        """Pass the autopilot's reports to the authority."""
+        """Pass the autopilot's reports to `authority`, which may end control."""
         if self.authority is not None:
             for one in observations:
                 self.authority.see(one)
             self.watch(now_s)
 
     def end(self, reason: str, now_s: float) -> None:
-        """End control, for the given reason."""
+        """End our control of the drone, for the given reason; no more commands are sent."""
         if self.authority is not None:
             self.authority.stop(now_s, reason)
             self.watch(now_s)
 
     def tick(self, now_s: float) -> None:
-        """End control if the autopilot, the guide or the operator is silent."""
+        """End control if autopilot, guide process or operator has been silent for too long."""
         if self.authority is not None and self.stalls.silence_counts(now_s):
             self.authority.tick(now_s)
 
@@ -155,7 +155,7 @@ class MotionControl:
         return self.authority
 
     def fly(self, wish: VehicleWish, now_s: float) -> bool:
-        """Handle the guide's request for the present order; True if a motion was requested."""
+        """Handle a request of the guide process; True if for a motion, even a refused one."""
         authority = self.known
         assert wish.order_id is not None
         self._said = wish.said or self._said
@@ -204,7 +204,7 @@ class TakeBack:
 
     @property
     def under_way(self) -> bool:
-        """True until the stop command is sent."""
+        """True from *Take back* until the stop command is sent."""
         return self._by_s > 0.0
 
     def begin(self, now_s: float) -> None:

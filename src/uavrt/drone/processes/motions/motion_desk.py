@@ -24,7 +24,7 @@ from uavrt.link.mavlink.message import Message
 
 
 class MotionDesk:
-    """Passes each message to the parts that need it, in a safe order."""
+    """Passes each message of autopilot and guide to the parts that need it, in a safe order."""
 
     def __init__(
         self,
@@ -72,7 +72,7 @@ class MotionDesk:
             self._fence.vehicle(message, now_s)
 
     def wish(self, wish: VehicleWish) -> None:
-        """Handle a motion request from the guide."""
+        """Handle a motion request from the guide process, which plans orders."""
         now_s, authority = monotonic_s(), self.control.authority
         self.control.wake(now_s)
         if authority is None:

@@ -38,7 +38,7 @@ class _Question:
 
 
 class MotionOrders:
-    """Motion orders that wait for an answer; `next_request_id` numbers the queries."""
+    """Handles stations' motion orders; `next_request_id`: makes numbers for queries."""
 
     def __init__(
         self,
@@ -144,7 +144,7 @@ class MotionOrders:
         self._reports.confirmed(asker, confirmation.request_id, now_s)
 
     def offer(self, offer: MotionOffer) -> None:
-        """Send the guide's proposed order, or its refusal, to the requesting station."""
+        """Send a proposed order, or the refusal of a request, to the requesting station."""
         answer, asker, number = self._reports.answer, offer.asker, offer.request_id
         if offer.refused:
             answer("refused", offer.summary, asker, number)
@@ -160,7 +160,7 @@ class MotionOrders:
 
 
 class NeighbourReports:
-    """Passes reports on other drones to the guide, from one ground station at a time."""
+    """Passes one ground station's reports on other drones to the guide process."""
 
     def __init__(
         self,
@@ -176,7 +176,7 @@ class NeighbourReports:
     def receive(
         self, payload: bytes, asker: Asker, refusal: str | None, *, sealed: bool
     ) -> None:
-        """Handle a report of type 60010; parameters as for `MotionOrders.receive`."""
+        """Handle a report on another drone; parameters as in `MotionOrders.receive`."""
         now_s = monotonic_s()
         try:
             neighbour = decode_neighbour(payload)

@@ -19,7 +19,7 @@ UNKNOWN = "the autopilot is not known. Fly a multirotor with PX4 or ArduPilot"
 
 
 class MotionReports:
-    """Sends reports and answers about the motion order that `control` flies."""
+    """Sends reports and answers about the motion order in progress."""
 
     def __init__(
         self, outlets: Outlets, control: MotionControl, autopilot: ReportedAutopilot
@@ -74,7 +74,7 @@ class MotionReports:
         self.report(now_s)
 
     def standing_changed(self, now_s: float) -> None:
-        """Report that control has begun or ended."""
+        """Report to operator, stations and guide that control has begun or ended."""
         control = self._control
         ended = control.authority if control.standing is Standing.OUT else None
         log.info(
@@ -100,7 +100,7 @@ class MotionReports:
         self.answer("state", self._control.text, None, 0)
 
     def stations_silent(self, silent_s: Mapping[Asker, float]) -> None:
-        """Set the silence of each ground station [s]."""
+        """Set for how long each ground station has been silent [s]."""
         self._silent_s = silent_s
 
     @property
@@ -112,7 +112,7 @@ class MotionReports:
         return min(NEVER_S, silent_s.get(self._confirmer, NEVER_S))
 
     def report(self, now_s: float) -> None:
-        """Report the vehicle's state to the guide."""
+        """Report the vehicle's state to the guide process."""
         self._next_report_s = now_s + REPORT_S
         self._out.record("vehicle", self._vehicle_report(now_s))
 

@@ -8,7 +8,7 @@ LATE_S = 0.2
 After a pause, waiting messages of the autopilot are read before a command is sent, and before
 the autopilot counts as silent."""
 LATE_TURNS = 2
-"""Number of turns after a pause until all waiting messages have been read."""
+"""Number of turns of the main loop after a pause until all messages have been read."""
 
 
 class StallWatch:
@@ -25,7 +25,7 @@ class StallWatch:
         return self._late_turns > 0
 
     def wake(self, now_s: float, *, turn: bool = False) -> float:
-        """Register that the process runs; `turn`: a new turn begins. Returns the pause [s]."""
+        """Register that the process runs; return the pause [s]. `turn`: a loop turn begins."""
         pause_s, self._awake_s = now_s - self._awake_s, now_s
         if pause_s > LATE_S:
             if not self.late:

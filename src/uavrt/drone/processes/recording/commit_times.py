@@ -40,6 +40,6 @@ class CommitTimes:
             self._others_at_s = None
 
     def failed(self, now_s: float) -> None:
-        """Schedule another attempt after a failed commit."""
+        """Postpone the next commit after a failed one."""
         self._pulses_at_s = now_s + RETRY_S
         self._others_at_s = now_s + RETRY_S

@@ -21,7 +21,7 @@ _CLOSE_S: Final = 2.0
 
 
 _Item = tuple[BeepSearch, IQBlock | None, IQBlock | None]
-"""Queued work: the search, and samples of the whole band and the tags' band, if needed."""
+"""Queued work: the search, and samples of the radio's band and the tags' band, or None."""
 
 
 class BeepListener:
@@ -55,7 +55,7 @@ class BeepListener:
         self._put((self._search, radio, tags))
 
     def take_found(self) -> list[Beep]:
-        """Return the senders found since the last call."""
+        """Return the beeping senders found since the last call."""
         found = [self._found.popleft() for _ in range(len(self._found))]
         return [beep for search, beep in found if search is self._search]
 

@@ -19,7 +19,7 @@ process after 5 s of silence; the longest normal step takes some tenths of a sec
 
 
 class SearchHangs(RuntimeError):
-    """Raised when a search does not end."""
+    """Raised when the search for a tag's pulses does not end."""
 
 
 class HangWatch:

@@ -9,7 +9,7 @@ from uavrt.flight.samples.channel_recorder import ChannelRecorder
 
 
 class KeptChannels:
-    """Queues channel samples for recording and reports dropped ones; can be switched off."""
+    """Records channel samples if the settings say so, and reports dropped ones."""
 
     def __init__(
         self, frame: ProcessFrame, flight: FlightInfo, *, switched_on: bool = True

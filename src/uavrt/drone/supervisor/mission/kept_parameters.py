@@ -54,7 +54,7 @@ class SettingsInForce:
         """Radio gain given with a start command; None: gain of the settings."""
 
     def resume(self, gain: int | None, waiting: Mapping[str, float]) -> None:
-        """Restore a start command's gain and the present flight's older parameter values."""
+        """Restore a resumed flight's gain and those of its parameters that change after it."""
         with suppress(UavrtError):
             self._use_gain(gain)
         self.in_flight = self.now
@@ -64,7 +64,7 @@ class SettingsInForce:
 
     @property
     def waiting(self) -> dict[str, float]:
-        """Parameters that differ between this flight and the next, with the present values."""
+        """Parameters that will change at the next flight, with this flight's values."""
         now = parameter_values(self.now)
         in_flight = parameter_values(self.in_flight)
         return {name: one for name, one in in_flight.items() if one != now[name]}

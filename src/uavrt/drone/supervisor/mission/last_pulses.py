@@ -27,7 +27,7 @@ class LastPulses:
         self._posed.set()
 
     def passed(self, topic: str) -> None:
-        """Count a forwarded pulse, with or without pose; ignore other topics."""
+        """Count a forwarded record: a pulse adds one, a pulse with pose subtracts one."""
         if topic == FOUND:
             self._waiting += 1
             self._posed.clear()

@@ -26,7 +26,7 @@ from uavrt.drone.supervisor.mission.tag_upload import TagUpload, check_tag
 from uavrt.link.tunnel.tag_lists import searched_text
 
 LAST_FLIGHTS = 3
-"""Number of ended flights that connection and recorder can still serve."""
+"""Number of ended flights whose last pulses can still be recorded and sent."""
 RESUME_WITHIN_S = 900.0
 """Largest age of a flight that resumes after a restart of the computer [s]. This covers a
 battery change or brown-out in the air, but not last week's flight."""
@@ -35,14 +35,14 @@ _MOST_PAIRS_LISTED = 3
 _USABLE_HALF_BAND = 0.4
 """Half of the usable bandwidth as a fraction of the radio's sample rate."""
 _USUAL_WINDOW_HZ = 500.0
-"""Largest half-width of the search that fits into a channel at any tag frequency [Hz]."""
+"""Largest search half-width that fits into a channel at any tag frequency [Hz]."""
 
 Notify = Callable[[int, str], None]
 Tuner = Callable[[TuningRequest], Tuning]
 
 
 class Flights:
-    """The present flight and the last ended ones."""
+    """Begins, resumes and ends flights; holds the present one and the last ended ones."""
 
     def __init__(
         self,
@@ -99,7 +99,7 @@ class Flights:
     def _continue_capture(
         self, flight: FlightInfo, clock_offset_ns: int | None
     ) -> SystemState | None:
-        """Record the rest of a raw capture; after a reboot, report what was recorded."""
+        """Continue a raw capture; None after a reboot, with a report on what was recorded."""
         if clock_offset_ns is None or not Path(flight.directory).is_dir():
             self._notify(4, f"Raw capture ended by a restart: kept in {flight.directory}")
             return None

@@ -19,11 +19,11 @@ FEW_SAMPLES = "the radio gives too few samples. Check its cable, or set a lower 
 SLOW_DISK = "the samples could not be written in time. Record to a faster disk, or less"
 
 _LONGEST_CAPTURE = 3.0
-"""Longest allowed duration of a capture with slow samples, as a multiple of its length."""
+"""Longest extra time for a capture with slow samples, as a multiple of its length."""
 
 
 class FlightProgress:
-    """Tracks the progress of one flight or capture at a time; `publish` gets each step."""
+    """Tracks the start and end of a flight or capture; calls `publish` with each step."""
 
     def __init__(self, publish: Callable[[Operation], None]) -> None:
         self._publish = publish

@@ -22,10 +22,7 @@ TIMEOUT_S = 7.5
 
 
 class RadioTest:
-    """A running test of the radio, created where child processes are tracked.
-
-    Wait for its answer in a thread.
-    """
+    """Starts a test of the radio in a child process; call `answer` in a thread."""
 
     def __init__(self, settings: RadioSettings) -> None:
         question = msgspec.json.encode(settings).decode()
@@ -44,7 +41,7 @@ class RadioTest:
         return self._process.pid
 
     def stop(self) -> None:
-        """Stop the test, because a flight needs the radio; the answer then says this."""
+        """Kill the test, because a flight needs the radio; `answer` then returns a failure."""
         with suppress(ProcessLookupError):
             os.killpg(self.pid, signal.SIGKILL)
 

@@ -33,7 +33,7 @@ class SavedState:
     gain: int | None = None
     """Radio gain given with a start command; None: gain of the settings."""
     waiting: dict[str, float] = field(default_factory=dict)
-    """Present values of the parameters that change at the next flight."""
+    """This flight's values of the parameters that will change at the next flight."""
     commander: str | None = None
     """Source name of the station in command; None if every station may command."""
 

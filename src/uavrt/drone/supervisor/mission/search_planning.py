@@ -25,7 +25,7 @@ TIMEOUT_S = 15.0
 """Longest wait for the plan [s]. Imports take 0.3 s and measuring a long list 2 s, several
 times that on a busy small computer."""
 UNMEASURED_TAGS = 100
-"""Largest number of tags that two cores can always search; longer lists are measured."""
+"""Largest number of tags that two cores can surely search; with more, cost is measured."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +65,7 @@ def request_tuning(question: TuningRequest, launcher: Launcher | None = None) ->
 
 
 def _answer(question: TuningRequest, launcher: Launcher) -> bytes:
-    """Run this module as a program; return what it printed."""
+    """Run this module as a program with a request; return the JSON answer."""
     asked = os.memfd_create("question")  # a command line holds 128 kB
     try:
         with open(asked, "wb", closefd=False) as file:

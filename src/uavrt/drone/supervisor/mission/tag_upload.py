@@ -19,7 +19,7 @@ _MOST_TAGS = 1000
 
 
 class TagUpload:
-    """The list of tags. Its methods raise `UavrtError` when they refuse."""
+    """List of tags for the next flight, as uploaded; methods raise `UavrtError` to refuse."""
 
     def __init__(self, directory: Path) -> None:
         self._last = KeptFile(directory / LAST_TAGS_NAME, tuple[Tag, ...], "last tags")
@@ -38,7 +38,7 @@ class TagUpload:
         self.sent = sent
 
     def add(self, tag: Tag | None, maximum_tags: int | None) -> None:
-        """Add a tag; adding an equal tag again is allowed."""
+        """Add a tag; an equal tag may be added again; `maximum_tags` None: 1000."""
         if tag is None:
             raise UavrtError("the tag is missing")
         if self._tags.get(tag.tag_id, tag) != tag:

@@ -11,21 +11,21 @@ exceeds the 10 s in which the connection suppresses repeated texts."""
 
 
 class WallClockWatch:
-    """Compares the computer's clock with the flight's."""
+    """Detects corrections of the computer's clock in flight, and an impossible date."""
 
     def __init__(self) -> None:
         self._noted_s = 0.0
         self._again_s: float | None = None
 
     def flight_started(self, now_s: float) -> str | None:
-        """Begin with equal clocks; return a warning if the date is impossible."""
+        """Begin with equal clocks; return a warning if the date is impossible, or None."""
         self._noted_s = 0.0
         text = _wrong_time()
         self._again_s = None if text is None else now_s + REPEAT_AFTER_S
         return text
 
     def wrong_time_again(self, now_s: float) -> str | None:
-        """Repeat the warning of the flight's start once, after `REPEAT_AFTER_S`."""
+        """Warning of the flight's start, once more after `REPEAT_AFTER_S`; otherwise None."""
         if self._again_s is None or now_s < self._again_s:
             return None
         self._again_s = None

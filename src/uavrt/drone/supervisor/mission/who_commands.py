@@ -20,7 +20,7 @@ OWN_SOURCES = ("capture", "command line")
 
 
 class Commander:
-    """The station in command. Unless `pinned`, every station may command."""
+    """Keeps which station is in command; unless `pinned`, every station may command."""
 
     def __init__(
         self,
@@ -37,7 +37,7 @@ class Commander:
         self._flight_over = False
 
     def heard(self, source: str, silent_s: float) -> None:
-        """Record how long ago a station was last received [s]."""
+        """Record that a station was last received `silent_s` ago [s]."""
         if source == self.name:
             self._heard_s = max(self._heard_s, self._clock_s() - silent_s)
 

@@ -23,20 +23,20 @@ from uavrt.drone.supervisor.start.usage import children_of
 log = get_logger()
 
 ANSWER_S = 1.0
-"""Longest wait for the nursery's answer [s]; a fork takes 5 ms."""
+"""Longest wait for the fork server's answer [s]; a fork takes 5 ms."""
 PING_S = 2.0
 SILENCE_S = 3.0
-"""Period of the nursery's life checks, and silence after which it is killed [s]."""
+"""Period of the fork server's life checks, and silence after which it is killed [s]."""
 IMPORT_S = 20.0
-"""Longest silence of the nursery during its imports [s]; they take 0.6 s of CPU time."""
+"""Longest silence of the fork server in its imports [s], which take 0.6 s of CPU time."""
 FIRST_WAIT_S = 10.0
-"""Longest wait for the nursery's imports when the system starts [s]."""
+"""Longest wait for the fork server's imports when the system starts [s]."""
 ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
 """Environment that limits BLAS to one thread, since more threads compete for few cores."""
 
 
 class Launcher:
-    """Starts processes, through the nursery if it runs."""
+    """Starts processes, through the fork server (`nursery`) if it runs."""
 
     def __init__(self) -> None:
         self._environment = blas_environment() | ENVIRONMENT
@@ -55,17 +55,17 @@ class Launcher:
 
     @property
     def pid(self) -> int | None:
-        """Process id of the nursery; None if it does not run."""
+        """Process id of the fork server; None if it does not run."""
         return self._process.pid if self._process is not None else None
 
     @property
     def restarts(self) -> int:
-        """Number of times the nursery was restarted."""
+        """Number of times the fork server was restarted."""
         return self._restarts.total
 
     @property
     def importing(self) -> bool:
-        """True while the nursery is importing for the first time."""
+        """True while the fork server is importing modules for the first time."""
         return (
             self._process is not None
             and not self._ever_ready
@@ -73,11 +73,11 @@ class Launcher:
         )
 
     def fileno(self) -> int | None:
-        """Descriptor that becomes readable if the nursery sends or ends; None without one."""
+        """Descriptor that is readable if the fork server sends or ends; None without one."""
         return self._sock.fileno() if self._sock is not None else None
 
     def warm_up(self) -> None:
-        """Start the nursery, which then imports its modules."""
+        """Start the fork server, which then imports its modules."""
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             environment = {NURSERY_VARIABLE: str(theirs.fileno())}
@@ -98,7 +98,7 @@ class Launcher:
         self._restarts.started(self._asked_s)
 
     def tend(self) -> str | None:
-        """Check the nursery and restart it when due; return a text if it has ended."""
+        """Check the fork server, restart it when due; return a text if it ended, or None."""
         now_s = monotonic_s()
         if self._process is None:
             if now_s >= self._restarts.not_before_s:
@@ -129,7 +129,7 @@ class Launcher:
             self._send(b"{}", [])
 
     def close(self) -> None:
-        """End the nursery; processes forked from it keep running."""
+        """End the fork server; processes forked from it keep running."""
         if self._process is not None:
             self._process.kill()
             self._process.wait()
@@ -154,7 +154,7 @@ class Launcher:
         environment: Mapping[str, str],
         arguments: Sequence[str] = (),
     ) -> int:
-        """Start ``python -m MODULE`` in its own process group; the caller must reap it."""
+        """Start ``python -m MODULE`` in its own process group; return its id, to be reaped."""
         environment = {**self._environment, **environment}
         pid = self._fork(module, name, output, fds, environment, arguments)
         if pid is not None:
@@ -231,7 +231,7 @@ class Launcher:
         return int(answer["pid"])
 
     def _answer(self) -> dict[str, int | str] | None:
-        """Wait for the nursery's answer to a request, skipping answers to life checks."""
+        """Wait for the fork server's answer; None if none arrives within `ANSWER_S`."""
         deadline_s = monotonic_s() + ANSWER_S
         answer: dict[str, int | str] | None = {}
         while answer == {} and self._readable(max(0.0, deadline_s - monotonic_s())):
@@ -239,7 +239,7 @@ class Launcher:
         return answer or None
 
     def _give_up(self, fault: str) -> None:
-        """Mark the nursery as failed; `tend` will restart it."""
+        """Mark the fork server as failed; `tend` will restart it."""
         log.warning("process that forks others killed; it restarts", reason=fault)
         self._ready = False
         self._fault = fault

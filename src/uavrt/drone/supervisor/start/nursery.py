@@ -54,11 +54,11 @@ class ForkedProcess:
     fds: list[int]
     """Received descriptors: one per requested number, then one to confirm the fork."""
     parent_id: int
-    """Process id of the short-lived parent between the nursery and this process."""
+    """Process id of the short-lived parent between the fork server and this process."""
 
 
 def serve(sock: socket.socket) -> ForkedProcess | None:
-    """Fork on request; returns in each fork, and returns None when the supervisor ends."""
+    """Fork on request: returns its data in each new process, None when the supervisor ends."""
     while True:
         data, fds, _, _ = socket.recv_fds(sock, MAX_REQUEST_BYTES, MAX_FDS)
         if not data:

@@ -13,7 +13,7 @@ class RestartPolicy:
     settled_s: float = 10.0
     """Running time after which the next end counts as the first one again [s]."""
     degraded_after: int = 4
-    """Number of consecutive ends after which a process is degraded; restarts continue."""
+    """Number of consecutive ends after which a process is reported as degraded."""
 
     def words(self) -> str:
         """Describe the policy as text: ``after 0, 0.5 s …; degraded after 4``."""
@@ -42,7 +42,7 @@ class Restarts:
         self._started_s = now_s
 
     def reset_count(self) -> None:
-        """Reset the count after the operator ended the flight."""
+        """Reset the count of consecutive ends, after the operator ended the flight."""
         self.in_a_row, self.not_before_s = 0, 0.0
 
     def ended(self, now_s: float, reason: str) -> float:

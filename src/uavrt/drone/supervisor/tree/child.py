@@ -28,7 +28,7 @@ class Child:
     """A running process of the table, with a socket to the supervisor and a pipe for output.
 
     `intake`: schedules reads of records. `outbox`: records to send; it outlives the child.
-    Raises `OSError` if it cannot be started; a process that cannot be watched is an orphan.
+    Raises `OSError` if it cannot be started, or cannot be watched and runs as an orphan.
     """
 
     def __init__(

@@ -34,10 +34,7 @@ def warning_text(process: str, line: bytes) -> StatusText | None:
 
 
 class OutputLog:
-    """Files for the lines that the processes print; unwritable lines are counted.
-
-    Lines that cannot be written (full disk) are dropped and counted; the process continues.
-    """
+    """Writes printed lines to files; drops and counts them if the disk is full."""
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
@@ -59,7 +56,7 @@ class OutputLog:
         return sum(log.lost_lines for log in self._logs.values())
 
     def write(self, process: str, line: bytes) -> None:
-        """Write a printed line with the present time."""
+        """Write a line that a process printed to its file, with the present time."""
         path = self._path("radio" if any(e in line for e in RADIO_EVENTS) else process)
         log = self._logs.setdefault(path, ProcessLog(path))
         stamp = time.strftime("%Y-%m-%dT%H:%M:%SZ ", time.gmtime())

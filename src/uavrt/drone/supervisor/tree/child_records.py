@@ -32,7 +32,7 @@ class Intake:
             self._listen(True)
 
     def remove(self, fd: int) -> None:
-        """Stop reading a descriptor before it is closed; an unknown one is ignored."""
+        """Stop reading a descriptor; call it before closing. An unknown one is ignored."""
         if self._readers.pop(fd, None) is not None:
             self._epoll.unregister(fd)
         if not self._readers:

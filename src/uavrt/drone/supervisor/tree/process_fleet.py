@@ -34,7 +34,7 @@ SILENCE_REPORT_S = 4.0
 
 
 class Fleet:
-    """All instances of the rows in the table of processes, in start order.
+    """Starts, monitors and stops the processes in the table, in the table's order.
 
     `mission`: source of state, tags, flight, settings and clock. `wake`: a process has ended.
     """
@@ -75,11 +75,11 @@ class Fleet:
 
     @property
     def instances(self) -> Iterable[Instance]:
-        """All process instances that ever ran or had a record to receive."""
+        """State of all processes that ever ran or had a record to receive."""
         return self._instances.values()
 
     def instance_of(self, row: ProcessRow) -> Instance:
-        """Get the instance of a row with only one instance, running or not."""
+        """Get the state of the process of a row that has only one process, running or not."""
         return self._instance(row.name, row, 0)
 
     def _instance(self, name: str, row: ProcessRow, worker: int) -> Instance:
@@ -118,7 +118,7 @@ class Fleet:
                 loop.add_reader(nursery_fd, self._on_nursery, nursery_fd)
 
     def _on_nursery(self, nursery_fd: int) -> None:
-        """Wake the supervisor when the nursery has finished its imports or has ended."""
+        """Wake the supervisor when the fork server has done its imports or has ended."""
         asyncio.get_running_loop().remove_reader(nursery_fd)
         self._wake()
 
@@ -215,7 +215,7 @@ class Fleet:
 
     @contextlib.contextmanager
     def exempt(self, pid: int) -> Iterator[None]:
-        """Context in which a child process that belongs to no row is not killed."""
+        """Context in which a child that is not in the table of processes is not killed."""
         self._exempt.add(pid)
         try:
             yield
@@ -253,7 +253,7 @@ class Fleet:
         self._sockets = {}
 
     async def restart_search(self) -> FlightInfo | None:
-        """Restart receiver and detectors with the flight's present tags; None if it ended."""
+        """Restart receiver and detectors; return the flight with its tags, None if it ended."""
         flight = self._mission.flights.flight
         self._restarts_waiting += 1
         try:
@@ -296,7 +296,7 @@ class Fleet:
     # --------------------------------------------------------------- assignment
 
     def make_sample_sockets(self) -> None:
-        """Create a new flight's sample sockets, one for each receiving instance."""
+        """Create a new flight's sample sockets, a pair for each receiving process."""
         self._window_hz = self._mission.settings.in_flight.detection.frequency_window_hz
         flight = self._mission.flights.flight
         if flight is not None and math.isfinite(flight.center_frequency_hz):
@@ -321,7 +321,7 @@ class Fleet:
         return tuple(fds)
 
     async def taken(self, topic: str, limit_s: float) -> bool:
-        """Wait until processes with `acks_taken` took a topic's records; False on a timeout."""
+        """Wait until processes acknowledged a topic's records; False after `limit_s` [s]."""
         deadline_s = monotonic_s() + limit_s
         takers = [i for i in self._instances.values() if i.row.acks_taken]
         while any(instance.outbox.holds(topic) for instance in takers):

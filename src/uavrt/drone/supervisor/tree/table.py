@@ -72,11 +72,11 @@ class ProcessRow:
     """Largest number of one topic's records queued for the process; None: no limit. Bursts must
     fit: a hundred tags with pulses at the same time give hundreds of records."""
     acks_taken: bool = False
-    """True if the process reports how many records it has taken; the rest is sent again."""
+    """True if the process acknowledges handled records; others are resent after a restart."""
     per_worker: bool = False
-    """True if each detector worker gets its own instance."""
+    """True if one such process runs for each detector worker."""
     samples_to: str | None = None
-    """Name of the row that receives samples from this one, by a socket for each instance."""
+    """Name of the row whose processes receive samples from this one, or None."""
     silence_limit_s: float = 5.0
     """Silence after which the process is killed [s]; a healthy one reports once a second."""
     start_limit_s: float = 20.0

@@ -15,7 +15,7 @@ from uavrt.drone.ipc.topics import TOPICS, decode_record, topic_of
 
 BYTES_AT_ONCE = 32_768
 MOST_KEPT = 20_000
-"""Largest number of sent lines kept until taken: 10 MB, half an hour with a failing disk."""
+"""Largest number of unacknowledged lines: 10 MB, half an hour with a failing disk."""
 RUNS_WITHOUT_PROGRESS = 3
 """Number of consecutive runs without progress after which kept lines are dropped, because one
 of them may crash the process."""
@@ -25,14 +25,14 @@ Line = tuple[str, bytes]
 
 
 class Outbox:
-    """Queue of record lines to be sent to one process; `keeps` those sent until taken."""
+    """Queue of records for one process; with `keeps`, also those not yet acknowledged."""
 
     def __init__(self, backlog: int | None = None, *, keeps: bool = False) -> None:
         self._backlog = backlog
         self._keeps = keeps
         self._lines: deque[Line] = deque()
         self._kept: deque[Line] = deque()
-        """Lines sent to the present run of the process that it has not yet taken."""
+        """Lines sent to the present run of the process but not yet acknowledged."""
         self._taken = 0
         self._runs_without_progress = 0
         self._flight: bytes | None = None
@@ -47,11 +47,11 @@ class Outbox:
 
     @property
     def flight(self) -> FlightInfo | None:
-        """Flight to which the first line not yet taken belongs; None outside of flights."""
+        """Flight to which the first unacknowledged line belongs; None outside of flights."""
         return None if self._flight is None else decode_record(self._flight)[1]
 
     def holds(self, name: str) -> bool:
-        """True if a line of the topic is not yet sent or not yet taken."""
+        """True if a line of the topic is not yet sent or (`keeps`) not yet acknowledged."""
         return any(topic == name for lines in (self._kept, self._lines) for topic, _ in lines)
 
     def put(self, line: bytes) -> None:
@@ -77,13 +77,13 @@ class Outbox:
         self._written = 0
 
     def taken(self, count: int) -> None:
-        """Remove kept lines after the process reported how many it has taken."""
+        """Remove kept lines; `count`: number that this run of the process has acknowledged."""
         while self._taken < count and self._kept:
             self._taken += 1
             self._update_flight(*self._kept.popleft())
 
     def process_ended(self, *, by_itself: bool) -> None:
-        """Queue the lines that the process has not taken before all waiting ones."""
+        """Queue the unacknowledged lines again, before all waiting ones."""
         self._runs_without_progress = (
             self._runs_without_progress + 1 if by_itself and not self._taken else 0
         )

@@ -21,10 +21,7 @@ SYNC_BYTES = 8 * CHUNK_BYTES
 
 
 def save_flights(flights: list[Path], target: Path, step: Step, wanted: Wanted) -> None:
-    """Copy flights to a drive; skip files already there with the same size.
-
-    Complete copies stay.
-    """
+    """Copy flights to a drive; skip files already there with the same size and date."""
     for done, flight in enumerate(flights):
         step(done, len(flights), flight.name)
         for source in sorted(flight.rglob("*")):

@@ -28,7 +28,7 @@ class DiskGuard:
         self._kept = settings.keep_newest_flights
         self._to_note: Path | None = None
         self._note_failed = False
-        """True if the failure to list this flight in the order of flights is already logged."""
+        """True if the failure to add this flight to the list of flights by age is logged."""
         self._flight: Path | None = None
         self._warned = False
         self._card_faults = 0
@@ -36,7 +36,7 @@ class DiskGuard:
         self.free_mb: float | None = None
         """Free disk space [MB]; None before the first measurement, or after a failed one."""
         self.faults: tuple[StatusText, ...] = ()
-        """Faults found by the last check, reported or not."""
+        """Disk and card faults found by the last check, even if reported before."""
 
     def flying(self, flight: Path | None) -> None:
         """Set the flight being written, which is never removed; None without one."""
@@ -46,9 +46,9 @@ class DiskGuard:
             self._card_faults, self._note_failed = 0, False
 
     def check(self) -> list[tuple[int, str]]:
-        """Measure free space, remove flights if needed, check the card; blocks.
+        """Measure free space, remove flights if needed, check the card; call it in a thread.
 
-        Blocks: call it in a thread.
+        Returns (severity, text) for the operator.
         """
         self._note()
         self.free_mb = self._measure()
