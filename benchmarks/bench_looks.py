@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.harness import Table
 from uavrt.analysis.integrated.flight_so_far import FlightSoFar
 from uavrt.analysis.whole_flights.judged_flights import JudgeAs
-from uavrt.core.messages import ChannelBlock, FlightInfo, Pose, Poses
+from uavrt.core.messages import ChannelBlock, FlightInfo, Pose
 from uavrt.flight.flight_recorder import FlightRecorder
 from uavrt.flight.samples.channel_recorder import ChannelRecorder
 from uavrt.localization.antenna import PATTERNS
@@ -104,11 +104,7 @@ def _fly(minute: int, frequency_hz: float, log: FlightRecorder, keep: ChannelRec
     wanted = 60 * (minute + 1) * rate
     while keep.written_samples < wanted:
         time.sleep(0.05)
-    log.write(
-        Poses(
-            poses=tuple(_pose(tenth / 5.0) for tenth in range(300 * minute, 300 * minute + 300))
-        )
-    )
+    log.write(*(_pose(tenth / 5.0) for tenth in range(300 * minute, 300 * minute + 300)))
     log.commit()
 
 

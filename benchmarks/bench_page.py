@@ -135,6 +135,8 @@ def write_flight(directory: Path) -> str:
         pose = pose_at(seconds)
         keeper.add_pose(pose)
         snr_db = float(12.0 + 14.0 * rng.random() + 6.0 * math.sin(seconds / 90.0))
+        if place % 5000 == 0:
+            keeper.queue.commit()
         keeper.add_pulse(pulse_at(place, 2 + 2 * (place % TAGS), pose, snr_db))
     keeper.close()
     return flight_id
