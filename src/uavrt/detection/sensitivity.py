@@ -120,7 +120,10 @@ def _coded_probability(tag: Tag, enr_db: float, bandwidth_hz: float) -> float:
 
 @lru_cache(maxsize=4096)
 def _passes(k: int, others: float, enr_db: float, limit: float) -> float:
-    """Probability that a pulse, and K - 1 maxima of pulse and noise cells, reach `limit`."""
+    """Probability that the powers of a group of K pulses add up to `limit` [noise powers].
+
+    The first is a pulse's; each other is the maximum of a pulse and `others` noise cells.
+    """
     energy = math.pow(10.0, enr_db / 10.0)
     if k == 1:
         return float(ncx2.sf(2.0 * limit, 2, 2.0 * energy))

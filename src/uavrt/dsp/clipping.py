@@ -15,7 +15,7 @@ COMPUTED_AMPLITUDE = 2.0
 """Amplitude exceeded only by computed samples [full scales]; a radio's filters reach less."""
 _STRETCH_S = 0.5e-3
 """Duration of one examined piece of samples [s]; a pulse of 15 ms has thirty."""
-_LEAST_SAMPLES = 64
+_MOST_SAMPLES = 64
 """Number of samples examined in each piece; if a tone clips, a quarter or more are clipped."""
 _PULSE_SHARE = 0.2
 """Minimum share of clipped pieces in a clipped pulse; a single impulse does not count."""
@@ -75,7 +75,7 @@ class Clipping:
         if not count:
             return
         some = block.samples[: count * length].view(np.float32).reshape(count, 2 * length)
-        some = some[:, : 2 * min(length, _LEAST_SAMPLES)]
+        some = some[:, : 2 * min(length, _MOST_SAMPLES)]
         if self._has_full_scale and float(some.max()) > COMPUTED_AMPLITUDE:
             self._has_full_scale, self.clipped_s = False, 0.0
             self.times, self._new = ClippedTimes(), []

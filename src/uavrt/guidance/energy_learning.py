@@ -1,4 +1,4 @@
-"""Learn the power of flight from predictions and battery readings. Pure."""
+"""Learn a drone's flight power from predictions and battery readings; no I/O."""
 
 from dataclasses import replace
 

@@ -77,7 +77,7 @@ def check(
                 f"warning: the search needs {plan.cores:.1f} cores of a computer like this "
                 f"one, and {detection.worker_count} can be spared"
             )
-    for warning in _print_similar_tags(found):
+    for warning in _similar_tags_warnings(found):
         print(f"warning: {warning}")
     print(f"{file}: {counted(len(found), 'tag')}, no fault")
 
@@ -418,7 +418,7 @@ def _rate_lines(rate: "MeasuredRate") -> list[str]:
     ]
 
 
-def _print_similar_tags(found: "Sequence[Tag]") -> Iterator[str]:
+def _similar_tags_warnings(found: "Sequence[Tag]") -> Iterator[str]:
     """Sentences on tags of one band that may be confused, and how to separate them."""
     from uavrt.config.settings import DetectionSettings
     from uavrt.config.tags.code_rules import words_of_near_codes

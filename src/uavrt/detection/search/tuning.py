@@ -53,7 +53,8 @@ class NoiseTuning:
     least_steep: float = 0.15
     """Minimum relative difference of the medians on both sides of an edge: 0.7 dB."""
     edge_flat_ratio: float = 1.5
-    """Ratio of one side's spread to a row's error up to which that side counts as flat."""
+    """Ratio of the spread of the noise levels on one side of an edge to their error, up to
+    which that side counts as flat."""
     hum_sigmas: float = 0.5
     """Excess over the median at which a row's own noise is used between lines of hum [standard
     deviations]: 3 to 5 % more noise. With the median there were 3.4 times the false groups."""

@@ -33,7 +33,7 @@ class Occupancy:
         self._usable = self._looked = self._calls = 0
 
     def count(self, samples: NDArray[np.complex64]) -> None:
-        """Count the free instants in new samples without carriers; lost samples are zero."""
+        """Count free instants in samples without their carriers; lost samples are zero."""
         count = len(samples) // self._length
         if not count:
             return

@@ -263,7 +263,7 @@ class Track:
             self.dead = True
 
     def doubt(self, since_s: float) -> None:
-        """Require a new confirmation; the track's times then count from `since_s`."""
+        """Require a new confirmation, and move the zero of the track's times to `since_s`."""
         self.confirmed = False
         self.tested = self.since_accepted = 0
         self.gained, self.trust = 0.0, FOLLOW.most_trust

@@ -275,7 +275,8 @@ class SenderTuning:
     stay_log: float = 1.0
     """Log-likelihood ratio above which a train is assigned to another tag."""
     any_tag_log: float = 50.0
-    """Value of assigning any tag: larger than all differences between tags."""
+    """Bonus on the log-likelihood for assigning a tag rather than none; exceeds all differences
+    between tags."""
     relearn_ns: float = 60e9
     """Time with another interval after which that interval replaces the learnt one [ns]."""
     most_trains: int = 6

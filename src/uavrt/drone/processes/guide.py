@@ -79,7 +79,7 @@ def limits_of(settings: GuidanceSettings) -> Limits:
 
 
 def ground_of(settings: GuidanceSettings, home: tuple[float, float]) -> GroundAround | None:
-    """Read the terrain around home, None if not set; raises `FormatError`, `PlanError`."""
+    """Read the terrain around home, None without a file; raises `FormatError`, `PlanError`."""
     if settings.terrain is None:
         return None
     from uavrt.localization.terrain.elevation_files import open_elevation

@@ -36,9 +36,9 @@ class CommandWriter:
     behaviour: Behaviour
     lowest_m: float = 20.0
     highest_m: float = 120.0
-    """Highest commanded height above home [m]."""
+    """Upper limit of commanded heights above home [m]."""
     farthest_m: float = 1000.0
-    """Largest commanded distance from home [m]."""
+    """Upper limit of commanded distances from home [m]."""
 
     def command(
         self, wish: Wish, *, first: bool, datum_m: float, home: HomeSeen | None

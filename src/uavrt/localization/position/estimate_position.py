@@ -163,8 +163,8 @@ def _check_lengths(
         raise UsageError(f"the arrays of the {what} differ in length or are empty")
     if not all(np.all(np.isfinite(one)) for one in arrays[:finite]):
         raise UsageError(
-            f"the {what} contain a value that is not finite",
-            remedy="Leave out those without a position",
+            f"a position, height or bearing among the {what} is not finite",
+            remedy=f"Leave out {what} with NaN or infinite values there",
         )
 
 

@@ -166,7 +166,7 @@ def _forwards_and_backwards(
 
 
 def _point_times(times: _Floats) -> list[float]:
-    """Times of the path's points [s]: the first, the last, and about one per step between."""
+    """Times of the path's points [s]: the first, the last, and evenly spaced ones between."""
     ordered = np.sort(times)
     step = max(TRACK.point_step_s, float(np.ptp(times)) / TRACK.most_points)
     points_s = [float(ordered[0])]

@@ -202,8 +202,8 @@ class SurveyTuning:
     height_sigma_m: float = 7.0
     """Default standard deviation of a stated height above the tag [m]."""
     height_share: float = 0.25
-    """Maximum standard deviation of a height, as a share of the height. With a larger one, a
-    signal weakened by an obstacle is taken for a wrong height."""
+    """Maximum standard deviation assumed for an error of the height above the tag, as a share
+    of that height. With a larger one, an obstacle's loss is taken for a height error."""
     far_wrong_share: float = 0.1
     """Prior share of heights with a far greater error."""
     far_wrong_sigmas: float = 4.0

@@ -21,7 +21,7 @@ _Floats = NDArray[np.float64]
 _Window = tuple[int, int, int, int]
 _MOST_POINTS = 150_000_000
 _LATTICE = 12
-_NOT_HEIGHTS_M = (-600.0, 9000.0)
+_PLAUSIBLE_HEIGHTS_M = (-600.0, 9000.0)
 """Range of valid heights [m], from below the Dead Sea; values outside mark missing data."""
 
 
@@ -182,7 +182,7 @@ def _mosaic(areas: Iterable[tuple[Raster, int, int]], window: _Window) -> NDArra
         unknown = np.isnan(part)
         if unknown.any():
             some = one.read((r0 - down, r1 - down, c0 - across, c1 - across))
-            low, high = _NOT_HEIGHTS_M
+            low, high = _PLAUSIBLE_HEIGHTS_M
             some = np.where((some > low) & (some < high), some, np.float32(np.nan))
             part[unknown] = some[unknown]
     return points

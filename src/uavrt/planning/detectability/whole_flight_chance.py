@@ -47,7 +47,7 @@ _SKEWNESSES = np.linspace(0.01, 2.0, 100)
 
 
 class WholeFlightSum:
-    """Expected weighted sum of a flight's pulses for each cell of a map, in two passes."""
+    """Detection probability of a whole flight for each map cell; needs all pulses twice."""
 
     def __init__(
         self,

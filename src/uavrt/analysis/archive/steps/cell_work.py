@@ -116,7 +116,7 @@ class CellTask:
 
 
 def keep_cell(directory: Path, result: CellResult) -> None:
-    """Save a cell's result until its recording is finished; raises `OSError`."""
+    """Save the result of a time span until its recording is finished; raises `OSError`."""
     content = msgspec.msgpack.encode(result, enc_hook=_plain)
     write_note(directory / str(result.number), content)
 

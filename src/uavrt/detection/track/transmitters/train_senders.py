@@ -309,7 +309,7 @@ class Senders(Generic[H]):
         ]
 
     def _likely(self, train: Train[H]) -> dict[int, float]:
-        """Log-likelihood of a train for each possible tag, plus the value of having any tag."""
+        """Log-likelihood of a train for each possible tag, plus a bonus over assigning none."""
         values = {h.tag.tag_id: self._likelihood(train, h) for h in self._near(train)}
         return {
             i: value + SENDERS.any_tag_log for i, value in values.items() if value > -math.inf

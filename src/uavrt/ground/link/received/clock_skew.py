@@ -22,7 +22,8 @@ class ClockSkew:
     def learn(self, delay_ns: int) -> str | None:
         """Add the delay of a pulse [ns]; return a message at the first offset, else None."""
         self._delays += 1
-        self._least_delay_ns = min(delay_ns, self._least_delay_ns or delay_ns)
+        least_ns = self._least_delay_ns
+        self._least_delay_ns = delay_ns if least_ns is None else min(delay_ns, least_ns)
         if self._delays < SKEW_PULSES:
             return None
         least_ns = self._least_delay_ns

@@ -69,7 +69,7 @@ class FleetApi:
 
 
 async def _answer(session: GroundSession, action: str, page: str | None) -> dict[str, Any]:
-    """Send a command to one vehicle, by that vehicle's rules; return its answer."""
+    """Send a command to one vehicle if the page may command it; return answer or refusal."""
     who = {
         "system_id": session.vehicle.identity.system_id,
         "name": session.vehicle.store.settings.vehicle_name,

@@ -32,7 +32,7 @@ class IntegrationJobs:
         self._work: asyncio.Task[str | None] | None = None
 
     async def answer(self, flight: Path, dem: str) -> Record:
-        """Start to evaluate a flight, or report its progress; without `dem` on level ground."""
+        """Start to evaluate a flight, or report progress; an empty `dem` means level ground."""
         if self._work is None:
             self._flight = flight
             self._work = asyncio.create_task(_judged(flight, dem))

@@ -22,7 +22,8 @@ MOST_BYTES_S = 3000.0
 """Highest rate set by RADIO_STATUS [bytes/s]; a SiK radio at AIR_SPEED 64 carries 3167."""
 MOST_BY_ACKS_BYTES_S = 24_000.0
 PLAIN_BYTES_S = 2000.0
-"""Rate without any report [bytes/s]: 3000 of AIR_SPEED 64 minus 1000 of telemetry."""
+"""Send rate while neither RADIO_STATUS nor acknowledgements arrive [bytes/s]: 3000 of a SiK
+radio at AIR_SPEED 64, minus 1000 of telemetry."""
 FRAME_OVERHEAD = 17
 """Size of a TUNNEL frame beyond its payload [bytes]: 12 of MAVLink 2, 5 of TUNNEL."""
 BURST_BYTES = 300.0
@@ -49,7 +50,7 @@ class Reach:
     least: float = LEAST_BYTES_S
     most: float = MOST_BY_ACKS_BYTES_S
     plain: float = PLAIN_BYTES_S
-    """Rate without any report [bytes/s]."""
+    """Send rate while neither RADIO_STATUS nor acknowledgements arrive [bytes/s]."""
 
 
 RADIO = Reach()

@@ -188,7 +188,7 @@ class FileServer:
         return 0 if any(link in (None, peer.link) for peer in waiting) else None
 
     def take(self, now_ns: int, rate_bytes_s: float, link: int | None = None) -> Message | None:
-        """Return the next reply for link number `link`."""
+        """Return the next reply for link `link` (None: any); None if no reply waits."""
         here = [reply for reply in self._replies if link in (None, reply[0].link)]
         bursts = [b for b in self._bursts.values() if link in (None, b.peer.link)]
         if here:

@@ -57,7 +57,7 @@ def read_key(path: str | Path) -> Key:
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """Range in which a seal is valid: one run of the connection process of one drone."""
+    """Scope in which a seal is valid: one run of the connection process of one drone."""
 
     number: int
     drone: Ids

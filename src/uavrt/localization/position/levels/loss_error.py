@@ -1,4 +1,4 @@
-"""Estimate a lasting error of the levels at each position, with a tag's strength.
+"""Estimate the lasting error of received levels for each tag position, with its strength.
 
 Behind a rounded hilltop, in woods, or with a map some metres off, pulses lose more or less than
 the map predicts. The error persists while the drone flies along the same side of the hill. On
