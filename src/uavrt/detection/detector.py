@@ -30,7 +30,7 @@ BATCH_S = 0.44
 """Maximum time for which samples are collected before the search continues [s]. Five blocks of
 87.4 ms are 0.437 s; a pulse is reported at least 0.04 s after its end."""
 _FIRST_STEP = 0.7639
-"""Share of `BATCH_S` that samples may wait for a search: three blocks, for a noise estimate."""
+"""Longest wait for the first search, as a share of `BATCH_S`; three blocks give the noise."""
 
 
 class PulseDetector:

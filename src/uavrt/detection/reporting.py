@@ -1,7 +1,7 @@
 """Interval between search reports: records of what was searched, with or without detection."""
 
 CODES_PER_REPORT_S = 20
-"""Number of reports per second for all codes of a channel together [1/s]."""
+"""Maximum number of search reports per second for all codes of a channel together [1/s]."""
 
 
 def report_every_s(codes: int) -> float:

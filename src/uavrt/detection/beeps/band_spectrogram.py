@@ -15,9 +15,9 @@ class BandSpectrogram:
 
     def __init__(self, *, sample_rate_hz: float, low_hz: float, high_hz: float) -> None:
         self.length = max(16, round(POINTS.window_s * sample_rate_hz))
-        """Number of samples in a window."""
+        """Number of samples in a window of the transform."""
         self.hop = max(4, round(POINTS.hop_s * sample_rate_hz))
-        """Number of samples from one window to the next."""
+        """Number of samples from the start of one transform window to the next."""
         self._size = fast_length(self.length)
         self.step_hz = sample_rate_hz / self._size
         """Distance between frequency bins [Hz]."""
@@ -27,7 +27,7 @@ class BandSpectrogram:
         self.bins = max(last - self._first + 1, 1)
         """Number of frequency bins that are computed."""
         self.low_hz = self._first * self.step_hz
-        """Lowest frequency [Hz]."""
+        """Lowest computed frequency, relative to the band's centre [Hz]."""
         self._taper = np.hanning(self.length + 2)[1:-1].astype(np.float32)
         self._twiddles = np.exp(-2j * np.pi / self._size * np.arange(self._size)).astype(
             np.complex64

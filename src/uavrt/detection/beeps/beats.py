@@ -24,7 +24,7 @@ class FoundBeat:
 
     beat: Beat
     members: NDArray[np.intp]
-    """(n,) indices of these pulses in the given times."""
+    """(n,) indices of the beat's pulses in the array of pulse times that was searched."""
 
 
 def find_beats(times_s: NDArray[np.float64], span_s: float, most: int = 3) -> list[FoundBeat]:
@@ -125,7 +125,7 @@ def _sure(beat: Beat, bursts: int, span_s: float) -> bool:
 
 
 def _jitter_s(beat: Beat) -> float:
-    """Scatter of the pulses about a curve that follows the temperature [s]."""
+    """Scatter of a beat's pulse times about a curve that follows the temperature [s]."""
     degree = min(beat.numbers.size // 20, INTERVALS.most_bends)
     if not degree:
         return beat.scatter_s
@@ -134,13 +134,13 @@ def _jitter_s(beat: Beat) -> float:
 
 
 def _merit(beat: Beat) -> float:
-    """Number of pulses minus half the missing ones, so half the true interval scores less."""
+    """Pulses of a beat minus half its missing ones, so half the true interval scores less."""
     steps = int(beat.numbers[-1]) + 1
     return beat.numbers.size - 0.5 * max(0, steps - beat.numbers.size)
 
 
 def _candidates(times_s: NDArray[np.float64]) -> list[float]:
-    """Time differences between many pairs of pulses, the most frequent first [s]."""
+    """Intervals to try: differences of many pulse times, the most frequent first [s]."""
     step_s = 0.25 * INTERVALS.tolerance_s
     votes = np.zeros(int((INTERVALS.longest_s + 1.0) / step_s), dtype=np.float64)
     for shift in range(1, min(times_s.size, 200)):

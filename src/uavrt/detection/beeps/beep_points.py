@@ -25,9 +25,9 @@ class Points:
     frequencies_hz: NDArray[np.float64]
     """(n,) frequencies relative to the band's centre [Hz], within about 10 Hz."""
     widths_s: NDArray[np.float64]
-    """(n,) lengths [s], within about 5 ms; 0 for pulses much shorter than the window."""
+    """(n,) lengths of the pulses [s], within about 5 ms; 0 if much shorter than the window."""
     levels_db: NDArray[np.float64]
-    """(n,) power over the noise in a bandwidth of 94 Hz [dB]."""
+    """(n,) power of the pulses over the noise in a bandwidth of 94 Hz [dB]."""
 
     def __len__(self) -> int:
         return self.times_s.size
@@ -59,9 +59,9 @@ class _Levels:
     """
 
     power: NDArray[np.float32]
-    """(frames, bins) power before scaling."""
+    """(frames, bins) power of the spectrogram, not divided by the usual power of each bin."""
     scale: NDArray[np.float32]
-    """(bins,) inverse of the usual power."""
+    """(bins,) inverse of the usual power in each frequency bin."""
 
     def around(
         self, row: NDArray[np.intp], column: NDArray[np.intp], rows: range, columns: range
@@ -96,12 +96,12 @@ class PointSearch:
         bins = self._spectrogram.bins
         frames = min(POINTS.batch_s / POINTS.hop_s, most_cells / bins)
         self._held = 2 * POINTS.around_frames
-        """Number of frames of the previous batch that are repeated at the start of a batch."""
+        """Number of spectrogram frames repeated from the previous batch at a batch's start."""
         self._power = np.zeros((max(4 * POINTS.around_frames, round(frames)), bins), np.float32)
         self._filled = 0
         self._first_frame = 0
         self._from = 0
-        """First frame of the batch that is not examined yet."""
+        """First spectrogram frame of the batch that is not yet searched for pulses."""
         cells_per_s = bins / POINTS.hop_s
         # The power of noise is exponential: P(x times its median) = 2^-x.
         false_per_s = POINTS.false_per_s * max(
@@ -109,7 +109,7 @@ class PointSearch:
         )
         self._factor = np.log2(max(cells_per_s / false_per_s, 16.0))
         self._samples = np.zeros(0, np.complex64)
-        """The next frames' samples, in a buffer that grows to the largest block."""
+        """Samples of the next spectrogram frames; the buffer grows to the largest block."""
         self._held_samples = 0
         self._found: list[NDArray[np.float64]] = []
         self.dropped = 0
@@ -174,7 +174,7 @@ class PointSearch:
     def _candidates(
         self, levels: "_Levels", first: int, until: int
     ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]]:
-        """Frame, bin and level, over the segment's median, of cells above the threshold."""
+        """Frame, bin, and level over the segment's median of cells that may be pulses."""
         bins = levels.power.shape[1]
         segments = max(1, bins // POINTS.segment_bins)
         places = []
@@ -284,7 +284,7 @@ def _without_edges(points: Points) -> Points:
 def _peak(
     levels: _Levels, at: NDArray[np.intp], column: NDArray[np.intp]
 ) -> NDArray[np.float64]:
-    """Position of a spectral line between bins [bins], by a parabola through the logarithms."""
+    """Position of a spectral line's peak [bins], by a parabola through log powers."""
     inner = np.clip(column, 1, levels.power.shape[1] - 2)
     near = levels.around(at, inner, range(1), range(-1, 2))[:, 0].astype(np.float64)
     below, here, above = np.log(np.maximum(near, 1e-37)).T

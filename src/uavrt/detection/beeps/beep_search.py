@@ -33,11 +33,11 @@ class _Band:
         self._times = BlockTimes(1.0)
         self._taken_s = 0.0
         self.received = 0
-        """Number of samples searched."""
+        """Number of samples of this band that were searched."""
         self.center_hz = 0.0
         self.half_hz = 0.0
         self.points = NO_POINTS
-        """Pulses at absolute frequencies, from the last search for trains."""
+        """Pulses of the band, at absolute frequencies, from the last search for trains."""
         self._searched: list[Searched] = []
 
     def due(self, block: IQBlock) -> bool:

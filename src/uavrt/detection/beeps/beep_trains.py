@@ -24,7 +24,7 @@ class Train:
 
     points: Points
     beats: tuple[FoundBeat, ...]
-    """An interval for each stretch of the train; members are indices into `points`."""
+    """An interval for each stretch of the train; members are indices of pulses in `points`."""
     frequency_hz: float
     level_db: float
     doubt: str | None = None
@@ -71,12 +71,12 @@ class Searched:
 
     frequency_hz: float
     until_s: float
-    """Time of the last pulse that was searched [s]."""
+    """Time of the last pulse at this frequency that was searched for trains [s]."""
     points: int
-    """Number of pulses that were searched."""
+    """Number of pulses at this frequency that were searched for trains."""
     trains: list[Train]
     burst: tuple[float, float] | None
-    """Share of the pulses in bursts, and their frequency [Hz]; None without bursts."""
+    """Share of these pulses that are in bursts, and their frequency [Hz]; None: no bursts."""
 
     def holds(self, times_s: NDArray[np.float64]) -> bool:
         """True if the pulses at this frequency now, `times_s`, need no new search.
@@ -218,7 +218,7 @@ def _train(group: Sequence[FoundBeat], here: Points) -> tuple[Train, NDArray[np.
 
 
 def _scatter_hz(points: Points) -> float:
-    """Scatter of the frequencies about a line through them, without outliers [Hz]."""
+    """Scatter of pulse frequencies about a line through them, without outliers [Hz]."""
     time_s = points.times_s - points.times_s.mean()
     slope, value = np.polyfit(time_s, points.frequencies_hz, 1)
     off_hz = np.abs(points.frequencies_hz - value - slope * time_s)

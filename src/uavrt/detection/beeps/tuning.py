@@ -10,29 +10,29 @@ class PointTuning:
     window_s: float = 0.016
     """Length of the Hann window [s]; pulses of 2.5, 20 and 30 ms lose 3 to 5 dB by it."""
     hop_s: float = 0.008
-    """Step from one window to the next [s]."""
+    """Time from the start of one window of the spectrogram to the next [s]."""
     batch_s: float = 2.0
-    """Duration over which the median gives the usual level of a frequency [s]."""
+    """Duration whose median power gives the usual noise level of a frequency [s]."""
     most_cells: int = 12_500_000
-    """Maximum number of cells searched at once: 48 MiB, 2 s at 3 MS/s."""
+    """Maximum number of spectrogram cells searched at once: 48 MiB, 2 s at 3 MS/s."""
     false_per_s: float = 3.0
-    """Noise cells accepted as pulses in `false_band_hz` [1/s]; more in wider bands."""
+    """Noise cells accepted as pulses per second in `false_band_hz`; more in wider bands."""
     false_band_hz: float = 100e3
     """Maximum bandwidth in which at most `false_per_s` noise cells are accepted [Hz]."""
     segment_bins: int = 64
-    """Number of neighbouring frequencies, 4 kHz, whose common rise is not a pulse."""
+    """Number of adjacent frequency bins, 4 kHz, whose common rise in power is not a pulse."""
     flank_bins: tuple[int, int] = (10, 17)
-    """Distances at which a pulse's spectrum has decayed, even one of 2.5 ms [bins]."""
+    """Distances in frequency at which the spectrum of any pulse has decayed [bins]."""
     flank_ratio: float = 10.0
     """Minimum ratio of a pulse's peak to the mean level at `flank_bins`."""
     around_frames: int = 13
-    """Number of frames before and after a pulse in which its length is measured: 104 ms."""
+    """Number of spectrogram frames before and after a pulse used for its length: 104 ms."""
     longest_s: float = 0.1
     """Maximum duration of a pulse [s]; longer signals are transmissions."""
     least_frames: int = 16
-    """Minimum number of frames that are transformed together."""
+    """Minimum number of spectrogram frames that are transformed together."""
     most_candidates: int = 200_000
-    """Maximum number of cells examined in a batch: the strongest ones."""
+    """Maximum number of spectrogram cells examined in a batch: the strongest ones."""
     strong_db: float = 32.0
     """Level above which a pulse's edges may appear as separate pulses [dB]."""
     edge_s: float = 0.03
@@ -47,28 +47,28 @@ class IntervalTuning:
     shortest_s: float = 0.25
     longest_s: float = 6.0
     fewest_pulses: int = 5
-    """Minimum number of pulses for an interval to be accepted."""
+    """Minimum number of pulses with one interval for that interval to be accepted."""
     fewest_at_other_rate: int = 6
-    """Minimum number of pulses at another interval for a chain to be cut there."""
+    """Minimum number of pulses at a second interval for a chain of pulses to be cut there."""
     most_bends: int = 6
-    """Maximum degree of the polynomial for the interval's change with temperature."""
+    """Maximum degree of the polynomial that fits a tag's interval drift with temperature."""
     most_false: float = 1e-4
-    """Maximum expected number of equally good chains from noise in the recording."""
+    """Maximum expected number of equally good pulse chains from noise in the recording."""
     tolerance_s: float = 0.022
     """Maximum deviation of a pulse from its expected time [s]: 20 ms jitter and 2 ms error."""
     most_missing: int = 6
-    """Maximum number of consecutive missing pulses in a chain."""
+    """Maximum number of consecutive missing pulses within a chain of a tag's pulses."""
     # Costs in a chain, relative to the value of a pulse. At `switch_cost` a stretch with every
     # second pulse missing counts as another rate from five or six pulses on at an end of the
     # recording, and from eight or nine in its middle.
     missing_cost: float = 0.3
-    """Cost of a missing pulse if the tag has one rate [found pulses]."""
+    """Cost of a missing pulse in a chain, if the tag has one rate [found pulses]."""
     missing_or_switch_cost: float = 0.5
-    """Cost of a missing pulse if the tag may have changed rate [found pulses]."""
+    """Cost of a missing pulse in a chain, if the tag may have changed rate [found pulses]."""
     switch_cost: float = 2.0
-    """Cost of a change of interval in a chain [found pulses]."""
+    """Cost of a change of interval in a chain of a tag's pulses [found pulses]."""
     recent_pulses: int = 40
-    """Number of recent pulses over which the running interval is averaged."""
+    """Number of recent pulses of a train over which its interval is averaged."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,13 +78,13 @@ class TrainTuning:
     gather_hz: float = 150.0
     """Range of frequencies that may belong to one tag as it warms up [Hz]."""
     step_hz: float = 25.0
-    """Width of the steps in which pulses are counted by frequency [Hz]."""
+    """Width of the frequency steps in which pulses are counted to find trains [Hz]."""
     fewest_held: int = 30
     """Minimum number of pulses for an interval to be kept while further pulses continue it."""
     renewing_ratio: float = 3.0
     """Minimum ratio of new to old pulses at one frequency for it to be searched again."""
     renewing_share: float = 0.125
-    """Maximum share of new pulses at one frequency that are not of its known trains."""
+    """Maximum new pulses outside the known trains to keep these [share of the old pulses]."""
     most_intervals: int = 8
     """Maximum number of intervals found among the pulses of one frequency."""
     strays: int = 2
@@ -92,15 +92,15 @@ class TrainTuning:
     most_scatter_hz: float = 30.0
     """Maximum scatter of a train's frequencies about a line [Hz]; chance gives 87 Hz."""
     least_explained: float = 0.5
-    """Minimum share of a frequency's pulses in trains; below it the trains are doubtful."""
+    """Minimum share of pulses at a frequency that belong to trains; fewer: doubtful trains."""
     same_time_s: float = 0.012
     """Maximum difference between the times of simultaneous pulses [s]."""
     image_share: float = 0.8
     """Minimum share of an image's pulses that coincide with those of a stronger train."""
     image_db: float = 3.0
-    """Minimum level difference of a signal and its image, at image frequencies [dB]."""
+    """Minimum level of a signal over its image in the receiver, at image frequencies [dB]."""
     anywhere_db: float = 25.0
-    """Minimum level difference of a signal and its image, at other frequencies [dB]."""
+    """Minimum level of a signal over its image in the receiver, at other frequencies [dB]."""
     one_device_db: float = 10.0
     """Maximum level difference between tones of one device, such as a data sender [dB]."""
     one_device_s: float = 0.001
@@ -133,16 +133,16 @@ class NamingTuning:
     """Maximum distance of a mirrored tag from its mirror frequency, as a share of the distance
     from its label; drift and an uncertain label are a few hundred hertz."""
     least_mirrored: float = 0.75
-    """Minimum share of mirrored trains among these and the tags off their labels."""
+    """Minimum share of mirrored tags among all tags received off their label's frequency."""
     interval_ratios: tuple[float, ...] = (2.0, 1 / 2, 1 / 3)
     """Possible ratios of the listed to the measured interval: twice for a mortality signal at
     double rate, a half or a third if every second pulse, or two of three, are missed."""
     timing_s: float = 0.001
-    """Error of an interval due to the pulses' measured times [s]."""
+    """Error of a measured pulse interval due to the errors of the pulses' times [s]."""
     least_pulses: int = 8
-    """Minimum number of pulses of a stretch that has a separate interval."""
+    """Minimum number of pulses in a part of a train for it to have its own interval."""
     least_present: float = 0.7
-    """Minimum share of received pulses in a stretch; fewer may belong to another rate."""
+    """Minimum share of expected pulses received in a part of a train; else another rate."""
     most_names: int = 3
     """Maximum number of listed tags reported for a train."""
     gap_level_db: float = 12.0
@@ -156,7 +156,7 @@ class NamingTuning:
     least_gap_spread_s: float = 0.02
     """Minimum scatter of pulse-to-pulse times [s]; less means a separate train."""
     late_s: float = 0.025
-    """Maximum delay of a pulse if samples are missing [s]."""
+    """Maximum delay of a pulse after its expected time, if samples are missing [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,7 +187,7 @@ class ListeningTuning:
     live_pulses: int = 8
     """Minimum number of pulses of a train reported during a live stream."""
     clean_share: float = 0.45
-    """Half-width of a decimated band that is searched, as a share of its sample rate."""
+    """Half-width of the searched part of a decimated band, as a share of its sample rate."""
 
 
 POINTS = PointTuning()

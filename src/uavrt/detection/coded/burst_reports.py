@@ -149,7 +149,7 @@ def sighting_of(
 
 
 def _offsets(cells: Cells, row: int, columns: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Offset of the pulses from the columns of their largest cells [columns].
+    """Time from the column of a pulse's largest cell to the true peak, per pulse [columns].
 
     The filter of a rectangular pulse decays linearly: amplitudes on both sides give the offset.
     """

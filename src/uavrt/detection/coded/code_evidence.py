@@ -19,11 +19,11 @@ class Evidence:
     """Log-likelihood ratios of the listed code against other explanations."""
 
     over_noise: NDArray[np.float64]
-    """(n,) log-likelihood of the code's pulses against noise."""
+    """(n,) log-likelihood ratio of the code's pulses to noise."""
     over_unlisted: NDArray[np.float64]
-    """(n,) log-likelihood of the listed code against unlisted codes."""
+    """(n,) log-likelihood ratio of the listed code to unlisted codes."""
     alone: NDArray[np.float64]
-    """(n, pulses) log-likelihood of each pulse against noise or another burst's pulse."""
+    """(n, pulses) log-likelihood ratio of each pulse to noise or another burst's pulse."""
     own: NDArray[np.bool_]
     """(n, pulses) True where the code's pulse is received rather than a stronger signal."""
 

@@ -34,7 +34,7 @@ class Found:
     total: float
     interval: float
     unlisted: float
-    """Log-likelihood ratio against unlisted codes with the same burst interval by chance."""
+    """Log-likelihood ratio of the listed code to unlisted ones with its interval by chance."""
     also_possible: tuple[int, ...] = ()
 
 
@@ -212,7 +212,7 @@ class Folds:
         return bool(limited.sum() >= 0.965 * sums.sum() / max(one.score, 1.0))
 
     def _apart(self, hits: list[Found]) -> list[Found]:
-        """Of results that share pulses keep the best, with the tags of nearly equal ones."""
+        """Keep the best of the results that share pulses; add tags of nearly equal ones."""
         chosen: list[Found] = []
         for one in sorted(hits, key=lambda hit: -hit.score):
             shared = [

@@ -38,13 +38,13 @@ class Burst:
     good: NDArray[np.bool_]
     likelihood: float = 0.0
     unlisted: float = 0.0
-    """Log-likelihood ratio against unlisted codes."""
+    """Log-likelihood ratio of the listed code to unlisted codes."""
     alone: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    """Log-likelihood ratio of each pulse against noise or a pulse of another burst."""
+    """(pulses,) log-likelihood ratio of each pulse to noise or a pulse of another burst."""
     prior: float = 0.0
     """Log odds that the burst is sent now, relative to any other time."""
     score: float = 0.0
-    """Ratio of the sum of energies to the required sum."""
+    """Ratio of the summed energy of the burst's pulses to the sum required for a detection."""
     also_possible: list[int] = field(default_factory=list)
     """Ids of other tags that may have sent the burst."""
     hit_by: list[int] = field(default_factory=list)
@@ -139,7 +139,7 @@ def measure(
 
 
 def _centred(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Move each strong seed to the column and stretch with the largest sum of amplitudes."""
+    """Move each strong possible burst to the start and gap stretch with most amplitude."""
     offsets = book.offsets[seeds[:, 0]]
     last = cells.recent.shape[1] - 1
     at = seeds[:, 3] - cells.recent_from
@@ -168,7 +168,7 @@ def _centred(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[
 
 
 def _finely(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[np.int32]:
-    """(n, pulses) columns with the largest sum near the code's, from the seed's column."""
+    """(n, pulses) offsets of pulses from the burst's start with the most energy [columns]."""
     shifts = np.array([0, -1, 1], np.int32)
     tried = book.fine[seeds[:, 0], seeds[:, 2]][:, None] + shifts[:, None, None]
     tried = tried.reshape(len(seeds), -1, book.pulses)
@@ -316,9 +316,9 @@ class Overlaps:
     def _sum(self) -> None:
         alone = self._good & ~self.pulses
         self.count: list[int] = self.pulses.sum(axis=1).tolist()
-        """(possible bursts,) number of overlapped pulses."""
+        """(possible bursts,) number of pulses that overlap with accepted bursts."""
         self.alone: list[int] = alone.sum(axis=1).tolist()
-        """(possible bursts,) number of good pulses that are not overlapped."""
+        """(possible bursts,) number of good pulses that overlap with no accepted burst."""
         self.weakest: list[float] = (
             np.where(alone, self._energies, np.inf).min(axis=1, initial=np.inf).tolist()
         )

@@ -134,7 +134,7 @@ class CodedDetector:
         )
         self._clean = 0
         self._searched = 0
-        """Column up to which single bursts were searched."""
+        """Spectrogram column up to which single bursts were searched."""
         self._claims: list[Burst] = []
         self._ahead: list[Burst] = []
         """Accepted bursts in the newest columns, to be decided again with later samples."""

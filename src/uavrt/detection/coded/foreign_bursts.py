@@ -50,7 +50,7 @@ class Foreign:
         self._upto = max(upto, self._upto)
 
     def _of_burst(self, column: int) -> bool:
-        """True if two more pulses of equal frequency lie within a burst's length of it."""
+        """True if two more signals of equal frequency lie within a burst's length."""
         (row,) = self._rows[self._columns == column]
         near = np.abs(self._columns - column) <= self._span
         return int((near & (np.abs(self._rows - row) <= FOREIGN.rows)).sum()) >= 3

@@ -18,7 +18,7 @@ from uavrt.detection.coded.code_evidence import evidence_in_step
 from uavrt.detection.coded.tuning import IDENTITY
 
 _TRIED = math.log(IDENTITY.steps)
-"""Log of the number of tries; subtracted from the log-likelihood of the best one."""
+"""Log of the number of compared time ranges; subtracted from the best log-likelihood."""
 
 
 def in_step(
@@ -91,10 +91,10 @@ class Sighting(MeasuredBurst):
     hit: tuple[int, ...]
     """Ids of tags whose bursts overlap too many pulses of this burst."""
     alone: NDArray[np.float64]
-    """Log-likelihood ratio of each pulse of the code against noise or another burst's pulse."""
+    """Log-likelihood ratio of each pulse of the code to noise or another burst's pulse."""
     good: NDArray[np.bool_]
     unlisted: float
-    """Log-likelihood ratio of the listed code against unlisted codes."""
+    """Log-likelihood ratio of the listed code to unlisted codes."""
     required: float
     """Log-likelihood ratio required for an identification."""
     reported: bool = False

@@ -63,7 +63,7 @@ def refine(
 def _prefix(
     cells: Cells, row: int, firsts: NDArray[np.int64]
 ) -> tuple[NDArray[np.bool_], NDArray[np.complex128]]:
-    """Which pulses are stored, and cumulative sums (frequencies, bursts, pulses, n + 1)."""
+    """Mark stored pulses; make sample sums of shape (frequencies, bursts, pulses, n + 1)."""
     count = 2 * REFINE.margin_columns * cells.hop + cells.length + 1
     first = (firsts - cells.base) * cells.hop
     within = (first >= 0) & (first + count <= (cells.end - cells.base) * cells.hop)
@@ -82,7 +82,7 @@ def _prefix(
 def _energies(
     cells: Cells, sums: NDArray[np.complex128], at: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Energies of pulses, shape (frequencies, shifts, stretches, bursts, pulses)."""
+    """Energies of pulses at each trial: (frequencies, shifts, stretches, bursts, pulses)."""
     begin = np.clip(at * cells.hop, 0.0, sums.shape[-1] - 2 - cells.length)
     low = np.floor(begin).astype(np.int64)
     over = begin - low

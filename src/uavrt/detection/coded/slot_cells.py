@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from uavrt.detection.coded.tuning import CELLS
 
 STEP = 0.25
-"""Resolution of cells stored as bytes [noise energies]."""
+"""Resolution of the cells' energies when stored as bytes [noise energies]."""
 CLIP = 63
-"""Maximum stored value of a cell [steps]; the sum of four fits a byte."""
+"""Maximum energy of a cell stored as a byte [`STEP`]; the sum of four fits a byte."""
 NEUTRAL = round(1.0 / STEP)
-"""Stored value of a cell with the mean energy of noise."""
+"""Stored value of a spectrogram cell with the mean energy of noise [`STEP`]."""
 UNIT = 16.0
-"""Amplitude of the noise in stored samples; samples are limited to eight times that."""
+"""Amplitude of the noise in samples stored as integers; these are limited to ±127."""
 
 
 class Cells:
@@ -38,15 +38,15 @@ class Cells:
         """Number of samples in a pulse."""
         self.sample_rate_hz = sample_rate_hz
         self.hop = max(1, int(pulse_width_s * sample_rate_hz / CELLS.columns_per_pulse))
-        """Number of samples from one column to the next."""
+        """Number of samples from one spectrogram column to the next."""
         self.column_s = self.hop / sample_rate_hz
         self.pulse = max(1, round(pulse_width_s / self.column_s))
-        """Number of columns in a pulse."""
+        """Number of spectrogram columns in a pulse."""
         spacing_hz = CELLS.row_spacing / pulse_width_s
         rows = max(1, math.ceil((high_hz - low_hz) / spacing_hz)) + 1
         self.offsets_hz = np.linspace(low_hz, high_hz, rows)
         self.rows_of_a_bin = min(rows - 1, math.ceil(1.0 / CELLS.row_spacing))
-        """Number of rows on either side in which a pulse is visible: those within 1/width."""
+        """Number of rows on each side of a pulse's frequency that show it: within 1/width."""
         self._turns = -2j * np.pi * self.offsets_hz[:, None] / sample_rate_hz
         self._kept = math.ceil(kept_s / self.column_s)
         self._recent = math.ceil(recent_s / self.column_s)
@@ -56,9 +56,9 @@ class Cells:
         """Clear all cells; columns count from zero again."""
         rows = len(self.offsets_hz)
         self.base = 0
-        """Column of the first stored byte."""
+        """Number of the first stored spectrogram column, counted from the stream's start."""
         self.end = 0
-        """Column after the newest one."""
+        """Number after that of the newest spectrogram column."""
         self.kept = np.full((rows, self._kept + self._kept // 4 + 4096), NEUTRAL, np.uint8)
         self.past = np.zeros((self.kept.shape[1] * self.hop, 2), np.int8)
         """Samples from column `base` on, real and imaginary, relative to the noise."""
@@ -66,9 +66,9 @@ class Cells:
         """(rows, columns) newest cells up to `end` [noise energies]."""
         self._medians: list[NDArray[np.float64]] = []
         self.noise = np.ones(rows)
-        """(rows,) noise energy in a cell of each row."""
+        """(rows,) mean noise energy of a cell, for each frequency row."""
         self.shape = np.ones(rows)
-        """(rows,) noise of each row over the median of all, averaged over ten seconds."""
+        """(rows,) noise of each row over the median of all rows, averaged over ten seconds."""
 
     @property
     def recent_from(self) -> int:

@@ -17,7 +17,7 @@ from uavrt.detection.coded.slot_cells import Cells
 from uavrt.detection.coded.tuning import SUMS
 
 FIELDS = 5
-"""Number of fields of a seed: code, row, stretch, column, sum."""
+"""Number of values that describe a possible burst: code, row, stretch, column, sum."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

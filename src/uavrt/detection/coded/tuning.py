@@ -12,15 +12,15 @@ class CellTuning:
     """Constants for computing and storing the energies of a channel."""
 
     row_spacing: float = 0.3125
-    """Spacing of the frequencies [1 / pulse width]: 125 Hz for 2.5 ms, 0.3 dB lost half-way."""
+    """Spacing of the searched frequencies [1 / pulse width]: 125 Hz; 0.3 dB lost half-way."""
     columns_per_pulse: float = 9.0
-    """Number of columns per pulse width."""
+    """Number of spectrogram columns (time steps) per pulse width."""
     noise_pieces: int = 25
-    """Number of pieces of samples whose medians give the noise: 10 s."""
+    """Number of pieces of samples whose median powers give the noise level: 10 s."""
     least_rise: float = 0.85
     """Minimum noise level as a share of the newest estimate; rising noise is then no burst."""
     kept_s: float = 130.0
-    """Duration for which cells are stored, to sum several bursts [s]."""
+    """Duration for which spectrogram cells are stored, to sum several bursts [s]."""
     step_s: float = 0.4
     """Duration of the samples collected before the search continues [s]."""
     # Limits for cells that are excluded from sums of several bursts.
@@ -37,9 +37,9 @@ class SumTuning:
     """Constants for summing cells at the gaps of the codes, and over several bursts."""
 
     stretches: tuple[float, ...] = (0.0, -0.5, 0.5, -1.0, 1.0)
-    """Stretches of all gaps that are tried, as shares of their common tolerance."""
+    """Tried stretches of the gaps in a burst, as shares of the gaps' common tolerance."""
     apart_columns: int = 4
-    """Range in which a seed is the largest sum of its row and code [columns]."""
+    """Distance within which only the largest sum of a code and frequency is kept [columns]."""
     most_cell: float = 10.0
     """Limit on the energy of a cell in a sum of several bursts [noise energies]."""
     # Mean cell of a seed. Three of four sums of bursts at the limit contain a cell of this
@@ -49,15 +49,15 @@ class SumTuning:
     columns_per_step: float = 2.0
     """Shift of the last burst from one tried interval to the next [columns]."""
     few_bursts: int = 3
-    """Number of bursts in the shorter sum of bursts."""
+    """Number of bursts in the smaller of the two sums over several bursts of a code."""
     examined_share: float = 0.88
-    """Share of the minimum sum above which a sum is refined."""
+    """Ratio of a sum of bursts to the required sum above which the sum is refined."""
     clear_lead: float = 20.0
     """Lead over another code's sum of the same pulses that excludes it [noise energies]."""
     box_columns: int = 2048
-    """Range within which waiting seeds are grouped [columns]."""
+    """Length of the time ranges in which waiting possible bursts are grouped [columns]."""
     same_columns: int = 10
-    """Maximum distance between equal pulses of two codes [columns]."""
+    """Maximum time between pulses of two codes that count as the same pulse [columns]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,17 +67,17 @@ class RefineTuning:
     turns_hz: tuple[float, ...] = (-42.0, 0.0, 42.0)
     """Offsets tried from the row's frequency [Hz]: a third of the row spacing."""
     stretches: tuple[float, ...] = (-0.25, 0.0, 0.25)
-    """Stretches tried in addition to the seed's, as shares of the tolerance."""
+    """Tried further stretches of a burst's gaps, as shares of the gaps' tolerance."""
     shifts: tuple[float, ...] = (-1.0, -0.5, 0.0, 0.5, 1.0)
-    """Shifts tried of all bursts together [columns]."""
+    """Tried shifts in time of all bursts of a sum together [columns]."""
     drifts: tuple[float, ...] = (-1.0, 0.0, 1.0)
-    """Shifts tried of the last burst against the first [columns]."""
+    """Tried shifts in time of the last burst of a sum against the first [columns]."""
     near_columns: int = 3
     """Distance from cells replaced by noise at which a pulse counts as hidden [columns]."""
     hidden_energy: float = 0.25 * math.pi
     """Energy assumed for a hidden pulse [noise energies]: (mean amplitude)² of noise."""
     margin_columns: int = 6
-    """Number of columns on each side of a pulse whose samples are read."""
+    """Number of columns on each side of a pulse whose samples are read to refine it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,13 +90,13 @@ class LimitTuning:
     share_of_one: float = 0.4
     share_of_three: float = 0.2
     per_cell: float = 60.0
-    """Number of independent sums per pulse width of time and inverse width of frequency."""
+    """Independent sums of pulses per time-frequency cell of pulse width × 1 / pulse width."""
     per_interval: float = 1.0
-    """Number of independent intervals per pulse width by which the last burst is uncertain."""
+    """Number of independent intervals tried per pulse width of the last burst's uncertainty."""
     per_refinement: float = 14.0
-    """Number of independent sums in a refinement."""
+    """Number of independent sums that the refinement of one sum of bursts tries."""
     expected_false: float = 1e-6
-    """Probability that noise reaches the limit in a cell where a known tag's burst is due."""
+    """Probability that noise passes as a known tag's burst, in a cell where one is due."""
     expected_log: float = 6.0
     """Log odds of an identified tag's burst at its expected time against any other time."""
     least_energy: float = 0.25
@@ -108,7 +108,7 @@ class LikelihoodTuning:
     """Assumptions of the evidence that pulses are those of a listed code."""
 
     fading: float = 0.12
-    """Relative standard deviation of the amplitude within a burst, without noise."""
+    """Relative standard deviation of pulse amplitudes within a burst, without noise."""
     coincidence: float = 0.05
     """Probability that another code's pulse lies at a position: 3 ms of a gap of 57 ms."""
     least_hit: float = 1e-3
@@ -116,7 +116,7 @@ class LikelihoodTuning:
     hiding_amplitude: float = 0.5
     """Minimum amplitude of a signal that hides a pulse, relative to the pulse."""
     place_s: float = 1e-3
-    """Maximum deviation of a pulse from its expected time [s]."""
+    """Maximum deviation of a pulse from its expected time in the burst [s]."""
     sums_tried: float = 20.0
     """Number of independent sums of several bursts that are tried; the best is used."""
     strengths_log: float = 5.0
@@ -124,7 +124,7 @@ class LikelihoodTuning:
     alignments: float = 16.0
     """Number of ways to align one of a burst's four pulses with one of four positions."""
     least_log: float = 4.0
-    """Minimum log-likelihood ratio of the listed code against unlisted ones."""
+    """Minimum log-likelihood ratio of the listed code to unlisted codes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,13 +132,13 @@ class ShapeTuning:
     """Constants that decide if the pulses of a sum are a burst."""
 
     pool_columns: int = 1
-    """Range around a pulse's expected column in which its cell is the largest [columns]."""
+    """Distance from a pulse's expected column at which its largest cell counts [columns]."""
     leak_amplitude: float = 0.35
     """Maximum amplitude that may be leakage, relative to the strongest at any frequency."""
     loud_energy: float = 20.0
     """Minimum energy of a signal whose leakage is considered [noise energies]."""
     rounded: float = 1.0 - 1e-6
-    """Share of the minimum sum below which seeds are dropped early; 1 except for rounding."""
+    """Share of the required sum below which possible bursts are dropped; 1 but for rounding."""
     least_amplitude: float = 0.33
     """Minimum amplitude of a pulse relative to another of the same burst."""
     hit_amplitude: float = 0.5
@@ -167,7 +167,7 @@ class ShapeTuning:
     sure_energy: float = 12.0
     """Minimum pulse energy of a burst reported without identification [noise energies]."""
     nowhere: int = -(2**40)
-    """Column number used for a missing pulse."""
+    """Number of the spectrogram column used for a missing pulse."""
     saturated_energy: float = 12.0
     """Energy at which stored cells no longer show a pulse's maximum [noise energies]."""
 
@@ -177,7 +177,7 @@ class IdentityTuning:
     """Constants for identifying a tag by its burst interval, and predicting its next burst."""
 
     steps: int = 8
-    """Number of intervals, before and after, over which bursts are compared."""
+    """Number of burst intervals, before and after, over which bursts are compared."""
     missed_log: float = 1.0
     """Log-likelihood lost by an interval for a missing burst; most bursts are detected."""
     clear_log: float = 3.0
@@ -189,7 +189,7 @@ class IdentityTuning:
     doubt_log: float = math.log(100.0)
     """Maximum shortfall of evidence for a burst to be reported as unconfirmed [log]."""
     rows: int = 1
-    """Maximum difference in frequency between bursts of one tag [rows]."""
+    """Maximum frequency difference between bursts of one tag [frequency rows]."""
     most_missed: int = 8
     """Maximum number of bursts missed before a tag must be identified again."""
     own_error: float = 5e-6
@@ -203,19 +203,19 @@ class ForeignTuning:
     """Constants for counting bursts that no listed code explains."""
 
     least_per_hour: float = 0.02
-    """Rate of foreign bursts assumed before any is observed on a channel [1/h]."""
+    """Rate of unknown senders' bursts assumed before any is received on a channel [1/h]."""
     memory_s: float = 300.0
-    """Time over which foreign bursts are averaged [s]."""
+    """Time over which the rate of unknown senders' bursts is averaged [s]."""
     start_s: float = 10.0
     """Time added to the time since the start [s], so that one early burst is no high rate."""
     weakest_energy: float = 10.0
-    """Minimum energy of each of three foreign pulses in one burst [noise energies]."""
+    """Minimum energy of each of three pulses of an unknown sender's burst [noise energies]."""
     sure_energy: float = 14.0
-    """Minimum energy of a single foreign pulse [noise energies]."""
+    """Minimum energy of a single pulse of an unknown sender [noise energies]."""
     beside_share: float = 0.25
-    """Minimum energy of a foreign pulse that contradicts a burst, over the burst's mean."""
+    """Minimum energy of an extra pulse that contradicts a burst, over the burst's mean."""
     rows: int = 2
-    """Maximum difference in frequency between pulses of one sender [rows]."""
+    """Maximum frequency difference between pulses of one unknown sender [frequency rows]."""
 
 
 CELLS = CellTuning()
