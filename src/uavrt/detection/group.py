@@ -47,13 +47,13 @@ class _Channel:
     tolerance_ns: float
     blocks: list[tuple[NDArray[np.complex64], int]] = field(default_factory=list)
     before: int = 0
-    """Number of blocks that all detectors have taken and that were dropped."""
+    """Number of sample blocks dropped because all detectors have taken them."""
     samples: int = 0
     longest: LongestBlock = field(default_factory=LongestBlock)
     next_ns: float = 0.0
     due: list[_Member] = field(default_factory=list)
     soonest: int = 0
-    """Smallest `due` of the members; 0: check with each block if a search is due."""
+    """Smallest `due` of the detectors; 0: check with each block if a search is due."""
 
     def catch_up(self, member: _Member) -> None:
         member.detector.take_all(self.blocks[member.taken - self.before :])
@@ -115,7 +115,7 @@ class DetectorGroup:
     def __init__(self, receiver: Receiver | None = None) -> None:
         self._receiver = receiver
         self.carriers_hz: tuple[float, ...] = ()
-        """Absolute frequencies of strong steady carriers in the receiver's band."""
+        """Absolute frequencies of strong steady carriers in the receiver's band [Hz]."""
         self._channels: dict[Hashable, _Channel] = {}
         self._due: list[_Channel] = []
         self._pulses: list[Pulse] = []
@@ -273,7 +273,7 @@ class DetectorGroup:
                 self._pulses += detector.drain()
 
     def _find_ghosts(self) -> None:
-        """Find ghosts of stronger tags; mark their pulses that are not collected yet."""
+        """Find false trains caused by stronger tags; mark their pulses not collected yet."""
         if self._receiver is None:
             return
         self.last_searched = ()  # not the search of a single tag

@@ -28,21 +28,21 @@ class CostTuning:
     typical_weight: float = 3**2 * 0.06 * 1000.0
     """Weight of a typical tag: K² = 9, times ± 60 ms in seconds, times ± 500 Hz in hertz."""
     least_uncertainty_s: float = 0.003
-    """Minimum uncertainty of an interval used in the estimate [s]."""
+    """Minimum uncertainty of a pulse interval used in the estimated search cost [s]."""
     rate_hz: float = 7500.0
-    """Sample rate of the measured channels [Hz]."""
+    """Sample rate of the channels on which search costs are measured [Hz]."""
     block: int = 655
-    """Length of a block of the measured signal [samples]."""
+    """Length of a block of the signal on which search costs are measured [samples]."""
     measured_s: float = 3.0
-    """Length of the measured signal [s]; each detector searches it several times."""
+    """Length of the signal on which search costs are measured [s]."""
     together: int = 4
-    """Number of equal detectors measured together."""
+    """Number of equal detectors whose search cost is measured together."""
     dear_weight: float = 10.0
     """Minimum cost of a tag that is measured separately [multiples of a typical tag's cost]."""
     received_enr: float = 40.0
     """Energy of a received tag's pulses over the noise density (ENR), not in decibels."""
     code_share: float = 2e-4
-    """Share of a core for each code; 500 take less than a tenth."""
+    """Share of a processor core for each coded tag; 500 take less than a tenth."""
     most_cpu_s: float = 2.0
     """Maximum measuring time [s of CPU]; other tags then cost as much as the last measured."""
 
@@ -77,7 +77,7 @@ def search_cost(
 
 
 def _weight(tag: Tag, settings: DetectionSettings) -> float:
-    """Estimate a tag's cost [typical tags] from the intervals and frequencies tried."""
+    """Estimate a tag's search cost [typical tags] from the intervals and frequencies tried."""
     whole = settings.operating_mode == OperatingMode.ALL_NEVER_LOCK.value
     width_hz = (
         COSTS.rate_hz if whole else min(2.0 * settings.frequency_window_hz, COSTS.rate_hz)

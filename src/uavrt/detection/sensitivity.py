@@ -39,9 +39,9 @@ class SensitivityTuning:
     bursts: tuple[float, ...] = (1.0, 3.0, 10.0)
     """Numbers of bursts for which `losses_db` are given."""
     losses_db: tuple[float, ...] = (0.2, -0.1, 0.2)
-    """Measured loss of a coded tag's sums, by number of bursts (experiment E23) [dB]."""
+    """Measured loss of a coded tag's sums, by number of bursts summed (experiment E23) [dB]."""
     step: float = 0.02
-    """Resolution of the cells' distributions [noise powers]."""
+    """Resolution of the calculated distributions of the cells' power [noise powers]."""
 
 
 SENSITIVITY = SensitivityTuning()
@@ -97,7 +97,7 @@ def detection_probability(
 
 
 def _coded_probability(tag: Tag, enr_db: float, bandwidth_hz: float) -> float:
-    """Probability that K bursts are found: a single one, or three or all together."""
+    """Probability that a coded tag's K bursts are found: a single one, or three or all."""
     pulses = len(tag.gaps_s) + 1
 
     def together(bursts: int) -> float:

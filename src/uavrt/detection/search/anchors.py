@@ -30,19 +30,19 @@ class AnchorSearch(RateSearch):
             GROUPS.measured_columns + math.ceil((k - 1 - p) * self.intervals[-1])
             for p in range(k)
         ]
-        """(places,) columns from an anchor, as each of the K pulses, to its group's end."""
+        """(K,) columns from a strong cell, as each of the K pulses, to its group's end."""
         others = np.stack([np.delete(self._offsets[p], p, axis=0) for p in range(k)])
         first = others.min(axis=2, initial=np.iinfo(np.intp).max, keepdims=True)
         self.rest = others - first
-        """(places, k - 1, intervals) delay of each pulse from its earliest column [columns]."""
+        """(K, K - 1, intervals) columns from each other pulse's earliest to its expected."""
         self.lows = first[:, :, 0] - reach
-        """(places, k - 1) columns from an anchor to the first one searched for each pulse."""
+        """(K, K - 1) columns from a strong cell to the first searched for each other pulse."""
         self.stretch = int(self.rest.max(initial=0)) + 2 * reach + 1
-        """Number of columns searched for one other pulse."""
+        """Number of spectrogram columns searched for one other pulse of a group."""
         self.length = self.span + self.piece + 2 * reach + 4 + GROUPS.measured_columns
-        """Number of columns stored in the ring buffer; column c is at c modulo this number."""
+        """Number of columns in the ring buffer of cells; column c is at c modulo this."""
         self.width = self.length + max(self.stretch, self.piece + 2 * reach)
-        """Number of columns of the ring buffer, with the columns repeated behind its end."""
+        """Width of the ring buffer [columns], with the first ones repeated after its end."""
         self.base = 0
         # Separate memory only when first needed: in a group of a hundred tags 48 MB never are.
         self.memory = np.zeros(0, np.float32)
@@ -53,7 +53,7 @@ class AnchorSearch(RateSearch):
         self.anchor_powers: list[float] = []
         self.null: NullLattices | None = None
         self.tested = [0] * k
-        """(places,) number of anchors tested as each of the K pulses."""
+        """(K,) number of strong cells tested as each of a group's K pulses."""
 
     def count_null(self, expected_per_column: float, interval: float) -> None:
         """Count groups at intervals that no tag has; an excess raises the threshold."""
@@ -249,9 +249,9 @@ class _Tested:
     cells: NDArray[np.float32]
     """(anchors, k - 1, intervals): largest power within the jitter of each other pulse."""
     totals: NDArray[np.float32]
-    """(anchors, intervals): sums of the limited powers."""
+    """(anchors, intervals): sums of a group's powers, each limited as for one cell."""
     best: NDArray[np.float32]
-    """(anchors,) maximum sum of each anchor [noise powers]."""
+    """(anchors,) largest sum of powers over the intervals, for each anchor [noise powers]."""
 
 
 def search_together(

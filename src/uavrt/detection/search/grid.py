@@ -21,9 +21,9 @@ from uavrt.core.runtime.native import kernels
 from uavrt.detection.search.tuning import GRID
 
 HOPS_PER_PULSE = 8
-"""Number of columns per pulse width."""
+"""Number of spectrogram columns per pulse width."""
 ROWS_PER_BIN = 4
-"""Number of rows per frequency bin; a bin is the inverse of the pulse width."""
+"""Number of spectrogram rows per frequency bin; a bin is the inverse of the pulse width."""
 OUTPUTS_PER_ROW = 8
 """Number of narrow-band samples in one row of the filter's matrix product."""
 
@@ -191,9 +191,9 @@ class Spectrogram:
     def __init__(self, grid: Grid) -> None:
         self.grid = grid
         self.band = np.zeros(0, np.complex64)
-        """Narrow-band samples from the start of the next column on."""
+        """Narrow-band samples from the start of the next spectrogram column on."""
         self.consumed = 0
-        """Number of narrow-band samples made so far."""
+        """Number of narrow-band samples that the band's filter has made since the start."""
         self._turns = np.zeros((0, 1), np.complex64)
 
     @property
@@ -251,7 +251,7 @@ class Spectrogram:
         return band.reshape(-1)
 
     def _turned(self, row: int, count: int) -> NDArray[np.complex64]:
-        """Factors (count, 1) that shift the tag to 0 Hz, for each row of outputs."""
+        """Factors (count, 1) that shift the tag to 0 Hz, by `OUTPUTS_PER_ROW` samples each."""
         grid = self.grid
         turns = grid.turn_hz * OUTPUTS_PER_ROW * grid.decimation / grid.sample_rate_hz
         if count > len(self._turns):

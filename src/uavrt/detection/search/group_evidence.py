@@ -64,7 +64,7 @@ class Evidence:
         return self.weigh(starts, offset, level, strength) >= bound
 
     def _bounds_of(self, rate: int) -> tuple[float, float]:
-        """Minimum log evidence of a group: normally, and within the first decision interval."""
+        """Minimum log-likelihood ratio of a group: usually, and within the first decision."""
         tag, grid = self._tag, self._grid
         width_s = tag.pulse_width_s
         usual_s = decision_interval_s(tag, rate)
@@ -114,7 +114,7 @@ class Evidence:
 
 @lru_cache(maxsize=8)
 def _ratios(strength: float) -> NDArray[np.float64]:
-    """Likelihood ratio of a pulse to noise, by power in steps of `EVIDENCE.table_step`."""
+    """Table of the likelihood ratio of a pulse to noise, by power [`EVIDENCE.table_step`]."""
     power = np.arange(0.0, EVIDENCE.power_limit + EVIDENCE.table_step, EVIDENCE.table_step)
     return np.asarray(np.exp(-strength) * np.i0(2.0 * np.sqrt(strength * power)))
 
@@ -131,7 +131,7 @@ def _kernel(side: int, sigma: float) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=8)
 def _lattices(k: int, side: int) -> NDArray[np.intp]:
-    """Position of each pulse for each lattice around the candidate, shape (K, lattices).
+    """Index of the start of each pulse in each trial around the candidate, (K, trials).
 
     Each lattice is shifted as a whole, and its two ends are shifted against each other.
     """

@@ -19,20 +19,20 @@ from uavrt.detection.search.known_pulses import KnownPulses
 from uavrt.detection.search.tuning import GROUPS
 
 Anchors = tuple[list[int], list[int], list[float]]
-"""Columns, rows and powers of strong cells, in order of time."""
+"""Columns, rows and powers of strong spectrogram cells, in order of time."""
 
 
 class Candidate(NamedTuple):
     """Hypothesis (row, anchor, interval) with a statistic above the threshold."""
 
     score: float
-    """Ratio of the statistic to the threshold."""
+    """Ratio of the candidate's sum of powers to the detection threshold."""
     strength: float
-    """Sum without the limit on a cell [noise powers]; decides between equal scores."""
+    """Sum of powers, without limit on a cell [noise powers]; decides between equal scores."""
     rate: int
     row: int
     columns: tuple[float, ...]
-    """Expected column of each pulse, counted from the start of the stream."""
+    """Expected spectrogram column of each pulse, counted from the start of the stream."""
 
 
 def best_first(found: list[Candidate]) -> list[Candidate]:
@@ -81,7 +81,7 @@ class RateSearch(ABC):
         self.intervals = intervals
         self.longest = math.ceil(float(intervals[-1]))
         self.span = (k - 1) * self.longest + 1
-        """Number of columns from the first to the last pulse at the longest interval."""
+        """Number of columns from a group's first pulse to its last at the longest interval."""
         places = np.arange(k)
         self._offsets = np.rint(
             (places[np.newaxis, :] - places[:, np.newaxis])[:, :, np.newaxis]
@@ -89,14 +89,14 @@ class RateSearch(ABC):
         ).astype(np.intp)
         """(k, k, intervals): columns from one of the K pulses to another."""
         self.columns = 0
-        """Number of columns whose maxima over the jitter are known."""
+        """Number of spectrogram columns with known maxima over the pulses' jitter."""
         self.piece = max(16, math.ceil(GROUPS.piece_s / hop_s))
         self.best = 0.0
-        """Maximum ratio of statistic to threshold since the last reset."""
+        """Maximum ratio of a group's sum of powers to its threshold since the last reset."""
         self.own_margin = 1.0
         """Factor on the threshold while the noise estimate is still inaccurate."""
         self.known: KnownPulses | None = None
-        """Known pulses; candidates that they explain are not returned."""
+        """Known pulses of other transmitters; candidates that they explain are not returned."""
         self.pass_on: Callable[[list[int], list[int], list[float]], None] | None = None
         """Callback for strong cells that the search has finished: columns, rows, powers."""
 
@@ -135,7 +135,7 @@ class RateSearch(ABC):
 
     @abstractmethod
     def _push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
-        """Add power (rows, columns) and noise; at most `piece` columns."""
+        """Add powers (rows, columns) and noise levels; at most `piece` columns."""
 
 
 def jitter_reach(jitter_s: float, hop_s: float) -> int:

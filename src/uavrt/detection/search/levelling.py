@@ -21,9 +21,9 @@ from uavrt.detection.search.grid import HOPS_PER_PULSE, ROWS_PER_BIN
 from uavrt.detection.search.tuning import LEVEL
 
 SLOT = HOPS_PER_PULSE // 2
-"""Number of columns in a slot, the time step of the level."""
+"""Number of spectrogram columns in a slot, the time step of the noise level."""
 _MEAN = 1.0 - math.exp(-LEVEL.most_power)
-"""Mean of a unit exponential that is limited to `LEVEL.most_power`."""
+"""Mean power of noise cells, one on average, when limited to `LEVEL.most_power`."""
 
 
 @dataclass(slots=True)
@@ -33,7 +33,7 @@ class _Stretch:
     first: int
     common: NDArray[np.float32]
     bands: NDArray[np.float32] | None
-    """(bands, slots) ratio of each band's level to the common one; None if all are equal."""
+    """(bands, slots) noise level of each band over the common one; None if all are equal."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,11 +41,11 @@ class _Followed:
     """Changing noise levels: one to divide cells by, another to measure pulses."""
 
     divisor: NDArray[np.float32]
-    """(new slots,) common level that divides cells, raised by its possible error."""
+    """(new slots,) common noise level that divides cells, raised by its possible error."""
     bands: NDArray[np.float32] | None
-    """(bands, new slots) ratio of each band's level to `divisor`; None if all are equal."""
+    """(bands, new slots) noise level of each band over `divisor`; None if all are equal."""
     measured: NDArray[np.float32]
-    """(slots,) common level used to measure pulses."""
+    """(slots,) noise level common to all bands, used to measure the power of pulses."""
     measured_bands: NDArray[np.float32] | None
 
 
@@ -55,9 +55,9 @@ class _Levels:
 
     common: NDArray[np.float32]
     margin: NDArray[np.float32]
-    """(slots,) factor on `common` for the search, because the level is uncertain."""
+    """(slots,) factor on `common` for the search, because the noise level is uncertain."""
     bands: NDArray[np.float32] | None
-    """(bands, new slots) ratio of each band's level to `common`; None if all are equal."""
+    """(bands, new slots) noise level of each band over `common`; None if all are equal."""
 
 
 class _LevelRecord:
@@ -115,9 +115,9 @@ class Leveller:
         self._steepness = steepness
         self._circular = circular
         self._now = np.ones(count, np.float32)
-        """(bands,) newest level of each band."""
+        """(bands,) newest noise level of each frequency band."""
         self._usual = np.ones(count, np.float32)
-        """(bands,) level of each band, averaged since its last change."""
+        """(bands,) noise level of each frequency band, averaged since its last change."""
         self._stayed = 0
         # The noise of the rows was just estimated from earlier columns.
         self._past = np.ones((count, LEVEL.learnt_slots), np.float32)
@@ -125,7 +125,7 @@ class Leveller:
         """(past slots,) 1 for slots without lost samples, else 0."""
         self.record = _LevelRecord(self.band_of, keep)
         self.unsteady = False
-        """True while the level changes, or bands differ."""
+        """True while the noise level changes, or differs between frequency bands."""
         self.uneven = False
 
     @property
@@ -210,7 +210,7 @@ class Leveller:
         self._average()
 
     def _nearly_steady(self, both: NDArray[np.float32]) -> bool:
-        """True if all levels are so near the newest that the limits on cells remain valid."""
+        """True if noise levels are so near the newest that the limits on cells stay valid."""
         pieces = both.shape[1] // LEVEL.piece_slots
         some = both[:, both.shape[1] - pieces * LEVEL.piece_slots :]
         common = self._common(some).reshape(pieces, LEVEL.piece_slots).mean(axis=1)
@@ -234,7 +234,7 @@ class Leveller:
         both: NDArray[np.float32],
         past: int,
     ) -> NDArray[np.float32]:
-        """(bands, slots) means of each band's new cells, limited by neighbouring cells."""
+        """(bands, slots) mean power of each band's new cells, limited by neighbouring cells."""
         width, most = LEVEL.median_slots, np.float32(LEVEL.most_power)
         half = width // 2
         lead = min(past, half)
@@ -260,7 +260,7 @@ class Leveller:
     def _follow(
         self, both: NDArray[np.float32], weights: NDArray[np.float32], past: int
     ) -> _Followed:
-        """Levels of the present slots, for the search and for measuring.
+        """Noise levels of the present slots, for the search and for measuring pulses.
 
         A rise among the newest slots may be a strong pulse: only the search counts it as noise.
         """
@@ -301,7 +301,7 @@ class Leveller:
         weights: NDArray[np.float32],
         past: int,
     ) -> _Levels:
-        """Level of each slot, and of the bands from slot `past` on."""
+        """Noise level of each slot, and of each band from slot `past` on."""
         scale = math.sqrt(LEVEL.slot_variance / self._bins)
         back, begin, least = _longest(common, weights, scale)
         ahead, end, _ = _longest(common[::-1], weights[::-1], scale)
@@ -328,7 +328,7 @@ class Leveller:
         end: NDArray[np.intp],
         level: NDArray[np.float64],
     ) -> NDArray[np.float32] | None:
-        """(bands, slots) level of each band over the common one; None while they are equal."""
+        """(bands, slots) noise level of each band over the common one; None while equal."""
         if len(both) < 4:
             return None
         total, sums = _sums(weights), _sums(both * weights)
@@ -341,7 +341,7 @@ class Leveller:
 def _take_out_bursts(
     common: NDArray[np.float32], weights: NDArray[np.float32], bins: float
 ) -> NDArray[np.bool_]:
-    """Set the weights of strong pulses to zero; return where new slots may be pulses."""
+    """Set the weights of strong pulses' slots to zero; mark new slots that may have pulses."""
     near, far = LEVEL.beside_slots
     width = far - near + 1
     # Later slots are unknown; before the first slot assume the same level.
@@ -370,7 +370,7 @@ def _sums(values: NDArray[np.float32]) -> NDArray[np.float64]:
 def _longest(
     common: NDArray[np.float32], weights: NDArray[np.float32], scale: float
 ) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]:
-    """Longest consistent stretch up to each slot: its mean, first slot, and lower bound."""
+    """Longest stretch of consistent noise up to each slot: its mean, start, and lower bound."""
     sums, total = _sums(common * weights), _sums(weights)
     end = np.arange(1, len(common) + 1)
     mean, first = np.asarray(common, np.float64), end - 1
@@ -401,7 +401,7 @@ def _agreed(
     scale: float,
     total: NDArray[np.float64],
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Limits of each slot's stretch: past and future joined if they agree, else the higher."""
+    """Limits of the stretch around each slot: past and future if alike, else the higher."""
     at = np.arange(len(back))
     seen, coming = total[at + 1] - total[begin], total[end] - total[at]
     error = np.sqrt(1.0 / np.maximum(seen, 1e-9) + 1.0 / np.maximum(coming, 1e-9))
@@ -414,7 +414,7 @@ def _agreed(
 def _segments(
     ratio: NDArray[np.float64], n: NDArray[np.float64], *, circular: bool
 ) -> NDArray[np.float32]:
-    """Split the bands where their levels differ, and widen the stronger side by one band.
+    """Split the bands where their noise levels differ; widen the higher side by one band.
 
     The likeliest split comes first: fitting two means of exponentials instead of one raises the
     log-likelihood by the sum of cells × ln(mean).
@@ -513,7 +513,7 @@ def _level_alike(
     first: Sequence[int],
     whole: Sequence[NDArray[np.bool_] | None],
 ) -> None:
-    """Divide the columns of searches with equal bands and past slots by their levels."""
+    """Divide the columns of searches with equal bands and past slots by their noise levels."""
     one = levellers[0]
     columns = power.shape[2]
     cells = power[:, :, ::SLOT] / noise[:, :, np.newaxis]
@@ -550,7 +550,7 @@ def _steady(
     members: NDArray[np.float32],
     bins: float,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Mean level of each search's slots, and whether it may be constant; (searches,)."""
+    """Mean noise level of each search's slots, and whether it may be constant; (searches,)."""
     common = np.matmul(members / members.sum(), both)
     common *= weights
     total = np.maximum(weights.sum(axis=1), np.float32(1.0))

@@ -22,9 +22,9 @@ class LongSearch(RateSearch):
     def __init__(self, **parameters: Any) -> None:
         super().__init__(**parameters)
         self._backs = self._offsets[0].tolist()
-        """(k, intervals): columns from the last pulse back to each, the last one first."""
+        """(K, intervals): columns from a group's last pulse back to each pulse, last first."""
         self._cells = np.zeros((self.span + self.piece + 2, self.rows), np.float32)
-        """Ring buffer of maxima over the jitter; column c is at c modulo the length."""
+        """Ring buffer of maxima over the pulses' jitter; column c is at c modulo its length."""
         self._tail = np.zeros((self.rows, 0), np.float32)
         self._searched = 0
 
@@ -76,7 +76,7 @@ class LongSearch(RateSearch):
         )
 
     def _search_dense(self, noise: NDArray[np.float32]) -> list[Candidate]:
-        """Try every cell as the last pulse, with every interval; return the best first."""
+        """Try every cell as a group's last pulse, with all intervals; best candidates first."""
         done, upto = self._searched, self.columns
         self._searched = upto
         if upto <= done:
@@ -121,7 +121,7 @@ class LongSearch(RateSearch):
     def _totals(
         self, done: int, upto: int, noise: NDArray[np.float32], limit: float
     ) -> list[NDArray[np.float32]]:
-        """Sum for each interval, shape (upto - done, rows), by column of the last pulse."""
+        """Sum of a group's powers per interval, (upto - done, rows), by last pulse's column."""
         count = upto - done
         weight = (1.0 / noise).astype(np.float32)
         common = np.zeros((count, self.rows), np.float32)
@@ -144,7 +144,7 @@ class LongSearch(RateSearch):
 
 
 def _tops(strength: NDArray[np.float32]) -> list[int]:
-    """Strongest rows within a bin to either side, a few at most."""
+    """Strongest rows within a frequency bin to either side; a few at most."""
     padded = np.pad(strength, ROWS_PER_BIN)
     around = np.lib.stride_tricks.sliding_window_view(padded, 2 * ROWS_PER_BIN + 1)
     tops = np.flatnonzero((strength > 0.0) & (strength >= around.max(axis=1)))

@@ -17,17 +17,17 @@ from uavrt.detection.search.tuning import NOISE
 from uavrt.dsp.sliding_medians import medians
 
 _KEPT = 1.0 - math.exp(-NOISE.excluded_ratio)
-"""Share of unit exponentials below `NOISE.excluded_ratio`."""
+"""Share of noise cells below `NOISE.excluded_ratio` times the mean noise power."""
 _KAPPA = 1.0 - NOISE.excluded_ratio * math.exp(-NOISE.excluded_ratio) / _KEPT
-"""Mean of unit exponentials below `NOISE.excluded_ratio`: 0.925."""
+"""Mean power of the noise cells below `NOISE.excluded_ratio`: 0.925 of the noise power."""
 _RISEN = math.exp(-NOISE.excluded_ratio / NOISE.rise_ratio)
-"""Share of cells above `NOISE.excluded_ratio` after a rise by `NOISE.rise_ratio`."""
+"""Share of noise cells above `NOISE.excluded_ratio` after a rise by `NOISE.rise_ratio`."""
 
 
 def _truncated(
     power: NDArray[np.float32], noise: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """One fixed-point step of the truncated mean; and the share of cells below its limit."""
+    """One iteration of the noise power, a truncated mean; and the share of cells included."""
     kept = (power < (np.float32(NOISE.excluded_ratio) * noise)[..., np.newaxis, :]).astype(
         np.float32
     )
@@ -83,9 +83,9 @@ class RowNoise:
         self._settled_s = 0.0
         self._level: NDArray[np.float32] = np.ones(1, np.float32)
         self.only_rises = False
-        """True while rows rise unequally; estimates, biased near edges, may only rise."""
+        """True while frequency rows rise unequally: their noise estimates may only rise."""
         self.ragged = False
-        """True while many carriers are removed; the rows between them exceed the median."""
+        """True while many carriers are removed; noise between them exceeds the median."""
 
     @property
     def ready(self) -> bool:
@@ -136,7 +136,7 @@ class RowNoise:
         *,
         risen: bool,
     ) -> bool:
-        """Store new averages; returns True if the level must be recomputed."""
+        """Store new noise averages; returns True if the noise level must be recomputed."""
         self._long, self._exceeding = long, exceeding
         self._seen_s += span_s
         if not risen:
@@ -153,7 +153,7 @@ class RowNoise:
         return False
 
     def _settle(self) -> None:
-        """Replace each row's estimate by the median around it unless they differ too much."""
+        """Replace each row's noise by the median around it unless they differ too much."""
         assert self._long is not None
         reach = self._reach(len(self._long))
         windows = self._long.take(_neighbours(len(self._long), reach, self._mode))
@@ -205,7 +205,7 @@ class RowNoise:
         return smooth
 
     def _straight(self, smooth: NDArray[np.float32], reach: int) -> NDArray[np.float32] | None:
-        """Fit one line in decibels to all rows; None if the medians deviate from the line."""
+        """Fit a line in decibels to the noise of all rows; None if the medians deviate."""
         assert self._long is not None
         rows = np.arange(len(smooth), dtype=np.float64)
         # At the ends of a channel the medians include rows across the edge.

@@ -47,10 +47,10 @@ class NullLattices:
         self.coloured = False
         """True while the noise is coloured: it forms more groups than white noise."""
         self._awaited = 0.0
-        """Expected number of counted groups since the noise became coloured, with tolerance."""
+        """Expected number of counted groups since the noise became coloured, times a margin."""
         self._most = max(0.0, NULL.most_share * k * limit - threshold)
         self._more = 0.0
-        """Rise of the threshold by counted groups [noise powers], including chance."""
+        """Rise of the threshold by counted groups [noise powers], including that by chance."""
 
     def count(self, columns: int, test: Test | None) -> None:
         """Count the groups that new columns complete, and adjust the threshold."""

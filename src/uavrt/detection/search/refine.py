@@ -33,7 +33,7 @@ class Measured:
     noise: float
     """Noise power of one sample at the pulse's frequency."""
     contrast: float
-    """Power over the mean power of the windows 1.5 to 3 pulse widths away."""
+    """Power of the pulse over the mean power of the windows 1.5 to 3 pulse widths away."""
     received: float = 1.0
     """Share of the pulse's samples that were not lost; `power` refers to these."""
 
@@ -56,7 +56,7 @@ class Refiner:
         self._buffer = buffer
         self._window = grid.window
         self.upto = 0
-        """Index after the last clean sample."""
+        """Index after the last cleaned sample; pulses are measured only up to there."""
         self.leveller: Leveller | None = None
         """Tracker of the noise level; None if the level is constant."""
         self._moments = _moments(grid.window)
@@ -400,6 +400,6 @@ def _turns(
 
 @lru_cache(maxsize=8)
 def _moments(window: int) -> NDArray[np.complex128]:
-    """Powers 0 to 2 of the samples' distances from the middle, shape (3, window)."""
+    """Powers 0 to 2 of the samples' distances from the window's middle, shape (3, window)."""
     n = np.arange(window) - (window - 1) / 2.0
     return np.stack((np.ones_like(n), n, n * n)).astype(np.complex128)

@@ -11,13 +11,13 @@ class SpectrogramTuning:
     """Constants of the spectrogram of a narrow band."""
 
     blas_product: int = 200_000
-    """Maximum matrix product for one OpenBLAS thread; two may take 50 times as long."""
+    """Maximum size of matrix product for one OpenBLAS thread; two may take 50 times as long."""
     least_window: int = 24
     """Minimum length of a pulse after decimation [samples]; below it the hop is too coarse."""
     stopband_db: float = 55.0
     """Attenuation of aliases by the band's filter [dB]."""
     kernel_window: int = 254
-    """Longest window of the compiled kernel [samples]."""
+    """Maximum pulse length for which the compiled transform is used [samples]."""
     tags_at_once: int = 4
     """Number of tags transformed together: their arrays fit a cache of 1 MB."""
 
@@ -27,19 +27,20 @@ class NoiseTuning:
     """Constants for estimating the noise of each row of the grid."""
 
     excluded_ratio: float = 4.0
-    """Power above which cells are excluded [noise powers]: 1.8 % of noise, all of a pulse."""
+    """Power above which cells are excluded from noise estimates [noise powers]: 1.8 % of
+    noise."""
     step_gain: float = 1.31
-    """Factor on a step of the fixed-point iteration: inverse of one minus its slope."""
+    """Factor on a step of the noise power's iteration: inverse of one minus its slope."""
     long_s: float = 20.0
-    """Time constant of the steady estimate [s]."""
+    """Time constant of the slow estimate of the noise power [s]."""
     short_s: float = 1.0
     """Time constant of the average that shows a rise of the noise [s]."""
     rise_ratio: float = 2.2
     """Ratio of recent to steady noise above which the recent is used; usual pulses give 1.3."""
     settle_s: float = 2.0
-    """Time between two comparisons of a row with its neighbours [s]."""
+    """Time between two comparisons of a row's noise power with its neighbours' [s]."""
     young_s: float = 8.0
-    """Duration at the start in which rows are averaged over `young_reach` [s]."""
+    """Duration at the start in which the noise is averaged over `young_reach` rows [s]."""
     young_reach: int = 24
     """Number of rows averaged on each side at the start; 5 % error double the false alarms."""
     reach: int = 8
@@ -51,7 +52,7 @@ class NoiseTuning:
     """Difference of the medians on both sides of a row that marks an edge [standard errors]. If
     all rows lie on a line there is no edge: the median is correct there."""
     least_steep: float = 0.15
-    """Minimum relative difference of the medians on both sides of an edge: 0.7 dB."""
+    """Minimum relative difference of the noise medians on both sides of an edge: 0.7 dB."""
     edge_flat_ratio: float = 1.5
     """Ratio of the spread of the noise levels on one side of an edge to their error, up to
     which that side counts as flat."""
@@ -67,45 +68,45 @@ class NoiseLevelTuning:
     """Constants for following sudden changes of the noise, in slots of half a pulse."""
 
     most_power: float = 4.0
-    """Maximum power of a cell that counts for a level [noise powers]."""
+    """Limit on the power of a cell in an estimate of the noise level [noise powers]."""
     past_slots: int = 80
-    """Number of past slots, half a pulse each, from which levels are estimated."""
+    """Number of past slots of half a pulse, from which noise levels are estimated."""
     stretches: tuple[int, ...] = (6, 10, 16, 26, 42, 80)
-    """Numbers of slots over which a level is averaged; the shortest locates steps."""
+    """Slots (half pulses) over which a noise level is averaged; the shortest locates steps."""
     most_splits: int = 4
-    """Maximum number of divisions of the bands into groups of different levels."""
+    """Maximum number of divisions of the bands into groups of different noise levels."""
     split_log: float = 6.5
-    """Minimum log-likelihood ratio for two groups of bands to have different levels."""
+    """Minimum log-likelihood ratio for two groups of bands to have different noise levels."""
     differ_sigmas: float = 2.2
-    """Minimum difference between the means of different levels [standard deviations]."""
+    """Minimum difference between the means of different noise levels [standard deviations]."""
     slot_variance: float = 1.5
-    """Ratio of a slot's variance to its squared mean, in one bin; windows overlap by half."""
+    """Ratio of the variance of power in half a pulse to its squared mean, in one bin."""
     doubt_sigmas: float = 3.0
-    """Change of all bands together that marks a new level [standard deviations]."""
+    """Change of all bands together that marks a new noise level [standard deviations]."""
     band_doubt_sigmas: float = 3.6
-    """Change of a single band that marks a new level [standard deviations]."""
+    """Change of a single band that marks a new noise level [standard deviations]."""
     piece_slots: int = 11
-    """Number of slots in the shortest piece that is compared with the level."""
+    """Number of slots (half pulses) in a piece compared with the mean noise level."""
     pulse_ratio: float = 1.7
-    """Ratio of a slot to the slots on both sides that marks a strong pulse."""
+    """Minimum power ratio of a half-pulse slot to those on both sides, for a strong pulse."""
     pulse_sigmas: float = 2.6
-    """Excess of three slots over those around that marks a weak pulse [standard deviations]."""
+    """Excess of three half-pulse slots that marks a weak pulse [standard deviations]."""
     beside_slots: tuple[int, int] = (4, 8)
-    """Distances of the slots compared with a pulse, which takes three or four [slots]."""
+    """Distances from a pulse of the slots compared with it [slots of half a pulse]."""
     median_slots: int = 11
-    """Number of slots in the median that limits the cells of a band."""
+    """Number of slots (half pulses) in the running median that limits a band's cells."""
     newest_slots: int = 10
-    """Number of newest slots whose level is raised to the lower bound of recent means."""
+    """Number of newest half-pulse slots raised to the lower bound of recent noise means."""
     most_margin: float = 0.3
-    """Maximum share added to an uncertain level for the search."""
+    """Maximum share added to an uncertain noise level for the search."""
     same_share: float = 0.12
-    """Relative difference below which two levels count as the same."""
+    """Relative difference below which two noise levels count as the same."""
     most_averaged: int = 40
-    """Maximum number of calls over which an unchanged level is averaged."""
+    """Maximum number of updates over which an unchanged noise level is averaged."""
     learnt_slots: int = 40
-    """Number of slots with a level of one that are assumed before the first slot."""
+    """Number of slots (half pulses) of noise level 1 assumed before the first slot."""
     steady_ratio: float = 0.5
-    """Minimum ratio of lowest to highest level at which the limits on cells remain valid."""
+    """Minimum ratio of lowest to highest noise level for which the limits on cells hold."""
     least_level: float = 1e-9
     """Minimum noise level [noise powers]; avoids division by zero if samples are zero."""
 
@@ -119,7 +120,7 @@ class GroupTuning:
     at K = 3. It keeps one impulse from carrying a group, and costs no sensitivity, since it
     lowers sums of noise as much (measured: docs/explanation/detection.md)."""
     piece_s: float = 0.46
-    """Longest piece of columns searched at once [s]; a detector's pieces are of 0.44 s."""
+    """Longest piece of spectrogram columns searched at once [s]; a detector's are of 0.44 s."""
     measured_columns: int = 4
     """Number of columns, half a pulse width, that must follow the last pulse of a group. The
     flank of a strong pulse reaches the cell limit before the pulse's maximum."""
@@ -127,16 +128,16 @@ class GroupTuning:
     """Number of decimal places of a score that count. Strong groups share one score because
     cells are limited before the sum; rounding must not choose between them."""
     anchors_at_once: int = 96
-    """Number of anchors tested by one call of NumPy."""
+    """Number of strong cells (anchors) tested by one call of NumPy."""
     candidates_at_once: int = 24
     """Maximum number of candidates measured at once: the strongest. Flanks of a neighbour 10 dB
     above the tag fill eight; 36 pulses were once missed next to it."""
     long_from_k: int = 9
-    """Minimum K for trying every cell as the last pulse, not only strong ones."""
+    """Minimum K for trying every cell as a group's last pulse, not only strong cells."""
     long_candidates_at_once: int = 8
-    """Maximum candidates of long groups measured at once; each takes up to 10 ms."""
+    """Maximum number of candidates for long groups measured at once; each takes up to 10 ms."""
     same_bins: float = 1.5
-    """Frequency difference below which a known pulse explains another [bins]."""
+    """Frequency difference below which a known pulse explains a candidate's pulse [bins]."""
     leak_share: float = 0.2
     """Minimum leakage of a known pulse that explains a candidate [share of its strength]."""
 
@@ -148,23 +149,23 @@ class ThresholdTuning:
     least_power: float = 13.0
     """Minimum power of a burst [noise powers]; noise in 3.75 kHz has it every six seconds."""
     tail_step: float = 0.01
-    """Resolution of the distribution of a sum [noise powers]."""
+    """Resolution of the calculated distribution of a group's sum of powers [noise powers]."""
     original_rate_hz: float = 3750.0
     """Sample rate of the original detector, whose decisions define false-alarm rates [Hz]."""
     nine_of_ten: float = 1.2816
-    """Quantile 0.9 of the normal distribution [standard deviations]."""
+    """Quantile 0.9 of the normal distribution [standard deviations], for p = 0.9."""
     least_begun: float = 0.25
-    """Minimum share of an interval in which a group can begin; it is larger up to K = 40."""
+    """Minimum share of the interval in which a group can begin; it is larger up to K = 40."""
     first_share: float = 0.8
     """Share of groups that lie within the samples of the first decision, calibrated."""
     noise_error: float = 0.033
-    """Relative error of the noise after 2.5 s, with which the tables were calibrated."""
+    """Relative error of the noise after 2.5 s, with which threshold tables were calibrated."""
     ks: tuple[float, ...] = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0)
     """Numbers of pulses K for which `hypotheses` and `interval_powers` are given."""
     hypotheses: tuple[float, ...] = (19.5, 36.0, 40.0, 46.0, 94.0, 94.0, 56.0, 139.0)
-    """Effective hypotheses per independent cell and interval, by K."""
+    """Effective number of hypotheses per independent cell and interval, by K."""
     interval_powers: tuple[float, ...] = (1.0, 1.40, 1.40, 1.42, 1.36, 1.57, 1.60, 1.60)
-    """Exponent of the number of intervals, by K."""
+    """Exponent of the number of intervals in the number of hypotheses, by K."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -179,9 +180,9 @@ class NullTuning:
     shortest_share: float = 0.58
     longest_share: float = 0.86
     lattices: int = 12
-    """Number of intervals at which groups are counted."""
+    """Number of intervals, not the tag's, at which groups are counted."""
     gain: float = 0.08
-    """Rise of the threshold by each counted group [noise powers]."""
+    """Rise of the threshold by each group counted at another interval [noise powers]."""
     # While coloured noise is new a group adds `eager_gain` over the groups awaited since it
     # began plus `eager_groups`: the steps of stochastic approximation. 1.6, the mean excess of
     # a group in such noise, would be faster, but cost a tag of 14 dB beside a carrier one pulse
@@ -198,11 +199,11 @@ class NullTuning:
     tolerated_ratio: float = 1.6
     """Ratio of counted groups to those of white noise up to which the threshold stays."""
     tolerated_coloured_ratio: float = 1.2
-    """Tolerated ratio in coloured noise, where an excess is hardly due to chance."""
+    """Tolerated ratio of counted groups to those of white noise, while noise is coloured."""
     ks: tuple[float, ...] = (2.0, 3.0, 5.0, 8.0)
     """Numbers of pulses K for which `white_ratios` are given."""
     white_ratios: tuple[float, ...] = (0.51, 0.68, 1.03, 1.09)
-    """Measured ratio of counted groups in white noise to the computed tail, by K."""
+    """Measured ratio of counted groups in white noise to the computed number, by K."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -210,27 +211,27 @@ class EvidenceTuning:
     """Constants for testing candidates near the threshold by their likelihood."""
 
     power_limit: float = 16.0
-    """Maximum power of a cell that counts [noise powers]; no single impulse carries a group."""
+    """Limit on the power of a cell in a group's likelihood [noise powers]; bounds impulses."""
     table_step: float = 0.02
-    """Step of the table of likelihood ratios by power [noise powers]."""
+    """Step in power of the table of likelihood ratios of pulse to noise [noise powers]."""
     steps_per_pulse: int = 25
-    """Number of starts tried per pulse width; power falls by a twelfth between two."""
+    """Number of start times tried per pulse width; power falls by a twelfth between two."""
     row_bins: float = 0.125
     """Step of the frequencies tried around the candidate's row [bins]."""
     frequencies: int = 5
-    """Number of frequencies tried."""
+    """Number of frequencies tried around the candidate's."""
     jitter_share: float = 0.4
-    """Standard deviation of a pulse's jitter, as a share of its bound."""
+    """Standard deviation of a pulse's jitter, as a share of the tag's declared jitter."""
     gate: float = 0.9
-    """Minimum score of a candidate that is tested, as a share of the threshold."""
+    """Minimum score of a candidate whose likelihood is tested, as a share of the threshold."""
     sure_score: float = 1.2
     """Score above which no test is needed: of two cells at the limit and one above noise."""
     tested_k: int = 3
     """Number of pulses K of the groups that are tested."""
     factor_log: float = -3.7
-    """Term of the minimum log evidence, from the number of noise groups measured at K = 3."""
+    """Term of the minimum log-likelihood ratio, from noise groups counted at K = 3."""
     slope: float = 1.2
-    """Factor on the log of the false-alarm probability in the minimum log evidence."""
+    """Factor on the log of the false-alarm probability in the minimum log-likelihood ratio."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -240,7 +241,7 @@ class MeasureTuning:
     track_band_hz: float = 20.0
     """Maximum frequency difference between a followed pulse and its track [Hz]."""
     newton_steps: int = 3
-    """Maximum number of steps of Newton's method for a frequency."""
+    """Maximum number of steps of Newton's method that refine a pulse's frequency."""
     burst_sigmas: float = 9.0
     """Excess energy of a quarter window that marks an impulse [standard deviations]."""
     burst_share: float = 0.65
@@ -254,7 +255,7 @@ class MeasureTuning:
     break_places: tuple[float, ...] = (0.25, 0.5, 0.75)
     """Positions in a pulse at which its phase may break, as shares of its width."""
     break_gain: float = 3.5
-    """Power that noise gains by a free break of the phase [noise powers]; subtracted."""
+    """Power that noise gains by a phase break placed at will [noise powers]; subtracted."""
     losing_s: float = 0.3
     """Distance from lost samples within which a pulse's phase may break [s]."""
 

@@ -54,7 +54,7 @@ class Intake:
         self._rate_hz = sample_rate_hz
         self._counters = counters
         self.stale_blocks = 0
-        """Number of consecutive blocks that began before the buffer's end."""
+        """Number of consecutive sample blocks that began before the buffer's end."""
 
     def clear(self) -> None:
         """Clear the buffer, as before the first block."""

@@ -111,7 +111,7 @@ class LineCanceller:
     def _steady(
         self, samples: NDArray[np.complex64], frequencies: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
-        """True where the median of 20 ms pieces is near their mean power, unlike for pulses."""
+        """True where the median power of 20 ms pieces is near their mean, unlike for pulses."""
         length = round(0.02 * self._rate)
         pieces = samples[: len(samples) // length * length].reshape(-1, length)
         turns = np.exp((-2j * np.pi / self._rate) * np.outer(np.arange(length), frequencies))

@@ -57,7 +57,7 @@ class Occupancy:
         self._looked += len(power)
 
     def _lowest(self, windows: NDArray[np.complex64]) -> float:
-        """Level of the channel's quietest frequencies in the quietest quarter of the time."""
+        """Power of the channel's quietest frequencies in the quietest quarter of the time."""
         spectrum = np.fft.fft(windows * self._taper)
         power = spectrum.real**2 + spectrum.imag**2
         quiet = np.partition(power, len(power) // 4, axis=0)[len(power) // 4]

@@ -60,22 +60,22 @@ class SampleBuffer:
         # second. With half, 5 MB more for 100 tags, that happens half as often (50 us each).
         self._data = np.zeros(keep + keep // 4 + 1024, np.complex64)
         self.start = 0
-        """Index of the oldest stored sample."""
+        """Index of the oldest stored sample, counted from the stream's start."""
         self.end = 0
-        """Index after the newest sample."""
+        """Index after the newest stored sample, counted from the stream's start."""
         self._stamp_index: list[int] = []
         self._stamp_ns: list[int] = []
         self.holes: list[tuple[int, int]] = []
-        """Index ranges that no block has filled yet and that contain zeros."""
+        """Sample index ranges that no block has filled yet and that contain zeros."""
         self.lost: list[tuple[int, int]] = []
-        """Index ranges of lost samples: runs of zeros found up to `examined`."""
+        """Sample index ranges that are lost: runs of zeros found up to `examined`."""
         self.examined = 0
-        """Index up to which the samples were searched for zeros."""
+        """Sample index up to which the buffer was searched for zeros."""
         self._shortest = max(
             CHANNEL.shortest_loss_samples, math.ceil(CHANNEL.shortest_loss_s * sample_rate_hz)
         )
         self.blanked: list[tuple[int, int]] = []
-        """Index ranges that were blanked as impulses."""
+        """Sample index ranges that were blanked as impulses."""
 
     @property
     def empty(self) -> bool:

@@ -53,7 +53,7 @@ class Cleaner:
         self._short = max(2, round(0.05 * pulse_width_s * sample_rate_hz))
         self._every = round(CARRIERS.search_every_s * sample_rate_hz)
         self._search_from = 0
-        """Index at which carriers are searched next."""
+        """Sample index at which carriers are searched next."""
         self.floor = 0.0
         """Median power of a sample; zero before the first call."""
         self.mean_floor = 0.0

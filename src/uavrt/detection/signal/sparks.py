@@ -36,7 +36,7 @@ class SparkLimiter:
         smooth = np.hanning(2 * round(SPARKS.smooth_s * sample_rate_hz) + 1)[1:-1]
         self._smooth = (smooth / smooth.sum()).astype(np.float32)
         self.reach = side + (len(smooth) - 1) // 2 if self._filters else 0
-        """Number of samples needed on either side of each sample."""
+        """Number of samples that the filters need on either side of each sample."""
         self._surroundings = Surroundings()
         self._share = 0.0
         self._steps = 0

@@ -13,7 +13,7 @@ class ChannelTuning:
     reorder_s: float = 0.1
     """Longest wait for a block that one later block has overtaken [s]."""
     recent_blocks: int = 64
-    """Minimum number of recent blocks whose maximum length is expected for the next block."""
+    """Number of recent sample blocks whose maximum length is expected for the next block."""
     restart_blocks: int = 3
     """Number of consecutive blocks with past times before the stream restarts."""
     # Shortest run of zeros that counts as lost samples; coarse samples contain shorter ones.
@@ -22,7 +22,7 @@ class ChannelTuning:
     least_received: float = 0.45
     """Minimum share of received samples in a window that is evaluated."""
     floor_stride: int = 4
-    """Step between the samples whose median power is taken [samples]."""
+    """Step between the samples whose median power gives the noise floor [samples]."""
     usual_error_hz: float = 500.0
     """Maximum usual error of a tag's frequency [Hz]."""
     edge_hz: float = 2.0
@@ -40,9 +40,9 @@ class CarrierTuning:
     """Interval between two searches for carriers while none is subtracted [s]. The fit of an
     amplitude cannot follow a drift of 2 Hz/s over 2.5 s."""
     fit_s: float = 0.3
-    """Duration of earlier samples that the fit of an amplitude includes [s]."""
+    """Duration of earlier samples in the fit of a carrier's amplitude [s]."""
     block_s: float = 0.004
-    """Length of the blocks within which an amplitude is taken as linear [s]."""
+    """Length of the blocks within which a carrier's amplitude is taken as linear [s]."""
     degree: int = 7
     """Degree of the polynomial of an amplitude. A carrier of 60 dB with 30 % of modulation at
     1.3 Hz leaves 20 dB at degree 4, and 0.5 dB at degree 6."""
@@ -50,7 +50,7 @@ class CarrierTuning:
     """Ratio of a carrier's bin to the median of the bins around it. Noise reaches this in one
     of 10^12 bins, and pulses, 50 Hz wide, reach 4. A carrier of 0 dB in 50 Hz reaches it."""
     group_bins: int = 16
-    """Number of neighbouring bins used to estimate their noise."""
+    """Number of neighbouring frequency bins used to estimate their noise power."""
     floor_rank: int = 4
     """Rank, by power, of the bin whose power represents a group's noise. The frame of 60 ms of
     an idle transmitter has a line every 16.7 Hz, which takes half of the bins."""
@@ -59,9 +59,9 @@ class CarrierTuning:
     most_lines: int = 240
     """Maximum number of carriers: a transmitter's frame of 60 ms has one every 16.7 Hz."""
     few_lines: int = 6
-    """Maximum number of carriers that are all subtracted at the full degree."""
+    """Maximum number of carriers that are all fitted with polynomials of full degree."""
     many_lines: int = 100
-    """Number of carriers above which weak ones get the lowest degree."""
+    """Number of carriers above which weak ones get `degree_of_most`."""
     degree_of_many: int = 3
     """Degree for weak carriers above `few_lines`: 37 polynomials of degree 7 take a tenth of
     the noise, mostly at the newest samples. Degree 3 follows a line 1.5 Hz wide."""
@@ -85,32 +85,32 @@ class WhiteningTuning:
     """Constants for tracking the noise density and making it flat."""
 
     reach_s: float = 0.008
-    """Half-length of the filter [s], which resolves 100 Hz."""
+    """Half-length of the whitening filter [s], which resolves 100 Hz."""
     segment_s: float = 0.034
-    """Length of the windows that measure the density [s]: 44 Hz wide with Hann's taper."""
+    """Length of the windows that measure the noise density [s]: 44 Hz wide with Hann taper."""
     memory_s: float = 10.0
-    """Duration over which the density is averaged [s]."""
+    """Duration over which the noise density is averaged [s]."""
     most_weight: float = 6.0
-    """Maximum power of a window that counts [noise densities]; windows may hold pulses."""
+    """Limit on a window's power in the average [noise densities]; it may hold a pulse."""
     rise_ratio: float = 2.2
-    """Ratio of the newest median to the averaged density above which the median replaces it."""
+    """Ratio of the newest median to the average noise density above which it replaces this."""
     suppressed_ratio: float = 10.0
     """Ratio of a density to that of the tag's band above which the filter divides by its square
     root. A neighbour at this ratio has the inverse ratio after the filter."""
     smoothed_bins: int = 5
-    """Number of bins over which the density is averaged."""
+    """Number of frequency bins over which the noise density is averaged."""
     coloured_ratio: float = 3.0
-    """Ratio of the highest density to that of the tag's band above which filtering begins."""
+    """Ratio of the highest noise density to the tag band's above which filtering begins."""
     plain_ratio: float = 2.0
-    """Ratio of the highest density to that of the tag's band below which filtering ends."""
+    """Ratio of the highest noise density to the tag band's below which filtering ends."""
     young_s: float = 2.0
-    """Duration at the start in which the density is uncertain by a third [s]."""
+    """Duration at the start in which the noise density is uncertain by a third [s]."""
     young_coloured_ratio: float = 6.0
-    """Ratio of densities above which filtering begins within `young_s` of the start."""
+    """Ratio of highest noise density to the tag band's that starts filtering in `young_s`."""
     check_every: int = 4
-    """Number of steps between checks of white noise, or between new filters."""
+    """Number of search steps between checks for white noise, or between new filters."""
     fewest_windows: int = 12
-    """Minimum number of windows whose median can show a rise."""
+    """Minimum number of windows whose median can show a rise of the noise density."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,26 +120,26 @@ class SparkTuning:
     side_s: float = 0.0013
     """Half-length of the filters for the frequencies on both sides of the searched band [s]."""
     smooth_s: float = 0.0011
-    """Half-length of the mean of levels over time [s]: three values in a kilohertz."""
+    """Half-length of the average of the noise level over time [s]: three values in 1 kHz."""
     guard_hz: float = 50.0
     """Distance of the filters on both sides from the searched band [Hz]."""
     least_width_hz: float = 300.0
     """Minimum width of the band on each side [Hz]; a millisecond resolves no narrower one."""
     quiet_quantile: float = 0.2
-    """Quantile of the levels that represents the time between bursts."""
+    """Quantile of the noise levels that represents the time between bursts of noise."""
     mean_ratio: float = 1.8
     """Ratio of the mean level of steady noise to its quiet quantile: 1.79, with a margin."""
     high_ratio: float = 5.0
     """Ratio of a burst's level to the quiet quantile. Steady noise exceeds it in 0.8 % of the
     time, edges of 60 dB pulses in 1.3 %, and sparks of 3 dB mean power in 16 % or more."""
     sparking_share: float = 0.135
-    """Share of high levels above which limiting begins; ten 5 ms bursts a second give 0.1."""
+    """Share of high noise levels at which limiting begins; ten 5 ms bursts/s give 0.1."""
     steady_share: float = 0.11
-    """Share of high levels below which limiting ends."""
+    """Share of high noise levels below which limiting of the samples ends."""
     check_every: int = 8
     """Number of steps between checks in steady noise: a check takes a third of a step."""
     share_gain: float = 0.2
-    """Weight of a new share of high levels in their average."""
+    """Weight of the newest share of high noise levels in its running average."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,9 +147,9 @@ class OccupancyTuning:
     """Constants for measuring the share of usable time of a frequency."""
 
     apart_bins: float = 1.0
-    """Distance from the tag's frequency to those examined on each side [bins]."""
+    """Distance of the examined frequencies from the tag's, on each side [bins]."""
     rise_s: float = 120.0
-    """Time constant with which the quiet level rises [s]."""
+    """Time constant with which the quiet noise level may rise [s]."""
     loud_ratio: float = 24.0
     """Ratio of an occupied instant's power to the quiet level. The lowest quartile of a minute
     is about 0.3 of the mean noise, which hardly ever reaches this."""
@@ -157,13 +157,13 @@ class OccupancyTuning:
     """Maximum ratio of the quiet level to that of the channel's quietest frequencies, as noise
     at its edges is lower. A higher ratio means a steady signal."""
     channel_every: int = 4
-    """Number of calls between two measurements of the channel's quietest frequencies."""
+    """Number of updates between two measurements of the channel's quietest frequencies."""
     group_bins: int = 8
-    """Number of neighbouring bins over which a frequency's level is averaged."""
+    """Number of neighbouring frequency bins over which a level is averaged."""
     stride: int = 8
     """Step between the samples that are checked for losses [samples]."""
     least_received: float = 0.5
-    """Minimum share of a window's samples that are neither lost nor blanked."""
+    """Minimum share of a window's samples, neither lost nor blanked, to measure occupancy."""
 
 
 CHANNEL = ChannelTuning()
