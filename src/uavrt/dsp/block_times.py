@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 
 _LEAST_STEP_NS: Final = 100_000
-"""Minimum deviation from the expected time at which a block's time is stored [ns]."""
+"""Minimum deviation from the expected time at which a sample block's time is stored [ns]."""
 
 
 class BlockTimes:

@@ -11,21 +11,21 @@ from numpy.typing import NDArray
 from uavrt.core.messages import IQBlock
 
 _APART_NS = (710_000_000, 970_000_000, 1_130_000_000)
-"""Times between checks, used in turn [ns]; no train of pulses is synchronous with them all."""
+"""Times between searches for carriers, in turn [ns]; no pulse train coincides with them all."""
 _LENGTH_S = 0.011
-"""Maximum length of a check [s]; the number of samples is a power of two."""
+"""Maximum length of samples searched for carriers [s]; their number is a power of two."""
 _LEAST_SAMPLES = 256
 _CONSECUTIVE_CHECKS = 3
-"""Number of consecutive checks with a signal for it to be a carrier and not a pulse."""
+"""Number of consecutive searches that must find a signal for it to be a carrier, no pulse."""
 _STRONG_RATIO = 10.0**3.0
 """Minimum power of a carrier's bin over the median bin; weaker carriers cause no ghosts."""
 MOST_CARRIERS = 8
-"""Maximum number of carriers returned: the strongest."""
+"""Maximum number of carriers reported: the strongest."""
 _CENTRE_BINS = 4
 """Distance from the centre within which bins are ignored [bins]: the receiver's DC offset."""
 _SAME_BINS = 0.5
 _LEAST_SHARE = 1e-4
-"""Minimum power relative to the strongest carrier; weaker peaks are the window's side lobes."""
+"""Minimum power over the strongest carrier's; weaker peaks are the window's side lobes."""
 
 
 class Carriers:
@@ -63,7 +63,7 @@ class Carriers:
 
 
 def _strong(samples: NDArray[np.complex64], rate_hz: float) -> list[float]:
-    """Frequencies of the strongest carriers in some samples, from the centre [Hz]."""
+    """Frequencies of the strongest carriers in some samples, from the radio's centre [Hz]."""
     length = len(samples)
     spectrum = np.fft.fft(samples * _window(length))
     power = spectrum.real**2 + spectrum.imag**2

@@ -25,10 +25,10 @@ MATRIX_CHANNELS = 32
 """Maximum number of channels for which a DFT matrix is faster than an FFT (measured)."""
 
 WINDOWS_PER_PASS = 8
-"""Number of windows weighted in one pass; the longer inner loop saves a fifth of the time."""
+"""Windows of samples weighted in one pass; the longer inner loop saves a fifth of the time."""
 
 OUTPUTS_PER_PASS = 1024
-"""Maximum outputs per pass; longer blocks are split. A receiver's block makes 655 or 327."""
+"""Maximum output samples per pass; longer blocks are split. A usual block makes 655 or 327."""
 
 
 class Channelizer:
@@ -77,7 +77,7 @@ class Channelizer:
         self.sample_rate_hz = sample_rate_hz
         self.taps = (compatible_bank_taps if mode == "compatible" else bank_taps)(channels)
         self.delay_samples = self.taps.size / 2
-        """Group delay [samples of the band]."""
+        """Group delay of the channelizer [samples of the band]."""
         phases = self.taps.reshape(-1, channels)
         # Real weights for interleaved real and imaginary parts.
         self._pairs = weights = np.repeat(phases, 2, axis=1).astype(np.float32)

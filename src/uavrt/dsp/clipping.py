@@ -22,7 +22,7 @@ _PULSE_SHARE = 0.2
 MOST_UNREAD = 1000
 """Maximum number of clipped pieces stored until they are read: half a second or more."""
 _KEEP_NS = 20 * NANOSECONDS_PER_SECOND
-"""Time for which clipped pieces are stored [ns]; longer than a pulse's report takes."""
+"""Time for which clipped pieces of samples are stored [ns]; a pulse's report takes less."""
 
 
 class ClippedTimes:
@@ -56,7 +56,7 @@ class Clipping:
     def __init__(self) -> None:
         self.examined_s = 0.0
         self.clipped_s = 0.0
-        """Time with clipped samples, in steps of half a millisecond [s]."""
+        """Total duration of pieces with clipped samples [s], in steps of half a millisecond."""
         self.times = ClippedTimes()
         self._new: list[tuple[int, int]] = []
         self._has_full_scale = True

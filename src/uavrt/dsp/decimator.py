@@ -23,7 +23,7 @@ PASS_SAMPLES = 270_000
 """Maximum samples per matrix product: a block of 262 144 at once; smaller ones are slower."""
 
 DIRECT_OUTPUTS = 1024
-"""Maximum outputs per pass of the direct sum, which bounds its memory."""
+"""Maximum output samples per pass of the filter's direct sum, which bounds its memory."""
 
 
 class Decimator:
@@ -65,7 +65,7 @@ class Decimator:
         self.taps = taps
         self.sample_rate_hz = sample_rate_hz
         self.delay_samples = (taps.size - 1) / 2
-        """Group delay [input samples]."""
+        """Group delay of the decimation filter [input samples]."""
         # Oldest sample first, hence the reversed taps.
         self._weights = np.ascontiguousarray(taps[::-1], dtype=np.complex64)
         # Number of outputs that start in a block: more of them give more idle taps, fewer give

@@ -81,7 +81,7 @@ class FrontEnd:
         self._next_channel_sample = 0
         self._lost_channel_samples = 0
         self._silent: list[tuple[int, int]] = []
-        """First output of each gap, and the one after its last; outputs in gaps are zero."""
+        """First output sample of each gap, and the one after its last; gaps contain zeros."""
 
     def process(self, block: IQBlock) -> list[ChannelBlock]:
         """Decimate and channelize the next block; see `channelize`."""

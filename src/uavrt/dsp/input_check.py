@@ -12,12 +12,12 @@ from uavrt.dsp.clipping import CLIPPED_AMPLITUDE, COMPUTED_AMPLITUDE
 
 _EVERY_NS: Final = ns_from_s(1.0)
 _EXAMINED_SAMPLES: Final = 8192
-"""Number of samples of a block that are examined."""
+"""Maximum number of samples of a block that are examined for faults."""
 _FEWEST_SAMPLES: Final = 1024
 _CONSECUTIVE_CHECKS: Final = 3
 """Number of consecutive checks that must show a fault before it is reported."""
 _SAME_LEVEL: Final = 0.6
-"""Maximum share of samples at one level of the converter: noise of 0.6 steps, 1 dB lost."""
+"""Maximum share of samples at one converter level: noise of 0.6 steps, 1 dB of loss."""
 _EMPTY_MIDDLE: Final = 0.25
 """Amplitude below which noise has values, but a wrong format has none [full scales]."""
 _UNEQUAL_RATIO: Final = 4.0
@@ -26,7 +26,7 @@ _CLIPPED_SHARE: Final = 0.05
 """Maximum share of values at the converter's limits; noise that clips so often is distorted."""
 _ON_DC_HZ: Final = 300.0
 _DC_RATIO: Final = 30.0
-"""Minimum power of a disturbing DC line over the noise in the same bandwidth."""
+"""Minimum power of a disturbing line at the radio's centre (DC) over the noise there."""
 
 WRONG_FORMAT: Final = "Wrong sample format? Values are not those of noise"
 UNEQUAL: Final = "I and Q differ in power: wrong format, or half is dead"

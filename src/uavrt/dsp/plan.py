@@ -9,10 +9,10 @@ from uavrt.dsp.decimator import Mode
 from uavrt.dsp.filters import CLEAN_FRACTION
 
 CHANNEL_SPACING_HZ = 3750.0
-"""Channel spacing of the thesis [Hz]; ours is the nearest with small prime factors."""
+"""Channel spacing of the original system [Hz]; ours is the nearest with small prime factors."""
 
 NARROWEST_BAND_HZ = 375_000.0
-"""Minimum sample rate after decimation [Hz]."""
+"""Minimum sample rate of the band after decimation [Hz]."""
 
 LOWEST_RATE_HZ = 3_000.0
 ONE_CHANNEL_RATE_HZ = 14_000.0
@@ -24,7 +24,7 @@ UNDECIMATED_FRACTION = 0.45
 
 
 DEFAULT_WINDOW_HZ = 500.0
-"""Half-width of the search for which all channels are wide enough [Hz]."""
+"""Half-width of a tag's search for which all channels are wide enough [Hz]."""
 SEARCHED_FRACTION = 0.4
 """Maximum distance of searched frequencies from a channel's centre, as a share of its rate:
 3000 of 7500 Hz. There the bank attenuates by 0.3 dB, and aliases by 30 dB."""
@@ -88,17 +88,17 @@ class FrontEndPlan:
     sample_rate_hz: float
     center_frequency_hz: float
     decimation_factor: int
-    """Factor of the decimator; 1: no decimator."""
+    """Factor by which the sample rate is decimated; 1: no decimator."""
     band_rate_hz: float
     channel_count: int
     """Number of channels across the band; 1: no channelizer."""
     channel_spacing_hz: float
     channel_rate_hz: float
     usable_half_span_hz: float
-    """Maximum distance of a tag from the centre [Hz]."""
+    """Maximum distance of a tag from the radio's centre [Hz]."""
     frequencies_hz: tuple[float, ...]
     frequency_channels: tuple[int, ...]
-    """Channel of each frequency, in the order of `frequencies_hz`."""
+    """Channel number of each frequency in `frequencies_hz`, in their order."""
     channels_in_use: tuple[int, ...]
     """Numbers of the channels that are computed, ascending."""
     channel_centers_hz: tuple[float, ...]

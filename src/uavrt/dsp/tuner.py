@@ -40,9 +40,9 @@ class TunerPlan:
     offsets_hz: tuple[float, ...]
     """Distance of each tag from its channel's centre [Hz]."""
     near_edge: tuple[bool, ...]
-    """True for each tag in the outer 7.5 % of its channel."""
+    """True for each tag in the outer 7.5 % of its channel on either side."""
     shares_channel: bool
-    """True if two tags share a channel."""
+    """True if two or more tags share a channel."""
     image_pairs: tuple[tuple[int, int], ...]
     """Indices of tags that lie on each other's mirror image, in pairs."""
     band_rate_hz: float

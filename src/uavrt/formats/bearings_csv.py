@@ -34,7 +34,7 @@ from uavrt.formats.whole_file import require_plain_name, write_whole
 
 _COLUMNS = 10
 _NOTED = frozenset(("tag_id", "latitude_deg", "longitude_deg", "bearing_deg"))
-"""Required column names of bearings noted by hand."""
+"""Required column names of a file of bearings noted by hand."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,7 +14,7 @@ from msgspec import Meta
 
 WATCH = b'?WATCH={"enable":true,"json":true};\n'
 LONGEST = 10_240
-"""Longest line [bytes], from gpsd's manual."""
+"""Maximum length of a line from gpsd [bytes], from its manual."""
 _FIX_2D = 2
 
 
@@ -36,10 +36,10 @@ class GpsdReport:
 
     raw: bytes
     place: tuple[float, float] | None
-    """Latitude and longitude [°]; None without a fix."""
+    """Latitude and longitude of gpsd's position [°]; None without a fix."""
     altitude_amsl_m: float | None
     heading_deg: float | None
-    """True heading of a compass [°]; None without one."""
+    """True heading from gpsd's compass [°]; None without one."""
 
 
 class GpsdParser:
@@ -50,7 +50,7 @@ class GpsdParser:
         self._decoder = msgspec.json.Decoder(_Line)
         self.received = 0
         self.bad_crc = 0
-        """Number of invalid lines; all parsers use this name."""
+        """Number of invalid lines; named as in all parsers of GPS data."""
         self.skipped_bytes = 0
 
     def feed(self, data: bytes) -> list[GpsdReport]:

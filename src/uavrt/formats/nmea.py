@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 BAUD = 9600
-"""Default rate of serial GPS receivers [baud]."""
+"""Default rate of the serial line to a GPS receiver [baud]."""
 LONGEST = 120
-"""Longest sentence [bytes]: 82 by the standard, more from some makers."""
+"""Maximum length of an NMEA sentence [bytes]: 82 by the standard, more from some makers."""
 _PLACE = re.compile(r"(\d{2,3})([0-5]\d(?:\.\d{0,9})?)", re.ASCII)
 _NUMBER = re.compile(r"-?\d{1,6}(?:\.\d{0,6})?", re.ASCII)
 _QUALITIES = frozenset("1234579")
@@ -26,7 +26,7 @@ class Sentence:
 
     raw: bytes
     fields: tuple[str, ...]
-    """Fields of the sentence; the first is talker and kind: ``GPRMC``."""
+    """Fields of the NMEA sentence; the first is talker and kind: ``GPRMC``."""
 
     @property
     def place(self) -> tuple[float, float] | None:
@@ -66,7 +66,7 @@ class SentenceParser:
         self._buffer = b""
         self.received = 0
         self.bad_crc = 0
-        """Number of sentences with a wrong checksum or without one."""
+        """Number of NMEA sentences with a wrong checksum or without one."""
         self.skipped_bytes = 0
 
     def feed(self, data: bytes) -> list[Sentence]:

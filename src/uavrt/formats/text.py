@@ -16,7 +16,7 @@ from uavrt.formats.damaged_lines import reason_of
 
 T = TypeVar("T")
 MAX_TIME_NS = 2**62
-"""Latest accepted time [ns], in 2116; well within SQLite's integers."""
+"""Latest time accepted in any file [ns since 1970], in 2116; well within SQLite's integers."""
 _DECIMAL = re.compile(r"(?<![^\s;\t])([+-]?\d+),(\d+(?:[eE][+-]?\d+)?)(?![^\s;\t])")
 """Pattern of a number that fills its cell, with a decimal comma."""
 _GZIP = b"\x1f\x8b"

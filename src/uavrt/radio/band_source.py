@@ -50,7 +50,7 @@ class BandDatagramSource(DatagramSource):
         # Bursts of datagrams are normal here; a new start would make times step.
         super().__init__(sample_rate_hz, center_frequency_hz, start_time_ns, start_moves=False)
         self.realigned = 0
-        """Number of corrections of the sample alignment."""
+        """Number of times that the start of a sample was found again after lost bytes."""
         self._clock = Clock.start()
         self._want = SAMPLE_BYTES * max(64, round(BLOCK_S * sample_rate_hz))
         self._joiner = ByteJoiner()
@@ -112,7 +112,7 @@ class ByteJoiner:
         self._cut = 0
         self._realigned = 0
         self.filled = 0
-        """Number of stored bytes before the next gap."""
+        """Number of stored bytes of samples before the next gap."""
 
     @property
     def has_gap(self) -> bool:

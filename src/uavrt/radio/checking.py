@@ -14,12 +14,12 @@ from uavrt.radio.sanity import SampleCheck
 
 _PATIENCE_S: Final = 4.0
 _MOST_LOST: Final = 0.02
-"""Maximum fraction of lost samples that is not reported."""
+"""Maximum fraction of lost samples that a check of the radio does not report."""
 _DURATION_S: Final = 2.8
 """Duration of the check [s]; enough to measure the sample rate
 (`uavrt.radio.timing.arrival_rate`)."""
 _FREQUENCY_HZ: Final = 150e6
-"""Radio frequency of the check if the settings leave the choice to the tuner [Hz]."""
+"""Frequency to which a check tunes the radio if the settings leave it to the tuner [Hz]."""
 
 
 def check_device(settings: RadioSettings) -> str:

@@ -20,7 +20,7 @@ _ABSURD_POWER = 1e20
 """Mean square above which data are not float32 samples; 32-bit integers read as floats give
 5e18 and more."""
 _INVALID_SHARE = 0.01
-"""Fraction of non-finite values above which data are in another format."""
+"""Fraction of non-finite values above which samples are in another format than declared."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,12 +28,12 @@ class SampleFormat:
     """A format of interleaved I and Q values."""
 
     name: str
-    """Name of the format: ``cf32``, ``cs16``, ``cu8``, ``ci8`` …"""
+    """Name of the sample format: ``cf32``, ``cs16``, ``cu8``, ``ci8`` …"""
     dtype: np.dtype[Any]
     zero: float
-    """Stored value that represents 0."""
+    """Stored value that represents the amplitude 0."""
     full_scale: float
-    """Difference between the stored values for 1 and for 0."""
+    """Difference between the stored values for the amplitudes 1 and 0."""
 
     @property
     def bytes_per_sample(self) -> int:
@@ -81,7 +81,7 @@ CU8 = _integer("cu8", "u1")
 CI8 = _integer("ci8", "i1")
 
 FORMATS: dict[str, SampleFormat] = {f.name: f for f in (CF32, CS16, CU8, CI8)}
-"""Formats that can be chosen on the command line."""
+"""Sample formats that can be chosen on the command line, by name."""
 
 _SIGMF: dict[str, SampleFormat] = {
     "ci8": CI8,

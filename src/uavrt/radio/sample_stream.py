@@ -21,7 +21,7 @@ from uavrt.radio.live_source import LiveSource
 from uavrt.radio.timing.sample_placing import HOLD_S
 
 BLOCK_S: Final = 0.0874
-"""Approximate block length [s]; longer ones add latency, shorter ones wake-ups."""
+"""Approximate length of a sample block [s]; longer ones add latency, shorter ones wake-ups."""
 _WRITE: Final = 16384
 """Unit of the writes of radio programs [samples]; airspy_rx writes 65 536. A block that is a
 multiple of it needs no extra read: 262 144 at 3 MS/s."""
@@ -59,7 +59,7 @@ class StreamSource(LiveSource):
         super().__init__(sample_rate_hz, center_frequency_hz, start_time_ns)
         self.name = name
         self.invalid_values = 0
-        """Number of non-finite values that were replaced by zero."""
+        """Number of non-finite sample values that were replaced by zero."""
         self.trailing_bytes = 0
         """Number of bytes of an incomplete sample at the end of the stream."""
         self._descriptor = descriptor
@@ -114,7 +114,7 @@ class StreamSource(LiveSource):
             self._given = 0
 
     def _wants_more(self) -> bool:
-        """True if the block is not full, or a possible loss is undecided."""
+        """True if the sample block is not full, or a possible loss is undecided."""
         if self._filled < self._wanted:
             return self._filled < len(self._bytes)
         if self._placer.settle() or self._placer.samples_before_cut:
@@ -128,7 +128,7 @@ class StreamSource(LiveSource):
         return self._filled < len(self._bytes)
 
     def _register(self, count: int) -> None:
-        """Register bytes that have arrived, also those waiting in a pipe that is not full.
+        """Register sample bytes that have arrived, also those in a pipe that is not full.
 
         Bytes waiting in the pipe count as arrived, so that a slow reader does not look like a
         late radio. A full pipe shows nothing, because the writer is waiting.
@@ -155,7 +155,7 @@ class StreamSource(LiveSource):
         return bool(self._poll.poll(timeout_s * 1000.0))
 
     def _reported_lost(self) -> int:
-        """Number of lost samples reported by the writer: 0, unless a subclass differs."""
+        """Number of lost samples that the writer reported: 0, unless a subclass differs."""
         return 0
 
     def _check_end(self) -> None:

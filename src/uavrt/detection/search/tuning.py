@@ -27,8 +27,7 @@ class NoiseTuning:
     """Constants for estimating the noise of each row of the grid."""
 
     excluded_ratio: float = 4.0
-    """Power above which cells are excluded from noise estimates [noise powers]: 1.8 % of
-    noise."""
+    """Power above which a cell does not count as noise [noise powers]: 1.8 % of noise cells."""
     step_gain: float = 1.31
     """Factor on a step of the noise power's iteration: inverse of one minus its slope."""
     long_s: float = 20.0

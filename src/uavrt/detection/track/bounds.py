@@ -74,7 +74,7 @@ class Bounds:
         return own
 
     def _off_interval(self, pulses: list[tuple[int, float, float]], rate: int) -> bool:
-        """True if pulses, as (number among the K, time_s, power), cannot be of one rate."""
+        """True if pulses (number among the K, time_s, power) cannot be at a rate's interval."""
         if len(pulses) < 2:
             return False
         (first, begin_s, weak), (last, end_s, power) = pulses[0], pulses[-1]

@@ -17,9 +17,9 @@ class BurstRates:
     """Rates of other transmitters' bursts around an expected pulse [1/s]."""
 
     alike_per_s: float
-    """Rate at the track's frequency, with a power similar to the detection's [1/s]."""
+    """Rate of bursts of similar power to a detection, at the track's frequency [1/s]."""
     hiding_per_s: float
-    """Rate at the track's frequency, with at least half the detection's power [1/s]."""
+    """Rate of bursts of at least half a detection's power, at the track's frequency [1/s]."""
     begin_per_s: float
     """Rate of bursts of similar power in the whole band; each may begin a group [1/s]."""
 

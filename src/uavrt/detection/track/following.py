@@ -40,7 +40,7 @@ class Follower:
         self._buffer = buffer
         self._refiner = refiner
         self.epoch_ns = 0
-        """Absolute time of zero on the time scale of the tracks [ns]."""
+        """Absolute time at which the time scale of the tracks is zero [ns, UTC]."""
         self._tracks: list[Track] = []
         self._around: Callable[[Track, Measured], BurstRates] = _quiet
 
@@ -200,7 +200,7 @@ class Follower:
     def _weaker_pulse(
         self, track: Track, burst: Slot, start: float, half: float, noise: NDArray[np.float32]
     ) -> Slot | None:
-        """Search before and after a burst for the tag's weaker pulse; None if unlikely."""
+        """Search before and after a strong burst for the tag's weaker pulse, or return None."""
         at, window = burst.measured.start, self._grid.window
         best: Slot | None = None
         least = 0.0

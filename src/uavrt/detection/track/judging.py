@@ -152,7 +152,7 @@ class Judge:
         search: RateSearch,
         noise: NDArray[np.float32],
     ) -> str | None:
-        """Reason why the pulses of a group do not have the tag's rate; None if they may."""
+        """Reason why a group's pulses do not have the tag's interval; None if they may."""
         if (reason := self._bounds.refusal(places, search.rate)) is not None:
             return reason
         if self._is_the_other_rate([pulse for _, pulse in places], search, noise):

@@ -35,7 +35,7 @@ class Reporter:
         self._sequence = dict.fromkeys(range(1, len(tag.pulse_intervals_s) + 1), 0)
         self._last_times: list[int] = []
         self._given: list[tuple[int, int | None, int]] = []
-        """Rate, group and pulse number of the last reported pulses."""
+        """Rate, group and number within the group of each recently reported pulse."""
         self._reported_ns: int | None = None
 
     def drain(self) -> list[Pulse]:
@@ -135,7 +135,7 @@ class Reporter:
         del self._reports[:-3600]
 
     def _place(self, track: Track) -> None:
-        """Choose the alias of a track's frequency, at first and after crossing a band edge."""
+        """Choose a track's frequency among its aliases, first and after crossing an edge."""
         place_hz = in_channel_hz(
             track.steady_hz,
             nominal_hz=self._tag.frequency_hz - self._center_hz,

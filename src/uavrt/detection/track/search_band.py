@@ -25,7 +25,7 @@ from uavrt.detection.track.other_signals.other_bursts import Bursts, Known
 from uavrt.detection.track.tuning import BAND
 
 NOISE_STRIDE = SLOT
-"""Stride of the columns used for the noise estimate [columns]; a pulse has eight."""
+"""Distance between columns used for the noise estimate [columns]; a pulse has eight."""
 
 
 class _LostColumns:
@@ -100,14 +100,14 @@ class SearchBand:
             steepness=steady.threshold / steady.k,
             circular=half_width_hz >= grid.sample_rate_hz / 2.0,
         )
-        """Tracks the noise level, relative to `noise`."""
+        """Tracks the noise level of the search, relative to the row noise in `noise`."""
         self.anchor_searches = [s for s in self._searches if isinstance(s, AnchorSearch)]
         self._bursts = Bursts(grid, tag.pulse_width_s)
         # The cells of all rates are the same.
         self._searches[0].pass_on = self._bursts.add
         self._begun = 0
         self._kind: tuple[int, ...] | None = None
-        """Constant properties of bands that advance together; None: the band is alone."""
+        """Properties by which bands may advance together; None: this band advances alone."""
         if grid.halves is not None and len(self.anchor_searches) == len(self._searches):
             kinds = [search.kind() for search in self.anchor_searches]
             self._kind = (id(grid.halves), grid.hop, grid.rows, *itertools.chain(*kinds))
@@ -228,7 +228,7 @@ class SearchBand:
     def _columns(
         self, spectrogram: Spectrogram, upto: int, *, last: bool
     ) -> NDArray[np.float32]:
-        """Next columns up to a sample index; zeros follow the last sample."""
+        """Next spectrogram columns up to a sample index; zeros follow the last sample."""
         first = spectrogram.needed()
         if first >= upto:
             return np.zeros((0, self._grid.rows), np.float32)
@@ -242,7 +242,7 @@ class SearchBand:
         return power
 
     def _from_the_start(self, upto: int, *, last: bool) -> Iterator[NDArray[np.float32]]:
-        """All columns so far, computed again; this saves 0.3 MB until the noise is known."""
+        """All spectrogram columns so far, recomputed: saves 0.3 MB until the noise is known."""
         grid, at = self._grid, self._buffer.start
         spectrogram = Spectrogram(grid)
         if at:

@@ -32,14 +32,14 @@ class Slot:
     time_ns: int
     measured: Measured
     volume: float
-    """Number of independent cells searched for the pulse."""
+    """Number of independent time-frequency cells searched for the expected pulse."""
     state: SlotState = "open"
     disputed: bool = False
-    """True if the pulse may belong to either of two rates."""
+    """True if the pulse may belong to either of the tag's two rates."""
     bursts: BurstRates = QUIET
-    """Rates of other transmitters' bursts around the pulse."""
+    """Rates of other transmitters' bursts around the time and frequency of the pulse."""
     burst_odds: float = 0.0
-    """Log odds that the detection is the tag's pulse and not a burst."""
+    """Log odds that the detection at the expected time is the tag's pulse and not a burst."""
     tag_odds: float = 0.0
     """Log odds that the detection is the tag's pulse, and neither noise nor a burst."""
 
@@ -58,47 +58,47 @@ class Track:
     offset_hz: float
     score: float
     steady_hz: float = 0.0
-    """Frequency averaged over more pulses than `offset_hz` [Hz]."""
+    """Track's frequency averaged over more pulses than `offset_hz` [Hz]."""
     placed: bool = False
-    """True once the alias of the track's frequency was chosen."""
+    """True once the track's frequency was chosen among its aliases."""
     drift_hz: float = 0.0
-    """Change of the frequency per pulse [Hz]."""
+    """Change of the track's frequency per pulse [Hz]."""
     time_s: float = 0.0
     interval_s: float = 0.0
     variance: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
-    """Covariance of phase and interval: phase, cross, interval [s^2]."""
+    """Covariance of the pulses' phase and interval: phase, cross, interval [s²]."""
     number: int = 0
-    """Number of the last expected pulse, counted from the track's first pulse."""
+    """Number of the track's last expected pulse, counted from its first pulse."""
     slots: list[Slot] = field(default_factory=list)
-    """Recent expected pulses with their detections, oldest first."""
+    """Recent expected pulses of the track with their detections, oldest first."""
     past_ns: list[int] = field(default_factory=list)
-    """Times [ns] of accepted pulses before `slots`, for tracks of longer intervals."""
+    """Times of accepted pulses before those in `slots` [ns], for tracks of longer intervals."""
     confirmed: bool = False
     held: bool = False
-    """True if the track is not reported until confirmed, because another track is the tag's."""
+    """True if reports wait for confirmation, because another track is the tag's."""
     clashing: bool = False
-    """True if the track began with a pulse of another track."""
+    """True if the track began with a pulse that belongs to another track."""
     alternatives: tuple[int, ...] = ()
     """Ids of other listed tags that the track may be (train_senders.py)."""
     confirmed_at_assignment: bool = False
     """True if the track was confirmed when it was last assigned to a tag."""
     ghost_of: int | None = None
-    """Id of the stronger tag if the track is its ghost (ghosts.py); otherwise None."""
+    """Id of the stronger tag of which this track is a false image (ghosts.py); else None."""
     dead: bool = False
     since_accepted: int = 0
     tested: int = 0
-    """Number of expected pulses tested since the group that began the track."""
+    """Number of expected pulses tested since the group of pulses that began the track."""
     gained: float = 0.0
     sequences: dict[int, int] = field(default_factory=dict)
-    """Sequence number of each group, by the number of its expected pulses divided by K."""
+    """Sequence number of each reported group, by the number of its pulses divided by K."""
     last_accepted_s: float = 0.0
     odds: float = 0.0
     """Log odds that the track is a tag and not a chance series of bursts."""
     best_odds: float = 0.0
     in_doubt: bool = False
-    """True if a series of bursts was ever more likely than reporting allows."""
+    """True if chance bursts were ever a likelier cause of the track than reporting allows."""
     stands_out: bool = False
-    """True if noise alone is unlikely to have given the track's pulses."""
+    """True if noise alone is unlikely to have caused the track's pulses."""
     interval_open: bool = False
     """True if the pulses are too few to distinguish the interval from another train's."""
     trust: float = FOLLOW.most_trust
@@ -106,11 +106,11 @@ class Track:
     at_other_rate: "list[Track]" = field(default_factory=list)
     """Tracks of the transmitter at the tag's other rate, if it has switched (two_rates.py)."""
     settled_s: float = -math.inf
-    """Time of the last pulse up to which the rate of all pulses is decided [s]."""
+    """Time of the last pulse up to which the tag's rate is decided for all pulses [s]."""
     halves: list[float] = field(default_factory=lambda: [0.0, 0.0])
     """Log odds that the tag sends at even, and at odd, pulse numbers; old evidence decays."""
     certain_s: float = math.inf
-    """Time until which the rate is certain [s]; later pulses are not reported yet."""
+    """Time until which the tag's rate is certain [s]; later pulses are not reported yet."""
 
     def begin(
         self, pulses: list[tuple[int, float, int, Measured]], around: Around = lambda *_: QUIET
@@ -325,7 +325,7 @@ class Track:
         self.halves[half] = FOLLOW.half_kept * self.halves[half] + tag_odds
 
     def _sends_nothing(self, slot: Slot) -> bool:
-        """True if the tag has twice the interval and sends nothing at this pulse number."""
+        """True if the tag has twice the track's interval and sends nothing at this pulse."""
         own, other = self.halves[slot.number % 2], self.halves[1 - slot.number % 2]
         return own < FOLLOW.empty_half and other > FOLLOW.full_half
 
@@ -410,7 +410,7 @@ class Track:
         return noise_s**2 + (self.tag.interval_jitter_s / 2.0) ** 2
 
     def _reset_phase(self, power: float, share: float = 1.0) -> None:
-        """Covariance by one pulse's timing error and `share` of the interval's uncertainty."""
+        """Covariance of one pulse's timing error and `share` of the interval's uncertainty."""
         spread_s = share * self.tag.interval_uncertainty_s / math.sqrt(3.0)
         interval = spread_s**2 + (BOUNDS.clock_error * self.interval_s) ** 2
         self.variance = [self._timing_variance(power), 0.0, interval]
@@ -455,7 +455,7 @@ def independent_cells(half_s: float, half_band_hz: float, width_s: float) -> flo
 
 
 def _against_noise(power: float, volume: float) -> float:
-    """Log odds that the strongest of a window's `volume` cells is a pulse."""
+    """Log odds that the strongest of a window's `volume` independent cells is a pulse."""
     return (
         FOLLOW.power_slope * power + FOLLOW.power_start - math.log(FOLLOW.more_cells * volume)
     )

@@ -12,23 +12,23 @@ class BandTuning:
     """Constants for searching the columns of a band, and estimating its noise."""
 
     noise_batches: int = 3
-    """Number of batches between updates of the noise; a call costs more than its data."""
+    """Number of batches between updates of the noise estimate; a call costs more than data."""
     least_noise_s: float = 0.35
-    """Minimum duration used to estimate the noise [s]."""
+    """Minimum duration of samples used to estimate the noise [s]."""
     least_clean: float = 0.2
     """Minimum share of columns without impulses for the noise to be estimated from these alone.
     With denser impulses nearly all columns contain some, and are about equal."""
     delay_s: float = 0.07
-    """Delay of the newest columns behind the samples [s]: a window and a filter."""
+    """Delay of the newest spectrogram columns behind the samples [s]: a window and a filter."""
     kept_s: float = 4.0
-    """Time beyond a group's span for which noise levels are stored [s], for measurements."""
+    """Time for which noise levels are stored after a group's span, to measure pulses [s]."""
     young_s: float = 2.5
     """Duration at the start in which each batch estimates the noise from all columns [s]."""
     many_lines_margin: float = 1.025
     """Factor on a threshold while many carriers are removed: their residuals vary over the
     channel, which gave 1.6 times the nominal false groups."""
     most_tracks: int = 12
-    """Maximum number of tracks of one detector; the least certain one is dropped."""
+    """Maximum number of tracks of one detector; beyond it the least certain is dropped."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,19 +36,19 @@ class JudgeTuning:
     """Constants for distinguishing a candidate's pulses from other signals."""
 
     uniformity: float = 0.3
-    """Minimum power of a pulse in a short group, as a share of the strongest."""
+    """Minimum power of a pulse in a short group, as a share of the group's strongest."""
     few_pulses: int = 3
     """Maximum K of a group in which a weak pulse counts as missing."""
     strong_power: float = 30.0
     """Minimum power of a pulse that may be a stronger pulse's flank [noise powers]."""
     off_row_hz: float = 8.0
-    """Distance of a measured frequency from the searched one that ends the refinement [Hz]."""
+    """Difference of measured and searched frequency below which refinement ends [Hz]."""
     flank_ratio: float = 2.0
     """Maximum ratio of the power half a pulse or 35 Hz away to the pulse's own power."""
     lobe_ratio: float = 3.0
     """Minimum ratio of a stronger signal's power to that of a pulse in its side lobe."""
     weak_power: float = 4.0
-    """Power below which the surroundings of a pulse are no evidence [noise powers]."""
+    """Power below which a pulse's surroundings are no evidence against it [noise powers]."""
     loud_power: float = 8.0
     """Minimum power of a pulse that is tested for being an impulse [noise powers]."""
     most_flanks: float = 6.0
@@ -60,7 +60,7 @@ class JudgeTuning:
     """Distance within which a strong pulse's maximum is searched [bins]: cells at their limit
     hide it. One group in twenty of 50 dB was measured on the flank, 6 dB low."""
     crossing_widths: float = 0.5
-    """Distance beyond the tag's bound up to which other intervals are tried [pulse widths]."""
+    """Excess over the tag's interval bound up to which others are tried [pulse widths]."""
     crossing_lead: float = 10.0
     """Lead in power at which another interval is accepted [noise powers]. A tag at its bound
     stays below: an interval 0.375 ms beyond loses more power than noise adds."""
@@ -71,13 +71,13 @@ class BoundTuning:
     """Maximum deviations of a group or track from a tag's declared values."""
 
     clock_error: float = 3.0e-4
-    """Relative error of the sample clock, in addition to the tag's uncertainty."""
+    """Relative error of the sample clock, added to the uncertainty of a tag's interval."""
     edge_bins: float = 0.5
-    """Distance beyond the band at which a pulse is accepted [bins]: half its spectrum."""
+    """Distance beyond the searched band at which a pulse is accepted [bins]: half its width."""
     timing_sigmas: float = 2.5
     """Tolerance for the timing noise of a pulse [standard deviations]."""
     line_sigmas: float = 3.0
-    """Tolerance for the interval of a line through many pulses [standard deviations]."""
+    """Tolerance for the interval from a line through pulse times [standard deviations]."""
     known_share: float = 0.5
     """Maximum error of a long group's interval at its confirmation, as a share of its bound."""
     same_transmitter_hz: float = 40.0
@@ -93,23 +93,23 @@ class BurstRateTuning:
     """Constants for counting bursts of other transmitters."""
 
     noise_sigmas: float = 3.0
-    """Excess over noise above which bursts are counted [standard deviations]."""
+    """Excess of bursts over noise above which they are counted [standard deviations]."""
     memory_s: float = 30.0
     """Time for which a burst is stored [s]; radio calls last some seconds."""
     most_kept: int = 3000
-    """Maximum number of stored bursts, sufficient to measure their rate."""
+    """Maximum number of other transmitters' bursts stored, sufficient to measure their rate."""
     most_pending: int = 6000
-    """Maximum number of strong cells stored between two updates."""
+    """Maximum number of strong cells stored between two updates of the burst rate."""
     windows_s: tuple[float, float, float] = (4.0, 10.0, 30.0)
-    """Durations over which the rate is measured; the highest rate counts [s]."""
+    """Durations over which the rate of bursts is measured; the highest counts [s]."""
     pooled_s: float = 2.0
-    """Weight of the whole band's rate, as a duration at the track's own frequencies [s]."""
+    """Weight of the whole band's burst rate, as a duration at the track's frequency [s]."""
     similar_db: float = 8.0
     """Maximum level difference of a burst that may be taken for a pulse [dB]."""
     near_rows: float = 2.6
     """Maximum frequency difference of a burst that may be taken for a pulse [rows]: 30 Hz."""
     pair_s: float = 0.012
-    """Tolerance for two bursts an interval apart, as in a periodic frame [s]."""
+    """Tolerance in the time between two bursts an interval apart, as in periodic frames [s]."""
     least_phases: int = 3
     """Minimum number of phases with bursts an interval apart; a tag's pulses have fewer."""
 
@@ -121,15 +121,15 @@ class ChanceTuning:
     received_share: float = 0.75
     """Share of a tag's pulses that are detected: one in four is faded."""
     period_s: float = 200.0
-    """Time to which the allowed number of confirmed burst tracks refers [s]."""
+    """Time to which the allowed number of false tracks from bursts refers [s]."""
     confirmed_falsely: float = 1e-3
     """Number of tracks of chance bursts that may be confirmed in `period_s`."""
     frequency_hz: float = 7.0
-    """Scatter of a tag's pulses around its track, for pulses of 14 dB with drift [Hz]."""
+    """Scatter of a tag's pulse frequency around its track, at 14 dB with drift [Hz]."""
     power_db: float = 7.0
     """Scatter of a tag's power around its last pulses as the antenna turns [dB]."""
     hidden_widths: float = 3.0
-    """Distance within which a stronger burst hides a pulse [pulse widths]."""
+    """Distance in time within which a stronger burst hides a pulse [pulse widths]."""
     quiet_per_s: float = 1e-4
     """Assumed rate of bursts at a frequency where none were received [1/s], and ten times that
     in a band; two pulses at the tag's interval outweigh it."""
@@ -144,29 +144,29 @@ class FollowTuning:
     confirm_long_false: float = 0.002
     """Probability that noise confirms a track with K above `most_alone`, per test."""
     more_tests: int = 2
-    """Number of tests beyond K: at 9 dB they confirm three tracks in four instead of two."""
+    """Number of tests of a new track beyond K: at 9 dB they confirm 3 tracks of 4, not 2."""
     follow_false: float = 0.01
     """Probability that noise is accepted as a confirmed track's pulse, per K intervals."""
     most_tests: int = 40
-    """Maximum number of tests of a track that stands out from noise but may be bursts."""
+    """Maximum number of tested pulses of a track that exceeds noise but may be bursts."""
     odds_lost: float = 4.0
-    """Fall of the log odds from their maximum that ends a track: three missing pulses."""
+    """Fall of a track's log odds from their maximum that ends it: three missing pulses."""
     most_missed: int = 10
     """Maximum number of consecutive missed pulses of a track."""
     first_trust: float = 3.0
-    """Log odds of a track just confirmed; three missing pulses end the track."""
+    """Log odds of being a tag of a track just confirmed; three missing pulses end it."""
     most_trust: float = 15.0
     """Maximum log odds of a track; ten missing pulses end the track, as `most_missed`."""
     trust_lost: float = 1.4
-    """Maximum decrease of the log odds by a missed pulse; one in four is lost to fading."""
+    """Maximum fall of a track's log odds by a missed pulse; one in four is lost to fading."""
     trust_won: float = 4.0
-    """Maximum gain of log odds by a pulse."""
+    """Maximum gain of a track's log odds of being a tag by a received pulse."""
     joint_trust: float = 6.0
     """Log odds of a track above which a weak pulse is accepted by its sum with others. Below,
     the sum includes the pulses that began the track: chosen as the largest of many, they let
     a third of noise pass."""
     sure_trust: float = 10.0
-    """Log odds above which the pulses of a track are certainly no bursts."""
+    """Log odds of being a tag above which a track's pulses are certainly no bursts."""
     most_alone: int = 8
     """Maximum K for which a single pulse is evidence; longer groups use sums."""
     # Log-likelihood ratio of a pulse of 9 dB to noise by a cell's power: the line along
@@ -181,7 +181,7 @@ class FollowTuning:
     weakest_share: float = 0.35
     """Minimum power of a group's pulse, as a share of the strongest; less may be noise."""
     joint_ratio: float = 2.0
-    """Maximum ratio of other pulses' power to a weak pulse's for them to support it."""
+    """Limit on the power of a pulse that supports a weak one, relative to the weak one's."""
     joint_share: float = 0.2
     """Minimum power of a weak pulse as a share of the strongest of its group."""
     # Log odds at every second place and at the others that mean twice the interval, with noise
@@ -189,28 +189,28 @@ class FollowTuning:
     empty_half: float = -2.5
     full_half: float = 4.0
     half_kept: float = 0.85
-    """Share of the log odds of even, or odd, pulse numbers retained at each new pulse."""
+    """Share of the log odds of even, or odd, pulse numbers kept at each new pulse."""
     half_false: float = 0.01
-    """Factor on the allowed number of false pulses where the tag does not send."""
+    """Factor on the allowed number of false pulses at numbers where the tag does not send."""
     sure_power: float = 12.0
-    """Minimum power of three pulses, an interval apart, confirmed at once [noise powers]."""
+    """Minimum power of three pulses, an interval apart, that confirm a track [noise powers]."""
     interval_walk: float = 1.5e-4
-    """Standard deviation of the interval's change from pulse to pulse, relative."""
+    """Standard deviation of the interval's change from pulse to pulse, as a share of it."""
     phase_walk_s: float = 0.3e-3
-    """Standard deviation of the phase's change from pulse to pulse [s]."""
+    """Standard deviation of the random shift in a pulse's time from one to the next [s]."""
     most_drift_hz: float = 15.0
     """Maximum change of frequency from pulse to pulse [Hz]; a warming crystal has less."""
     steady_gain: float = 0.1
-    """Gain of the slow frequency average, which scatters a quarter as much as pulses."""
+    """Gain of a track's slow frequency average, which scatters a quarter as much as pulses."""
     past_pulses: int = 24
-    """Number of past pulse times stored: more than three times the six slots of a track."""
+    """Number of past pulse times stored: more than three times a track's six slots."""
     whole_power: float = 20.0
     """Power below which a pulse near lost samples may have a break of phase [noise powers]."""
     broken_weight: float = 0.25
     """Weight of a measured frequency while samples are being lost: a phase break shifts it by
     up to 20 Hz, which once made pulses count as bursts."""
     hiding_ratio: float = 2.0
-    """Ratio of pulse powers above which the stronger track's pulse is subtracted."""
+    """Ratio of two tracks' pulse powers above which the stronger's pulse is subtracted."""
     hiding_bins: float = 0.8
     """Frequency difference below which another track may have the same pulses [bins]."""
 
@@ -224,9 +224,9 @@ class RateTuning:
     patience_intervals: float = 2.5
     """Maximum wait of a pulse for its rate [longer intervals]; then it is only `detected`."""
     uncertainty_share: float = 0.25
-    """Uncertainty of the interval at the other rate, as a share of the tag's."""
+    """Uncertainty of the interval after a change of rate, as a share of the tag's declared."""
     most_starts: int = 8
-    """Number of past pulses at which a change of rate is considered."""
+    """Number of past pulses of a track at which a change of rate is considered."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -238,21 +238,21 @@ class GhostTuning:
     third harmonic of a signal clipped to a square wave is 9.5 dB down, the strongest of its
     products. Both originals of a product of two signals are stronger by this ratio."""
     least_pulses: int = 3
-    """Minimum number of pulses of a ghost."""
+    """Minimum number of pulses of a false train caused by a stronger tag (ghost)."""
     mistaken_share: float = 1e-3
     """Maximum share of real tags mistaken for ghosts, if pulses coincide with another's."""
     edge_ratio: float = 100.0
     """Minimum ratio of a pulse's power to that of its edges far from its frequency."""
     edge_noise: float = 2.5
-    """Amplitude that the largest noise adds to an edge in a search [noise amplitudes]."""
+    """Amplitude that the largest noise adds to a pulse's edge [noise amplitudes]."""
     edge_widths: float = 0.75
-    """Maximum distance of an edge from the start of its pulse [pulse widths]."""
+    """Maximum time between a pulse's start and its edge detected as a pulse [pulse widths]."""
     edge_share: float = 0.6
-    """Minimum share of edge pulses in a train that consists of another train's edges."""
+    """Minimum share of a train's pulses at another train's edges, if it consists of these."""
     rounding_ns: int = 1000
-    """Bound on the rounding of present times as floating-point numbers [ns]."""
+    """Maximum rounding error of present times as floating-point numbers [ns]."""
     coincident_share: float = 0.9
-    """Share of a ghost's pulses that are received together with their original's."""
+    """Share of a ghost train's pulses that are received together with their original's."""
     drift_steps: int = 32
     """Number of differences between two intervals over which a probability is averaged."""
 
@@ -262,18 +262,18 @@ class SenderTuning:
     """Constants for assigning trains of pulses to tags."""
 
     ruled_out_log: float = math.log(20.0)
-    """Log-likelihood ratio above which another tag is ruled out."""
+    """Log-likelihood ratio above which another tag is ruled out as a train's sender."""
     interval_drift: float = 2e-3
     """Relative change of a tag's interval within a flight. The crystals and oscillators of tags
     vary by 1e-4 and 1e-3 over the temperatures of a day."""
     interval_sigmas: float = 2.5
-    """Tolerance of a measured interval beyond a tag's bound [standard deviations]."""
+    """Tolerance of a train's interval beyond a tag's bound [standard deviations]."""
     bound_sigmas: float = 3.0
-    """Declared bound of an error [standard deviations of the error]."""
+    """Declared bound of a tag's interval or frequency [standard deviations]."""
     most_miss: float = 30.0
-    """Maximum squared deviation of a frequency that counts [variances]."""
+    """Limit on the squared deviation of a train's frequency from a tag's [variances]."""
     stay_log: float = 1.0
-    """Log-likelihood ratio above which a train is assigned to another tag."""
+    """Log-likelihood ratio above which a train is assigned to another tag than before."""
     any_tag_log: float = 50.0
     """Bonus on the log-likelihood for assigning a tag rather than none; exceeds all differences
     between tags."""
@@ -284,17 +284,17 @@ class SenderTuning:
     kept_ns: int = 40_000_000_000
     """Time for which pulses of confirmed trains are stored [ns]: longer than bursts are."""
     small_ratios: tuple[tuple[int, int], ...] = ((2, 1), (3, 1), (3, 2))
-    """Ratios of two intervals at which common pulses fit both tags."""
+    """Ratios of two tags' intervals at which common pulses fit both tags."""
     likely_odds: float = -6.0
-    """Log odds above which an unconfirmed track counts as a tag's, and not as bursts."""
+    """Log odds above which an unconfirmed track counts as a tag and not as bursts."""
     same_train_share: float = 2.0 / 3.0
     """Minimum share of common pulses in two tracks of one train; less is a collision."""
     foreign_share: float = 2.0 / 3.0
-    """Share of pulses from other trains above which a train is dropped."""
+    """Share of pulses that other trains explain above which a train is dropped."""
     foreign_pulses: int = 3
     """Minimum number of pulses of a train that is dropped; fewer may coincide by accident."""
     same_interval_ratio: float = 1.2
-    """Ratio below which two intervals are the same, measured with different accuracy."""
+    """Ratio below which two tracks' intervals are the same, with different measuring errors."""
 
 
 BAND = BandTuning()

@@ -16,7 +16,7 @@ from uavrt.detection.track.tracks import Track
 from uavrt.detection.track.tuning import BOUNDS
 
 FoundPulse = tuple[int, float, int, Measured]
-"""Number of a pulse among the K, time [s], time [ns], and measurement."""
+"""Pulse of a group: number among the K, time [s], time [ns], and measurement."""
 
 
 def join_group(

@@ -22,7 +22,7 @@ WITHOUT_HEADINGS = frozenset({"ucsd", "sensorgnome", "detections"})
 """Kinds of logs without compass headings: bearings are impossible, and a whip antenna is
 assumed unless one is named."""
 NUMBERED_BY_FREQUENCY = frozenset({"ucsd", "pyradiotracking", "sensorgnome"})
-"""Kinds of logs without a tag list: one number can mean different tags in different logs."""
+"""Kinds of pulse logs without tag list: a number can mean different tags in two logs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +34,7 @@ class RotationMark:
     longitude_deg: float
     altitude_amsl_m: float
     before_pulse: int
-    """Number of pulses in the log before the mark."""
+    """Number of pulses in the log before the rotation's mark."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,9 +45,9 @@ class PulseLog:
     pulse_poses: tuple[PulsePose, ...]
     marks: tuple[RotationMark, ...] = ()
     warnings: tuple[str, ...] = ()
-    """Sentences on limitations of these pulses, to be shown to the user."""
+    """Sentences on limitations of the log's pulses, to be shown to the user."""
     passed_over: int = 0
-    """Number of rows without a pulse: rotation slices without a detection."""
+    """Number of log rows without a pulse: rotation slices without a detection."""
 
 
 def heard_pulse(

@@ -44,7 +44,7 @@ _PULSE_NS = ns_from_s(0.0025)
 _TUNED = ("-m", "frequency", "freq")
 _NOMINAL = ("tagfreq", "nomfreq", "mfgfreq")
 _LONGEST_NS = ns_from_s(60.0)
-"""Maximum age of a position that is used [ns]; a SensorGnome records one every five minutes."""
+"""Maximum age of a position that is used [ns]; a SensorGnome records one in five minutes."""
 _REMEDY = "A pulse line is p1,time,kHz,signal,noise; a detection has ts, id, sig"
 NO_HEADINGS = (
     "This log has no headings: positions follow from strength alone, as with a monopole. "

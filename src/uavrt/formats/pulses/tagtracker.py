@@ -57,7 +57,7 @@ HEADER = (
 PLACEHOLDER_DB = -9999.0
 """Value that TagTracker writes for an unknown SNR [dB]."""
 STATUSES: tuple[DetectionStatus, ...] = get_args(DetectionStatus)
-"""Detection statuses by their number; 3, integrated, is uavrt's own."""
+"""Detection statuses by their number in TagTracker's log; 3, integrated, is uavrt's own."""
 _NORM_TOLERANCE = 2e-3
 """Maximum deviation of a quaternion's length from 1. Six decimals keep it to 1e-6, but
 TagTracker computed in single precision."""

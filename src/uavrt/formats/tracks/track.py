@@ -30,7 +30,7 @@ class VehicleTrack:
     positions: tuple[PositionSample, ...]
     warnings: tuple[str, ...] = ()
     on_ground_ns: tuple[tuple[int, int], ...] = ()
-    """Start and end of times on the ground [ns]; empty if not logged."""
+    """Start and end of the vehicle's times on the ground [ns]; empty if not logged."""
 
     def shifted(self, offset_ns: int) -> "VehicleTrack":
         """Copy of the track with an offset added to all times."""

@@ -40,7 +40,7 @@ StampStyle = Literal["seconds", "milliseconds"]
 PortScheme = Literal["current", "thesis"]
 
 SAMPLES: Final = 1024
-"""Number of samples in a datagram of the original channelizer."""
+"""Number of samples in one UDP datagram of the original channelizer."""
 BYTES: Final = 8 * (1 + SAMPLES)
 FIRST_PORT: Final = 20_000
 

@@ -27,9 +27,9 @@ are truncated to 1 ms; the newer channelizer's step by 5.4 ms when its count res
 HELD_FRAMES: Final = 4
 """Number of later frames that ends the wait for a missing one: 1.1 s of a channel."""
 SILENCE_S: Final = 1.5
-"""Silence after which stored frames are released despite missing ones [s]."""
+"""Time without datagrams after which stored frames are released despite gaps [s]."""
 RESTART_FRAMES: Final = 3
-"""Number of consecutive early stamps that shows that the sender's clock was set back."""
+"""Number of consecutive early time stamps that show that the sender's clock was set back."""
 _LARGEST: Final = 65_536
 LONGEST_GAP_S: Final = 3600.0
 """Maximum forward jump of time stamps that is a loss [s]; a larger one: a clock change."""
@@ -54,9 +54,9 @@ class ChannelDatagramSource(DatagramSource):
     ) -> None:
         super().__init__(sample_rate_hz, center_frequency_hz)
         self.late = 0
-        """Number of datagrams dropped because they were late or repeated."""
+        """Number of UDP datagrams dropped because they were late or repeated."""
         self.refused = 0
-        """Number of datagrams that are not valid frames."""
+        """Number of UDP datagrams refused because they are not valid sample frames."""
         self._style: StampStyle | None = None
         self._frames = FrameOrder(sample_rate_hz)
         self._arrived_s = monotonic_s()
@@ -126,7 +126,7 @@ class FrameOrder:
         self._early: list[tuple[int, NDArray[np.complex64]]] = []
         self._expected_ns: int | None = None
         self.late = 0
-        """Number of frames dropped because they were late or repeated."""
+        """Number of sample frames dropped because they were late or repeated."""
 
     @property
     def waiting(self) -> int:
@@ -163,7 +163,7 @@ class FrameOrder:
         return time_ns, samples, lost
 
     def _put_early(self, time_ns: int, samples: NDArray[np.complex64]) -> None:
-        """Add a frame older than expected; several mean that the sender has restarted."""
+        """Add a sample frame older than expected; several mean that the sender restarted."""
         self.late += 1
         if self._early:
             last_ns, last = self._early[-1]

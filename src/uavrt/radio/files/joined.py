@@ -20,7 +20,7 @@ class JoinedRecording:
     def __init__(self, paths: Sequence[Path]) -> None:
         layouts: list[Layout] = []
         self.left_out: list[str] = []
-        """Unreadable recordings, with the reasons."""
+        """Unreadable recordings that were left out, with the reasons."""
         for path in paths:
             try:
                 layout = sigmf_layout(path)
@@ -48,7 +48,7 @@ class JoinedRecording:
         self._next = 0
         self._source: RecordingSource | None = None
         self._index = 0
-        """Index of the next sample, including lost ones."""
+        """Index of the next sample of the joined recordings, including lost ones."""
         self._end_ns: int | None = None
 
     @property

@@ -32,10 +32,10 @@ class Segment:
     """Consecutive samples in a file."""
 
     first: int
-    """Position of the first of these samples in the file [samples]."""
+    """Position of the segment's first sample in the file [samples]."""
     count: int
     sample_index: int
-    """Index of the first of these samples since the recording's start, including lost ones."""
+    """Index of the segment's first sample since the recording's start, lost ones included."""
     time_ns: int
     lost_before: int = 0
 

@@ -95,9 +95,9 @@ def sigmf_global(path: Path, key: str) -> object:
 
 
 MOST_GAP_S = 30 * 86_400.0
-"""Longest gap between captures [s]; more means a wrong index or time."""
+"""Longest gap between captures of a recording [s]; more means a wrong index or time."""
 LAST_NS = 2**62
-"""Latest time accepted, in 2116 [ns since 1970]."""
+"""Latest time accepted in a recording, in 2116 [ns since 1970]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

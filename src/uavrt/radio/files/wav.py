@@ -36,10 +36,10 @@ from uavrt.radio.live_source import check_rates
 
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _UNKNOWN_SIZE = (0, 0xFFFFFFFF, 0x7FFFFFFF)
-"""Sizes in the data chunk that mean unknown: the writer streamed or was killed."""
+"""Sizes in a WAV file's data chunk that mean unknown: the writer streamed or was killed."""
 
 _MOST_READ = 1 << 16
-"""Maximum part of a chunk that is read [bytes]; XML, the longest, has some thousand bytes."""
+"""Maximum part of a WAV chunk that is read [bytes]; XML, the longest, has some thousand."""
 _MOST_CHUNKS = 1000
 
 
@@ -242,7 +242,7 @@ def _number(text: str, name: str, unit: int) -> int | None:
 
 
 def _system_time_ns(fields: tuple[int, ...]) -> int | None:
-    """Convert a Windows SYSTEMTIME (year to ms) to [ns, UTC]; None if invalid."""
+    """Convert a Windows SYSTEMTIME (year to ms) to UTC [ns]; None if invalid."""
     year, month, _, day, hour, minute, second, millisecond = fields
     try:
         stamp = datetime(year, month, day, hour, minute, second, tzinfo=UTC)

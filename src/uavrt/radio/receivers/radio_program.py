@@ -34,21 +34,21 @@ from uavrt.radio.sample_stream import StreamSource
 _STARTUP_S: Final = 10.0
 """Longest start of a radio's program [s]: opening the device, loading firmware."""
 _STALL_S: Final = 1.0
-"""Silence that counts as a stall [s]; radios deliver a buffer every few milliseconds."""
+"""Time without samples that counts as a stall [s]; radios deliver every few milliseconds."""
 _TERMINATE_S: Final = 2.0
 """Time from SIGTERM to SIGKILL [s]; airspy_rx stops in 0.1 s if its USB transfers end."""
 _FIRST_LINES: Final = 4
-"""Number of lines stored from the start of stderr; a long usage text may follow."""
+"""Number of lines stored from the start of a program's stderr; a long usage may follow."""
 _LINES: Final = 8
 _PROGRESS: Final = ("Streaming at", "MiB / ", "Stop with Ctrl-C", "call hackrf_")
-"""Parts of progress lines, which some programs print every second; ignored."""
+"""Parts of the progress lines that some radio programs print every second; ignored."""
 
 _LOST_SAMPLES: Final = re.compile(r"\b(\d+) samples (?:lost|dropped)\b")
-"""Message of programs that count lost samples; for others arrival times show losses."""
+"""Pattern of messages that count lost samples; other programs' losses show in arrival times."""
 _OVERRUNS: Final = re.compile(r"\b(\d+) overruns, longest (\d+) bytes\b")
-"""Message of hackrf_transfer -B: number of buffer overruns, without their length."""
+"""Pattern of hackrf_transfer's message (-B) that counts buffer overruns, without length."""
 _RATE: Final = re.compile(r"(\d+(?:\.\d+)?) ?(MSPS|kS/s)")
-"""Sample rate as printed by airspy_info and airspyhf_info."""
+"""Pattern of a sample rate as printed by airspy_info and airspyhf_info."""
 
 log = get_logger()
 
@@ -82,7 +82,7 @@ class ProgramSource(StreamSource):
         self._lines: deque[str] = deque(maxlen=_LINES)
         self._line = b""
         self._last_logged = ""
-        """The last logged line; repetitions are not logged, so they cannot fill the disk."""
+        """Last logged line of the program; repetitions are not logged, to spare the disk."""
         self._lost = 0
         self.overruns = 0
         """Number of overruns of the radio's own buffer, if its program reports them."""
@@ -238,7 +238,7 @@ class ProgramSource(StreamSource):
         return " or ".join(f"{rate:.0f}" for rate in sorted(rates))
 
     def _store_line(self, line: str) -> None:
-        """Store a line of stderr, if among the first or last, or if it names a cause."""
+        """Store a line of a program's stderr, if among the first or last or naming a cause."""
         most = _LINES if cause_of(self._program, line) is not None else _FIRST_LINES
         (self._first if len(self._first) < most else self._lines).append(line)
 
@@ -274,12 +274,12 @@ def _run(
 
 
 _DEVICE_LINE = re.compile(r"^ *(\d+): .*SN: (\S+) *$", re.M)
-"""Device in the list of librtlsdr, such as ``  0:  Realtek, RTL2838UHIDIR, SN: 00000001``."""
+"""Pattern of a device listed by librtlsdr: ``  0:  Realtek, RTL2838UHIDIR, SN: 00000001``."""
 _MOST_PLACES = 16
 
 
 def _by_place(settings: RadioSettings, until_s: float) -> RadioSettings:
-    """Replace a numeric serial number by the device's index in the list of its program.
+    """Replace a numeric serial number by the device's index in its program's list.
 
     rtl_sdr and rtl_biast would take 00000001 for the second device, and switch on its bias
     voltage.

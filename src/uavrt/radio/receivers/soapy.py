@@ -27,10 +27,10 @@ _TIMEOUT: Final = -1
 _OVERFLOW: Final = -4
 _HAS_TIME: Final = 1 << 2
 _ROUNDING_S: Final = 1e-4
-"""Largest time step that counts as rounding of drivers' time stamps and not as a gap [s]."""
+"""Maximum step of drivers' time stamps that counts as rounding and not as a gap [s]."""
 _SAME: Final = 1e-4
 _SAME_HZ: Final = 1000.0
-"""Maximum difference between requested and actual frequency that is accepted [Hz]."""
+"""Maximum difference between requested and actual radio frequency that is accepted [Hz]."""
 
 log = get_logger()
 
@@ -76,7 +76,7 @@ class SoapySource(LiveSource):
             raise self._error(str(error)) from error
 
     def _set(self, center_frequency_hz: float) -> None:
-        """Set up the device; check the values in effect, because drivers choose the nearest."""
+        """Set up the radio; check the values in effect, as drivers choose the nearest."""
         device, settings = self._device, self._settings
         device.setSampleRate(_RX, 0, self._rate_hz)
         if abs(device.getSampleRate(_RX, 0) / self._rate_hz - 1.0) > _SAME:

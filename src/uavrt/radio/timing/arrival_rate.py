@@ -10,18 +10,18 @@ from itertools import pairwise
 from typing import Final
 
 _PERIOD_S: Final = 0.5
-"""Period over which the smallest delay of arrivals is taken [s]."""
+"""Period over which the smallest delay of sample arrivals is taken [s]."""
 _PERIODS: Final = 5
-"""Number of periods needed to detect a wrong rate, 2.5 s in all."""
+"""Number of periods needed to detect a wrong sample rate: 2.5 s in all."""
 _TOLERANCE: Final = 0.02
-"""Maximum rate error that is not reported, as a fraction of the requested rate."""
+"""Maximum sample rate error that is not reported, as a fraction of the requested rate."""
 _SETTLED: Final = 0.01
-"""Rate error below which the rate counts as correct again, as a fraction of the rate."""
+"""Sample rate error below which the rate counts as correct again, as a fraction of it."""
 _CAUGHT_UP_S: Final = 0.03
 """Excess delay after a pause below which the sender has caught up [s]. It is smaller than the
 change over `_PERIODS` that is reported."""
 _CHANGE_SHARE: Final = 0.1
-"""Relative change of a wrong rate above which it is reported again."""
+"""Relative change of a wrong sample rate above which it is reported again."""
 
 
 class ArrivalRate:
@@ -36,7 +36,7 @@ class ArrivalRate:
         self._now_s = 0.0
         self._first_ns: int | None = None
         self._catch_up_to_s = math.inf
-        """Delay before the last pause [s]; the sender catches up until its delay is as low."""
+        """Delay of arrivals before the last pause [s]; infinite once the sender caught up."""
 
     def arrived(self, received: int, now_ns: int, *, full: bool = False) -> None:
         """Add the samples received up to a time; a `full` buffer hides the sender's rate."""

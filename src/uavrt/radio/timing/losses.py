@@ -27,7 +27,7 @@ from typing import Final
 import numpy as np
 
 CELL_S: Final = 0.020
-"""Minimum period of one lateness value, a cell [s]; USB transfers last 5 to 65 ms."""
+"""Minimum period of a lateness value of arrivals, a cell [s]; USB transfers last 5 to 65 ms."""
 SLOWEST_RATE: Final = 75e-6
 """Maximum relative rate error of a radio's clock; a greater drift means small losses."""
 _UNSEEN_S: Final = 0.010
@@ -35,34 +35,34 @@ HALVED_S: Final = 0.036
 """Longest loss at a transfer's edge that is placed half before and half after the edge [s]. No
 sample's time is then wrong by more than half of the loss."""
 _CELLS: Final = 100
-"""Number of stored cells (lateness values): two seconds."""
+"""Number of stored cells (lateness values of arrivals): two seconds."""
 _WINDOW_S: Final = 1.0
 """Longest period of late arrivals that is examined [s]; `_WINDOW_CELLS` cells where writes are
 long. rtl_sdr writes half a second at once at 250 kS/s."""
 _WINDOW_CELLS: Final = 6
 _LEAST_CELLS: Final = 3
-"""Minimum number of late cells that counts as a loss; two consecutive stalls make fewer."""
+"""Minimum number of late cells (20 ms or more) that show a loss; two stalls make fewer."""
 _NEWEST: Final = 4
-"""Number of newest cells used for the present lateness."""
+"""Number of newest cells (20 ms or more) whose arrivals give the present lateness."""
 _QUIET_S: Final = 1.0
 """Time after a loss during which arrivals may still show a further part of that loss [s]."""
 _EVIDENCE: Final = 14.0
-"""Log-odds needed to rule out jitter: 1 in 10⁶, with 40 mostly dependent tests a second."""
+"""Log-odds of a loss needed to rule out jitter: 1 in 10⁶, with 40 tests a second."""
 _EVIDENCE_KNOWN: Final = 7.0
-"""Log-odds needed to rule out jitter within `_KNOWN_S` of a loss."""
+"""Log-odds of a loss needed to rule out jitter within `_KNOWN_S` of a known loss."""
 _KNOWN_S: Final = 10.0
 _FLOOR_S: Final = 0.002
-"""Minimum lateness above the jitter that counts as a loss [s]; clock drift is smaller."""
+"""Minimum lateness of arrivals above jitter that shows a loss [s]; clock drift is smaller."""
 _LEVEL_S: Final = 0.006
 _LEVEL_SLOPE: Final = 0.06
 """Rise of the lateness [s/s] above which a program is falling behind and nothing is lost."""
 _CLIMB_S: Final = 0.35
 _LEVEL_AFTER_CLIMB_S: Final = 1.5
 _SUSPECT_S: Final = 0.008
-"""Lateness above which a cell may be the first after a loss [s]."""
+"""Lateness of arrivals above which a cell may be the first after a loss [s]."""
 _SUSPECT_MAX_S: Final = 0.35
 _SHARP: Final = 0.6
-"""Fraction of the lateness that must arise within `_BEFORE_S` to be a step and no drift."""
+"""Fraction of the lateness that must arise within `_BEFORE_S` for a step, not a drift."""
 _BEFORE_S: Final = 0.5
 _SURE_SHARE: Final = 0.0008
 """Fraction of samples lost in `_SHARE_S` that no clock error explains (800 ppm)."""
@@ -71,20 +71,20 @@ _EARLY_CELLS: Final = 12
 _PACE_BIN_S: Final = 0.25
 """Period of each smallest delay of arrivals, by which a source's speed is measured [s]."""
 _UNSETTLED_BINS: Final = 2
-"""Number of newest periods that are ignored, because a stall there may still be made up."""
+"""Number of newest periods ignored in a source's speed: a stall may still be made up."""
 _PACE_SPANS: Final = ((5.0, 0.4), (10.0, 0.7))
 """Periods over which the speed is measured [s], and scatter below which the delays rise evenly.
 At 0.9 to 0.995 times real time the scatter is 0.1 to 0.5 and 0.1 to 0.9, also on a busy
 computer. Losses of 1 to 15 % of the samples give at least 0.54 and 0.93."""
 _UNEVEN: Final = 3.0
-"""Ratio of the delays' scatter to its limit in `_PACE_SPANS` above which they rise in steps."""
+"""Ratio of the delays' scatter to its limit in `_PACE_SPANS` that shows a rise in steps."""
 _SLOW_RATE: Final = 0.003
-"""Minimum rise of the delay, per unit of time, that marks a slow source."""
+"""Minimum rise of the delay of arrivals that marks a slow source [s/s]."""
 _SCATTER_S: Final = 0.0005
 _SCATTER_SHARE: Final = 0.002
-"""The scatter of delays is divided by `_SCATTER_S` plus this fraction of their total rise."""
+"""Fraction of the delays' total rise that, with `_SCATTER_S`, divides their scatter."""
 _STEP: Final = 2.0
-"""Smallest step of the delays, as a multiple of their rise before and after it."""
+"""Smallest step of arrivals' delay at a loss, over the rise before and after it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,13 +93,13 @@ class Loss:
 
     duration_s: float
     since_s: float
-    """Start of the late arrivals, in samples divided by the nominal rate [s]."""
+    """Start of the late arrivals after the loss: samples over the nominal rate [s]."""
     sharp: bool
-    """True if the delay rose within half a second, as a step; False for a drift."""
+    """True if the arrivals' delay rose within half a second, a step; False for a drift."""
     inside_s: float
     """Length of the late transfer that contains the loss [s]; 0 if the loss lies before it."""
     sure: bool
-    """False if the delay rose slowly, which a wrong clock rate may explain instead."""
+    """False if the arrivals' delay rose slowly, as a wrong clock rate may explain."""
 
 
 @dataclass(slots=True)
@@ -108,9 +108,9 @@ class _Cell:
     end_s: float
     late_s: float
     fresh: bool
-    """True if the cell arrived in real time; False while the sender was catching up."""
+    """True if the cell's samples came in real time; False while the sender caught up."""
     single: bool
-    """True if all samples of the cell arrived at once."""
+    """True if all samples of the cell arrived at once, in one transfer."""
 
     @property
     def length_s(self) -> float:
@@ -122,7 +122,7 @@ class SourcePace:
 
     def __init__(self) -> None:
         self._delays: deque[tuple[float, float]] = deque()
-        """Position and smallest delay of each period [s], not corrected for losses."""
+        """Nominal time of each period and its smallest delay [s], not corrected for losses."""
         self.slow = False
         """True once the delays have risen evenly, so the source is slower than real time."""
         self.stepped = self.still = False
@@ -183,7 +183,7 @@ class LossFinder:
         """Start of late arrivals that may follow a loss [nominal seconds]; or None."""
         self._falls = 0
         self._usual_s = 0.001
-        """Typical smallest lateness in four cells [s]; the smallest of all cells is 0."""
+        """Typical smallest lateness of arrivals in four cells [s]; that of all cells is 0."""
         self._cells: deque[_Cell] = deque(maxlen=_CELLS)
         self._from: tuple[float, float] | None = None
         self._lowest_s = math.inf
@@ -307,7 +307,7 @@ class LossFinder:
         self._usual_s = min(max(self._usual_s, 0.0), self.jitter_s)
 
     def _suspect(self, cell: _Cell) -> None:
-        """Record a suspicion if the newest cells are so late that a loss may precede them."""
+        """Record a suspected loss if the arrivals of the newest cells are late enough."""
         if not self._is_late(cell.late_s):
             self.suspect_s = None
         elif self.suspect_s is None:
@@ -353,7 +353,7 @@ class LossFinder:
         return self._loss(best)
 
     def _has_settled(self, count: int) -> bool:
-        """True if lateness is level for long enough after a rise; a stall peaks briefly."""
+        """True if the lateness has been level long enough after a rise; stalls peak briefly."""
         cells = list(self._cells)
         lowest_s = min(cell.late_s for cell in cells[-count:])
         first = len(cells) - count
@@ -368,7 +368,7 @@ class LossFinder:
         return climb_s <= _CLIMB_S or level_s >= min(0.5 * climb_s, _LEVEL_AFTER_CLIMB_S)
 
     def _level(self, count: int) -> bool:
-        """True if enough of the newest cells are about equally late, without a trend."""
+        """True if enough of the newest cells arrived about equally late, without a trend."""
         cells = [self._cells[at] for at in range(-count, 0)]
         if len(self._agreeing(count)) < _LEAST_CELLS:
             return False

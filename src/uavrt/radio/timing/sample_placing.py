@@ -18,7 +18,7 @@ from uavrt.radio.timing.losses import HALVED_S
 from uavrt.radio.timing.sample_times import NominalTimes, TimeKeeper
 
 HOLD_S: Final = 0.13
-"""Maximum delay of samples, beyond a block, to decide if some were lost [s]: two transfers."""
+"""Maximum wait of samples, beyond a block, to decide if some were lost [s]: two transfers."""
 _LOG_S: Final = 10.0
 _BURST_NS: Final = 1_000_000
 """Maximum time between bytes that belong to one write of the radio's program [ns]."""
@@ -26,7 +26,7 @@ _LONG_WRITE_S: Final = 0.040
 """Length of a write above which a loss is placed in its middle [s]. In a shorter write it is
 placed at the end, so that no sample before the loss has a wrong time."""
 _LEAST_S: Final = 0.001
-"""Minimum duration of samples before a late arrival that become a separate block [s]."""
+"""Minimum duration of samples before a late arrival for a separate block [s]."""
 
 log = get_logger()
 
@@ -58,7 +58,7 @@ class Placer:
     ) -> None:
         self._start_moves = start_moves
         self.index = 0
-        """Index of the next sample to be passed on, including lost ones."""
+        """Index of the next sample to be passed on, counted with lost ones."""
         self.lost = 0
         self.unsure = 0
         """Number of samples counted as lost that a wrong clock rate may explain instead."""
@@ -72,7 +72,7 @@ class Placer:
             None if start_time_ns is None else NominalTimes(start_time_ns, sample_rate_hz)
         )
         self.paced = True
-        """True if arrivals show a rate; False for a file on standard input."""
+        """True if arrivals show a sample rate; False for a file on standard input."""
         self._before = 0
         """Number of samples lost just before the samples that are held back."""
         self._cut = 0

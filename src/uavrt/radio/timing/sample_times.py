@@ -27,11 +27,11 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 from uavrt.radio.timing.losses import SLOWEST_RATE, Loss, LossFinder
 
 _BIN_S = 0.5
-"""Length of the periods; the earliest arrival of each is stored [s]."""
+"""Length of the periods of which the earliest arrival of samples is stored [s]."""
 _BINS = 600
 """Number of stored periods: 5 min, over which a clock's rate is constant to below 1 ppm."""
 _FIT_BINS = 8
-"""Minimum number of periods for fitting a slope."""
+"""Minimum number of periods for fitting a clock's rate to their earliest arrivals."""
 _MEASURED_AFTER_S = 30.0
 """Duration at the start in which the nominal rate is reported, because jitter dominates [s]."""
 _MAX_RATE_ERROR = 500e-6
@@ -41,16 +41,16 @@ _PRIOR_RATE_ERROR = 30e-6
 """
 _FAST_SLEW = 1000e-6
 _SLEW = 200e-6
-"""Largest correction of times per second, so that an interval of 1.25 s is right to 0.25 ms."""
+"""Maximum correction of sample times [s/s]: an interval of 1.25 s is right to 0.25 ms."""
 _FAST_SLEW_UNTIL_S = 10.0
 _SETTLE_S = 2.0
-"""Time in which a delayed writer catches up at the start [s]; later it is a replay."""
+"""Time at the start in which a delayed writer catches up [s]; later it is a replay."""
 _NOT_LIVE_S = 0.5
-"""Earliness of arrivals above which a stream is replayed and not live [s]."""
+"""Earliness of sample arrivals above which a stream is replayed and not live [s]."""
 _REPORT_DELAY_S = 3.0
-"""Longest delay between a loss seen in arrival times and the program's report of it [s]."""
+"""Maximum time from a loss in arrival times to the radio program's report of it [s]."""
 _SLOPE_PAUSE_S = 1.0
-"""Time after a loss in which the slope is not updated [s]."""
+"""Time after a loss in which the measured clock rate is not updated [s]."""
 _FAR_S = 0.005
 _FAR_IN_S = 0.5
 _DOUBT_S = 10.0
@@ -97,7 +97,7 @@ class TimeKeeper:
         # Rows of nominal seconds and delay, in memory allocated at the start.
         self._finder = LossFinder(may_be_slow=may_be_slow)
         self._lost_s = 0.0
-        """Duration of losses found and not yet returned by `lost_samples` [s]."""
+        """Duration of lost samples found and not yet returned by `lost_samples` [s]."""
         self._unsure_s = 0.0
         self.unsure_samples = 0
         """Number of samples returned as lost that a wrong clock rate may explain instead."""
@@ -291,12 +291,12 @@ class TimeKeeper:
         return float(self._bins[self._bin_count - 1, 0] - self._bins[0, 0])
 
     def _forget(self, why: str) -> None:
-        """Discard the measured clock; use the start time and the nominal rate from now on."""
+        """Discard the measured clock; use start time and nominal rate from now on."""
         self.unseen = why
         self._follow = False
 
     def _fit(self) -> None:
-        """Fit the lower envelope by least squares, with a prior for real clocks' slope."""
+        """Fit the clock's rate and offset to the earliest arrivals, with a prior rate."""
         if self._fit_in > 0:
             self._fit_in -= 1
             return

@@ -72,7 +72,7 @@ class Intervals:
         most: int,
         noise: NDArray[np.float32],
     ) -> NDArray[np.float32] | None:
-        """Limited powers in the columns around each expected pulse, maxima over the jitter."""
+        """Powers, limited per cell, around each expected pulse: largest within the jitter."""
         hop, reach = self._grid.hop, search.reach
         offset_hz = float(self._grid.offsets_hz[candidate.row])
         side = (most + reach) * hop

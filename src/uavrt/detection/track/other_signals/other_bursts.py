@@ -21,7 +21,7 @@ from uavrt.detection.track.tracks import Track
 from uavrt.detection.track.tuning import BURSTS
 
 Known = tuple[float, float, float]
-"""A known pulse: index of its first sample, offset [Hz] and power."""
+"""Known pulse: index of its first sample, offset from the channel's centre [Hz], power."""
 _Cells = tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]
 
 
@@ -40,7 +40,7 @@ class Bursts:
             uncertainty_s=0.0,
             reach_s=0.0,
         )
-        """Rate of noise peaks above a power P, divided by exp(-P) [1/s]."""
+        """Rate of noise peaks above a power of P times the noise, over exp(-P) [1/s]."""
         self._pending: tuple[list[int], list[int], list[float]] = ([], [], [])
         self._time_s = np.zeros(0)
         self._row = np.zeros(0, np.intp)
@@ -151,7 +151,7 @@ class Bursts:
     def _on_lattice(
         self, track: Track, found: Measured, time_s: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
-        """True for bursts at times where the track has, or would have had, its pulses."""
+        """True for bursts at times at which the track has, or would have had, pulses."""
         rate_hz = self._grid.sample_rate_hz
         lag_s = self._grid.start(0) / rate_hz
         near_s = self._width_s
@@ -215,7 +215,7 @@ class Bursts:
         cells: tuple[Sequence[int], Sequence[int], Sequence[float]],
         noise: NDArray[np.float32],
     ) -> _Cells:
-        """Times, rows and powers of the strongest cell of each burst and frequency bin."""
+        """Time, row and power of the strongest cell of each burst in each frequency bin."""
         time_s = np.array(cells[0]) * self._column_s
         row = np.array(cells[1])
         power = np.array(cells[2]) / noise[row]

@@ -34,7 +34,7 @@ class _ReceivedTrain(Generic[H]):
     frequency_hz: float
     times_ns: list[int]
     near_s: list[float]
-    """Maximum time difference of a simultaneous pulse of another train, for each pulse [s]."""
+    """Maximum time from each pulse to a simultaneous pulse of another train [s]."""
 
     @property
     def edge_s(self) -> float:
@@ -134,7 +134,7 @@ def _original(
 
 
 def _is_edges(one: _ReceivedTrain[H], other: _ReceivedTrain[H]) -> bool:
-    """True if a train consists of another train's leakage far from its frequency.
+    """True if a train is only the leakage of another train far from its frequency.
 
     The edges of a rectangular pulse have at most 1 / (pi df tp)^2 of its power. Trains within
     the search band of the weaker tag are assigned by train_senders.py.

@@ -32,7 +32,7 @@ from uavrt.detection.track.transmitters.trains import (
 from uavrt.detection.track.tuning import BOUNDS, SENDERS
 
 _Properties = tuple[float, float, float, tuple[tuple[int, bool], ...]]
-"""A train's interval [s], its deviation [s], frequency [Hz], and following detectors."""
+"""A train's interval and its standard deviation [s], frequency [Hz], and detectors."""
 _Assignment = tuple[int, int, tuple[int, ...], bool]
 """Index of a train, its tag, other possible tags, and True if all competitors are confirmed."""
 
@@ -85,13 +85,13 @@ class IntervalSeparation:
     """How well two tags of one band can be distinguished by their intervals."""
 
     gap_s: float
-    """Difference between the nearest intervals of the two tags [s]."""
+    """Difference between the nearest intervals of two tags of one band [s]."""
     certain: bool
-    """True if each tag received alone is identified, with errors within the bounds."""
+    """True if each of two tags is identified when received alone, with errors within bounds."""
     uncertainty_s: float
-    """Declared interval uncertainty below which both tags are identified [s]."""
+    """Interval uncertainty in the tag list below which both tags are identified [s]."""
     pulses: int | None
-    """Number of pulses needed to measure the gap; None: intervals drift by more."""
+    """Number of pulses needed to distinguish the intervals; None: they drift by more."""
     seconds: float | None
 
 
@@ -101,9 +101,9 @@ class _Learnt:
 
     scale: float
     bound: float
-    """Relative uncertainty of the measured interval."""
+    """Relative uncertainty of the tag's measured interval."""
     otherwise_ns: float | None = None
-    """Time at which the tag was first received with another interval [ns]; or None."""
+    """Time at which the tag was first received with another interval [ns]; None: never."""
 
 
 class ConfirmedPulses:
@@ -111,9 +111,9 @@ class ConfirmedPulses:
 
     def __init__(self) -> None:
         self._pulses: dict[int, tuple[float, float]] = {}
-        """Absolute frequency [Hz] and power of each pulse, by its time [ns]."""
+        """Absolute frequency [Hz] and power of each confirmed pulse, by its time [ns]."""
         self._times_ns = np.zeros(0, np.int64)
-        """Times of `_pulses` [ns] as an array."""
+        """Times of the pulses in `_pulses` [ns], as an array."""
         self._how = np.zeros((0, 2))
 
     def update(self, detectors: Iterable[FollowingDetector]) -> None:
@@ -382,7 +382,7 @@ class Senders(Generic[H]):
 
 
 def _properties(train: Train[H]) -> _Properties:
-    """Properties of a train that affect its assignment, rounded."""
+    """Properties of a train that affect which tag it is assigned to, rounded."""
     return (
         round(train.interval_s, 3),
         round(train.sigma_s, 3),
@@ -397,7 +397,7 @@ def _bound_s(tag: Tag, nominal_s: float) -> float:
 
 
 def _normal(train: Train[H], center_s: float, bound_s: float) -> float:
-    """Log-density of a train's interval, given a tag's and its bound; -inf beyond the bound."""
+    """Log-density of a train's interval for a tag's interval and bound; -inf beyond it."""
     miss_s = abs(train.interval_s - center_s)
     if miss_s > bound_s + SENDERS.interval_sigmas * train.sigma_s:
         return -math.inf
@@ -406,7 +406,7 @@ def _normal(train: Train[H], center_s: float, bound_s: float) -> float:
 
 
 def _unsettled_pulses(track: Track) -> list[Slot]:
-    """Pulses that began or just confirmed a track; none once it was assigned."""
+    """Pulses that began or just confirmed a track; none once it is assigned to a tag."""
     if track.dead or track.confirmed_at_assignment:
         return []
     accepted = track.received

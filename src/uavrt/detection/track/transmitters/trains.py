@@ -64,11 +64,11 @@ class Train(Generic[H]):
     likely: bool = False
     """True if the train is neither noise nor, most likely, a chance series of bursts."""
     last_pulse_ns: float = 0.0
-    """Time of the last pulse [ns]."""
+    """Time of the train's last accepted pulse [ns]."""
     pulses_ns: list[int] = field(default_factory=list)
-    """Times of the newest pulses [ns]."""
+    """Times of the train's newest pulses [ns]."""
     explains: float = 0.0
-    """Log-likelihood of the pulses, relative to noise."""
+    """Log-likelihood ratio of the train's pulses to noise."""
 
     def combine(self) -> None:
         """Set interval, frequency and times from the best track of the train."""
@@ -100,7 +100,7 @@ class KnownPulse:
 
     time_ns: float
     within_ns: float
-    """Uncertainty of the pulse's time [ns]: 0 for a received pulse."""
+    """Uncertainty of the known pulse's time [ns]: 0 for a received pulse."""
     frequency_hz: float
     power: float
 
@@ -125,7 +125,7 @@ def merge_tracks(detectors: Iterable[H]) -> list[Train[H]]:
     """
     trains: list[Train[H]] = []
     near: dict[int, list[tuple[H, Track, int]]] = {}
-    """Tracks by frequency, each with the index of its train."""
+    """Tracks in each frequency step, with their detectors and the indices of their trains."""
     pairs = [
         (detector, track)
         for detector in detectors
