@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from typing import Any, TextIO
 
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
-"""First characters of a cell that a spreadsheet interprets as a formula."""
+"""First characters of a CSV cell that a spreadsheet interprets as a formula."""
 
 
 class TableWriter:

@@ -15,7 +15,7 @@ from uavrt.formats.text import cells_of, place_or_none, read_lines, whole, wrong
 from uavrt.formats.whole_file import require_plain_name, write_whole
 
 Place = tuple[float, float]
-"""Latitude and longitude [deg]."""
+"""Latitude and longitude of a position [deg]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

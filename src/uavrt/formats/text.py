@@ -18,7 +18,7 @@ T = TypeVar("T")
 MAX_TIME_NS = 2**62
 """Latest time accepted in any file [ns since 1970], in 2116; well within SQLite's integers."""
 _DECIMAL = re.compile(r"(?<![^\s;\t])([+-]?\d+),(\d+(?:[eE][+-]?\d+)?)(?![^\s;\t])")
-"""Pattern of a number that fills its cell, with a decimal comma."""
+"""Pattern of a number with a decimal comma that fills its cell of a table."""
 _GZIP = b"\x1f\x8b"
 
 

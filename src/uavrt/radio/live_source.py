@@ -13,7 +13,7 @@ RADIO_RATE_REMEDY = (
     "Check the radio's cable and this computer's load, or set [radio] sample_rate_hz to a rate "
     "that the radio takes"
 )
-"""Remedy for a wrong rate or steady losses, which come from cable or computer."""
+"""Remedy in errors for a wrong sample rate or steady losses, from cable or computer."""
 
 
 def check_rates(sample_rate_hz: float, center_frequency_hz: float) -> None:

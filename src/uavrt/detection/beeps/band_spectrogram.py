@@ -20,12 +20,12 @@ class BandSpectrogram:
         """Number of samples from the start of one transform window to the next."""
         self._size = fast_length(self.length)
         self.step_hz = sample_rate_hz / self._size
-        """Distance between frequency bins [Hz]."""
+        """Distance between the spectrogram's frequency bins [Hz]."""
         half = self._size // 2
         self._first = max(-half, int(np.ceil(low_hz / self.step_hz)))
         last = min(self._size - half - 1, int(np.floor(high_hz / self.step_hz)))
         self.bins = max(last - self._first + 1, 1)
-        """Number of frequency bins that are computed."""
+        """Number of frequency bins of the spectrogram that are computed."""
         self.low_hz = self._first * self.step_hz
         """Lowest computed frequency, relative to the band's centre [Hz]."""
         self._taper = np.hanning(self.length + 2)[1:-1].astype(np.float32)

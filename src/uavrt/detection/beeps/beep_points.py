@@ -21,9 +21,9 @@ class Points:
     """Detected pulses, in order of time."""
 
     times_s: NDArray[np.float64]
-    """(n,) middle of each pulse, relative to the first sample [s], within about 2 ms."""
+    """(n,) time of each pulse's middle, relative to the first sample [s], within about 2 ms."""
     frequencies_hz: NDArray[np.float64]
-    """(n,) frequencies relative to the band's centre [Hz], within about 10 Hz."""
+    """(n,) frequencies of the pulses from the band's centre [Hz], within about 10 Hz."""
     widths_s: NDArray[np.float64]
     """(n,) lengths of the pulses [s], within about 5 ms; 0 if much shorter than the window."""
     levels_db: NDArray[np.float64]

@@ -28,7 +28,7 @@ class Train:
     frequency_hz: float
     level_db: float
     doubt: str | None = None
-    """Reason why the train may not be a sender; None without doubt."""
+    """Reason why the train may not be from a tag; None without doubt."""
     image_of_hz: float | None = None
     """Frequency of the stronger train with simultaneous pulses [Hz]; None: not an image."""
     together: int = 1

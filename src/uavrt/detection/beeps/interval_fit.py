@@ -14,7 +14,7 @@ class Beat:
 
     interval_s: float
     sigma_s: float
-    """Standard deviation of `interval_s` [s]; infinite for two pulses."""
+    """Standard deviation of the measured interval [s]; infinite for two pulses."""
     first_s: float
     numbers: NDArray[np.int64]
     """(n,) number of each pulse in the train, from 0, counting missing ones."""

@@ -24,17 +24,17 @@ class PointTuning:
     flank_bins: tuple[int, int] = (10, 17)
     """Distances in frequency at which the spectrum of any pulse has decayed [bins]."""
     flank_ratio: float = 10.0
-    """Minimum ratio of a pulse's peak to the mean level at `flank_bins`."""
+    """Minimum ratio of a pulse's peak power to the mean power at `flank_bins`."""
     around_frames: int = 13
     """Number of spectrogram frames before and after a pulse used for its length: 104 ms."""
     longest_s: float = 0.1
-    """Maximum duration of a pulse [s]; longer signals are transmissions."""
+    """Maximum duration of a detected pulse [s]; longer signals are transmissions."""
     least_frames: int = 16
     """Minimum number of spectrogram frames that are transformed together."""
     most_candidates: int = 200_000
     """Maximum number of spectrogram cells examined in a batch: the strongest ones."""
     strong_db: float = 32.0
-    """Level above which a pulse's edges may appear as separate pulses [dB]."""
+    """Level of a pulse over noise above which its edges may appear as separate pulses [dB]."""
     edge_s: float = 0.03
     """Maximum time between a pulse and the false pulses at its edges [s]."""
 
@@ -55,7 +55,7 @@ class IntervalTuning:
     most_false: float = 1e-4
     """Maximum expected number of equally good pulse chains from noise in the recording."""
     tolerance_s: float = 0.022
-    """Maximum deviation of a pulse from its expected time [s]: 20 ms jitter and 2 ms error."""
+    """Maximum deviation of a pulse from its due time [s]: 20 ms jitter and 2 ms error."""
     most_missing: int = 6
     """Maximum number of consecutive missing pulses within a chain of a tag's pulses."""
     # Costs in a chain, relative to the value of a pulse. At `switch_cost` a stretch with every
@@ -76,11 +76,11 @@ class TrainTuning:
     """Constants for sorting detected pulses into trains, each of one sender."""
 
     gather_hz: float = 150.0
-    """Range of frequencies that may belong to one tag as it warms up [Hz]."""
+    """Range of frequencies on each side that may belong to one tag as it warms up [Hz]."""
     step_hz: float = 25.0
     """Width of the frequency steps in which pulses are counted to find trains [Hz]."""
     fewest_held: int = 30
-    """Minimum number of pulses for an interval to be kept while further pulses continue it."""
+    """Minimum number of pulses for a live train to be kept while new pulses continue it."""
     renewing_ratio: float = 3.0
     """Minimum ratio of new to old pulses at one frequency for it to be searched again."""
     renewing_share: float = 0.125
@@ -94,7 +94,7 @@ class TrainTuning:
     least_explained: float = 0.5
     """Minimum share of pulses at a frequency that belong to trains; fewer: doubtful trains."""
     same_time_s: float = 0.012
-    """Maximum difference between the times of simultaneous pulses [s]."""
+    """Maximum time between simultaneous pulses of two trains [s]."""
     image_share: float = 0.8
     """Minimum share of an image's pulses that coincide with those of a stronger train."""
     image_db: float = 3.0
@@ -102,17 +102,17 @@ class TrainTuning:
     anywhere_db: float = 25.0
     """Minimum level of a signal over its image in the receiver, at other frequencies [dB]."""
     one_device_db: float = 10.0
-    """Maximum level difference between tones of one device, such as a data sender [dB]."""
+    """Maximum level difference between trains of one device, such as a data sender [dB]."""
     one_device_s: float = 0.001
-    """Maximum difference between the intervals of tones of one device [s]."""
+    """Maximum difference between the intervals of trains of one device [s]."""
     flank_hz: float = 20_000.0
     """Distance from its source signal below which an image is not reported [Hz]."""
     burst_gap_s: float = 0.25
-    """Minimum time between the pulses of two bursts [s]."""
+    """Minimum time between the last pulse of a burst and the first of the next [s]."""
     fewest_bursts: int = 3
     """Minimum number of bursts for a coded tag to be suspected."""
     most_in_burst: int = 8
-    """Maximum number of pulses in a burst."""
+    """Maximum number of pulses in a burst of a coded tag."""
     burst_share: float = 0.5
     """Minimum share of the pulses in bursts for a coded tag to be suspected."""
     most_bursts_per_s: float = 1.0
@@ -144,17 +144,17 @@ class NamingTuning:
     least_present: float = 0.7
     """Minimum share of expected pulses received in a part of a train; else another rate."""
     most_names: int = 3
-    """Maximum number of listed tags reported for a train."""
+    """Maximum number of listed tags reported as possible senders of a train."""
     gap_level_db: float = 12.0
     """Minimum level of pulses used to detect missing samples [dB]; noise rarely reaches it."""
     gap_pulses: int = 10
     """Minimum number of pulses for missing samples to be detected."""
     gap_share: float = 0.7
-    """Minimum share of pulse-to-pulse times that are slightly shorter than the interval."""
+    """Minimum share of pulse-to-pulse times just below the interval, for missing samples."""
     most_missing_share: float = 0.4
-    """Maximum share of an interval that may be missing samples."""
+    """Maximum share of a pulse interval that may be missing samples."""
     least_gap_spread_s: float = 0.02
-    """Minimum scatter of pulse-to-pulse times [s]; less means a separate train."""
+    """Minimum scatter of shortened pulse-to-pulse times [s]; less means a separate train."""
     late_s: float = 0.025
     """Maximum delay of a pulse after its expected time, if samples are missing [s]."""
 
@@ -170,16 +170,16 @@ class ListeningTuning:
     wide_hz: float = 800e3
     """Sample rate above which the tags' band is too expensive to be searched always [Hz]."""
     wide_live_s: float = 30.0
-    """Maximum time per period in which a wide band of the tags is searched [s]."""
+    """Maximum time searched per period in the tags' band, where it is wide [s]."""
     whole_band_s: tuple[float, float, float] = (20.0, 20.0, 300.0)
     """Time searched in the radio's wider band, at first and per period; period [s]."""
     whole_band_live_s: tuple[float, float, float] = (40.0, 20.0, 540.0)
     """Time searched in the wider band of a live stream, at first and per period; period [s].
     In 40 s of pulses of 15 dB every 2 s, at least `live_pulses` are found."""
     live_cells: int = 4_000_000
-    """Maximum number of cells searched at once in flight: 0.7 s at 3 MS/s, in 15 MiB."""
+    """Maximum spectrogram cells searched at once in flight: 0.7 s at 3 MS/s, in 15 MiB."""
     recent_s: float = 300.0
-    """Duration of a live stream that is searched for trains [s]."""
+    """Duration of the newest part of a live stream that is searched for trains [s]."""
     most_points: int = 6000
     """Maximum number of pulses searched for trains in a live stream: the strongest ones."""
     report_every_s: float = 5.0

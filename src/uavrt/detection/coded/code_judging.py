@@ -273,7 +273,7 @@ class AcceptedBursts:
 
     def __init__(self, cells: Cells) -> None:
         self.guard = cells.pulse + round(SHAPE.guard_s / cells.column_s)
-        """Number of columns on either side of a pulse that belong to it."""
+        """Number of spectrogram columns on either side of a pulse that belong to it."""
         self.bursts: list[Burst] = []
         self._cells = cells
 

@@ -137,7 +137,7 @@ class CodedDetector:
         """Spectrogram column up to which single bursts were searched."""
         self._claims: list[Burst] = []
         self._ahead: list[Burst] = []
-        """Accepted bursts in the newest columns, to be decided again with later samples."""
+        """Accepted bursts in the newest samples, to be decided again with later samples."""
         self._accepted = AcceptedBursts(self._cells)
         self._foreign = Foreign(self._cells, self._span, self._accepted.guard)
         self._folds = [

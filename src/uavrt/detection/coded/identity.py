@@ -73,9 +73,9 @@ class MeasuredBurst:
 
     start_ns: int
     starts_ns: list[int]
-    """Start times of the received pulses [ns]."""
+    """Start times of the burst's received pulses [ns]."""
     energies: NDArray[np.float64]
-    """Energies of the received pulses relative to the noise [noise energies]."""
+    """Energies of the burst's received pulses [noise energies]."""
     offset_hz: float
     noise: float
     row: int
@@ -96,10 +96,10 @@ class Sighting(MeasuredBurst):
     unlisted: float
     """Log-likelihood ratio of the listed code to unlisted codes."""
     required: float
-    """Log-likelihood ratio required for an identification."""
+    """Log-likelihood ratio required to identify the burst's sender."""
     reported: bool = False
     tag_id: int | None = None
-    """Id of the sender; None until it is identified."""
+    """Id of the tag that sent the burst; None until it is identified."""
 
     def seconds_to(self, time_ns: int) -> float:
         """Time from the burst's start to a given time [s]."""

@@ -35,7 +35,7 @@ class Cells:
         recent_s: float,
     ) -> None:
         self.length = max(2, round(pulse_width_s * sample_rate_hz))
-        """Number of samples in a pulse."""
+        """Number of samples in a pulse of the channel's tags."""
         self.sample_rate_hz = sample_rate_hz
         self.hop = max(1, int(pulse_width_s * sample_rate_hz / CELLS.columns_per_pulse))
         """Number of samples from one spectrogram column to the next."""
@@ -61,9 +61,9 @@ class Cells:
         """Number after that of the newest spectrogram column."""
         self.kept = np.full((rows, self._kept + self._kept // 4 + 4096), NEUTRAL, np.uint8)
         self.past = np.zeros((self.kept.shape[1] * self.hop, 2), np.int8)
-        """Samples from column `base` on, real and imaginary, relative to the noise."""
+        """Stored samples from column `base` on, real and imaginary; noise has `UNIT`."""
         self.recent = np.zeros((rows, 0), np.float32)
-        """(rows, columns) newest cells up to `end` [noise energies]."""
+        """(rows, columns) newest spectrogram cells, up to column `end` [noise energies]."""
         self._medians: list[NDArray[np.float64]] = []
         self.noise = np.ones(rows)
         """(rows,) mean noise energy of a cell, for each frequency row."""

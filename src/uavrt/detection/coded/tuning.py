@@ -22,7 +22,7 @@ class CellTuning:
     kept_s: float = 130.0
     """Duration for which spectrogram cells are stored, to sum several bursts [s]."""
     step_s: float = 0.4
-    """Duration of the samples collected before the search continues [s]."""
+    """Duration of the samples collected before the search for bursts continues [s]."""
     # Limits for cells that are excluded from sums of several bursts.
     tall: float = 25.0
     """Maximum energy of a cell that may be part of a sum of several bursts [noise energies]."""
@@ -47,7 +47,7 @@ class SumTuning:
     seed_of_many: float = 3.5
     seed_of_three: float = 4.3
     columns_per_step: float = 2.0
-    """Shift of the last burst from one tried interval to the next [columns]."""
+    """Shift of a sum's last burst from one tried burst interval to the next [columns]."""
     few_bursts: int = 3
     """Number of bursts in the smaller of the two sums over several bursts of a code."""
     examined_share: float = 0.88
@@ -65,7 +65,7 @@ class RefineTuning:
     """Constants for refining nearly sufficient sums of bursts on the samples."""
 
     turns_hz: tuple[float, ...] = (-42.0, 0.0, 42.0)
-    """Offsets tried from the row's frequency [Hz]: a third of the row spacing."""
+    """Offsets tried from the spectrogram row's frequency [Hz]: a third of the row spacing."""
     stretches: tuple[float, ...] = (-0.25, 0.0, 0.25)
     """Tried further stretches of a burst's gaps, as shares of the gaps' tolerance."""
     shifts: tuple[float, ...] = (-1.0, -0.5, 0.0, 0.5, 1.0)
@@ -110,9 +110,9 @@ class LikelihoodTuning:
     fading: float = 0.12
     """Relative standard deviation of pulse amplitudes within a burst, without noise."""
     coincidence: float = 0.05
-    """Probability that another code's pulse lies at a position: 3 ms of a gap of 57 ms."""
+    """Probability that another code's pulse lies where one is due: 3 ms of a gap of 57 ms."""
     least_hit: float = 1e-3
-    """Minimum probability that a pulse of any sender lies at a position."""
+    """Minimum probability that a pulse of any sender lies where a code's pulse is due."""
     hiding_amplitude: float = 0.5
     """Minimum amplitude of a signal that hides a pulse, relative to the pulse."""
     place_s: float = 1e-3
@@ -142,9 +142,9 @@ class ShapeTuning:
     least_amplitude: float = 0.33
     """Minimum amplitude of a pulse relative to another of the same burst."""
     hit_amplitude: float = 0.5
-    """Minimum amplitude of a signal that hides a pulse, relative to the usual amplitude."""
+    """Minimum amplitude of a signal that hides a pulse, over the burst's usual amplitude."""
     higher_amplitude: float = 2.3
-    """Excess that noise may add to a cell near a pulse [noise amplitudes]."""
+    """Excess that noise may add to a cell close to a pulse's cell [noise amplitudes]."""
     beside_amplitude: float = 0.6
     """Maximum amplitude next to a pulse's end, relative to the pulse, without noise."""
     end_widths: tuple[float, float] = (1.2, 3.2)
@@ -181,11 +181,11 @@ class IdentityTuning:
     missed_log: float = 1.0
     """Log-likelihood lost by an interval for a missing burst; most bursts are detected."""
     clear_log: float = 3.0
-    """Minimum log-likelihood lead of one tag's interval over the other intervals."""
+    """Minimum log-likelihood lead of one tag's burst interval over the others'."""
     timing_s: float = 1e-3
     """Error of the measured start of a burst [s]."""
     wait_intervals: float = 2.2
-    """Time for which an ambiguous burst waits for later ones [intervals]."""
+    """Time for which an ambiguous burst waits for later ones [burst intervals]."""
     doubt_log: float = math.log(100.0)
     """Maximum shortfall of evidence for a burst to be reported as unconfirmed [log]."""
     rows: int = 1
@@ -193,7 +193,7 @@ class IdentityTuning:
     most_missed: int = 8
     """Maximum number of bursts missed before a tag must be identified again."""
     own_error: float = 5e-6
-    """Relative error of a measured interval: a crystal's drift with temperature."""
+    """Relative error of a tag's measured interval: its crystal's drift with temperature."""
     same_burst_s: float = 0.02
     """Maximum difference between the start times in two reports of one burst [s]."""
 

@@ -56,7 +56,7 @@ NUMBERED = (
 )
 
 Place = tuple[int, float, float, float]
-"""Time [ns], latitude and longitude [deg], altitude above mean sea level [m]."""
+"""GPS position: time [ns], latitude and longitude [deg], altitude above mean sea level [m]."""
 
 
 def is_pulse_file(lines: Sequence[str]) -> bool:
@@ -162,7 +162,7 @@ def _posed(pulses: list[tuple[Pulse, int]], places: list[Place]) -> tuple[PulseP
 def _between(
     time_ns: int, places: list[Place], times_ns: list[int], base_m: float
 ) -> Pose | None:
-    """Pose without heading at a time, from positions less than a minute away; None: none."""
+    """Pose without heading at a time, from positions less than a minute away; or None."""
     after = bisect_left(times_ns, time_ns)
     near = [
         place

@@ -89,7 +89,7 @@ def _states(
 
 
 def _rows(content: bytes) -> Iterator[tuple[str, _Row]]:
-    """Yield the wanted messages; unknown bytes are skipped up to the next frame marker."""
+    """Yield the wanted messages of the log; skip unknown bytes up to the next frame marker."""
     formats: dict[int, tuple[str, int, str, list[str]]] = {_FMT: ("FMT", 89, "", [])}
     place = content.find(MARK)
     while 0 <= place <= len(content) - 3:

@@ -39,7 +39,7 @@ class ChannelOutput:
         ]
         self._front_end = front_end([tag.frequency_hz for tag in inside])
         self.left_out = len(tags) - len(inside)
-        """Number of tags outside the band of the original system's channels."""
+        """Number of tags left out, because they are outside the original system's channels."""
         ports: dict[int, list[int]] = {}
         for tag in inside:
             channel = self._front_end.channel_of(tag.frequency_hz)
@@ -48,7 +48,7 @@ class ChannelOutput:
                 second = channel_port(channel, settings.ports, second=True)
                 places += [second] * (second not in places)
         self.ports: Mapping[int, Sequence[int]] = ports
-        """UDP ports of each channel; channels are numbered from 0."""
+        """UDP ports to which each channel is sent; channels are numbered from 0."""
         self._sender = ChannelDatagramSender(
             ports if inside else {}, host=settings.host, style=settings.stamps
         )

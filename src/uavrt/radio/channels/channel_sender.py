@@ -46,11 +46,11 @@ class ChannelDatagramSender:
                 sock = self._sockets[port] = send_socket(host)
                 sock.connect((host, port))
         self.datagrams = 0
-        """Number of datagrams sent, whether received or not."""
+        """Number of UDP datagrams of samples sent, whether received or not."""
         self.unheard = 0
-        """Number of datagrams refused because no program listens at the port."""
+        """Number of UDP datagrams refused because no program listens at the port."""
         self.dropped = 0
-        """Number of datagrams dropped because the system's buffer was full."""
+        """Number of UDP datagrams dropped because the system's buffer was full."""
 
     def send(self, block: ChannelBlock) -> None:
         """Add the next block of a channel; send the frames that it completes, gaps as zeros.

@@ -25,7 +25,7 @@ TOLERANCE_S: Final = 0.005
 """Maximum error of a time stamp for a frame to count as the next one [s]. The thesis's stamps
 are truncated to 1 ms; the newer channelizer's step by 5.4 ms when its count restarts."""
 HELD_FRAMES: Final = 4
-"""Number of later frames that ends the wait for a missing one: 1.1 s of a channel."""
+"""Number of later frames of samples that ends the wait for a missing one: 1.1 s."""
 SILENCE_S: Final = 1.5
 """Time without datagrams after which stored frames are released despite gaps [s]."""
 RESTART_FRAMES: Final = 3

@@ -27,11 +27,11 @@ class NameFacts:
     program: str
     center_frequency_hz: float | None = None
     frequency_step_hz: float | None = None
-    """Step to which the name rounds the frequency [Hz]; None for 1 Hz or less."""
+    """Step to which a file name rounds the radio's frequency [Hz]; None for 1 Hz or less."""
     sample_rate_hz: float | None = None
     start_time_ns: int | None = None
     local_time: bool = False
-    """True if the time is local time; this computer's time zone is assumed."""
+    """True if a file name's time is local time; this computer's time zone is assumed."""
     format_name: str | None = None
 
 

@@ -196,7 +196,7 @@ def _data_size(file: BinaryIO, first: int, length: int, header: _Header, size: i
 
 
 def _chunks_fill(file: BinaryIO, at: int, size: int) -> bool:
-    """True if complete chunks follow from a position to the end of the file."""
+    """True if complete WAV chunks follow from a position to the end of the file."""
     for _ in range(_MOST_CHUNKS):
         if size - at < 8:
             return at <= size + 1
@@ -228,7 +228,7 @@ def _read_chunk(name: bytes, body: bytes, header: _Header, path: Path) -> None:
 
 
 def _xml(body: bytes) -> str | None:
-    """Read an ``auxi`` chunk in XML (SDR Console); None if it is another kind."""
+    """Read a WAV file's ``auxi`` chunk in XML (SDR Console); None if it is another kind."""
     body = body.removeprefix(b"\xff\xfe").removeprefix(b"\xef\xbb\xbf")
     if body[:1] != b"<":
         return None

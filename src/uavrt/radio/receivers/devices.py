@@ -22,7 +22,7 @@ class UsbRadio:
 
     kind: str
     serial: str
-    """Serial number, as in `[radio] serial`; empty if the device has none."""
+    """Serial number of the radio, as in `[radio] serial`; empty if the device has none."""
     node: Path
 
 

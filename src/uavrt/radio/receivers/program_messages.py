@@ -19,7 +19,7 @@ class Cause(Enum):
     """Reasons why a radio delivers no samples."""
 
     ABSENT = auto()
-    """The device is absent, busy or forbidden; the program does not distinguish these."""
+    """The radio is absent, busy or forbidden; the program does not distinguish these."""
     FORBIDDEN = auto()
     BUSY = auto()
     RATE = auto()

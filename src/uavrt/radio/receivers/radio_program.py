@@ -32,7 +32,7 @@ from uavrt.radio.receivers.radio_programs import PROGRAMS, commands_before, rece
 from uavrt.radio.sample_stream import StreamSource
 
 _STARTUP_S: Final = 10.0
-"""Longest start of a radio's program [s]: opening the device, loading firmware."""
+"""Maximum time for the start of a radio's program [s]: opening, loading firmware."""
 _STALL_S: Final = 1.0
 """Time without samples that counts as a stall [s]; radios deliver every few milliseconds."""
 _TERMINATE_S: Final = 2.0
@@ -85,7 +85,7 @@ class ProgramSource(StreamSource):
         """Last logged line of the program; repetitions are not logged, to spare the disk."""
         self._lost = 0
         self.overruns = 0
-        """Number of overruns of the radio's own buffer, if its program reports them."""
+        """Number of overruns of the radio's own buffer, if the program reports them."""
         for before in commands_before(settings):
             self._run_before(before)
         self._child = _start(command, self._program.package)

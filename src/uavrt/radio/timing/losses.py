@@ -29,7 +29,7 @@ import numpy as np
 CELL_S: Final = 0.020
 """Minimum period of a lateness value of arrivals, a cell [s]; USB transfers last 5 to 65 ms."""
 SLOWEST_RATE: Final = 75e-6
-"""Maximum relative rate error of a radio's clock; a greater drift means small losses."""
+"""Maximum relative error of a radio's clock rate; a greater drift means small losses."""
 _UNSEEN_S: Final = 0.010
 HALVED_S: Final = 0.036
 """Longest loss at a transfer's edge that is placed half before and half after the edge [s]. No
@@ -45,7 +45,7 @@ _LEAST_CELLS: Final = 3
 _NEWEST: Final = 4
 """Number of newest cells (20 ms or more) whose arrivals give the present lateness."""
 _QUIET_S: Final = 1.0
-"""Time after a loss during which arrivals may still show a further part of that loss [s]."""
+"""Time after a loss in which arrivals may still show a further part of that loss [s]."""
 _EVIDENCE: Final = 14.0
 """Log-odds of a loss needed to rule out jitter: 1 in 10⁶, with 40 tests a second."""
 _EVIDENCE_KNOWN: Final = 7.0
@@ -65,11 +65,11 @@ _SHARP: Final = 0.6
 """Fraction of the lateness that must arise within `_BEFORE_S` for a step, not a drift."""
 _BEFORE_S: Final = 0.5
 _SURE_SHARE: Final = 0.0008
-"""Fraction of samples lost in `_SHARE_S` that no clock error explains (800 ppm)."""
+"""Share of samples lost in the last `_SHARE_S` that no clock error explains (800 ppm)."""
 _SHARE_S: Final = 30.0
 _EARLY_CELLS: Final = 12
 _PACE_BIN_S: Final = 0.25
-"""Period of each smallest delay of arrivals, by which a source's speed is measured [s]."""
+"""Periods of which the smallest delay of arrivals is stored, for a source's speed [s]."""
 _UNSETTLED_BINS: Final = 2
 """Number of newest periods ignored in a source's speed: a stall may still be made up."""
 _PACE_SPANS: Final = ((5.0, 0.4), (10.0, 0.7))
@@ -124,7 +124,7 @@ class SourcePace:
         self._delays: deque[tuple[float, float]] = deque()
         """Nominal time of each period and its smallest delay [s], not corrected for losses."""
         self.slow = False
-        """True once the delays have risen evenly, so the source is slower than real time."""
+        """True once the delays of arrivals rose evenly: the source is slower than real time."""
         self.stepped = self.still = False
         """`stepped`: True if delays rose in steps. `still`: True if delays do not rise now."""
 
@@ -269,7 +269,7 @@ class LossFinder:
             self.suspect_s += seconds
 
     def _is_credible(self, loss: Loss) -> bool:
-        """True if the delay made a step: samples are lost, not just delayed."""
+        """True if the delay of arrivals made a step: samples are lost, not just delayed."""
         pace = self.pace
         if pace is None or pace.slow or pace.stepped or (pace.still and not loss.sharp):
             return pace is None or not pace.slow
@@ -379,7 +379,7 @@ class LossFinder:
         return -fall_s <= rise_s <= _LEVEL_S + _LEVEL_SLOPE * span_s
 
     def _agreeing(self, count: int) -> list[_Cell]:
-        """Newest cells, of `count`, that are about equally late and came in real time."""
+        """Newest cells, of `count`, whose samples came about equally late and in real time."""
         cells = [self._cells[at] for at in range(-count, 0)]
         near_s = min(c.late_s for c in cells) + _LEVEL_S + 2.0 * self.jitter_s
         near_s += _LEVEL_SLOPE * (cells[-1].end_s - cells[0].end_s)
@@ -454,5 +454,5 @@ def most_lost(unsure: int, *, samples: int, sample_rate_hz: float) -> int:
 
 
 def _least_span_s(lowest_s: float) -> float:
-    """Minimum duration of lateness that counts as a loss [s]; a shorter one may be jitter."""
+    """Minimum duration of late arrivals that shows a loss [s]; a shorter one may be jitter."""
     return 0.5 * min(max(0.0, (0.015 - lowest_s) / 0.010), 1.0)

@@ -29,13 +29,13 @@ from uavrt.radio.timing.losses import SLOWEST_RATE, Loss, LossFinder
 _BIN_S = 0.5
 """Length of the periods of which the earliest arrival of samples is stored [s]."""
 _BINS = 600
-"""Number of stored periods: 5 min, over which a clock's rate is constant to below 1 ppm."""
+"""Number of stored periods of arrivals: 5 min, in which clocks are constant to below 1 ppm."""
 _FIT_BINS = 8
 """Minimum number of periods for fitting a clock's rate to their earliest arrivals."""
 _MEASURED_AFTER_S = 30.0
 """Duration at the start in which the nominal rate is reported, because jitter dominates [s]."""
 _MAX_RATE_ERROR = 500e-6
-"""Maximum relative rate error of a clock; more means a wrong nominal rate."""
+"""Maximum relative rate error of a radio's clock; more means a wrong nominal rate."""
 _PRIOR_RATE_ERROR = 30e-6
 """Standard deviation of the relative rate error of radios (Airspy 0.5, HackRF 20, RTL 50 ppm).
 """
