@@ -35,7 +35,7 @@ class _Member:
     detector: PulseDetector
     taken: int = 0
     due: int = 0
-    """Number of stream samples after which a search may be due; 0: check each block."""
+    """Number of stream samples at which the next search may be due; 0: check each block."""
 
 
 @dataclass(slots=True, eq=False)
@@ -71,7 +71,7 @@ class _RingMemory:
     def __init__(self) -> None:
         self._memory = np.zeros(0, np.float32)
         self._places: dict[_Member, list[tuple[int, int]]] = {}
-        """Position in the array and size of each member's ring buffers."""
+        """Position in the shared array and size of each detector's ring buffers."""
 
     def rebuild(self) -> None:
         self._places.clear()
@@ -124,7 +124,7 @@ class DetectorGroup:
         self.alone: frozenset[int] = frozenset()
         """Ids of tags that are searched separately, because one of them may cause a failure."""
         self.last_searched: tuple[PulseDetector, ...] = ()
-        """Detectors of the last step; if a search fails, one of them is the cause."""
+        """Detectors searched in the last step; if a search fails, one of them is the cause."""
 
     def add(self, channel: Hashable, detectors: Iterable[PulseDetector]) -> None:
         """Add the detectors of a channel, at least one, before its first block."""

@@ -6,7 +6,7 @@ Names as in the original system's configuration file, where they had no effect.
 from enum import StrEnum
 
 LOCK_HALF_WIDTH_HZ = 100.0
-"""Half-width of the search once a frequency is locked [Hz]."""
+"""Half-width of the searched band once a tag's frequency is locked [Hz]."""
 
 
 class OperatingMode(StrEnum):

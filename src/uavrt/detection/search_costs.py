@@ -24,9 +24,9 @@ class CostTuning:
     """Constants for estimating and measuring the cost of a search."""
 
     cheap_tags: int = 50
-    """Estimated cost up to which a list is not measured [typical tags]: a fifth of a core."""
+    """Estimated cost up to which tags are not measured [typical tags]: a fifth of a core."""
     typical_weight: float = 3**2 * 0.06 * 1000.0
-    """Weight of a typical tag: K² = 9, times ± 60 ms in seconds, times ± 500 Hz in hertz."""
+    """Cost of a typical tag: K² = 9, times ± 60 ms in seconds, times ± 500 Hz in hertz."""
     least_uncertainty_s: float = 0.003
     """Minimum uncertainty of a pulse interval used in the estimated search cost [s]."""
     rate_hz: float = 7500.0
@@ -40,7 +40,7 @@ class CostTuning:
     dear_weight: float = 10.0
     """Minimum cost of a tag that is measured separately [multiples of a typical tag's cost]."""
     received_enr: float = 40.0
-    """Energy of a received tag's pulses over the noise density (ENR), not in decibels."""
+    """Energy of the simulated tag's pulses over the noise density (ENR), not in decibels."""
     code_share: float = 2e-4
     """Share of a processor core for each coded tag; 500 take less than a tenth."""
     most_cpu_s: float = 2.0

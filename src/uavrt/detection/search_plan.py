@@ -17,7 +17,7 @@ from uavrt.dsp.plan import UNDECIMATED_FRACTION, BandPlan, plan_band
 from uavrt.dsp.tuner import tune
 
 _SPANNED = (OperatingMode.ALL_NEVER_LOCK.value, OperatingMode.KNOWN_HARD_LOCK.value)
-"""Modes that search the whole channel or ± 100 Hz, independent of the window."""
+"""Modes whose band does not depend on the search window: whole channel, or ± 100 Hz."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,7 +27,7 @@ class SearchPlan:
     center_frequency_hz: float
     """Frequency to which the radio is tuned [Hz]."""
     warnings: tuple[str, ...]
-    """Unavoidable limitations of this plan, for the operator."""
+    """Unavoidable limitations of the search for these tags, as sentences for the operator."""
     cores: float
     """Processor cores that the detectors need; uncoded tags too cheap to measure count 0.0."""
 

@@ -22,7 +22,7 @@ _STRONG_RATIO = 10.0**3.0
 MOST_CARRIERS = 8
 """Maximum number of carriers reported: the strongest."""
 _CENTRE_BINS = 4
-"""Distance from the centre within which bins are ignored [bins]: the receiver's DC offset."""
+"""Distance from the radio's centre within which bins are ignored [bins]: its DC offset."""
 _SAME_BINS = 0.5
 _LEAST_SHARE = 1e-4
 """Minimum power over the strongest carrier's; weaker peaks are the window's side lobes."""
@@ -33,7 +33,7 @@ class Carriers:
 
     def __init__(self) -> None:
         self.frequencies_hz: tuple[float, ...] = ()
-        """Absolute frequencies of the present carriers [Hz], the strongest first."""
+        """Absolute frequencies of steady carriers present now [Hz], the strongest first."""
         self._checks: deque[list[float]] = deque(maxlen=_CONSECUTIVE_CHECKS)
         self._next_ns: int | None = None
         self._apart_ns = itertools.cycle(_APART_NS)

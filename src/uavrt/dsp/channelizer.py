@@ -159,7 +159,7 @@ class Channelizer:
     def _outputs(
         self, rows: int, pieces: list[tuple[int, int, NDArray[np.complex64]]]
     ) -> NDArray[np.complex64]:
-        """Compute the outputs of all channels in use, shape (channels in use, rows)."""
+        """Compute the samples of all channels in use, shape (channels in use, rows)."""
         native = kernels()
         if native is not None:
             out = np.empty((len(self.in_use), rows), np.complex64)
@@ -184,7 +184,7 @@ class Channelizer:
         return out
 
     def _fold_rows(self, samples: NDArray[np.complex64], folded: NDArray[np.float32]) -> None:
-        """Fold samples, from the oldest that row 0 needs, into the rows of `folded`."""
+        """Fold band samples, from the oldest that row 0 needs, into the rows of `folded`."""
         floats = samples.view(np.float32)
         group = WINDOWS_PER_PASS if self.hop == self.channels else 1
         grouped = len(folded) // group * group

@@ -12,9 +12,9 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 CLIPPED_AMPLITUDE = 0.99
 """Minimum amplitude of a clipped sample [full scales]; the last code of 8 bits is 0.992."""
 COMPUTED_AMPLITUDE = 2.0
-"""Amplitude exceeded only by computed samples [full scales]; a radio's filters reach less."""
+"""Amplitude that only computed samples exceed [full scales]; a radio's filters reach less."""
 _STRETCH_S = 0.5e-3
-"""Duration of one examined piece of samples [s]; a pulse of 15 ms has thirty."""
+"""Duration of each piece of samples examined for clipping [s]; a pulse of 15 ms has thirty."""
 _MOST_SAMPLES = 64
 """Number of samples examined in each piece; if a tone clips, a quarter or more are clipped."""
 _PULSE_SHARE = 0.2
@@ -30,7 +30,7 @@ class ClippedTimes:
 
     def __init__(self) -> None:
         self._stretches: deque[tuple[int, int]] = deque()
-        """Begin and end of each clipped stretch of samples [ns, UTC], in order of time."""
+        """Begin and end of each clipped piece of samples [ns, UTC], in order of time."""
 
     def add(self, stretches_ns: Sequence[tuple[int, int]]) -> None:
         """Add begin and end of each further clipped piece [ns, UTC], in order of time."""

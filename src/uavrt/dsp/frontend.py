@@ -29,7 +29,7 @@ from uavrt.dsp.plan import (
 )
 
 LONGEST_FILLED_GAP_S = 1.0
-"""Longest gap filled with zeros [s]; the channelizer restarts after longer ones."""
+"""Longest gap in the samples filled with zeros [s]; longer ones restart the channelizer."""
 
 
 class FrontEnd:

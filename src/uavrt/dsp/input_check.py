@@ -15,7 +15,7 @@ _EXAMINED_SAMPLES: Final = 8192
 """Maximum number of samples of a block that are examined for faults."""
 _FEWEST_SAMPLES: Final = 1024
 _CONSECUTIVE_CHECKS: Final = 3
-"""Number of consecutive checks that must show a fault before it is reported."""
+"""Number of consecutive checks that must show an input fault before it is reported."""
 _SAME_LEVEL: Final = 0.6
 """Maximum share of samples at one converter level: noise of 0.6 steps, 1 dB of loss."""
 _EMPTY_MIDDLE: Final = 0.25
@@ -23,7 +23,7 @@ _EMPTY_MIDDLE: Final = 0.25
 _UNEQUAL_RATIO: Final = 4.0
 """Ratio of the powers of I and Q above which the input is wrong; no radio produces it."""
 _CLIPPED_SHARE: Final = 0.05
-"""Maximum share of values at the converter's limits; noise that clips so often is distorted."""
+"""Maximum share of values at the converter's limits; more clipping distorts the noise."""
 _ON_DC_HZ: Final = 300.0
 _DC_RATIO: Final = 30.0
 """Minimum power of a disturbing line at the radio's centre (DC) over the noise there."""
@@ -87,7 +87,7 @@ class InputCheck:
 
 
 def _clipped_share(parts: NDArray[np.float32]) -> float:
-    """Share of values at full scale; 0 for computed samples, which have no full scale."""
+    """Share of sample values at full scale; 0 for computed samples, which have none."""
     size = np.abs(parts)
     computed = float(size.max()) > COMPUTED_AMPLITUDE
     return 0.0 if computed else float(np.mean(size >= CLIPPED_AMPLITUDE))

@@ -91,7 +91,7 @@ class FrontEndPlan:
     """Factor by which the sample rate is decimated; 1: no decimator."""
     band_rate_hz: float
     channel_count: int
-    """Number of channels across the band; 1: no channelizer."""
+    """Number of channels across the decimated band; 1: no channelizer."""
     channel_spacing_hz: float
     channel_rate_hz: float
     usable_half_span_hz: float

@@ -25,7 +25,7 @@ IMAGE_GUARD_HZ = 1000.0
 
 GRID_STEP_HZ = 100.0
 FLAT_FRACTION = 0.85
-"""Share of a channel taken as flat by the original system; the rest are two shoulders."""
+"""Share of a channel that the original system takes as flat; the rest are two shoulders."""
 
 Floats = NDArray[np.float64]
 
@@ -56,11 +56,11 @@ class CompatibleCost:
     """Costs that the tuner of the original system minimises, in this order."""
 
     tags_per_channel: Floats
-    """(candidates,) mean number of tags over the occupied channels."""
+    """(candidates,) mean number of tags per occupied channel, for each radio frequency."""
     edge_cost: Floats
-    """(candidates,) sum of the tags' costs near channel edges; infinite on an edge."""
+    """(candidates,) summed costs of tags near channel edges; infinite with a tag on one."""
     mean_offset_hz: Floats
-    """(candidates,) mean distance of the tags from their channels' centres [Hz]."""
+    """(candidates,) mean distance of tags from channel centres [Hz], per radio frequency."""
 
 
 def tune(

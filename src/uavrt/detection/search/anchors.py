@@ -474,5 +474,5 @@ def _test(
 
 
 def _stretches(memory: NDArray[np.float32], length: int) -> NDArray[np.float32]:
-    """View of all stretches of `length` contiguous cells, without a copy."""
+    """View of all stretches of `length` contiguous cells of a row, without a copy."""
     return np.ndarray((len(memory) - length + 1, length), np.float32, memory, 0, (4, 4))

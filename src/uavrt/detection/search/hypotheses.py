@@ -87,14 +87,14 @@ class RateSearch(ABC):
             (places[np.newaxis, :] - places[:, np.newaxis])[:, :, np.newaxis]
             * intervals[np.newaxis, np.newaxis, :]
         ).astype(np.intp)
-        """(k, k, intervals): columns from one of the K pulses to another."""
+        """(K, K, intervals): columns from one of a group's pulses to another."""
         self.columns = 0
         """Number of spectrogram columns with known maxima over the pulses' jitter."""
         self.piece = max(16, math.ceil(GROUPS.piece_s / hop_s))
         self.best = 0.0
         """Maximum ratio of a group's sum of powers to its threshold since the last reset."""
         self.own_margin = 1.0
-        """Factor on the threshold while the noise estimate is still inaccurate."""
+        """Factor on the detection threshold while the noise estimate is still inaccurate."""
         self.known: KnownPulses | None = None
         """Known pulses of other transmitters; candidates that they explain are not returned."""
         self.pass_on: Callable[[list[int], list[int], list[float]], None] | None = None

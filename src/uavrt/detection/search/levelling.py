@@ -122,7 +122,7 @@ class Leveller:
         # The noise of the rows was just estimated from earlier columns.
         self._past = np.ones((count, LEVEL.learnt_slots), np.float32)
         self._whole = np.ones(LEVEL.learnt_slots, np.float32)
-        """(past slots,) 1 for slots without lost samples, else 0."""
+        """(past slots,) weight of each time slot: 0 if it has lost samples, else 1."""
         self.record = _LevelRecord(self.band_of, keep)
         self.unsteady = False
         """True while the noise level changes, or differs between frequency bands."""

@@ -179,7 +179,7 @@ class RowNoise:
 
     @property
     def _mode(self) -> Literal["wrap", "reflect"]:
-        """Padding mode: beyond an end follow the rows of the other end, or mirrored ones."""
+        """Padding mode beyond band ends: rows of the other end (circular), or mirrored ones."""
         return "wrap" if self._circular else "reflect"
 
     @property
@@ -188,7 +188,7 @@ class RowNoise:
         return 1.13 / math.sqrt(max(self._independent_per_s * seconds, 1.0))
 
     def _shaped(self, smooth: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
-        """Estimate the noise of a sloped spectrum: for each row, from medians nearby."""
+        """Estimate the noise of a sloped spectrum: for each row, from medians of rows near."""
         assert self._long is not None
         straight = self._straight(smooth, reach) if self._seen_s < NOISE.young_s else None
         if straight is not None:

@@ -15,7 +15,7 @@ from uavrt.detection.search.tuning import NULL
 
 _WHITE_K = np.log(NULL.ks)
 Test = Callable[[NDArray[np.intp], int], bool]
-"""Function that tests if present anchors form a group at a shorter interval: `lows` of the
+"""Callable that tests if present strong cells form a group at a shorter interval: `lows` of the
 other pulses, and reduction of the tag's interval [columns]."""
 
 

@@ -27,9 +27,9 @@ class Measured:
     start: float
     """Index of the first sample of the pulse."""
     offset_hz: float
-    """Frequency from the channel's centre [Hz]."""
+    """Frequency of the pulse from the channel's centre [Hz]."""
     power: float
-    """Matched-filter power over the noise power: ENR + 1 on average."""
+    """Matched-filter power of the pulse over the noise power: ENR + 1 on average."""
     noise: float
     """Noise power of one sample at the pulse's frequency."""
     contrast: float
@@ -244,7 +244,7 @@ class Refiner:
         return sums
 
     def _polish(self, start: int, offset_hz: float, noise: NDArray[np.float32]) -> Measured:
-        """Refine the frequency at a fixed time by Newton's method, and measure the power."""
+        """Refine a pulse's frequency at a fixed time by Newton's method; measure its power."""
         window, rate = self._window, self._grid.sample_rate_hz
         x = self._buffer.view(start, start + window).astype(np.complex128)
         n = self._moments[1].real
@@ -327,7 +327,7 @@ class Refiner:
         return around <= floor or self._looks_like_impulse(pulse, around)
 
     def _floor_around(self, pulse: Measured) -> float:
-        """Noise power of a sample at a pulse, limited to the levels before and after it."""
+        """Noise power per sample at a pulse, limited to the levels before and after it."""
         window, buffer, start = self._window, self._buffer, round(pulse.start)
         sides = []
         for near, far in ((-MEASURE.around_widths, -0.5), (1.5, 1.0 + MEASURE.around_widths)):

@@ -53,7 +53,7 @@ def begun_within_s(tag: Tag, rate: int = 1) -> float:
 
 
 def _tail(k: int, spread: float, limit: float) -> tuple[np.ndarray, np.ndarray]:
-    """Values x, and tail P(sum ≥ x) of one exponential and k - 1 maxima of `spread` ones."""
+    """Tail P(sum ≥ x) and its x, for one exponential plus k - 1 maxima of `spread` ones."""
     top = limit if math.isfinite(limit) else 60.0
     x = np.arange(0.0, top + THRESHOLDS.tail_step, THRESHOLDS.tail_step)
     anchor = 1.0 - np.exp(-x)
@@ -84,7 +84,7 @@ def group_tail(k: int, spread: float, threshold: float) -> float:
 
 _FACTOR_K = np.log(THRESHOLDS.ks)
 _FACTOR_LOG = np.log(THRESHOLDS.hypotheses)
-"""Log of the calibrated effective hypotheses per independent cell and interval, by K."""
+"""Log of the calibrated number of hypotheses per independent cell and interval, by K."""
 
 
 def effective_hypotheses(

@@ -15,11 +15,11 @@ class SpectrogramTuning:
     least_window: int = 24
     """Minimum length of a pulse after decimation [samples]; below it the hop is too coarse."""
     stopband_db: float = 55.0
-    """Attenuation of aliases by the band's filter [dB]."""
+    """Attenuation of aliases by the filter that decimates to the tag's band [dB]."""
     kernel_window: int = 254
     """Maximum pulse length for which the compiled transform is used [samples]."""
     tags_at_once: int = 4
-    """Number of tags transformed together: their arrays fit a cache of 1 MB."""
+    """Number of tags with spectra computed together: their arrays fit a cache of 1 MB."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,9 +33,9 @@ class NoiseTuning:
     long_s: float = 20.0
     """Time constant of the slow estimate of the noise power [s]."""
     short_s: float = 1.0
-    """Time constant of the average that shows a rise of the noise [s]."""
+    """Time constant of the fast noise average, which shows a rise of the noise [s]."""
     rise_ratio: float = 2.2
-    """Ratio of recent to steady noise above which the recent is used; usual pulses give 1.3."""
+    """Ratio of fast to slow noise average above which the fast is used; pulses give 1.3."""
     settle_s: float = 2.0
     """Time between two comparisons of a row's noise power with its neighbours' [s]."""
     young_s: float = 8.0
@@ -43,13 +43,13 @@ class NoiseTuning:
     young_reach: int = 24
     """Number of rows averaged on each side at the start; 5 % error double the false alarms."""
     reach: int = 8
-    """Number of rows on each side, two bins, used to estimate the broadband noise."""
+    """Number of rows on each side, two bins, used to estimate a row's broadband noise."""
     flat_ratio: float = 1.2
-    """Ratio of the medians' spread to their error up to which a spectrum counts as flat. A tilt
-    of 0.4 dB over the band may be missed, no more than the error of the medians."""
+    """Ratio of the noise medians' spread to their error up to which a spectrum counts as flat.
+    A tilt of 0.4 dB over the band may be missed, no more than the error of the medians."""
     steep_errors: float = 4.0
-    """Difference of the medians on both sides of a row that marks an edge [standard errors]. If
-    all rows lie on a line there is no edge: the median is correct there."""
+    """Difference of the noise medians on both sides of a row that marks an edge [standard
+    errors]. If all rows lie on a line there is no edge: the median is correct there."""
     least_steep: float = 0.15
     """Minimum relative difference of the noise medians on both sides of an edge: 0.7 dB."""
     edge_flat_ratio: float = 1.5
@@ -59,7 +59,7 @@ class NoiseTuning:
     """Excess over the median at which a row's own noise is used between lines of hum [standard
     deviations]: 3 to 5 % more noise. With the median there were 3.4 times the false groups."""
     usual_threshold: float = 25.0
-    """Typical threshold of a group, for the effect of uncertain noise [noise powers]."""
+    """Typical threshold of a group's sum, for the effect of uncertain noise [noise powers]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,22 +115,22 @@ class GroupTuning:
     """Constants for summing cells to groups, and choosing candidates."""
 
     cell_limit: float = 14.0
-    """Largest contribution of a cell to a sum of several [noise powers]: half of the threshold
-    at K = 3. It keeps one impulse from carrying a group, and costs no sensitivity, since it
-    lowers sums of noise as much (measured: docs/explanation/detection.md)."""
+    """Limit on the power of a cell in a group's sum of several [noise powers]: half of the
+    threshold at K = 3. It keeps one impulse from carrying a group, and costs no sensitivity,
+    since it lowers sums of noise as much (measured: docs/explanation/detection.md)."""
     piece_s: float = 0.46
     """Longest piece of spectrogram columns searched at once [s]; a detector's are of 0.44 s."""
     measured_columns: int = 4
     """Number of columns, half a pulse width, that must follow the last pulse of a group. The
     flank of a strong pulse reaches the cell limit before the pulse's maximum."""
     score_digits: int = 4
-    """Number of decimal places of a score that count. Strong groups share one score because
-    cells are limited before the sum; rounding must not choose between them."""
+    """Number of decimal places of a candidate's score that count. Strong groups share one score
+    because cells are limited before the sum; rounding must not choose between them."""
     anchors_at_once: int = 96
     """Number of strong cells (anchors) tested by one call of NumPy."""
     candidates_at_once: int = 24
-    """Maximum number of candidates measured at once: the strongest. Flanks of a neighbour 10 dB
-    above the tag fill eight; 36 pulses were once missed next to it."""
+    """Maximum number of candidate groups measured at once: the strongest. Flanks of a neighbour
+    10 dB above the tag fill eight; 36 pulses were once missed next to it."""
     long_from_k: int = 9
     """Minimum K for trying every cell as a group's last pulse, not only strong cells."""
     long_candidates_at_once: int = 8
@@ -172,9 +172,9 @@ class NullTuning:
     """Constants for counting groups formed by the present noise, which raise the threshold."""
 
     counted_share: float = 0.93
-    """Share of the threshold above which groups are counted. They are then frequent enough to
-    count within ten seconds, and close to those that reach the threshold. At 0.85, varying
-    sparks made 1.5 times the nominal false groups, because their tail falls slowly."""
+    """Share of the threshold above which groups of noise are counted. They are then frequent
+    enough to count within ten seconds, and close to those that reach the threshold. At 0.85,
+    varying sparks made 1.5 times the nominal false groups, because their tail falls slowly."""
     # Range of the intervals tried, relative to the tag's; two of the shortest exceed the tag's.
     shortest_share: float = 0.58
     longest_share: float = 0.86
@@ -187,14 +187,14 @@ class NullTuning:
     # a group in such noise, would be faster, but cost a tag of 14 dB beside a carrier one pulse
     # in a hundred.
     eager_gain: float = 0.7
-    """Rise of the threshold by the first group in new coloured noise [noise powers]."""
+    """Rise of the threshold by the first group counted in new coloured noise [noise powers]."""
     eager_groups: float = 3.0
     """Number of further groups in coloured noise after which the rise by each is halved."""
     by_chance: float = 0.4
-    """Rise that white noise reaches by chance [noise powers]; only an excess counts."""
+    """Rise of the threshold that white noise makes by chance [noise powers]; subtracted."""
     most_share: float = 0.85
-    """Highest threshold as a share of the largest sum, K cells at their limit. Strong pulses of
-    other transmitters are counted, too, and must not hide a strong tag."""
+    """Highest threshold over the largest possible sum of K cells at their limit. Strong pulses
+    of other transmitters are counted, too, and must not hide a strong tag."""
     tolerated_ratio: float = 1.6
     """Ratio of counted groups to those of white noise up to which the threshold stays."""
     tolerated_coloured_ratio: float = 1.2
@@ -216,7 +216,7 @@ class EvidenceTuning:
     steps_per_pulse: int = 25
     """Number of start times tried per pulse width; power falls by a twelfth between two."""
     row_bins: float = 0.125
-    """Step of the frequencies tried around the candidate's row [bins]."""
+    """Step of the frequencies tried around the candidate's, for its likelihood [bins]."""
     frequencies: int = 5
     """Number of frequencies tried around the candidate's."""
     jitter_share: float = 0.4
@@ -224,9 +224,9 @@ class EvidenceTuning:
     gate: float = 0.9
     """Minimum score of a candidate whose likelihood is tested, as a share of the threshold."""
     sure_score: float = 1.2
-    """Score above which no test is needed: of two cells at the limit and one above noise."""
+    """Score above which no likelihood is tested: two cells at the limit, one above noise."""
     tested_k: int = 3
-    """Number of pulses K of the groups that are tested."""
+    """Number of pulses K of the groups whose likelihood is tested."""
     factor_log: float = -3.7
     """Term of the minimum log-likelihood ratio, from noise groups counted at K = 3."""
     slope: float = 1.2
@@ -242,9 +242,9 @@ class MeasureTuning:
     newton_steps: int = 3
     """Maximum number of steps of Newton's method that refine a pulse's frequency."""
     burst_sigmas: float = 9.0
-    """Excess energy of a quarter window that marks an impulse [standard deviations]."""
+    """Excess energy of a quarter of a pulse that marks an impulse [standard deviations]."""
     burst_share: float = 0.65
-    """Minimum share of a window's energy in one quarter that marks an impulse."""
+    """Minimum share of a pulse's energy in one quarter of it that marks an impulse."""
     wide_sigmas: float = 6.0
     """Excess energy of a window above which its spectrum is checked [standard deviations]."""
     narrow_share: float = 0.35
@@ -256,7 +256,7 @@ class MeasureTuning:
     break_gain: float = 3.5
     """Power that noise gains by a phase break placed at will [noise powers]; subtracted."""
     losing_s: float = 0.3
-    """Distance from lost samples within which a pulse's phase may break [s]."""
+    """Time from lost samples within which a pulse may have a break of phase [s]."""
 
 
 GRID = SpectrogramTuning()

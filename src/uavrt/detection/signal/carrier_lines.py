@@ -29,7 +29,7 @@ class LineCanceller:
         self._ratios = np.zeros(0)
         """(lines,) power of each carrier over the median of the bins around it."""
         self._searches_left = np.zeros(0, np.intp)
-        """(lines,) number of further calls in which a carrier not found is still subtracted."""
+        """(lines,) further calls that subtract a carrier although it is no longer found."""
 
     @property
     def idle(self) -> bool:
@@ -174,12 +174,12 @@ class _Waves:
         self._used = np.arange(most + 1)[:, np.newaxis] <= degrees
 
     def _sum(self, weights: NDArray[np.complex64]) -> NDArray[np.complex64]:
-        """Sum the sinusoids: weights (polynomials, waves) to samples (count, block)."""
+        """Sum carriers modelled by weights (polynomials, waves) to samples (count, block)."""
         levels = np.concatenate((self._values @ weights, self._changes @ weights), axis=1)
         return np.asarray((levels * self._middles) @ self._within.T)
 
     def _shares(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
-        """Project samples on each sinusoid separately; the adjoint of `_sum`."""
+        """Project samples on each carrier model separately; the adjoint of `_sum`."""
         levels = (samples @ self._within.conj()) * self._middles.conj()
         half = levels.shape[1] // 2
         shares = self._values.T @ levels[:, :half] + self._changes.T @ levels[:, half:]
@@ -212,7 +212,7 @@ def _window(length: int) -> NDArray[np.float32]:
 
 @lru_cache(maxsize=8)
 def _polynomials(count: int, degree: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Make orthonormal polynomials over blocks: values and changes (count, degree + 1)."""
+    """Make orthonormal polynomials over blocks: values and slopes (count, degree + 1)."""
     at = (2.0 * np.arange(count) + 1.0) / count - 1.0
     legendre = np.polynomial.legendre
     values, mixed = np.linalg.qr(legendre.legvander(at, degree))

@@ -37,7 +37,7 @@ class Counters:
     groups: int = 0
     tracks: int = 0
     rejected: dict[str, int] = field(default_factory=dict)
-    """Number of candidates above the threshold that were rejected, by reason."""
+    """Number of candidate groups above the threshold that were rejected, by reason."""
 
     def reject(self, reason: str, count: int = 1) -> None:
         """Count rejected candidates, separately for each reason."""

@@ -55,9 +55,9 @@ class Cleaner:
         self._search_from = 0
         """Sample index at which carriers are searched next."""
         self.floor = 0.0
-        """Median power of a sample; zero before the first call."""
+        """Median power of the channel's samples; 0 before the first call."""
         self.mean_floor = 0.0
-        """Mean power of a clean sample without pulses."""
+        """Mean power of the channel's clean samples, without pulses."""
 
     @property
     def margin(self) -> int:
@@ -140,7 +140,7 @@ class Cleaner:
         self._lines.subtract(before, new)
 
     def _blank(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
-        """Blank impulses in [first, last), found after whitening to spare neighbours."""
+        """Blank impulses in samples [first, last), found after whitening to save neighbours."""
         margin = self._beyond
         low = max(buffer.start, first - margin)
         high = min(buffer.end, last + margin)

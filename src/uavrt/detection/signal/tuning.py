@@ -11,16 +11,16 @@ class ChannelTuning:
     """Constants for joining the blocks of a channel, and comparing its frequencies."""
 
     reorder_s: float = 0.1
-    """Longest wait for a block that one later block has overtaken [s]."""
+    """Longest wait for a sample block that one later block has overtaken [s]."""
     recent_blocks: int = 64
     """Number of recent sample blocks whose maximum length is expected for the next block."""
     restart_blocks: int = 3
-    """Number of consecutive blocks with past times before the stream restarts."""
+    """Number of consecutive sample blocks with past times before the stream restarts."""
     # Shortest run of zeros that counts as lost samples; coarse samples contain shorter ones.
     shortest_loss_s: float = 0.0005
     shortest_loss_samples: int = 4
     least_received: float = 0.45
-    """Minimum share of received samples in a window that is evaluated."""
+    """Minimum share of a window's samples that were received, for it to be evaluated."""
     floor_stride: int = 4
     """Step between the samples whose median power gives the noise floor [samples]."""
     usual_error_hz: float = 500.0
@@ -35,7 +35,7 @@ class CarrierTuning:
     """Constants for finding and subtracting carriers."""
 
     transform_s: float = 0.55
-    """Length of the transform that finds carriers [s]: bins of 1.8 Hz."""
+    """Length of the spectrum that finds steady carriers [s]: bins of 1.8 Hz."""
     search_every_s: float = 2.4
     """Interval between two searches for carriers while none is subtracted [s]. The fit of an
     amplitude cannot follow a drift of 2 Hz/s over 2.5 s."""
@@ -44,8 +44,8 @@ class CarrierTuning:
     block_s: float = 0.004
     """Length of the blocks within which a carrier's amplitude is taken as linear [s]."""
     degree: int = 7
-    """Degree of the polynomial of an amplitude. A carrier of 60 dB with 30 % of modulation at
-    1.3 Hz leaves 20 dB at degree 4, and 0.5 dB at degree 6."""
+    """Degree of the polynomial of a carrier's amplitude. A carrier of 60 dB with 30 % of
+    modulation at 1.3 Hz leaves 20 dB at degree 4, and 0.5 dB at degree 6."""
     threshold_ratio: float = 40.0
     """Ratio of a carrier's bin to the median of the bins around it. Noise reaches this in one
     of 10^12 bins, and pulses, 50 Hz wide, reach 4. A carrier of 0 dB in 50 Hz reaches it."""
@@ -57,16 +57,16 @@ class CarrierTuning:
     floor_scale: float = 2.0
     """Ratio of the median power of a group of noise bins to that of its bin of `floor_rank`."""
     most_lines: int = 240
-    """Maximum number of carriers: a transmitter's frame of 60 ms has one every 16.7 Hz."""
+    """Maximum number of carriers removed: frames of 60 ms have one every 16.7 Hz."""
     few_lines: int = 6
     """Maximum number of carriers that are all fitted with polynomials of full degree."""
     many_lines: int = 100
     """Number of carriers above which weak ones get `degree_of_most`."""
     degree_of_many: int = 3
-    """Degree for weak carriers above `few_lines`: 37 polynomials of degree 7 take a tenth of
-    the noise, mostly at the newest samples. Degree 3 follows a line 1.5 Hz wide."""
+    """Polynomial degree for weak carriers above `few_lines`: 37 polynomials of degree 7 take a
+    tenth of the noise, mostly at the newest samples. Degree 3 follows a line 1.5 Hz wide."""
     degree_of_most: int = 1
-    """Degree for weak carriers above `many_lines`, as of a steady idle transmitter."""
+    """Polynomial degree for weak carriers above `many_lines`, as of an idle transmitter."""
     most_fit_steps: int = 10
     """Maximum number of conjugate-gradient steps in the common fit of all carriers."""
     residual_share: float = 0.02
@@ -95,7 +95,7 @@ class WhiteningTuning:
     rise_ratio: float = 2.2
     """Ratio of the newest median to the average noise density above which it replaces this."""
     suppressed_ratio: float = 10.0
-    """Ratio of a density to that of the tag's band above which the filter divides by its square
+    """Ratio of a noise density to the tag band's above which the filter divides by its square
     root. A neighbour at this ratio has the inverse ratio after the filter."""
     smoothed_bins: int = 5
     """Number of frequency bins over which the noise density is averaged."""
@@ -122,9 +122,9 @@ class SparkTuning:
     smooth_s: float = 0.0011
     """Half-length of the average of the noise level over time [s]: three values in 1 kHz."""
     guard_hz: float = 50.0
-    """Distance of the filters on both sides from the searched band [Hz]."""
+    """Distance of the noise filters' bands from the searched band, on both sides [Hz]."""
     least_width_hz: float = 300.0
-    """Minimum width of the band on each side [Hz]; a millisecond resolves no narrower one."""
+    """Minimum width of noise filters' bands [Hz]; a millisecond resolves no narrower one."""
     quiet_quantile: float = 0.2
     """Quantile of the noise levels that represents the time between bursts of noise."""
     mean_ratio: float = 1.8
@@ -161,7 +161,7 @@ class OccupancyTuning:
     group_bins: int = 8
     """Number of neighbouring frequency bins over which a level is averaged."""
     stride: int = 8
-    """Step between the samples that are checked for losses [samples]."""
+    """Step between the samples that are checked for losses, to measure occupancy [samples]."""
     least_received: float = 0.5
     """Minimum share of a window's samples, neither lost nor blanked, to measure occupancy."""
 

@@ -86,7 +86,7 @@ class Whitener:
             self._choose()
 
     def _choose(self) -> None:
-        """Make the filter for the present noise density; None if the noise is white."""
+        """Set the filter for the present noise density; no filter if the noise is white."""
         density = _smooth(self._density)
         least = float(density[self._searched].min())
         ratio = density / max(least, 1e-30)

@@ -61,7 +61,7 @@ class _LostColumns:
     def _without(
         self, stretches: list[tuple[int, int]], begin: int, count: int
     ) -> NDArray[np.bool_]:
-        """(count,) True for columns that contain no sample of the given stretches."""
+        """(count,) True for spectrogram columns without samples of the given stretches."""
         grid = self._grid
         whole = np.ones(count, np.bool_)
         for low, high in reversed(stretches):

@@ -27,7 +27,7 @@ class Slot:
     """One expected pulse of a track and the detection there."""
 
     number: int
-    """Number of the expected pulse, from 0 at the track's first pulse."""
+    """Number of the expected pulse in its track, from 0 at the first pulse."""
     time_s: float
     time_ns: int
     measured: Measured
@@ -79,7 +79,7 @@ class Track:
     clashing: bool = False
     """True if the track began with a pulse that belongs to another track."""
     alternatives: tuple[int, ...] = ()
-    """Ids of other listed tags that the track may be (train_senders.py)."""
+    """Ids of other listed tags that may send the track's pulses (train_senders.py)."""
     confirmed_at_assignment: bool = False
     """True if the track was confirmed when it was last assigned to a tag."""
     ghost_of: int | None = None

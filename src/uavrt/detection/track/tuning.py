@@ -23,7 +23,7 @@ class BandTuning:
     kept_s: float = 4.0
     """Time for which noise levels are stored after a group's span, to measure pulses [s]."""
     young_s: float = 2.5
-    """Duration at the start in which each batch estimates the noise from all columns [s]."""
+    """Duration at the start in which each batch estimates the noise from all samples [s]."""
     many_lines_margin: float = 1.025
     """Factor on a threshold while many carriers are removed: their residuals vary over the
     channel, which gave 1.6 times the nominal false groups."""
@@ -46,7 +46,7 @@ class JudgeTuning:
     flank_ratio: float = 2.0
     """Maximum ratio of the power half a pulse or 35 Hz away to the pulse's own power."""
     lobe_ratio: float = 3.0
-    """Minimum ratio of a stronger signal's power to that of a pulse in its side lobe."""
+    """Minimum ratio of a signal's power to that of a pulse in its spectral side lobe."""
     weak_power: float = 4.0
     """Power below which a pulse's surroundings are no evidence against it [noise powers]."""
     loud_power: float = 8.0
@@ -75,7 +75,7 @@ class BoundTuning:
     edge_bins: float = 0.5
     """Distance beyond the searched band at which a pulse is accepted [bins]: half its width."""
     timing_sigmas: float = 2.5
-    """Tolerance for the timing noise of a pulse [standard deviations]."""
+    """Tolerance for a pulse's timing error due to noise [standard deviations]."""
     line_sigmas: float = 3.0
     """Tolerance for the interval from a line through pulse times [standard deviations]."""
     known_share: float = 0.5
@@ -85,7 +85,7 @@ class BoundTuning:
     same_group_hz: float = 100.0
     """Maximum frequency difference between untracked groups of one tag [Hz]."""
     active_intervals: float = 5.0
-    """Maximum time since the last pulse of an active track [intervals]."""
+    """Maximum time since a track's last pulse while it counts as active [intervals]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,7 +95,7 @@ class BurstRateTuning:
     noise_sigmas: float = 3.0
     """Excess of bursts over noise above which they are counted [standard deviations]."""
     memory_s: float = 30.0
-    """Time for which a burst is stored [s]; radio calls last some seconds."""
+    """Time for which others' bursts are stored [s]; radio calls last some seconds."""
     most_kept: int = 3000
     """Maximum number of other transmitters' bursts stored, sufficient to measure their rate."""
     most_pending: int = 6000
@@ -105,9 +105,9 @@ class BurstRateTuning:
     pooled_s: float = 2.0
     """Weight of the whole band's burst rate, as a duration at the track's frequency [s]."""
     similar_db: float = 8.0
-    """Maximum level difference of a burst that may be taken for a pulse [dB]."""
+    """Maximum level difference between a pulse and a burst that may be taken for it [dB]."""
     near_rows: float = 2.6
-    """Maximum frequency difference of a burst that may be taken for a pulse [rows]: 30 Hz."""
+    """Maximum frequency difference of a burst taken for a pulse [spectrogram rows]: 30 Hz."""
     pair_s: float = 0.012
     """Tolerance in the time between two bursts an interval apart, as in periodic frames [s]."""
     least_phases: int = 3
@@ -152,7 +152,7 @@ class FollowTuning:
     odds_lost: float = 4.0
     """Fall of a track's log odds from their maximum that ends it: three missing pulses."""
     most_missed: int = 10
-    """Maximum number of consecutive missed pulses of a track."""
+    """Maximum number of consecutive missed pulses of a track; more end it."""
     first_trust: float = 3.0
     """Log odds of being a tag of a track just confirmed; three missing pulses end it."""
     most_trust: float = 15.0
@@ -162,20 +162,20 @@ class FollowTuning:
     trust_won: float = 4.0
     """Maximum gain of a track's log odds of being a tag by a received pulse."""
     joint_trust: float = 6.0
-    """Log odds of a track above which a weak pulse is accepted by its sum with others. Below,
-    the sum includes the pulses that began the track: chosen as the largest of many, they let
-    a third of noise pass."""
+    """Log odds of being a tag above which a track's weak pulse is accepted by its sum with
+    others. Below, the sum includes the pulses that began the track: chosen as the largest of
+    many, they let a third of noise pass."""
     sure_trust: float = 10.0
     """Log odds of being a tag above which a track's pulses are certainly no bursts."""
     most_alone: int = 8
-    """Maximum K for which a single pulse is evidence; longer groups use sums."""
+    """Maximum K for which single pulses are evidence for a track; longer groups use sums."""
     # Log-likelihood ratio of a pulse of 9 dB to noise by a cell's power: the line along
     # log I0(2 sqrt(8 P)) - 8 from P = 4 to 14, within 0.6.
     power_slope: float = 0.93
     power_start: float = -1.9
     more_cells: float = 5.0
-    """Factor on the number of independent cells in a window, as every sample and frequency is
-    examined, with interpolation. Measured on maxima of noise."""
+    """Factor on the number of independent cells in a pulse's window, as every sample and
+    frequency is examined, with interpolation. Measured on maxima of noise."""
     weakest_power: float = 3.0
     """Power below which a pulse is mostly noise and is not reported [noise powers]."""
     weakest_share: float = 0.35
@@ -207,8 +207,8 @@ class FollowTuning:
     whole_power: float = 20.0
     """Power below which a pulse near lost samples may have a break of phase [noise powers]."""
     broken_weight: float = 0.25
-    """Weight of a measured frequency while samples are being lost: a phase break shifts it by
-    up to 20 Hz, which once made pulses count as bursts."""
+    """Weight of a pulse's measured frequency while samples are being lost: a phase break shifts
+    it by up to 20 Hz, which once made pulses count as bursts."""
     hiding_ratio: float = 2.0
     """Ratio of two tracks' pulse powers above which the stronger's pulse is subtracted."""
     hiding_bins: float = 0.8
@@ -240,9 +240,9 @@ class GhostTuning:
     least_pulses: int = 3
     """Minimum number of pulses of a false train caused by a stronger tag (ghost)."""
     mistaken_share: float = 1e-3
-    """Maximum share of real tags mistaken for ghosts, if pulses coincide with another's."""
+    """Maximum share of real tags taken for ghosts, if their pulses coincide with another's."""
     edge_ratio: float = 100.0
-    """Minimum ratio of a pulse's power to that of its edges far from its frequency."""
+    """Minimum ratio of a pulse's power to that of its edges at distant frequencies."""
     edge_noise: float = 2.5
     """Amplitude that the largest noise adds to a pulse's edge [noise amplitudes]."""
     edge_widths: float = 0.75
@@ -278,9 +278,9 @@ class SenderTuning:
     """Bonus on the log-likelihood for assigning a tag rather than none; exceeds all differences
     between tags."""
     relearn_ns: float = 60e9
-    """Time with another interval after which that interval replaces the learnt one [ns]."""
+    """Time with another interval after which that replaces the tag's learnt one [ns]."""
     most_trains: int = 6
-    """Maximum number of trains of one band that are assigned: the last received."""
+    """Maximum number of trains in a band that are assigned to tags: the last received."""
     kept_ns: int = 40_000_000_000
     """Time for which pulses of confirmed trains are stored [ns]: longer than bursts are."""
     small_ratios: tuple[tuple[int, int], ...] = ((2, 1), (3, 1), (3, 2))
@@ -292,7 +292,7 @@ class SenderTuning:
     foreign_share: float = 2.0 / 3.0
     """Share of pulses that other trains explain above which a train is dropped."""
     foreign_pulses: int = 3
-    """Minimum number of pulses of a train that is dropped; fewer may coincide by accident."""
+    """Minimum number of pulses of a train to be dropped; fewer may coincide by accident."""
     same_interval_ratio: float = 1.2
     """Ratio below which two tracks' intervals are the same, with different measuring errors."""
 

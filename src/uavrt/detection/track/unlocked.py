@@ -39,7 +39,7 @@ def join_group(
 def _continued(
     tracks: list[Track], pulses: list[FoundPulse], *, rate: int, sample_rate_hz: float
 ) -> tuple[Track, int] | None:
-    """Find the track that a group continues, and the pulse number of its first pulse."""
+    """Find the track that a group continues, and the number of the group's first pulse."""
     strongest = max((pulse[3] for pulse in pulses), key=lambda measured: measured.power)
     for track in tracks:
         if track.rate != rate:

@@ -157,7 +157,7 @@ class Senders(Generic[H]):
         )
         self._near_ns = 0.75e9 * max(detector.tag.pulse_width_s for detector in self.detectors)
         self._last_properties: list[_Properties] = []
-        """Properties of the trains when they were last assigned."""
+        """Properties of all trains when they were last assigned to tags."""
         self._last_assignment: list[_Assignment] = []
         self.confirmed_pulses = ConfirmedPulses()
 
@@ -309,7 +309,7 @@ class Senders(Generic[H]):
         ]
 
     def _likely(self, train: Train[H]) -> dict[int, float]:
-        """Log-likelihood of a train for each possible tag, plus a bonus over assigning none."""
+        """Log-likelihood of a train for each possible tag, plus a bonus over no tag."""
         values = {h.tag.tag_id: self._likelihood(train, h) for h in self._near(train)}
         return {
             i: value + SENDERS.any_tag_log for i, value in values.items() if value > -math.inf
