@@ -58,7 +58,7 @@ class Cells:
         self.base = 0
         """Number of the first stored spectrogram column, counted from the stream's start."""
         self.end = 0
-        """Number after that of the newest spectrogram column."""
+        """Number of the spectrogram column after the newest one."""
         self.kept = np.full((rows, self._kept + self._kept // 4 + 4096), NEUTRAL, np.uint8)
         self.past = np.zeros((self.kept.shape[1] * self.hop, 2), np.int8)
         """Stored samples from column `base` on, real and imaginary; noise has `UNIT`."""

@@ -53,7 +53,7 @@ class SumTuning:
     examined_share: float = 0.88
     """Ratio of a sum of bursts to the required sum above which the sum is refined."""
     clear_lead: float = 20.0
-    """Lead over another code's sum of the same pulses that excludes it [noise energies]."""
+    """Lead of a code's sum of pulses that excludes another code with them [noise energies]."""
     box_columns: int = 2048
     """Length of the time ranges in which waiting possible bursts are grouped [columns]."""
     same_columns: int = 10

@@ -135,7 +135,7 @@ class RateSearch(ABC):
 
     @abstractmethod
     def _push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
-        """Add powers (rows, columns) and noise levels; at most `piece` columns."""
+        """Add new columns of powers (rows, columns) and their noise; at most `piece`."""
 
 
 def jitter_reach(jitter_s: float, hop_s: float) -> int:

@@ -41,7 +41,7 @@ class NoiseTuning:
     young_s: float = 8.0
     """Duration at the start in which the noise is averaged over `young_reach` rows [s]."""
     young_reach: int = 24
-    """Number of rows averaged on each side at the start; 5 % error double the false alarms."""
+    """Rows averaged on each side at the start; 5 % noise error doubles the false alarms."""
     reach: int = 8
     """Number of rows on each side, two bins, used to estimate a row's broadband noise."""
     flat_ratio: float = 1.2

@@ -23,7 +23,7 @@ class BandTuning:
     kept_s: float = 4.0
     """Time for which noise levels are stored after a group's span, to measure pulses [s]."""
     young_s: float = 2.5
-    """Duration at the start in which each batch estimates the noise from all samples [s]."""
+    """Duration at the start in which each batch estimates the noise from all columns [s]."""
     many_lines_margin: float = 1.025
     """Factor on a threshold while many carriers are removed: their residuals vary over the
     channel, which gave 1.6 times the nominal false groups."""
@@ -38,7 +38,7 @@ class JudgeTuning:
     uniformity: float = 0.3
     """Minimum power of a pulse in a short group, as a share of the group's strongest."""
     few_pulses: int = 3
-    """Maximum K of a group in which a weak pulse counts as missing."""
+    """Maximum number of pulses K of a group in which a weak pulse counts as missing."""
     strong_power: float = 30.0
     """Minimum power of a pulse that may be a stronger pulse's flank [noise powers]."""
     off_row_hz: float = 8.0
@@ -189,7 +189,7 @@ class FollowTuning:
     empty_half: float = -2.5
     full_half: float = 4.0
     half_kept: float = 0.85
-    """Share of the log odds of even, or odd, pulse numbers kept at each new pulse."""
+    """Share of the log odds of sending at even, or odd, pulses that each new pulse keeps."""
     half_false: float = 0.01
     """Factor on the allowed number of false pulses at numbers where the tag does not send."""
     sure_power: float = 12.0
@@ -222,9 +222,9 @@ class RateTuning:
     decisive_log: float = 8.0
     """Lead in log-likelihood that decides for a rate; one clear pulse at one rate gives it."""
     patience_intervals: float = 2.5
-    """Maximum wait of a pulse for its rate [longer intervals]; then it is only `detected`."""
+    """Maximum wait of a pulse for its rate [longest intervals]; then it is only `detected`."""
     uncertainty_share: float = 0.25
-    """Uncertainty of the interval after a change of rate, as a share of the tag's declared."""
+    """Uncertainty of the interval after a change of rate, over the tag's declared one."""
     most_starts: int = 8
     """Number of past pulses of a track at which a change of rate is considered."""
 
@@ -234,8 +234,8 @@ class GhostTuning:
     """Constants for recognizing copies of a tag that the receiver makes."""
 
     stronger_ratio: float = 10.0**0.8
-    """Minimum ratio of an original's power to its ghost's. An image is 25 to 40 dB down. The
-    third harmonic of a signal clipped to a square wave is 9.5 dB down, the strongest of its
+    """Minimum ratio of a tag's power to its false image's (ghost's). An image is 25 to 40 dB
+    down; the third harmonic of a signal clipped to a square wave 9.5 dB, the strongest of its
     products. Both originals of a product of two signals are stronger by this ratio."""
     least_pulses: int = 3
     """Minimum number of pulses of a false train caused by a stronger tag (ghost)."""
@@ -250,11 +250,11 @@ class GhostTuning:
     edge_share: float = 0.6
     """Minimum share of a train's pulses at another train's edges, if it consists of these."""
     rounding_ns: int = 1000
-    """Maximum rounding error of present times as floating-point numbers [ns]."""
+    """Maximum rounding error of present-day times as floating-point numbers [ns]."""
     coincident_share: float = 0.9
     """Share of a ghost train's pulses that are received together with their original's."""
     drift_steps: int = 32
-    """Number of differences between two intervals over which a probability is averaged."""
+    """Number of interval differences that average the probability of a chance coincidence."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -132,7 +132,7 @@ def losses(
 def _path_losses(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None], owner: Mapping[int, int]
 ) -> NDArray[np.float64]:
-    """Least loss of log-likelihood, by train that gives up its tag and train that gives up its.
+    """Least loss of log-likelihood, by train that loses its tag and train whose tag is freed.
 
     The last row and column stand for unassigned tags and for trains without a tag.
     """
