@@ -26,7 +26,7 @@ _WRITE: Final = 16384
 """Unit of the writes of radio programs [samples]; airspy_rx writes 65 536. A block that is a
 multiple of it needs no extra read: 262 144 at 3 MS/s."""
 PIPE_BYTES: Final = 1 << 20
-"""Size of the pipe requested for samples [bytes]; the most that Linux allows unprivileged."""
+"""Largest pipe that Linux allows without privilege (/proc/sys/fs/pipe-max-size) [bytes]."""
 _PIPE_SIZES: Final = (PIPE_BYTES, PIPE_BYTES // 2, PIPE_BYTES // 4)
 
 log = get_logger()

@@ -34,7 +34,7 @@ class AnchorSearch(RateSearch):
         others = np.stack([np.delete(self._offsets[p], p, axis=0) for p in range(k)])
         first = others.min(axis=2, initial=np.iinfo(np.intp).max, keepdims=True)
         self.rest = others - first
-        """(K, K - 1, intervals) columns from each other pulse's earliest to its expected."""
+        """(K, K - 1, intervals) delay of each other pulse after its earliest one [columns]."""
         self.lows = first[:, :, 0] - reach
         """(K, K - 1) columns from a strong cell to the first searched for each other pulse."""
         self.stretch = int(self.rest.max(initial=0)) + 2 * reach + 1

@@ -96,7 +96,7 @@ class RateSearch(ABC):
         self.own_margin = 1.0
         """Factor on the detection threshold while the noise estimate is still inaccurate."""
         self.known: KnownPulses | None = None
-        """Known pulses of other transmitters; candidates that they explain are not returned."""
+        """Pulses of confirmed tracks; candidates that they explain are not returned."""
         self.pass_on: Callable[[list[int], list[int], list[float]], None] | None = None
         """Callback for strong cells that the search has finished: columns, rows, powers."""
 

@@ -29,7 +29,7 @@ class LineCanceller:
         self._ratios = np.zeros(0)
         """(lines,) power of each carrier over the median of the bins around it."""
         self._searches_left = np.zeros(0, np.intp)
-        """(lines,) further calls that subtract a carrier although it is no longer found."""
+        """(lines,) number of further calls that subtract a carrier no longer found."""
 
     @property
     def idle(self) -> bool:

@@ -173,7 +173,7 @@ class Follower:
         found: Measured,
         noise: NDArray[np.float32],
     ) -> Measured:
-        """Return the stronger measure of a pulse near losses: with a phase break or without."""
+        """Return the stronger measurement of a pulse near losses: with phase break or not."""
         if found.power < FOLLOW.whole_power:
             spread = track.spread_s() * self._grid.sample_rate_hz
             offset_hz, band_hz = track.offset_hz, MEASURE.track_band_hz

@@ -73,7 +73,7 @@ class BoundTuning:
     clock_error: float = 3.0e-4
     """Relative error of the sample clock, added to the uncertainty of a tag's interval."""
     edge_bins: float = 0.5
-    """Distance beyond the searched band at which a pulse is accepted [bins]: half its width."""
+    """Distance outside the search band at which a pulse is accepted [bins]: half a spectrum."""
     timing_sigmas: float = 2.5
     """Tolerance for a pulse's timing error due to noise [standard deviations]."""
     line_sigmas: float = 3.0

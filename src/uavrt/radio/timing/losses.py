@@ -47,7 +47,7 @@ _NEWEST: Final = 4
 _QUIET_S: Final = 1.0
 """Time after a loss in which arrivals may still show a further part of that loss [s]."""
 _EVIDENCE: Final = 14.0
-"""Log-odds of a loss needed to rule out jitter: 1 in 10⁶, with 40 tests a second."""
+"""Log-odds of a loss needed to rule out jitter: 1 in 10⁶, 40 mostly dependent tests/s."""
 _EVIDENCE_KNOWN: Final = 7.0
 """Log-odds of a loss needed to rule out jitter within `_KNOWN_S` of a known loss."""
 _KNOWN_S: Final = 10.0
