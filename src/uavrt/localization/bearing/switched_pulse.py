@@ -55,13 +55,13 @@ class SwitchedPulse:
     """One pulse received through an antenna switch."""
 
     amplitudes: _Complex
-    """(positions,) complex amplitudes; their common phase is arbitrary."""
+    """(positions,) complex amplitude at each switch position; common phase arbitrary."""
     counts: _Floats
-    """(positions,) number of samples averaged for each amplitude."""
+    """(positions,) number of samples averaged for the amplitude at each switch position."""
     noise_power: float
-    """Noise power of one sample, from the scatter of the mean values of visits."""
+    """Noise power of one sample, from the scatter between visits to one switch position."""
     frequency_hz: float
-    """Refined carrier frequency in the samples [Hz]."""
+    """Refined frequency of the pulse's carrier, relative to the samples' centre [Hz]."""
 
     @property
     def snr_db(self) -> float:

@@ -118,7 +118,7 @@ def find_turns(
 
 
 def _middle(latitude_deg: _Floats, longitude_deg: _Floats) -> tuple[float, float]:
-    """Latitude and longitude of the median [deg], in a plane around these positions alone."""
+    """Median latitude and longitude of positions [deg], in a plane around these alone."""
     plane = plane_around(latitude_deg, longitude_deg)
     east, north = plane.to_local(latitude_deg, longitude_deg)
     latitude, longitude = plane.to_geodetic(np.median(east), np.median(north))

@@ -91,7 +91,7 @@ class ReadAs:
     height_sigma_m: float = SURVEY.height_sigma_m
     """Standard deviation of the error that all heights over a tag share [m]; for a monopole."""
     displacement: float = 0.0
-    """Standard deviation of a position shift common to a tag's bearings, over the distance."""
+    """Standard deviation of a shift common to a tag's bearings, as a share of the distance."""
     elevation: Elevation | None = None
     """Elevation files for losses behind hills; None: level ground."""
     bearing_method: BearingMethod | str = "pattern_ml"
@@ -580,7 +580,7 @@ def place(
 
 
 def _of_tag(tag_id: int, found: Sequence[Found]) -> list[Found]:
-    """Receivers for which a tag number means the same animal, by the tag's frequency."""
+    """Data of receivers for which a tag number means the same animal, by its frequency."""
     known_by = [*found[:1], *(each for each in found[1:] if each.has_tag(tag_id))]
     hz = [each.frequencies_hz[tag_id] for each in known_by if tag_id in each.frequencies_hz]
     if not hz:

@@ -294,7 +294,7 @@ class Rhythm:
 
 
 def _far_from(known_ns: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """(n,) True for times farther than `FLIGHT.pose_gap_ns` from all rising `known_ns`."""
+    """(n,) True for times farther than `FLIGHT.pose_gap_ns` from all (rising) `known_ns`."""
     if not len(known_ns):
         return np.ones(len(times_ns), bool)
     after = np.searchsorted(known_ns, times_ns)

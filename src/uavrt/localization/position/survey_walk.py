@@ -61,7 +61,7 @@ class _Moved:
     east_m: _Floats
     north_m: _Floats
     since_s: _Floats
-    """(n,) times from the middle of the flight [s]."""
+    """(n,) times of the pulses after the middle of the flight [s]."""
     track: PowerTrack
     propagation: Propagation
 

@@ -29,7 +29,7 @@ from uavrt.localization.terrain.hill_losses import HillLosses
 _Floats = NDArray[np.floating[Any]]
 _Singles = NDArray[np.float32]
 PathGain = Callable[[_Floats, _Floats, _Floats | float], _Floats]
-"""Level over plain spreading as a function of distances east, north and height [m]."""
+"""Function from distances east, north and height [m] to the level over plain spreading [dB]."""
 
 RESTING, BROWSING, TRAVELLING = range(3)
 
@@ -232,7 +232,7 @@ class _MotionModel:
     def __init__(self, prior: TagPrior, rng: Generator) -> None:
         self._prior, self._rng = prior, rng
         self._external_exponent = (0.0, 0.0)
-        """Precision, and precision times mean, of the exponent learned from other tags."""
+        """Precision, and precision times mean, of the path loss exponent by other tags."""
         self._since_s = 0.0
 
     def normal(self, count: int) -> _Singles:
@@ -264,7 +264,7 @@ class _MotionModel:
         )
 
     def _plausible(self, exponent: _Singles) -> _Singles:
-        """Limit exponents to the range from free space to woods."""
+        """Limit path loss exponents to the range from free space to woods."""
         if self._prior.exponent_sigma == 0.0:
             return np.full(len(exponent), self._prior.exponent, np.float32)
         return np.clip(exponent, 1.8, 4.2)
@@ -349,7 +349,7 @@ class _MotionModel:
         self._external_exponent = (known + precision, before + weighted)
 
     def _exponent_before(self) -> tuple[float, float]:
-        """Mean and standard deviation of the exponent without the tag's own pulses."""
+        """Mean and standard deviation of the path loss exponent by other tags and prior."""
         prior = self._prior
         if prior.exponent_sigma == 0.0:
             return prior.exponent, 0.0

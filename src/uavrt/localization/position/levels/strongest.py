@@ -69,9 +69,9 @@ class SignalSection:
     """Side view of a survey: SNR by height and by horizontal distance from a position."""
 
     distance_m: _Floats
-    """(x + 1,) edges of the cells over distance [m]."""
+    """(x + 1,) edges of the cells in horizontal distance from the given position [m]."""
     height_m: _Floats
-    """(y + 1,) edges of the cells over height above the tag [m]."""
+    """(y + 1,) edges of the cells in height above the tag [m]."""
     snr_db: _Floats
     """(y, x) median SNR of the pulses in each cell [dB]; NaN in empty cells."""
 

@@ -178,7 +178,7 @@ class SurveyEvidence:
     def _robust(
         self, east_m: _Floats, north_m: _Floats, heard: NDArray[np.bool_], shift_m: float
     ) -> tuple[_Floats, _Floats, _Floats]:
-        """Robust fit: residuals (places, received), scale (places,), log-likelihood."""
+        """Robust fit to received powers: residuals (places, n), scale, log-likelihood."""
         evidence = self._evidence(shift_m)
         loss, gain = evidence.propagation(east_m, north_m, np.flatnonzero(heard[self.kept]))
         z = self._track.snr_db[heard & self.kept] - gain
@@ -324,12 +324,12 @@ def _log_prior_of_height(shifts_m: _Floats, sigma_m: float) -> _Floats:
 
 
 def _log_prior_of_reading(kept: NDArray[np.bool_]) -> float:
-    """Log-prior that the pulses `kept` (n,) are the tag's, and the others of any strength."""
+    """Log-prior that the pulses `kept` (n,) are the tag's, and all others another sender's."""
     return float(np.sum(~kept)) * _LOG_FOREIGN + float(np.sum(kept)) * _LOG_OWN
 
 
 def _unlike_neighbours(residual: _Floats) -> tuple[_Floats, _Floats]:
-    """Deviations (places, n) of pulses from an estimate by adjacent pulses, and their sigma."""
+    """Deviations of residuals (places, n) from an estimate by adjacent pulses, and sigma."""
     padded = np.pad(residual, ((0, 0), (2, 2)), mode="reflect")
     count = residual.shape[1]
     around = np.stack([padded[:, first : first + count] for first in (0, 1, 3, 4)])
@@ -363,7 +363,7 @@ def _most_likely(fits: Sequence[PowerFit], score: _Floats, log_likelihood: _Floa
 
 
 def _over_heights(score: _Floats) -> _Floats:
-    """(places,) log-integral over three evenly spaced heights (3, places), by a parabola."""
+    """(places,) log of likelihoods (3, places) integrated over heights, by a parabola."""
     low, middle, high = score
     bend = np.maximum(middle - 0.5 * (low + high), SURVEY.least_bend)
     slope = 0.5 * (high - low)
