@@ -11,15 +11,15 @@ class PowerLawTuning:
     """Constants for the tables of a pulse power's probability, given its expected level."""
 
     level_step_db: float = 0.25
-    """Step between two expected levels in the tables [dB]."""
+    """Step between two expected pulse levels in the likelihood tables [dB]."""
     lowest_level_db: float = -30.0
-    """Lowest expected level over noise in the tables [dB]; a weaker pulse adds 0.1 % power."""
+    """Lowest tabulated pulse level over noise [dB]; a weaker pulse adds 0.1 % power."""
     fadings_db: tuple[float, ...] = (0.5, 0.9, 1.5, 2.5, 4.0, 6.5)
     """Candidate standard deviations of fading from pulse to pulse [dB]."""
     outlier_share: float = 0.01
     """Prior share of pulses with arbitrary power, by interference or a turn of the animal."""
     gaussian_from: float = 1000.0
-    """Power over noise above which the law is Gaussian in decibels to 1 %: 30 dB."""
+    """Power over noise above which its law is Gaussian in decibels to 1 %: 30 dB."""
     least_density: float = 1e-300
     """Minimum probability density of which a logarithm is taken."""
 
@@ -46,7 +46,7 @@ class FlightTuning:
     most_missed: int = 100_000
     """Maximum number of missed pulses of one tag in a flight: those of a day."""
     reported_height_m: float = 20.0
-    """Minimum difference between reported height and elevation map for a warning [m]."""
+    """Minimum difference of reported height to that by elevation map for a warning [m]."""
     least_tag_hz: float = 1e6
     """Minimum frequency of a tag [Hz]; some logs contain whole megahertz instead."""
     on_ground_m: float = 5.0
@@ -112,11 +112,11 @@ class ReceiverTuning:
     one_heading_deg: float = 20.0
     """Maximum change of heading of a directional antenna at one position [°]."""
     least_pulses: int = 3
-    """Minimum number of pulses at a position that is used."""
+    """Minimum number of pulses at a standing receiver's position for it to be used."""
     most_places: int = 24
     """Maximum number of a receiver's positions, those with the most pulses: a limit on work."""
     received_share: float = 0.5
-    """Minimum share of received pulses at a position; below it, levels are biased upwards."""
+    """Least share of pulses received by a standing receiver; below it, levels are biased up."""
 
 
 POWER_LAW, ACCEPTANCE = PowerLawTuning(), AcceptanceLimits()

@@ -24,7 +24,7 @@ class Circle:
     north_m: float
     radius_m: float
     name: str = ""
-    """Name of the circle in errors."""
+    """Name of the circle (a part of the search area) in errors."""
 
     def __post_init__(self) -> None:
         if not self.radius_m > 0.0:
@@ -73,7 +73,7 @@ class Polygon:
     corners: tuple[tuple[float, float], ...]
     """East and north of each corner [m]; the last corner is joined to the first."""
     name: str = "polygon"
-    """Name of the outline in errors."""
+    """Name of the polygon (fence or part of the search area) in errors."""
 
     def __post_init__(self) -> None:
         if len(self.corners) < 3 or not np.all(np.isfinite(self.corners)):

@@ -131,7 +131,7 @@ class _Pulses:
     """Expected levels, weights and durations of pulses along paths."""
 
     level_db: _Singles
-    """(legs, samples, hypotheses) expected levels [dB]."""
+    """(legs, samples, hypotheses) expected SNR of the pulses on each candidate leg [dB]."""
     per_db2: _Singles
     """(legs, samples) number of pulses divided by the variance of one pulse's level [1/dB²]."""
     alike_db2: _Floats

@@ -31,7 +31,7 @@ class SearchSettings:
     return_height_m: float = 0.0
     """Height to which the autopilot climbs before it returns [m]."""
     cycle_s: float = 5.0
-    """Time until the next decision [s], unless the action ends earlier."""
+    """Time until the planner's next decision [s], unless the action ends earlier."""
     pulse_s: float = 1.0
     """Interval between a tag's pulses [s]."""
     threshold_db: float = 10.0
@@ -47,7 +47,7 @@ class Situation(SearchSettings):
     state: VehicleState
     beliefs: Beliefs
     found: frozenset[int]
-    """Found tags, which need no more searching."""
+    """Ids of found tags, which need no more searching."""
     rng: Generator
     wind: Wind = field(default_factory=Wind)
     others: OtherDrones | None = None
@@ -85,7 +85,7 @@ class Candidate:
     action: Action
     duration_s: float
     nats_per_s: float | None = None
-    """Expected information rate [nats/s]; None if not computed."""
+    """Expected rate of information on tag positions [nats/s]; None if not computed."""
     refused: str | None = None
     """Reason why the action may not be flown; None if it may."""
 

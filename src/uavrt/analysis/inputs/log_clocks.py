@@ -24,7 +24,7 @@ _LEAST_ALIKE = 0.5
 _SAME_INTERVAL = 0.03
 """Largest relative difference between two measurements of one tag's interval."""
 _LEAST_REGULAR = 0.8
-"""Minimum share of regular intervals in a log; false pulses make them irregular."""
+"""Minimum share of regular pulse intervals in a log; false pulses make them irregular."""
 
 
 def clock_doubts(logs: Sequence[tuple[str | Path, Sequence[int]]]) -> list[str]:

@@ -14,7 +14,7 @@ class TurnTuning:
     window_shift_m: float = 3.0
     """Minimum displacement in 15 s, both before and after a pose, of a drone on a path [m]."""
     path_m: float = 7.5
-    """Minimum distance between the ends of a flown path [m]: half a turn's usual radius."""
+    """Minimum distance between ends of a flown path [m]: half the radius of a turn in place."""
     drift_spans_deg: tuple[float, ...] = (45.0, 90.0)
     """Spans of yaw over which a turn's drift is measured [°]; the longer one for stops."""
     drift_step_deg: float = 5.0

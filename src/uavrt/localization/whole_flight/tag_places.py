@@ -19,7 +19,7 @@ from uavrt.localization.whole_flight.tuning import SEARCH
 _Floats = NDArray[np.float64]
 BEARING_STEP_DEG = 360.0 / SEARCH.bearings
 RANGE_STEP = (SEARCH.farthest_m / SEARCH.nearest_m) ** (1.0 / (SEARCH.ranges - 1))
-"""Ratio of the radii of neighbouring rings."""
+"""Ratio of the radii of neighbouring rings of candidate tag positions around the flight."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -28,12 +28,12 @@ class Places:
 
     plane: TangentPlane
     east_m: _Floats
-    """(places,) east of the middle of the flight [m]."""
+    """(places,) candidate tag positions east of the middle of the flight [m]."""
     north_m: _Floats
     area: _Floats
-    """(places,) relative area of ground represented by each position: the prior."""
+    """(places,) relative area of ground represented by each candidate position: the prior."""
     time_s: _Floats
-    """(times,) times from the first slot's beginning [s]."""
+    """(times,) times from the first slot's beginning at which gains are computed [s]."""
     gain: _Floats
     """(places, times) energy of a pulse relative to the strongest from the same position."""
     strongest_db: _Floats

@@ -35,12 +35,12 @@ class AntennaPath:
     """Positions and headings of the antenna at each expected pulse of a path."""
 
     time_s: _Floats
-    """(n,) rising times of the pulses [s]."""
+    """(n,) rising times of the expected pulses [s]."""
     east_m: _Floats
-    """(n,) east coordinate in the plane of the ground [m]."""
+    """(n,) east coordinate of the antenna in the plane of the ground [m]."""
     north_m: _Floats
     height_m: _Floats
-    """(n,) height above the ground beneath [m]."""
+    """(n,) height of the antenna above the ground beneath [m]."""
     headings: Headings | None = None
     """Headings of the antenna; None is equal gain in all directions."""
     noise_db: _Floats | None = None
@@ -220,7 +220,7 @@ def absence(coverage: Coverage, inside: NDArray[np.bool_], prior: float | None) 
 
 @lru_cache(maxsize=64)
 def _found_by_enr(tag: Tag, frequency_window_hz: float) -> _Singles:
-    """Log-probability of missing a group, tabulated by ENR in steps of a quarter decibel."""
+    """Log-probability of missing a pulse group, tabulated by ENR in steps of 0.25 dB."""
     found = [
         detection_probability(tag, float(enr), frequency_window_hz=frequency_window_hz)
         for enr in _GROUP_ENR_DB

@@ -23,7 +23,7 @@ class EnergyModel:
     cruise_w: float = 420.0
     cruise_m_s: float = 10.0
     climb_j_per_m: float = 60.0
-    """Additional energy for each metre of climb [J]."""
+    """Energy added to that of level flight for each metre of climb [J]."""
     scale: float = 1.0
     """Ratio of used to modelled power: payload, air, age of the battery."""
     scale_sigma: float = 0.2

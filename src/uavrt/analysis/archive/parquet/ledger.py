@@ -23,7 +23,7 @@ from uavrt.core.foreign import decode_record
 
 R = TypeVar("R", RecordingRow, FlightRow)
 ASIDE = "damaged"
-"""Folder below the output for damaged rows and their tables."""
+"""Folder below the output for damaged row files and their tables."""
 _TABLE = re.compile(r"[0-9a-f]{16}\.parquet")
 """File name of a table, by its key (`uavrt.analysis.archive.steps.step_keys`)."""
 
@@ -31,7 +31,7 @@ _TABLE = re.compile(r"[0-9a-f]{16}\.parquet")
 class _Entry(msgspec.Struct, frozen=True):
     row: msgspec.Raw
     files: dict[str, Seal]
-    """Size, time and digest of the row's tables, by path below the output."""
+    """Size, time and digest of each table of the row, by its path below the output."""
 
 
 class Ledger(Generic[R]):

@@ -50,7 +50,7 @@ _INTERRUPTED_S = 0.5
 """Longest wait for an interrupted query [s]; DuckDB cannot interrupt its functions."""
 INDEX = "copies.json"
 UNKNOWN = "unknown"
-"""Month in the file name of rows without a known time."""
+"""Name of the month, in a file name, for rows without a known time."""
 
 
 class Copy(msgspec.Struct, frozen=True):

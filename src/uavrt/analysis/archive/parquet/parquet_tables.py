@@ -111,7 +111,7 @@ class PoseRow:
     altitude_amsl_m: float
     altitude_relative_m: float
     yaw_deg: float
-    """Heading of the antenna, clockwise from true north [deg]."""
+    """Heading of the antenna's boresight, clockwise from true north [deg]."""
     quaternion_wxyz: tuple[float, float, float, float]
     extrapolated: bool
 

@@ -121,7 +121,7 @@ class GroundEffect:
     """Height of the ground at each tag position above that at the take-off [m]."""
     lost_db: _Floats
     doubtful_db: _Floats
-    """Uncertain loss at each tag position [dB], as a factor on the mean of a `LossError`."""
+    """Additional loss per unit of the relative error of losses, at each tag position [dB]."""
 
     @classmethod
     def shadowing(cls, shadowing_db: float, like: _Floats) -> "GroundEffect":
