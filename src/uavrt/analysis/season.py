@@ -53,7 +53,7 @@ class Season:
     batteries: int
     """Number of batteries used; flights in `flights_without_battery` are not counted."""
     batteries_used: float
-    """Charge used by all flights, in units of one full battery."""
+    """Battery charge used by all flights, in units of one full battery."""
     flights_without_battery: int
     """Number of flights without battery data, since no ground station recorded them."""
     copies: int

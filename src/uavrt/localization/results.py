@@ -24,7 +24,7 @@ class Bearing:
     """Mean of the main lobe of the posterior; for other methods, their result [deg]."""
     method: BearingMethod | ArrayMethod | str
     pulses: int
-    """Number of received and missed pulses used."""
+    """Number of received and missed pulses used for the bearing."""
     sigma_deg: float | None = None
     """Standard deviation inside the main lobe [deg]; None for a method without statistics."""
     interval90_deg: tuple[float, float] | None = None
@@ -90,7 +90,7 @@ class PositionGrid:
     north_m: NDArray[np.float64]
     """(y,) centres of the cells north of the origin [m]."""
     probability: NDArray[np.float64]
-    """(y, x) probability of each cell; sums to 1."""
+    """(y, x) probability that the tag is in each cell; sums to 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +100,7 @@ class Ellipse:
     semi_major_m: float
     semi_minor_m: float
     orientation_deg: float
-    """Direction of the long axis [deg], clockwise from true north, [0, 180)."""
+    """Direction of the ellipse's long axis [deg], clockwise from true north, [0, 180)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,9 +143,9 @@ class Position:
     longitude_deg: float
     method: PositionMethod | str
     stations: int
-    """Number of bearings used."""
+    """Number of bearings used for the position."""
     pulses: int = 0
-    """Number of pulse powers used, missed pulses included."""
+    """Number of pulse powers used for the position, missed pulses included."""
     foreign_pulses: int = 0
     """Number of pulses excluded because they are probably another sender's."""
     radius50_m: float | None = None

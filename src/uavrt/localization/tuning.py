@@ -21,7 +21,7 @@ class PowerLawTuning:
     gaussian_from: float = 1000.0
     """Power over noise above which its law is Gaussian in decibels to 1 %: 30 dB."""
     least_density: float = 1e-300
-    """Minimum probability density of which a logarithm is taken."""
+    """Lower limit of a pulse's probability density, so that its logarithm is finite."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,11 +65,11 @@ class FlightTuning:
     """SNR above which a detector that follows a tag misses no pulse [dB]. Three pulses of 11.4
     dB are found with 90 % (docs/reference); the rest is margin for losses."""
     least_pulses: int = 3
-    """Minimum number of pulses in a turn for a bearing."""
+    """Minimum number of pulses in a drone's turn for a bearing."""
     least_turn_deg: float = 45.0
-    """Minimum angle of a turn in progress for a provisional bearing [°]."""
+    """Minimum angle of a drone's turn in progress for a provisional bearing [°]."""
     whole_turn_deg: float = 270.0
-    """Minimum angle of a finished turn [°]."""
+    """Minimum angle of a drone's finished turn [°]."""
     in_progress_ns: int = 10_000_000_000
     """Time before the last pose within which a turn may still be in progress [ns]."""
     one_flight_s: float = 7200.0
@@ -85,7 +85,7 @@ class FlightTuning:
     tick_ns: int = 256
     """Resolution of times in pulse logs [ns]: a float of seconds since 1970."""
     least_height_m: float = 2.0
-    """Minimum height of the antenna above the tag [m]."""
+    """Lower limit of the antenna's height above the tag [m]."""
     place_sigma_m: float = 2.0
     """Standard deviation, in each direction, of the error that all positions of a flight share
     [m]. Single-frequency GNSS is off by 1.5 to 3 m for minutes."""
@@ -108,9 +108,9 @@ class ReceiverTuning:
     """Limits for using levels of receivers that never turned."""
 
     one_place_m: float = 20.0
-    """Maximum movement of a receiver that stands still [m]."""
+    """Maximum movement with which a receiver counts as standing still [m]."""
     one_heading_deg: float = 20.0
-    """Maximum change of heading of a directional antenna at one position [°]."""
+    """Maximum heading change for which a directional antenna counts as not turned [°]."""
     least_pulses: int = 3
     """Minimum number of pulses at a standing receiver's position for it to be used."""
     most_places: int = 24

@@ -262,7 +262,7 @@ class SearchArea:
     straight_home: bool = False
     """True if the straight return from any position must avoid the excluded areas, too."""
     lowest_m: float = 20.0
-    """Minimum height above the ground beneath [m]."""
+    """Minimum height of the drone above the ground beneath [m]."""
     highest_m: float = 120.0
     ground: Ground = flat_ground
     ground_home: Ground | None = None

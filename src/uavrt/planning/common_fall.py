@@ -27,7 +27,7 @@ class _Sharing:
     news: float = 1.25
     """Growth of the precision of a tag's path loss exponent at which it is sent [ratio]."""
     placed_m: float = 50.0
-    """Largest rms position spread of a tag that counts as located [m]."""
+    """Largest rms position spread at which a tag counts as located [m]."""
     most_precision: float = 1.0 / 0.1**2
     """Largest precision of the path loss exponent that one tag's pulses may contribute."""
 

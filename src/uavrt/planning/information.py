@@ -195,7 +195,7 @@ def _lasting_variance(
 
 
 def _heard_nats(prior: TagPrior, some: Hypotheses, heard: _Pulses) -> _Floats:
-    """(legs,) information of expected pulses on the position [nats]."""
+    """(legs,) information of expected pulses on the tag's position [nats]."""
     root = np.sqrt(heard.per_db2)
     scaled = heard.level_db * root[:, :, None]
     scaled -= scaled.mean(axis=2, keepdims=True)

@@ -25,11 +25,11 @@ class SearchSettings:
     stop: StopRule
     keep_away: KeepAway | None = None
     energy: EnergyModel | None = None
-    """Energy model; None ignores the battery, as in some experiments."""
+    """Energy model of the drone; None ignores the battery, as in some experiments."""
     worst_wind_m_s: float = 0.0
     """Headwind assumed on the return if the wind is unknown [m/s]."""
     return_height_m: float = 0.0
-    """Height to which the autopilot climbs before it returns [m]."""
+    """Height above the take-off to which the autopilot climbs before it returns [m]."""
     cycle_s: float = 5.0
     """Time until the planner's next decision [s], unless the action ends earlier."""
     pulse_s: float = 1.0

@@ -22,7 +22,7 @@ class PlanningTuning:
     division_passes: int = 4
     """Largest number of passes that improve the division of tags among drones."""
     transfer_s: float = 8.0
-    """Time that the transfer of a tag to another drone must save [s]."""
+    """Flight time that the transfer of a tag to another drone must save [s]."""
     stay_s: float = 6.0
     """Time at each tag of a round over all tags [s]: a turn towards it and its last pulses."""
     located_share: float = 0.5
@@ -31,9 +31,9 @@ class PlanningTuning:
     scale_drift: float = 0.03
     """Standard deviation added per update to the ratio of used to modelled power (wind)."""
     return_climb_m_s: float = 3.0
-    """Vertical speed of the climb before the return flight [m/s]."""
+    """Vertical speed assumed for the climb before the return flight [m/s]."""
     return_sink_m_s: float = 1.5
-    """Vertical speed of the descent to the landing [m/s]."""
+    """Vertical speed assumed for the descent to the landing [m/s]."""
 
     farthest_m: float = 100_000.0
     """Longest range computed at which a tag can be received [m]."""
@@ -43,7 +43,7 @@ class PlanningTuning:
     """Step in distance of the table of gains by the ground's reflection [m]."""
 
     drones_step_s: float = 1.0
-    """Minimum time over which another drone's remaining path is sampled [s]."""
+    """Minimum span of time over which another drone's remaining path is sampled [s]."""
     drones_samples: int = 8
     """Number of samples along another drone's planned path."""
 

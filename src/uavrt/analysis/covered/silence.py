@@ -72,7 +72,7 @@ class SilentMap:
     coverage: Coverage
     heard_pulses: int
     in_hindsight: bool
-    """True if whole-flight analysis found the tag that the detectors missed."""
+    """True if whole-flight analysis found the tag."""
     ambiguous: bool
     """True if whole-flight analysis found a periodic pulse train that may be the tag's."""
     noise: str

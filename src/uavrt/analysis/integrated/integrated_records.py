@@ -46,7 +46,7 @@ class PlaceRecord:
     enr_db: float | None = None
     """Energy of the tag's strongest pulse over noise density [dB]."""
     latitude_deg: float | None = None
-    """Latitude [deg]; with several possible positions, that of their middle (see `places`)."""
+    """Latitude of the tag [deg]; with several possible positions (`places`), of the middle."""
     longitude_deg: float | None = None
     radius50_m: float | None = None
     radius95_m: float | None = None

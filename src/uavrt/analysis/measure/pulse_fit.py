@@ -22,7 +22,7 @@ IMPULSE_RATIO: Final = 30.0
 reaches it once in a million samples. At a pulse's edge, one side is as strong as the sample."""
 MOST_CARRIERS: Final = 4
 CARRIER_RATIO: Final = 30.0
-"""Minimum ratio of a steady carrier's peak to the median of the spectrum."""
+"""Minimum ratio of a steady carrier's spectral peak to the spectrum's median."""
 SHORTEST_S: Final = 0.004
 LONGEST_S: Final = 0.080
 TURNS: Final = 3
@@ -37,9 +37,9 @@ class FittedPulse:
     """Start of the pulse, from the first given sample [s]."""
     width_s: float
     frequency_hz: float
-    """Frequency relative to the centre of the samples' band [Hz]."""
+    """Frequency of the pulse relative to the centre of the samples' band [Hz]."""
     energy: float
-    """Pulse energy: squared amplitude times width in samples."""
+    """Pulse energy: squared amplitude times width in samples [sample units²]."""
 
 
 def fit_pulse(

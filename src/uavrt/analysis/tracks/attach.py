@@ -67,7 +67,7 @@ class ClockOffset:
     """Standard deviation of the offset, by a jackknife over eighths of the flight [s]; None:
     given."""
     heading_sigma_deg: float | None = None
-    """Heading error caused by the offset's error at the flown turn rate [deg]."""
+    """Heading error caused by the clock offset's error at the flown turn rate [deg]."""
 
 
 def attach_poses(

@@ -25,9 +25,9 @@ class BearingLikelihood:
     log_flat: float
     """Log-likelihood without a direction: mean of noise alone and of a constant tag level."""
     fading_db: float
-    """Posterior mean of the fading's standard deviation [dB]."""
+    """Posterior mean of the standard deviation of fading from pulse to pulse [dB]."""
     level_db: float
-    """SNR on boresight at the best bearing [dB]."""
+    """SNR on boresight for the likeliest bearing [dB]."""
     level_sigma_db: float
 
 

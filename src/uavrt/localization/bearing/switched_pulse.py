@@ -25,9 +25,9 @@ class SwitchSchedule:
     dwell_samples: int
     """Number of samples for which the switch stays at each position, settling included."""
     settle_samples: int = 0
-    """Number of samples ignored after each switching."""
+    """Number of samples ignored after each change of the antenna switch's position."""
     first_sample: int = 0
-    """Index of a sample at which the switch changes to position 0."""
+    """Index of a sample at which the antenna switch changes to position 0."""
 
     def __post_init__(self) -> None:
         if self.positions < 2 or not 0 <= self.settle_samples < self.dwell_samples:

@@ -24,9 +24,9 @@ class TurnTuning:
     reversal_deg: float = 25.0
     """Minimum yaw against a turn's sense that ends it [°]; less is hovering or overshoot."""
     stop_deg: float = 4.0
-    """Maximum change of heading during a stop [°]."""
+    """Maximum change of heading while a drone that turns in steps counts as stopped [°]."""
     stop_s: float = 2.0
-    """Minimum duration of a stop [s]."""
+    """Minimum duration of a stop in a drone's turn [s]."""
     least_rate_deg_s: float = 0.5
     """Minimum rate of a turn [°/s]; a slower change of heading is drift."""
     least_rate_share: float = 0.1
@@ -34,9 +34,9 @@ class TurnTuning:
     rate_window_s: float = 4.0
     """Window for measuring the rate of turn [s]; 0.5° compass error gives 0.15°/s."""
     climb_m_s: float = 0.4
-    """Minimum vertical speed of a climb or descent [m/s]."""
+    """Minimum vertical speed that counts as climb or descent [m/s]."""
     climb_m: float = 4.0
-    """Minimum change of height of a climb or descent [m]; gusts cause less."""
+    """Minimum change of height that counts as climb or descent [m]; gusts cause less."""
     ground_share: float = 0.15
     """Height below which the drone is on the ground, as a share of its usual height."""
     ground_m: tuple[float, float] = (2.0, 6.0)
@@ -64,7 +64,7 @@ class PatternTuning:
     lobe_deg: float = 25.0
     """Half-width of a lobe of a bearing's posterior [°]."""
     correlation_pulses: int = 12
-    """Minimum number of pulses for estimating the correlation of fading."""
+    """Minimum number of pulses to estimate the correlation of neighbouring pulses' fading."""
     # Fading that is correlated from pulse to pulse.
     correlations: tuple[float, ...] = (0.3, 0.5, 0.7, 0.8, 0.9, 0.95)
     """Candidate correlations of neighbouring pulses' fading."""
@@ -72,11 +72,11 @@ class PatternTuning:
     """Candidate ratios of the fading variance to that estimated for independent pulses. Fading
     correlated over more than a quarter turn looks like the pattern."""
     correlated_share: float = 0.2
-    """Prior share of turns with correlated fading."""
+    """Prior share of turns in which neighbouring pulses' fading is correlated."""
     most_pulses: int = 240
-    """Maximum number of pulses for which correlation is evaluated: a limit on work."""
+    """Maximum number of pulses for which correlated fading is evaluated: a limit on work."""
     least_pulses: int = 12
-    """Minimum number of pulses for which correlation is evaluated."""
+    """Minimum number of pulses for which correlated fading widens a bearing's error."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,13 +100,13 @@ class LearnedPatternTuning:
     """Constants for learning an antenna's pattern from a flight's turns."""
 
     harmonics: int = 6
-    """Number of cosine harmonics in the correction of the pattern."""
+    """Number of cosine harmonics in the correction of an antenna pattern."""
     rounds: int = 3
     """Number of alternations between estimating bearings and correcting the pattern."""
     prior_db: float = 1.5
     """Prior error of a maker's plot of an antenna pattern, rms over all angles [dB]."""
     angles: int = 37
-    """Number of angles from 0° to 180° in the learned pattern: steps of 5°."""
+    """Number of angles from 0° to 180° in a learned antenna pattern: steps of 5°."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,7 +114,7 @@ class SimpleBearingTuning:
     """Constants for bearings by correlation, antenna arrays, and switched antennas."""
 
     scan_step_deg: float = 0.5
-    """Step between two trial bearings of the correlation with the pattern [°]."""
+    """Step between two trial bearings when correlating powers with the pattern [°]."""
     array_fading_db: float = 2.0
     """Rms level difference of adjacent antennas that is not due to direction [dB]."""
     carrier_step_hz: float = 0.5

@@ -31,11 +31,11 @@ class Turn:
     turned_deg: float
     """Total angle of the turn [deg], positive clockwise."""
     stops: int
-    """Number of stops; 0 is a continuous turn."""
+    """Number of stops of the drone in the turn; 0 is a continuous turn."""
     widest_gap_deg: float
-    """Widest arc of headings without a pose [deg]."""
+    """Widest arc of headings in the turn without a recorded pose [deg]."""
     latitude_deg: float
-    """Median latitude during the turn [deg]."""
+    """Median latitude of the drone during the turn [deg]."""
     longitude_deg: float
 
 

@@ -93,7 +93,7 @@ class ReadAs:
     displacement: float = 0.0
     """Standard deviation of a shift common to a tag's bearings, as a share of the distance."""
     elevation: Elevation | None = None
-    """Elevation files for losses behind hills; None: level ground."""
+    """Elevation files for losses of pulses behind hills; None: level ground."""
     bearing_method: BearingMethod | str = "pattern_ml"
     method: PositionMethod | str = "bayes"
     learn: bool = True

@@ -30,7 +30,7 @@ MAX_EXTRAPOLATION_S = 1.0
 error is some degrees where a turn begins or ends."""
 
 _RATE_BASELINE_S = 0.2
-"""Time over which the rate of motion is measured for extrapolation [s]."""
+"""Time over which the rate of turn and movement is measured for extrapolation [s]."""
 
 
 class PoseRing:
@@ -48,7 +48,7 @@ class PoseRing:
         self.late_samples = 0
         """Number of samples ignored because a later one had arrived before."""
         self.refused_samples = 0
-        """Number of invalid attitudes and positions."""
+        """Number of attitudes and positions refused because their values are invalid."""
         self.resets = 0
         """Number of times that all samples were removed, since time stepped back or jumped."""
 

@@ -51,12 +51,12 @@ class Cells:
     log_density: _Floats
     """(n,) log of the posterior density in each cell, up to a constant."""
     probability: _Floats
-    """(n,) probability of each cell; sums to 1."""
+    """(n,) posterior probability of each position cell; sums to 1."""
     log_evidence: float
     """Logarithm of the likelihood's integral over the area."""
     at_edge: bool
     rough: NDArray[np.bool_]
-    """(n,) True where the density may vary strongly within a cell."""
+    """(n,) True where the posterior density may vary strongly within a cell."""
 
     def mean(self) -> tuple[float, float]:
         """East and north of the mean [m], which has the smallest expected squared error."""

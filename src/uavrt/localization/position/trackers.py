@@ -56,13 +56,13 @@ class TagPrior:
 
     area: Area
     level_db: float = 45.0
-    """Mean SNR at 100 m [dB]: a 20 ms collar received with 9 dB from 3 km."""
+    """Mean SNR of a tag at 100 m [dB]: a 20 ms collar received with 9 dB from 3 km."""
     level_sigma_db: float = 12.0
     level_drift_db_per_root_s: float = 0.0
-    """Random walk of the strength [dB/√s]: the animal turns, plants intervene."""
+    """Random walk of a tag's strength [dB/√s]: the animal turns, plants intervene."""
     fading_db: float = 4.0
     pattern: AntennaPattern | None = None
-    """Antenna pattern; None: upright monopole."""
+    """Pattern of the receiving antenna; None: upright monopole."""
     walking_m_per_root_s: float = 1.0
     """Random walk of a browsing animal in each direction [m/√s]."""
     travelling_m_s: float = 1.0
@@ -73,11 +73,11 @@ class TagPrior:
     """Shares of the time in which an animal rests, browses, and travels."""
     exponent: float = 3.0
     exponent_sigma: float = 0.7
-    """Standard deviation of the path loss exponent; 0 if it is known."""
+    """Prior standard deviation of the path loss exponent; 0 if it is known."""
     missed_share: float = LEVEL.by_chance
-    """Share of pulses missed by chance, at any strength."""
+    """Share of a tag's pulses missed by chance, at any strength."""
     chance_share: float = LEVEL.by_chance
-    """Share of pulses that are not the tag's: false alarms, interferers."""
+    """Share of received pulses that are not the tag's: false alarms, interferers."""
     path_gain: PathGain | None = None
     """Propagation model: level relative to plain spreading; None: plain spreading."""
     hills: HillLosses | None = None
@@ -132,7 +132,7 @@ class Hypotheses:
     east_m_s: _Singles
     north_m_s: _Singles
     wandering_m_per_root_s: _Singles
-    """Random walk of the tag in each direction [m/√s]."""
+    """Random walk of the tag in each direction, for each hypothesis [m/√s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,9 +140,9 @@ class Expectation:
     """Expectation of a pulse by a tracker, before the update."""
 
     level_db: float
-    """Mean of the expected SNR over all hypotheses [dB]."""
+    """Mean of the pulse's expected SNR over all hypotheses [dB]."""
     variance_db2: float
-    """Variance of the expected SNR, fading included [dB²]."""
+    """Variance of the pulse's expected SNR, fading included [dB²]."""
     log_probability: float
     """Log-probability of a miss, or log-density of a pulse [1/dB], if the tag exists."""
 
@@ -154,7 +154,7 @@ class Spread:
     east_m: float
     north_m: float
     east_m2: float
-    """Variance of the east coordinate [m²]."""
+    """Variance of the tag's east coordinate [m²]."""
     north_m2: float
     product_m2: float
 

@@ -31,7 +31,7 @@ class GridTuning:
     """Number of cells along a side of the regular grid that locates a posterior's maximum."""
 
     bearing_range_m: float = 3000.0
-    """Default distance from the stations within which a tag is searched [m]."""
+    """Default distance from the bearings' stations within which a tag is searched [m]."""
     near_m: float = 100.0
     """Distance from the stations within which a position's prior is uniform [m]."""
     peak_heights: float = 0.25
@@ -96,11 +96,11 @@ class CommonErrorTuning:
     wrong_compass_deg: float = 20.0
     """Standard deviation of the common heading error with a wrong compass [°]."""
     walking_share: float = 0.05
-    """Prior share of flights in which the animal walks."""
+    """Prior share of flights in which the animal walks between bearings."""
     walking_m_s: float = 0.5
     """Standard deviation of a walking animal's speed in each direction [m/s]."""
     least_span_s: float = 20.0
-    """Minimum time between first and last bearing that can show a walk [s]."""
+    """Minimum time between first and last bearing that can show that an animal walks [s]."""
     contradiction: float = 0.01
     """Chance probability of the scatter below which bearings contradict each other."""
     good_outlier: float = 0.1
@@ -150,16 +150,16 @@ class PowerTuning:
     most_correlation: float = 0.93
     """Largest correlation of neighbouring pulses' fading that is examined."""
     widest_step: float = 0.3
-    """Largest step between the Fisher transforms of two examined correlations."""
+    """Largest step between examined correlations of fading, in Fisher's transform."""
 
     missed_share: float = 0.02
-    """Prior share of strong pulses that are missed by chance."""
+    """Prior share of strong pulses that the detector misses by chance."""
     missed_pulses: float = 50.0
     """Weight of the prior of the share of chance misses, as a number of pulses."""
     censored_rounds: int = 8
     """Number of iterations of the fit of level and exponent with missed pulses."""
     most_misses: int = 60
-    """Maximum number of missed pulses used; more are thinned out and weighted."""
+    """Maximum number of missed pulses in a fit; more are thinned out and weighted."""
     log_root_two_pi: float = 0.918_938_533_2
     lowest_sigmas: float = -12.0
     """Lower end of the tables of the normal distribution function [standard deviations]."""
@@ -185,7 +185,7 @@ class PowerTuning:
     hidden_db: float = 0.5
     """Loss above which a pulse counts as hidden behind a hill [dB]."""
     map_error_db: float = 2.0
-    """Effect of some metres of map error on the loss of a hidden pulse [dB]."""
+    """Change of a hidden pulse's loss behind a hill by some metres of map error [dB]."""
     same_error_m: float = 200.0
     """Length of the drone's path over which the error of hill losses is constant [m]."""
 
@@ -259,7 +259,7 @@ class SurveyTuning:
     mirror_nats: float = 20.0
     """Log-likelihood below the best within which a mirror position is examined [nats]."""
     least_db: float = 0.05
-    """Minimum residual scatter of powers [dB]: their resolution."""
+    """Minimum residual scatter of pulse powers in the robust fit [dB]: their resolution."""
     freedom: float = 3.0
     """Degrees of freedom of Student's law for powers in the robust fit."""
     rounds: int = 4
@@ -303,7 +303,7 @@ class LevelTuning:
     by_chance: float = 0.02
     """Share of pulses missed, or received at any strength, independent of the geometry."""
     any_strength_per_db: float = 1.0 / 120.0
-    """Density of a pulse's power when any strength is equally probable [1/dB]."""
+    """Probability density of a pulse whose power has any strength, equally probable [1/dB]."""
     false_pulse_db: float = 3.0
     """Mean power of false pulses above the threshold [dB], exponentially distributed."""
     root_two_pi: float = 2.506_628_275
@@ -365,9 +365,9 @@ class TrackTuning:
     strays_sigmas: float = 2.0
     """Maximum distance of an animal outside its area [standard deviations of its walk]."""
     unheard_nats: float = 0.7
-    """Maximum effect of one unexplained miss on the measure of a lost track [nats]."""
+    """Maximum effect of one unexplained miss on the log ratio of clutter to tag [nats]."""
     decay_nats: float = 0.1
-    """Decay of the measure of a lost track with each expected pulse [nats]."""
+    """Decay of the log ratio of clutter to tag with each expected pulse [nats]."""
     switching_per_s: float = 0.005
     """Rate at which an animal changes between rest, browsing and travel [1/s]."""
     lost_nats: float = 12.0
@@ -380,9 +380,9 @@ class TrackTuning:
     particles: int = 10_000
     """Number of position hypotheses (particles) for a moving tag's path."""
     point_step_s: float = 15.0
-    """Minimum time between two points of a path that are not at a bearing [s]."""
+    """Minimum time between two points of a tag's path that are not at a bearing [s]."""
     most_points: int = 40
-    """Maximum number of points of a path that are not at a bearing."""
+    """Maximum number of points of a tag's path that are not at a bearing."""
     fastest_m_s: float = 2.0
     """Maximum mean speed at which an animal leaves the position found for a flight [m/s]."""
     margin_m: float = 300.0

@@ -270,7 +270,7 @@ class _Squares:
         self._grid: GroundGrid | None = None
         self._maps: OrderedDict[tuple[int, ...], NDArray[np.float32]] = OrderedDict()
         self.last: tuple[tuple[object, ...], _Floats, LossesFrom] | None = None
-        """Tag, drone positions and result of the last call."""
+        """Tag height, drone positions and result of the last call."""
 
     @property
     def grid(self) -> GroundGrid:

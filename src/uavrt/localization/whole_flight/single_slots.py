@@ -10,7 +10,7 @@ from uavrt.localization.whole_flight.rate_of_flight import likeliest_states
 from uavrt.localization.whole_flight.tuning import PLACE
 
 _LEVELS_DB = np.arange(0.0, 50.0, 1.0)
-"""Levels of the strongest pulse that are tried [dB]; the best is used."""
+"""Candidate levels of the train's strongest pulse [dB]; the best is used."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

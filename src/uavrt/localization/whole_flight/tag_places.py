@@ -58,7 +58,7 @@ class Track:
     axes: _Floats
     """(times, 3, 3) forward, right and down axes of the antenna."""
     hills: HillLosses | None = None
-    """Ground model in the plane; None: level ground."""
+    """Ground model in the track's plane, for losses behind hills; None: level ground."""
 
     def gain_db(self, east_m: _Floats, north_m: _Floats, turn_deg: float = 0.0) -> _Floats:
         """(places, times) level, 0 on boresight at 1 m [dB]; `turn_deg`: heading error."""

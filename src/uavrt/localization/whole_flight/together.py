@@ -44,7 +44,7 @@ class Listened:
     """(places, times) energy of a pulse relative to each position's strongest: in all flights
     if the tag rests, in this one if it moves."""
     time_s: _Floats
-    """(times,) times relative to the first slot's beginning [s]."""
+    """(times,) times of the gains, relative to the first slot's beginning [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -13,7 +13,7 @@ class EnergyTuning:
     block_s: float = 30.0
     """Duration of samples measured at once in flight [s]: five stretches of constant noise."""
     chunk_s: float = 6.0
-    """Duration of samples processed at once [s]."""
+    """Duration of a channel's samples that are processed at once [s]."""
     level_s: float = 6.0
     """Time over which the noise at a frequency is taken as constant [s]."""
     level_rows: int = 5
@@ -28,7 +28,7 @@ class EnergyTuning:
     hops_beside: int = 16
     """Distance from a strong filter window beyond which others are used [hops]: two pulses."""
     slots_beside: int = 4
-    """Extent of a pulse and its jitter on each side of its slot [slots]."""
+    """Extent of a pulse and its jitter on each side of its time slot [slots]."""
     most_gap_s: float = 7200.0
     """Longest gap between two blocks of samples that is bridged [s]."""
     most_overlap_s: float = 0.1
@@ -142,7 +142,7 @@ class PlaceTuning:
     rates_block: int = 300
     pair_rows: int = 200
     most_heading_sigmas: float = 3.0
-    """Largest common heading error that is considered [standard deviations]."""
+    """Largest error common to all headings that is considered [standard deviations]."""
     flights_sigma_db: float = 3.0
     """Standard deviation of a tag's level between flights [dB]: posture, receiver, ground."""
     exponents: tuple[float, ...] = (2.0, 2.5, 3.0, 3.5, 4.0)
@@ -150,7 +150,7 @@ class PlaceTuning:
     same_range_db: float = 0.3
     """Range of 10 log10(distance) below which a position shows no path loss exponent [dB]."""
     least_exponent_share: float = 0.02
-    """Minimum probability of a path loss exponent for which regions must hold."""
+    """Minimum probability of a path loss exponent under which regions must hold the tag."""
     counted: float = 0.8
     """Share of the pulses' evidence that counts, because neighbouring pulses share errors of
     pattern, poses and ground. With all of it, 90 % regions held 85 % of the tags (I4)."""
@@ -158,7 +158,7 @@ class PlaceTuning:
     """Variance of level errors that pulses share, times the number of pulses for which they
     last [dB²]. It limits the evidence of pulses with little noise and fading."""
     noisy_db2: float = 10.0
-    """Largest variance of a level by noise for which the share `counted` applies [dB²]."""
+    """Largest noise variance of a pulse's level at which the full `counted` applies [dB²]."""
 
     fadings_db: tuple[float, ...] = (1.0, 2.0, 3.0, 4.5)
     """Candidate standard deviations of single pulses' fading [dB]; the first is the usual one.
@@ -208,7 +208,7 @@ class PlaceTuning:
     """Number of slots whose inverse likelihood ratios are multiplied before a logarithm is
     taken; each is up to e^30."""
     noise_share: float = 0.05
-    """Share of noise slots whose energy is high enough for a pulse."""
+    """Share of time slots with noise alone whose energy is high enough for a pulse."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -44,7 +44,7 @@ class AntennaPath:
     headings: Headings | None = None
     """Headings of the antenna; None is equal gain in all directions."""
     noise_db: _Floats | None = None
-    """(n,) noise over that of the link budget [dB]; None is equal to it."""
+    """(n,) noise over that of the link budget at each pulse [dB]; None is equal to it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,7 +55,7 @@ class Coverage:
     heard: _Singles
     """(rows, columns) detection probability, the southern row first; NaN is unknown."""
     groups: int
-    """Number of pulse groups on the path; 1 or 0 if `whole_flight`."""
+    """Number of pulse groups (of K pulses) on the path; 1 or 0 if `whole_flight`."""
     whole_flight: bool = False
     """True if all pulses are combined, as by `uavrt integrate`."""
     limitations: tuple[str, ...] = ()
@@ -83,11 +83,11 @@ class Absence:
     """Probability that an undetected tag is absent from an area."""
 
     prior: float
-    """Prior probability that the tag is in the area."""
+    """Prior probability that the undetected tag is in the area."""
     heard: float
-    """Mean probability of detecting the tag in the area."""
+    """Mean probability, over the area, that the flight would have detected the tag."""
     not_here: float
-    """Posterior probability that the tag is not in the area."""
+    """Posterior probability that the undetected tag is not in the area."""
 
 
 def planned_antenna_path(

@@ -27,7 +27,7 @@ class VehicleState:
     east_m: float
     north_m: float
     height_m: float
-    """Height above the take-off point [m]."""
+    """Height of the drone above the take-off point [m]."""
     yaw_deg: float = 0.0
     """Heading of the nose and the antenna, clockwise from true north [deg]."""
 
@@ -218,7 +218,7 @@ class Multirotor:
     def _gone_m(
         self, moving_s: _Floats, distance_m: _Floats, speed_m_s: _Floats, flying_s: _Floats
     ) -> _Floats:
-        """(legs, samples) distance flown: accelerating, steady, braking [m]."""
+        """(legs, samples) distance flown while accelerating, steady and braking [m]."""
         a = self.acceleration_m_s2
         ramp = np.minimum(np.maximum(speed_m_s, 0.0) / a, 0.5 * flying_s)[:, None]
         left = flying_s[:, None] - moving_s

@@ -55,7 +55,7 @@ class Ledger(Generic[R]):
         self._files: dict[str, dict[str, Seal]] = {}
         self._keys: dict[str, set[str]] = defaultdict(set)
         self.damaged: dict[str, str] = {}
-        """Reason for each missing or damaged file; its content is computed again."""
+        """Reason for each missing or damaged output file; its content is computed again."""
         self.withdrawn: set[str] = set()
         """Paths of row file and tables of each row removed because a table is damaged."""
         try:

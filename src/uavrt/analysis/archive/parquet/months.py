@@ -62,7 +62,7 @@ class Copy(msgspec.Struct, frozen=True):
 
 
 Index = dict[str, Copy]
-"""Index of the copies, by path below the output."""
+"""Index of the copies of tables by month, by path below the output."""
 
 
 def gather_months(

@@ -28,7 +28,7 @@ MONTHS = "months"
 PULSE_FIELDS = fields_of(Pulse)
 _ROWS = 100_000
 _PANDAS = {"whole": "Int64", "switch": "boolean"}
-"""Nullable pandas types by kind of column."""
+"""Nullable pandas types by kind of table column."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +90,7 @@ class FlightRow:
     dem: str | None = None
     """Elevation file or folder of the terrain; None for level ground."""
     integrate_fault: str | None = None
-    """Reason why whole-flight analysis failed for some tags."""
+    """Reason why whole-flight analysis failed for some tags of the flight."""
     fingerprints: str = ""
     """Hash of each processing step's inputs, as STEP=HASH separated by commas."""
     copies: str = ""

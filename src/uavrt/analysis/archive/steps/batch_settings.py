@@ -10,7 +10,7 @@ from uavrt.core.errors import NotFound, UsageError
 
 STEPS = ("detect", "attach", "bearing", "localize", "integrate")
 USUAL_STEPS = STEPS[:-1]
-"""Default steps; whole-flight analysis is left out, since it takes longest and most memory."""
+"""Default steps of a batch: without whole-flight analysis, the slowest, with most memory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

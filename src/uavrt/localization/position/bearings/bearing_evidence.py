@@ -127,7 +127,7 @@ class Doubts:
     """Heading error and outlier probabilities, averaged over a posterior of positions."""
 
     heading_error_deg: float
-    """Mean of the error that all headings share [deg]."""
+    """Posterior mean of the error that all headings share [deg]."""
     heading_error_sigma_deg: float
     outlier_probabilities: tuple[float, ...]
 

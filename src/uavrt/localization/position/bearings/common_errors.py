@@ -23,7 +23,7 @@ _Floats = NDArray[np.float64]
 
 Explanation = Literal["rest", "compass", "walk"]
 UNUSUAL: frozenset[Explanation] = frozenset({"compass", "walk"})
-"""Explanations other than a resting tag with usual heading errors."""
+"""Explanations of bearings other than a resting tag with usual heading errors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -31,7 +31,7 @@ class FlightBearings:
     """Bearings of one tag in the local plane."""
 
     east_m: _Floats
-    """(n,) east coordinates of the stations [m]."""
+    """(n,) east coordinates of the places where the bearings were taken [m]."""
     north_m: _Floats
     bearing_deg: _Floats
     sigma_deg: _Floats

@@ -19,7 +19,7 @@ class Stations:
     latitude_deg: _Floats
     longitude_deg: _Floats
     bearing_deg: _Floats
-    """(n,) bearings, clockwise from true north [deg]."""
+    """(n,) bearings from the stations to the tag, clockwise from true north [deg]."""
     sigma_deg: _Floats | None = None
     """(n,) standard deviation of each bearing [deg]; None: one is estimated for all."""
     posterior: _Floats | None = None

@@ -31,7 +31,7 @@ class Listening:
     """East coordinate of the drone in the tracker's plane [m]."""
     north_m: float
     height_m: float
-    """Height of the drone above the tag [m]."""
+    """Height of the drone above the tag at the pulse [m]."""
     snr_db: float | None
     """SNR of the pulse [dB]; None: missed, which shows where the tag is not."""
     threshold_db: float = 10.0

@@ -26,7 +26,7 @@ class Propagation:
     """Mean path loss exponent: 2 in free space, 4 beyond the break point over ground."""
     exponent_sigma: float = 0.7
     shadowing_db: float = 3.0
-    """Standard deviation of the loss by ground and plants at a position [dB]."""
+    """Standard deviation of shadowing, the loss by ground and plants at a position [dB]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -74,7 +74,7 @@ class PulseGeometry:
     rise_m: _Reals | None = None
     """(places, 1) height of the ground above that at the take-off [m]; None: level ground."""
     lost_db: _Reals | None = None
-    """(places, pulses) loss behind hills [dB]; None: level ground."""
+    """(places, pulses) loss behind hills from each position [dB]; None: level ground."""
 
 
 def fit_each(

@@ -43,7 +43,7 @@ class SignalSurface:
     north_m: _Floats
     """(y,) grid coordinates north of the origin [m]."""
     snr_db: _Floats
-    """(y, x) SNR [dB]; NaN outside the track's convex hull."""
+    """(y, x) interpolated SNR [dB]; NaN outside the track's convex hull."""
 
 
 def strongest_signal(track: PowerTrack, *, exponent: float = 2.5) -> StrongestSignal:

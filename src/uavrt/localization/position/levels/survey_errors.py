@@ -49,9 +49,9 @@ class SurveyEvidence:
         self.kept = np.ones(len(track.snr_db), bool)
         """(n,) True for pulses that are not attributed to other senders."""
         self.height_shift_m = 0.0
-        """Estimated error of the height above the tag [m]."""
+        """Estimated error of the stated height above the tag [m]."""
         self.height_right_probability = 1.0
-        """Probability that the height is wrong by less than 10 m."""
+        """Probability that the height above the tag is wrong by less than 10 m."""
         self._correlation = 0.0
         heard = ~np.isnan(track.snr_db)
         if over_hills is not None or not np.all(heard):
