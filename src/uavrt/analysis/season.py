@@ -20,7 +20,7 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 from uavrt.flight.reading.outline import FlightOutline, read_outline
 
 CHANGED_PERCENT = 10
-"""Minimum rise of the charge that indicates a changed battery [percentage points]."""
+"""Minimum rise of a battery's charge that indicates a changed battery [percentage points]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -40,7 +40,7 @@ class FlightTuning:
     """Limits for poses, pulses, turns and bearings that are read from a flight."""
 
     pose_step_ns: int = 180_000_000
-    """Minimum time between two poses that are used [ns]; closer ones add nothing to a turn."""
+    """Minimum time between two drone poses in use [ns]; closer ones add nothing to a turn."""
     pose_gap_ns: int = 2_000_000_000
     """Gap between telemetry poses above which poses stored with pulses are used [ns]."""
     most_missed: int = 100_000
@@ -92,7 +92,7 @@ class FlightTuning:
     gain_pulses: int = 6
     """Number of pulses compared before and after a possible change of receiver gain."""
     gain_step_db: float = 3.0
-    """Smallest step of the noise that counts as a change of receiver gain [dB]."""
+    """Smallest step of the noise level that counts as a change of receiver gain [dB]."""
     steady_noise_db: float = 2.0
     """Range of the noise of `gain_pulses` pulses below which it is steady [dB]. Measured
     densities scatter by 0.3 dB (standard deviation)."""

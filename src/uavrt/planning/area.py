@@ -258,7 +258,7 @@ class SearchArea:
     within: tuple[Circle | Polygon, ...] = ()
     """Areas that the drone must not leave, home and return included."""
     margin_m: float = 0.0
-    """Distance to keep from fence and excluded areas [m], for gusts and wide turns."""
+    """Distance kept from fence and excluded areas [m], for gusts and wide turns."""
     straight_home: bool = False
     """True if the straight return from any position must avoid the excluded areas, too."""
     lowest_m: float = 20.0

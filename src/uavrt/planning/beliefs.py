@@ -62,7 +62,7 @@ class ModelCheck:
     scatter: float
     """Ratio of the levels' mean square deviation to the expected; 1 if the model holds."""
     pulses: float
-    """Sum of the weights of the recent pulses, as an effective number of pulses."""
+    """Sum of the weights of recent pulses in the check, as an effective number of pulses."""
 
     @property
     def passed(self) -> bool:

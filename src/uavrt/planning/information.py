@@ -232,7 +232,7 @@ def minus_quarter_squares(scaled: _Singles, whole: _Singles) -> _Singles:
 
 
 def _walked_m(some: Hypotheses, spans_s: _Floats) -> tuple[_Singles, _Singles] | None:
-    """East and north displacement of each walking hypothesis until each path's end [m]."""
+    """East, north displacement of each walking tag hypothesis until each path's end [m]."""
     if not some.wandering_m_per_root_s.any():
         return None
     steps = np.random.default_rng(0).normal(size=(2, 1, 1, len(some.east_m)))
@@ -241,7 +241,7 @@ def _walked_m(some: Hypotheses, spans_s: _Floats) -> tuple[_Singles, _Singles] |
 
 
 def _walked_db2(some: Hypotheses, legs: Legs, spans_s: _Floats, above_tags_m: float) -> _Floats:
-    """(legs, samples) variance of a level by the animal's walk until the path's end [dB²]."""
+    """(legs, samples) variance of the level by the tag's walk until the path's end [dB²]."""
     walk2 = float(np.mean(some.wandering_m_per_root_s**2))
     if walk2 == 0.0:
         return np.zeros_like(legs.time_s)

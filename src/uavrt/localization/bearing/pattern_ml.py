@@ -101,7 +101,7 @@ class _Fit:
 
 
 def _fitted(turn: _Turn) -> _Fit:
-    """Fit a turn with one path and with two, allowing for some pulses of other senders."""
+    """Fit a turn's powers with one path and with two; some pulses may be other senders'."""
     known, heard = turn.fading_db, turn.heard
     tables = power_tables(
         turn.matched_power,

@@ -163,7 +163,7 @@ def _moves(seconds: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool_]
 def _that_lead_away(
     moves: NDArray[np.bool_], east: _Floats, north: _Floats
 ) -> NDArray[np.bool_]:
-    """Mask of the stretches of `moves` whose ends are at least `TURNS.path_m` apart."""
+    """(n,) True in stretches of `moves` whose ends are at least `TURNS.path_m` apart."""
     kept = np.zeros(len(moves), bool)
     for first, last in _runs(moves):
         way_m = np.hypot(east[last - 1] - east[first], north[last - 1] - north[first])
@@ -204,7 +204,7 @@ def _runs(true: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def _legs(yaw: _Floats) -> list[tuple[int, int]]:
-    """First and last index of rotations in one direction; small reversals are ignored."""
+    """Pose indices at both ends of rotations in one direction; small reversals ignored."""
     legs, start, best = [], 0, 0
     way = 0.0
     for index in range(1, len(yaw)):

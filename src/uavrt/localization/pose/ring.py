@@ -20,7 +20,7 @@ from uavrt.localization.pose.mounting import Mounting
 from uavrt.localization.pose.series import Four, S, Series
 
 CAPACITY = 6_000
-"""Number of stored attitudes and of positions: two minutes at 50 Hz, one at 100 Hz."""
+"""Number of attitudes and of positions kept: two minutes at 50 Hz, one at 100 Hz."""
 
 MAX_GAP_S = 2.0
 """Longest gap between samples that is interpolated [s]; in a longer one a vehicle may turn."""

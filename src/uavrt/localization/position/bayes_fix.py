@@ -274,7 +274,7 @@ def _overlooked(
     shows_m: float,
     within: Area,
 ) -> NDArray[np.bool_]:
-    """True for the widest cells of an area that have a likely corner and must be quartered."""
+    """True for the widest position cells that have a likely corner and must be quartered."""
     found = np.zeros(len(east), bool)
     half = 0.5 * width
     wide = np.flatnonzero((width > 0.5 * shows_m) & within.touches(east, north, half))

@@ -33,7 +33,7 @@ class SurveyWalk:
     place: tuple[float, float]
     """East and north of the tag in the middle of the flight [m]."""
     fading_db: float
-    """Standard deviation of fading [dB], increased for correlated neighbouring pulses."""
+    """Standard deviation of pulses' fading [dB], more if neighbouring pulses correlate."""
 
     def at(self, since_s: float) -> tuple[float, float]:
         """East and north of the tag at a time after the middle of the flight [m]."""

@@ -35,9 +35,9 @@ class GridTuning:
     near_m: float = 100.0
     """Distance from the stations within which a position's prior is uniform [m]."""
     peak_heights: float = 0.25
-    """Width of a survey's likelihood peak, as a share of the height above the tag."""
+    """Width of a power survey's likelihood peak, as a share of the height above the tag."""
     least_extent_share: float = 1.0 / 16.0
-    """Minimum width of cells that resolve a survey's peak, as a share of its extent."""
+    """Minimum width of cells that resolve a power survey's peak, as a share of its extent."""
 
     negligible: float = 0.005
     """Probability below which an explanation (rest, walk, compass error) is ignored."""
@@ -63,7 +63,7 @@ class BearingFixTuning:
     step_deg: float = 0.25
     """Step in bearing of the tables of a bearing's probability [°]."""
     blurs_deg: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
-    """Blurs applied to a bearing's table, one for each apparent width of a grid cell [°]."""
+    """Widths by which a bearing's density is blurred, for the angle a grid cell spans [°]."""
     unknown_sigmas_deg: tuple[float, ...] = (1.5, 3.0, 6.0, 12.0, 24.0)
     """Candidate standard deviations of a bearing whose own is unknown [°]."""
     multiplied: int = 16
@@ -140,7 +140,7 @@ class PowerTuning:
     """Constants for positions from the powers of a track's pulses, with misses and hills."""
 
     least_extent_m: float = 20.0
-    """Minimum extent of a track of powers [m]; less is one position with GNSS noise."""
+    """Minimum extent of a flight with pulse powers [m]; less is one place with GNSS noise."""
     reference_m: float = 100.0
     """Distance to which a tag's level refers [m]."""
     typical_fading_db: float = 4.0
@@ -155,7 +155,7 @@ class PowerTuning:
     missed_share: float = 0.02
     """Prior share of strong pulses that the detector misses by chance."""
     missed_pulses: float = 50.0
-    """Weight of the prior of the share of chance misses, as a number of pulses."""
+    """Weight of the prior of the share of pulses missed by chance, as a number of pulses."""
     censored_rounds: int = 8
     """Number of iterations of the fit of level and exponent with missed pulses."""
     most_misses: int = 60
@@ -293,7 +293,7 @@ class WalkTuning:
     resting_fading_db: float = 6.0
     """Fading assumed when tracking the path of a tag that rests in the survey [dB]."""
     survey_margin: float = 0.25
-    """Margin around a survey searched for a walking tag, as a share of its extent."""
+    """Margin around a survey that is searched for a walking tag, as a share of its extent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -329,7 +329,7 @@ class LastingError:
     sigma: float
     """Standard deviation of the lasting error of levels before any pulse."""
     correlation_m: float
-    """Length of the drone's path over which the error's correlation falls to 1 / e [m]."""
+    """Path length of the drone over which the error's correlation falls to 1 / e [m]."""
     limits: tuple[float, float]
     """Minimum and maximum mean of the lasting error of levels after pulses."""
 
@@ -384,7 +384,7 @@ class TrackTuning:
     most_points: int = 40
     """Maximum number of points of a tag's path that are not at a bearing."""
     fastest_m_s: float = 2.0
-    """Maximum mean speed at which an animal leaves the position found for a flight [m/s]."""
+    """Maximum mean speed of an animal away from the position found for a flight [m/s]."""
     margin_m: float = 300.0
     """Margin around the area searched for a moving tag's path by bearings [m]."""
     end_m: float = 120.0

@@ -107,7 +107,7 @@ class HeardTrain:
     """Logarithm of the number of trains from which this was chosen as the best; None: certainly
     the tag's. A weak one may be chance; the flight then has no information."""
     rates: int = 1
-    """Number of the tag's rates; in some slots another rate may have been used."""
+    """Number of the tag's pulse rates; in some slots another rate may have been used."""
 
     @classmethod
     def among(

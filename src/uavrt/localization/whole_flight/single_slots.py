@@ -18,9 +18,9 @@ class SlotEvidence:
     """Evidence for a pulse in each slot of a train."""
 
     at_rate: NDArray[np.bool_]
-    """(n,) True if the tag used the train's rate; always for a tag with one rate."""
+    """(n,) True if the tag sent at the train's rate; always for a tag with one rate."""
     supported: NDArray[np.bool_]
-    """(n,) True if the tag used the rate, and the slot's energy exceeds 95 % of noise slots."""
+    """(n,) True if sent at that rate, and the slot's energy exceeds 95 % of noise slots."""
 
 
 def slot_evidence(one: HeardTrain, gain: NDArray[np.float64]) -> SlotEvidence:

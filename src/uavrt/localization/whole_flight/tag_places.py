@@ -89,7 +89,7 @@ class Track:
     def _towards_db(
         self, axes: _Floats, north: _Floats, east: _Floats, down: _Floats
     ) -> _Floats:
-        """(places, times) antenna gain in unit directions [dB]; `axes` is (3, 3, times)."""
+        """(places, times) antenna gain in given directions [dB]; `axes` is (3, 3, times)."""
         if self.pattern.name == MONOPOLE:
             # A monopole stays upright however the drone tilts, and receives nothing from below.
             return monopole_gain_db(np.degrees(np.arcsin(np.clip(down, -1.0, 1.0))))

@@ -53,13 +53,13 @@ class _PathRating:
     value_power: float = 8.0
     value_linear: float = 0.002
     explore_nats: float = 2.5
-    """Missing information of every tag above which all directions are rated [nats]."""
+    """Missing position information of every tag above which all directions are rated [nats]."""
     change_gain: float = 0.15
-    """Relative gain required to change the target tag, if animals or drones are avoided."""
+    """Relative gain in value required to change the target tag, if animals are avoided."""
     turn_nats: float = 1.5
     """Minimum information on an animal possibly near that justifies a turn in place [nats]."""
     near_probability: float = 0.25
-    """Minimum probability of a near animal at which the drone leaves instead of turning."""
+    """Minimum probability that an animal is near at which the drone leaves without a turn."""
     vague_factor: float = 1.5
     """Ratio of an animal's position spread to the distance to keep that makes a turn useful."""
 

@@ -261,7 +261,7 @@ class SurveyEvidence:
         return readings or [np.ones(len(heard), bool)]
 
     def _weigh_heights(self, place: tuple[float, float], step_m: float) -> _Floats:
-        """Estimate the height error; returns three heights for its distribution [m]."""
+        """Estimate the height error; returns three errors that span its distribution [m]."""
         shifts = np.array(self._shifts())
         weight = self._weights(shifts, place, step_m)
         mean = float(weight @ shifts)
@@ -311,13 +311,13 @@ def cautions_of_survey(evidence: SurveyEvidence) -> tuple[Caution, ...]:
 
 
 def _height_sigma_m(track: PowerTrack, sigma_m: float) -> float:
-    """Standard deviation of the height's error [m]; a low receiver's height is known better."""
+    """Standard deviation of the stated height's error [m]; less for a low receiver."""
     most_m = SURVEY.height_share * abs(float(np.median(track.height_m)))
     return min(sigma_m, most_m) if most_m >= SURVEY.least_sigma_m else 0.0
 
 
 def _log_prior_of_height(shifts_m: _Floats, sigma_m: float) -> _Floats:
-    """(n,) log-prior of height errors: a mixture of usual and of far greater errors."""
+    """(n,) log-prior of errors of the stated height: a mixture of usual and far greater."""
     usual = (1.0 - SURVEY.far_wrong_share) * _normal(shifts_m, sigma_m)
     far_wrong = SURVEY.far_wrong_share * _normal(shifts_m, SURVEY.far_wrong_sigmas * sigma_m)
     return np.asarray(np.log(usual + far_wrong))
@@ -346,7 +346,7 @@ def _unlike_neighbours(residual: _Floats) -> tuple[_Floats, _Floats]:
 
 
 def _over_readings(fits: Sequence[tuple[PowerFit, float]]) -> PowerFit:
-    """Sum the likelihood over sets of the tag's pulses; level and exponent of the best set."""
+    """Sum the likelihood over sets of the tag's pulses; level, exponent of the best set."""
     if len(fits) == 1:
         return fits[0][0]
     score = np.stack([fit.log_likelihood + log_prior for fit, log_prior in fits])

@@ -47,7 +47,7 @@ class SlotEnergies:
     level: NDArray[np.float32]
     """(frequencies, slots) maximum power over noise, strong pulses included; 0 if excluded."""
     loud: NDArray[np.bool_]
-    """(frequencies, slots) True for a pulse strong enough to be detected alone."""
+    """(frequencies, slots) True for a slot's pulse strong enough to be detected alone."""
     listened: NDArray[np.bool_]
     """(slots,) True for time slots in which there were samples."""
     noise_db: NDArray[np.float64]
@@ -436,7 +436,7 @@ def _spread(flags: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
 def _centred(
     energy: NDArray[np.float32], good: NDArray[np.bool_], length: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float64]]:
-    """Energies of mean 0 in each stretch, variance 1 in each row; rows' means and sigmas."""
+    """Energies, mean 0 in each stretch, variance 1 in each row; rows' means and sigmas."""
     result = np.zeros_like(energy)
     rows = len(energy)
     if not good.any():
