@@ -43,7 +43,7 @@ class Bearing:
     fading_db: float | None = None
     """Estimated standard deviation of the fading from pulse to pulse [dB]."""
     level_db: float | None = None
-    """Estimated SNR of a pulse on boresight [dB]."""
+    """Estimated SNR of a pulse on boresight in the turn [dB]."""
     level_sigma_db: float | None = None
     confidence: float | None = None
     """Confidence as defined by the method: tau of PCA, Pearson's correlation and others."""
@@ -83,12 +83,12 @@ class PositionGrid:
     """Probability of a position on a grid over the ground: the heat map."""
 
     latitude_deg: float
-    """Latitude of the local plane's origin [deg]."""
+    """Latitude of the origin of the position map's local plane [deg]."""
     longitude_deg: float
     east_m: NDArray[np.float64]
-    """(x,) centres of the cells east of the origin [m]."""
+    """(x,) centres of the map's cells, east of the origin [m]."""
     north_m: NDArray[np.float64]
-    """(y,) centres of the cells north of the origin [m]."""
+    """(y,) centres of the map's cells, north of the origin [m]."""
     probability: NDArray[np.float64]
     """(y, x) probability that the tag is in each cell; sums to 1."""
 

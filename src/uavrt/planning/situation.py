@@ -35,9 +35,9 @@ class SearchSettings:
     pulse_s: float = 1.0
     """Interval between a tag's pulses [s]."""
     threshold_db: float = 10.0
-    """SNR above which a pulse is detected [dB]."""
+    """SNR above which the drone detects a tag's pulse [dB]."""
     tag_height_m: float = 0.0
-    """Height of tags above ground [m]."""
+    """Height of tags above the ground beneath [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,7 +96,7 @@ class Decision:
 
     action: Action
     reason: str
-    """Reason of the action for the operator; its figures are in `candidates`."""
+    """Reason of the planner's action for the operator; its figures are in `candidates`."""
     candidates: tuple[Candidate, ...] = ()
 
 

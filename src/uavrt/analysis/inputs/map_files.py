@@ -47,9 +47,9 @@ class MapFile:
 
     path: Path
     format: str
-    """File format, ``pmtiles`` or ``mbtiles``."""
+    """File format of the map, ``pmtiles`` or ``mbtiles``."""
     tiles: str
-    """Tile format: ``png``, ``jpg``, ``webp`` or ``mvt``."""
+    """Format of the map's tiles: ``png``, ``jpg``, ``webp`` or ``mvt``."""
     min_zoom: int
     max_zoom: int
     bounds: tuple[float, float, float, float]

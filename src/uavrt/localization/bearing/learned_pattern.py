@@ -69,7 +69,7 @@ def learn_pattern(
 
 
 def _basis(angle_deg: _Floats) -> _Floats:
-    """(n, harmonics) cosines of multiples of each angle off boresight; even at 0° and 180°."""
+    """(n, harmonics) cosines of multiples of angles off boresight; symmetric about 0°, 180°."""
     order = np.arange(1, LEARNED_PATTERN.harmonics + 1)
     return np.asarray(np.cos(np.radians(angle_deg)[:, None] * order))
 

@@ -12,7 +12,7 @@ class TurnTuning:
     path_window_s: float = 15.0
     """Time before and after a pose over which its displacement is measured [s]."""
     window_shift_m: float = 3.0
-    """Minimum displacement in 15 s, both before and after a pose, of a drone on a path [m]."""
+    """Minimum displacement in `path_window_s`, before and after a pose on a flown path [m]."""
     path_m: float = 7.5
     """Minimum distance between ends of a flown path [m]: half the radius of a turn in place."""
     drift_spans_deg: tuple[float, ...] = (45.0, 90.0)
@@ -58,7 +58,7 @@ class PatternTuning:
     levels_each_side: int = 10
     """Number of fine levels tried on each side of a trial bearing's best coarse level."""
     lowest_level_db: float = -6.0
-    """Minimum SNR on boresight of a detectable tag [dB]."""
+    """Lowest SNR on boresight, in a turn's fit, of a detectable tag [dB]."""
     refined_nats: float = 18.0
     """Log-density below the best at which a trial bearing is not refined [nats]."""
     lobe_deg: float = 25.0

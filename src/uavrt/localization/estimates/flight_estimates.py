@@ -120,7 +120,7 @@ class TagBearing:
     turn: Turn | None = None
     """Turn from which the bearing was estimated; None: unknown."""
     number: int = 0
-    """Number of the turn in the flight, from 0."""
+    """Number of the bearing's turn in the flight, from 0."""
     from_drone: bool = False
     flight: int = 0
     """Index of the flight or log; while a position is estimated, index of the receiver."""
@@ -156,7 +156,7 @@ class Found:
     frequencies_hz: Mapping[int, float] = field(default_factory=dict)
     """Frequencies of received or listed tags [Hz], by tag."""
     pattern: AntennaPattern | None = None
-    """Antenna pattern as corrected by the turns; None without a turn."""
+    """Antenna pattern as corrected by the flight's turns; None without a turn."""
 
     def bearings_of(self, tag_id: int) -> list[TagBearing]:
         """Bearings of one tag."""

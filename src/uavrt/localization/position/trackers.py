@@ -44,7 +44,7 @@ class TrackEstimate:
     """Radius of the circle around the estimate that holds the tag with 50 % probability [m]."""
     radius95_m: float
     level_db: float
-    """SNR of the tag at 100 m [dB]."""
+    """SNR of the tag's pulses at 100 m [dB]."""
     east_m_s: float = 0.0
     """Velocity towards east, averaged over all hypotheses [m/s]; resting ones count as 0."""
     north_m_s: float = 0.0

@@ -213,11 +213,11 @@ class SurveyTuning:
     least_height_m: float = 3.0
     """Minimum height above the tag after the correction of a stated height [m]."""
     closer_m: tuple[float, ...] = (-9.0, -6.0, -3.0, 0.0, 3.0, 6.0, 9.0)
-    """Finer candidate height errors, relative to the mean by the coarse ones [m]."""
+    """Finer candidates for the height error, relative to the mean by `shifts_m` [m]."""
     known_m: float = 6.0
-    """Standard deviation of the height error below which `closer_m` are compared, too [m]."""
+    """Standard deviation of the height error below which `closer_m` refine it [m]."""
     nodes: tuple[float, ...] = (-1.5, 0.0, 1.5)
-    """Heights averaged at each tag position, relative to the mean [standard deviations]."""
+    """Heights over which a likelihood is averaged, from their mean [standard deviations]."""
     least_sigma_m: float = 1.5
     """Minimum standard deviation of the height above the tag when it is averaged [m]."""
     least_bend: float = 0.05
@@ -281,7 +281,7 @@ class WalkTuning:
     speeds_m_s: tuple[float, ...] = (0.4, 0.9)
     """Candidate speeds of the tag in the coarse comparison of walk and rest [m/s]."""
     directions: int = 8
-    """Number of candidate directions of the tag's walk in the coarse comparison."""
+    """Number of directions of a tag's walk in the coarse comparison of walk and rest."""
     gate_nats: float = 2.0
     """Evidence for a walk in the coarse comparison above which a fine one follows [nats]."""
     fine_cells: int = 9
@@ -303,7 +303,7 @@ class LevelTuning:
     by_chance: float = 0.02
     """Share of pulses missed, or received at any strength, independent of the geometry."""
     any_strength_per_db: float = 1.0 / 120.0
-    """Probability density of a pulse whose power has any strength, equally probable [1/dB]."""
+    """Probability density of a pulse's power if all strengths are equally probable [1/dB]."""
     false_pulse_db: float = 3.0
     """Mean power of false pulses above the threshold [dB], exponentially distributed."""
     root_two_pi: float = 2.506_628_275
@@ -353,7 +353,7 @@ class LossErrorTuning:
     grazing_db: float = 6.0
     """Change of a hill's loss by some metres of height where the path grazes it [dB]."""
     grazing_fall_db: float = 3.0
-    """Loss behind a hill at which the change `grazing_db` has fallen to its 1 / e [dB]."""
+    """Loss behind a hill at which `grazing_db` has fallen to 1 / e of its value [dB]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -52,7 +52,7 @@ class Track:
 
     pattern: AntennaPattern
     east_m: _Floats
-    """(times,) east coordinate of the antenna [m]."""
+    """(times,) east coordinate of the antenna in the plane of `Places` [m]."""
     north_m: _Floats
     height_m: _Floats
     axes: _Floats

@@ -55,7 +55,7 @@ class _PathRating:
     explore_nats: float = 2.5
     """Missing position information of every tag above which all directions are rated [nats]."""
     change_gain: float = 0.15
-    """Relative gain in value required to change the target tag, if animals are avoided."""
+    """Relative gain required to change the target tag, if animals or drones are avoided."""
     turn_nats: float = 1.5
     """Minimum information on an animal possibly near that justifies a turn in place [nats]."""
     near_probability: float = 0.25

@@ -45,7 +45,7 @@ class RecordingRow:
     fault: str | None = None
     start_time_ns: int | None
     length_s: float | None = None
-    """Duration of the samples, lost samples excluded [s]; None if unknown."""
+    """Duration of the recording's samples, lost samples excluded [s]; None if unknown."""
     sample_rate_hz: float | None = None
     center_frequency_hz: float | None = None
     pulses: int
@@ -167,7 +167,7 @@ class PositionOfTag:
     heading_error_sigma_deg: float | None
     remarks: str
     cautions: str
-    """Names of cautions on the position, with commas between."""
+    """Names of cautions on the tag's position, with commas between."""
     cautions_in_words: str
     """Texts of the cautions for the operator, one per line."""
     track_time_ns: tuple[int, ...]
