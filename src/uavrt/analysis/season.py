@@ -20,7 +20,7 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 from uavrt.flight.reading.outline import FlightOutline, read_outline
 
 CHANGED_PERCENT = 10
-"""Minimum rise of the charge that indicates a changed battery [percentage points]."""
+"""Minimum rise of a battery's charge that indicates a changed battery [percentage points]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +53,7 @@ class Season:
     batteries: int
     """Number of batteries used; flights in `flights_without_battery` are not counted."""
     batteries_used: float
-    """Charge used by all flights, in units of one full battery."""
+    """Battery charge used by all flights, in units of one full battery."""
     flights_without_battery: int
     """Number of flights without battery data, since no ground station recorded them."""
     copies: int

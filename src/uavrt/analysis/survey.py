@@ -96,7 +96,7 @@ class Survey:
     verdicts: tuple[IntegratedVerdict, ...] = ()
     folds: tuple[FlightFold, ...] = ()
     silences: "tuple[SilentMap, ...]" = ()
-    """Coverage maps of tags, if their radiated power was given."""
+    """Detection maps of tags, if their radiated power was given."""
     facts: Facts = field(default_factory=Facts)
     maps: tuple[MapFile, ...] = ()
     """Map files for the background of the report's maps."""

@@ -26,10 +26,10 @@ class AntennaPattern:
 
     name: str
     e_plane_db: tuple[float, ...]
-    """Gain at equal steps from 0° to 180°, both included [dB], in the plane of the elements,
-    which is horizontal on a level drone."""
+    """Gain at equal steps off boresight, 0° to 180° [dB], in the plane of the elements, which
+    is horizontal on a level drone."""
     h_plane_db: tuple[float, ...] | None = None
-    """Gain at the same angles across the elements [dB]; None: equal to `e_plane_db`."""
+    """Gain at the same angles, in the plane across the elements [dB]; None: `e_plane_db`."""
 
     def __post_init__(self) -> None:
         for table in (self.e_plane_db, self.h_plane_db):

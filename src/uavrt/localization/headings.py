@@ -16,7 +16,7 @@ class Headings:
     yaw_deg: NDArray[np.float64]
     """(n,) direction of the boresight over ground, clockwise from true north [deg]."""
     axes: NDArray[np.float64] | None = None
-    """(n, 3, 3) forward, right and down axis in north, east, down; None: a level antenna."""
+    """(n, 3, 3) antenna's forward, right, down axis in north, east, down; None: level."""
 
     @classmethod
     def level(cls, yaw_deg: ArrayLike) -> "Headings":

@@ -24,7 +24,7 @@ class Bearing:
     """Mean of the main lobe of the posterior; for other methods, their result [deg]."""
     method: BearingMethod | ArrayMethod | str
     pulses: int
-    """Number of received and missed pulses used."""
+    """Number of received and missed pulses used for the bearing."""
     sigma_deg: float | None = None
     """Standard deviation inside the main lobe [deg]; None for a method without statistics."""
     interval90_deg: tuple[float, float] | None = None
@@ -43,7 +43,7 @@ class Bearing:
     fading_db: float | None = None
     """Estimated standard deviation of the fading from pulse to pulse [dB]."""
     level_db: float | None = None
-    """Estimated SNR of a pulse on boresight [dB]."""
+    """Estimated SNR of a pulse on boresight in the turn [dB]."""
     level_sigma_db: float | None = None
     confidence: float | None = None
     """Confidence as defined by the method: tau of PCA, Pearson's correlation and others."""
@@ -83,14 +83,14 @@ class PositionGrid:
     """Probability of a position on a grid over the ground: the heat map."""
 
     latitude_deg: float
-    """Latitude of the local plane's origin [deg]."""
+    """Latitude of the origin of the position map's local plane [deg]."""
     longitude_deg: float
     east_m: NDArray[np.float64]
-    """(x,) centres of the cells east of the origin [m]."""
+    """(x,) centres of the map's cells, east of the origin [m]."""
     north_m: NDArray[np.float64]
-    """(y,) centres of the cells north of the origin [m]."""
+    """(y,) centres of the map's cells, north of the origin [m]."""
     probability: NDArray[np.float64]
-    """(y, x) probability of each cell; sums to 1."""
+    """(y, x) probability that the tag is in each cell; sums to 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +100,7 @@ class Ellipse:
     semi_major_m: float
     semi_minor_m: float
     orientation_deg: float
-    """Direction of the long axis [deg], clockwise from true north, [0, 180)."""
+    """Direction of the ellipse's long axis [deg], clockwise from true north, [0, 180)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,9 +143,9 @@ class Position:
     longitude_deg: float
     method: PositionMethod | str
     stations: int
-    """Number of bearings used."""
+    """Number of bearings used for the position."""
     pulses: int = 0
-    """Number of pulse powers used, missed pulses included."""
+    """Number of pulse powers used for the position, missed pulses included."""
     foreign_pulses: int = 0
     """Number of pulses excluded because they are probably another sender's."""
     radius50_m: float | None = None

@@ -11,17 +11,17 @@ class PowerLawTuning:
     """Constants for the tables of a pulse power's probability, given its expected level."""
 
     level_step_db: float = 0.25
-    """Step between two expected levels in the tables [dB]."""
+    """Step between two expected pulse levels in the likelihood tables [dB]."""
     lowest_level_db: float = -30.0
-    """Lowest expected level over noise in the tables [dB]; a weaker pulse adds 0.1 % power."""
+    """Lowest tabulated pulse level over noise [dB]; a weaker pulse adds 0.1 % power."""
     fadings_db: tuple[float, ...] = (0.5, 0.9, 1.5, 2.5, 4.0, 6.5)
     """Candidate standard deviations of fading from pulse to pulse [dB]."""
     outlier_share: float = 0.01
     """Prior share of pulses with arbitrary power, by interference or a turn of the animal."""
     gaussian_from: float = 1000.0
-    """Power over noise above which the law is Gaussian in decibels to 1 %: 30 dB."""
+    """Power over noise above which its law is Gaussian in decibels to 1 %: 30 dB."""
     least_density: float = 1e-300
-    """Minimum probability density of which a logarithm is taken."""
+    """Lower limit of a pulse's probability density, so that its logarithm is finite."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,13 +40,13 @@ class FlightTuning:
     """Limits for poses, pulses, turns and bearings that are read from a flight."""
 
     pose_step_ns: int = 180_000_000
-    """Minimum time between two poses that are used [ns]; closer ones add nothing to a turn."""
+    """Minimum time between two drone poses in use [ns]; closer ones add nothing to a turn."""
     pose_gap_ns: int = 2_000_000_000
     """Gap between telemetry poses above which poses stored with pulses are used [ns]."""
     most_missed: int = 100_000
     """Maximum number of missed pulses of one tag in a flight: those of a day."""
     reported_height_m: float = 20.0
-    """Minimum difference between reported height and elevation map for a warning [m]."""
+    """Minimum difference of reported height to that by elevation map for a warning [m]."""
     least_tag_hz: float = 1e6
     """Minimum frequency of a tag [Hz]; some logs contain whole megahertz instead."""
     on_ground_m: float = 5.0
@@ -65,11 +65,11 @@ class FlightTuning:
     """SNR above which a detector that follows a tag misses no pulse [dB]. Three pulses of 11.4
     dB are found with 90 % (docs/reference); the rest is margin for losses."""
     least_pulses: int = 3
-    """Minimum number of pulses in a turn for a bearing."""
+    """Minimum number of pulses in a drone's turn for a bearing."""
     least_turn_deg: float = 45.0
-    """Minimum angle of a turn in progress for a provisional bearing [°]."""
+    """Minimum angle of a drone's turn in progress for a provisional bearing [°]."""
     whole_turn_deg: float = 270.0
-    """Minimum angle of a finished turn [°]."""
+    """Minimum angle of a drone's finished turn [°]."""
     in_progress_ns: int = 10_000_000_000
     """Time before the last pose within which a turn may still be in progress [ns]."""
     one_flight_s: float = 7200.0
@@ -85,14 +85,14 @@ class FlightTuning:
     tick_ns: int = 256
     """Resolution of times in pulse logs [ns]: a float of seconds since 1970."""
     least_height_m: float = 2.0
-    """Minimum height of the antenna above the tag [m]."""
+    """Lower limit of the antenna's height above the tag [m]."""
     place_sigma_m: float = 2.0
     """Standard deviation, in each direction, of the error that all positions of a flight share
     [m]. Single-frequency GNSS is off by 1.5 to 3 m for minutes."""
     gain_pulses: int = 6
     """Number of pulses compared before and after a possible change of receiver gain."""
     gain_step_db: float = 3.0
-    """Smallest step of the noise that counts as a change of receiver gain [dB]."""
+    """Smallest step of the noise level that counts as a change of receiver gain [dB]."""
     steady_noise_db: float = 2.0
     """Range of the noise of `gain_pulses` pulses below which it is steady [dB]. Measured
     densities scatter by 0.3 dB (standard deviation)."""
@@ -108,15 +108,15 @@ class ReceiverTuning:
     """Limits for using levels of receivers that never turned."""
 
     one_place_m: float = 20.0
-    """Maximum movement of a receiver that stands still [m]."""
+    """Maximum movement with which a receiver counts as standing still [m]."""
     one_heading_deg: float = 20.0
-    """Maximum change of heading of a directional antenna at one position [°]."""
+    """Maximum heading change for which a directional antenna counts as not turned [°]."""
     least_pulses: int = 3
-    """Minimum number of pulses at a position that is used."""
+    """Minimum number of pulses at a standing receiver's position for it to be used."""
     most_places: int = 24
     """Maximum number of a receiver's positions, those with the most pulses: a limit on work."""
     received_share: float = 0.5
-    """Minimum share of received pulses at a position; below it, levels are biased upwards."""
+    """Least share of pulses received by a standing receiver; below it, levels are biased up."""
 
 
 POWER_LAW, ACCEPTANCE = PowerLawTuning(), AcceptanceLimits()

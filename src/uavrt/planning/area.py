@@ -24,7 +24,7 @@ class Circle:
     north_m: float
     radius_m: float
     name: str = ""
-    """Name of the circle in errors."""
+    """Name of the circle (a part of the search area) in errors."""
 
     def __post_init__(self) -> None:
         if not self.radius_m > 0.0:
@@ -73,7 +73,7 @@ class Polygon:
     corners: tuple[tuple[float, float], ...]
     """East and north of each corner [m]; the last corner is joined to the first."""
     name: str = "polygon"
-    """Name of the outline in errors."""
+    """Name of the polygon (fence or part of the search area) in errors."""
 
     def __post_init__(self) -> None:
         if len(self.corners) < 3 or not np.all(np.isfinite(self.corners)):
@@ -258,11 +258,11 @@ class SearchArea:
     within: tuple[Circle | Polygon, ...] = ()
     """Areas that the drone must not leave, home and return included."""
     margin_m: float = 0.0
-    """Distance to keep from fence and excluded areas [m], for gusts and wide turns."""
+    """Distance kept from fence and excluded areas [m], for gusts and wide turns."""
     straight_home: bool = False
     """True if the straight return from any position must avoid the excluded areas, too."""
     lowest_m: float = 20.0
-    """Minimum height above the ground beneath [m]."""
+    """Minimum height of the drone above the ground beneath [m]."""
     highest_m: float = 120.0
     ground: Ground = flat_ground
     ground_home: Ground | None = None

@@ -34,18 +34,18 @@ class _ExistenceRules:
     memory: float = 0.95
     """Factor by which earlier pulses' weight in the model check falls with each new pulse."""
     largest_sigmas: float = 4.0
-    """Limit of one pulse's deviation in the model check [standard deviations]."""
+    """Limit of one pulse's level deviation in the model check [standard deviations]."""
     failing_sigmas: float = 3.3
-    """Mean deviation that fails the model check [standard deviations]: once in 1000."""
+    """Mean level deviation that fails the model check [standard deviations]: once in 1000."""
     rival_sigma_db: float = 12.0
-    """Prior standard deviation of an interferer's level [dB]."""
+    """Prior standard deviation of the level of a stationary interferer [dB]."""
     rival_particles: int = 2000
     rival_share: float = 0.1
     """Prior probability that a stationary interferer is received as the tag."""
     rival_nats: float = 7.0
-    """Largest log odds of an interferer [nats]."""
+    """Largest log odds that received pulses come from an interferer [nats]."""
     tag_nats: float = 25.0
-    """Upper limit of the evidence for a tag [nats], so that its later loss is noticed."""
+    """Upper limit of the evidence that a tag exists [nats], so that later loss is noticed."""
     known_share: float = 0.5
     """Largest position spread of a located interferer, as a share of its area's width."""
 
@@ -58,11 +58,11 @@ class ModelCheck:
     """Agreement of recent pulses with a tag at its estimated position."""
 
     bias_sigmas: float
-    """Mean deviation of the pulses over its own standard deviation."""
+    """Mean deviation of pulses' levels from the model, over its own standard deviation."""
     scatter: float
-    """Ratio of the mean square deviation to its expected value; 1 if the model holds."""
+    """Ratio of the levels' mean square deviation to the expected; 1 if the model holds."""
     pulses: float
-    """Sum of the weights of the recent pulses, as an effective number of pulses."""
+    """Sum of the weights of recent pulses in the check, as an effective number of pulses."""
 
     @property
     def passed(self) -> bool:
@@ -220,7 +220,7 @@ class TagBelief:
         return expected
 
     def _check(self, heard: Listening, expected: Expectation, absent: float) -> None:
-        """Record a pulse's deviation from the expected one; likely false pulses count less."""
+        """Record a pulse's level deviation from the model; likely false pulses count less."""
         if heard.snr_db is None:
             return
         off = _deviation(heard.snr_db, heard.threshold_db, expected)

@@ -21,15 +21,15 @@ class _Sharing:
     """Constants of sharing the path loss exponent."""
 
     exponent_sigma: float = 0.15
-    """Standard deviation of the difference of two tags' exponents in one area."""
+    """Standard deviation of the difference of two tags' path loss exponents in one area."""
     existence: float = 0.95
-    """Smallest probability of existence at which a tag informs other tags."""
+    """Smallest probability of existence at which a tag's path loss exponent informs others."""
     news: float = 1.25
-    """Growth of a tag's precision at which its next message is sent [ratio]."""
+    """Growth of the precision of a tag's path loss exponent at which it is sent [ratio]."""
     placed_m: float = 50.0
-    """Largest rms position spread of a tag that counts as located [m]."""
+    """Largest rms position spread at which a tag counts as located [m]."""
     most_precision: float = 1.0 / 0.1**2
-    """Largest precision of the exponent that one tag's pulses may contribute."""
+    """Largest precision of the path loss exponent that one tag's pulses may contribute."""
 
 
 _SHARING = _Sharing()
@@ -41,7 +41,7 @@ class _ExponentMessage:
 
     precision: float = 0.0
     weighted: float = 0.0
-    """Mean times precision of the exponent."""
+    """Mean times precision of the path loss exponent."""
 
     def plus(self, other: "_ExponentMessage") -> "_ExponentMessage":
         return _ExponentMessage(
@@ -92,7 +92,7 @@ class ExponentSharing:
             self._received[one.tag_id] = others
 
     def _collect(self, belief: TagBelief) -> None:
-        """Store the message of a tag's pulses if it exists, is located and fits the model."""
+        """Store the exponent by a tag's pulses if it exists, is located and fits the model."""
         if belief.existence_probability < _SHARING.existence or not belief.model_check().passed:
             return
         if belief.spread().rms_m > _SHARING.placed_m:

@@ -131,7 +131,7 @@ class _Pulses:
     """Expected levels, weights and durations of pulses along paths."""
 
     level_db: _Singles
-    """(legs, samples, hypotheses) expected levels [dB]."""
+    """(legs, samples, hypotheses) expected SNR of the pulses on each candidate leg [dB]."""
     per_db2: _Singles
     """(legs, samples) number of pulses divided by the variance of one pulse's level [1/dB²]."""
     alike_db2: _Floats
@@ -195,7 +195,7 @@ def _lasting_variance(
 
 
 def _heard_nats(prior: TagPrior, some: Hypotheses, heard: _Pulses) -> _Floats:
-    """(legs,) information of expected pulses on the position [nats]."""
+    """(legs,) information of expected pulses on the tag's position [nats]."""
     root = np.sqrt(heard.per_db2)
     scaled = heard.level_db * root[:, :, None]
     scaled -= scaled.mean(axis=2, keepdims=True)
@@ -232,7 +232,7 @@ def minus_quarter_squares(scaled: _Singles, whole: _Singles) -> _Singles:
 
 
 def _walked_m(some: Hypotheses, spans_s: _Floats) -> tuple[_Singles, _Singles] | None:
-    """East and north displacement of each walking hypothesis until each path's end [m]."""
+    """East, north displacement of each walking tag hypothesis until each path's end [m]."""
     if not some.wandering_m_per_root_s.any():
         return None
     steps = np.random.default_rng(0).normal(size=(2, 1, 1, len(some.east_m)))
@@ -241,7 +241,7 @@ def _walked_m(some: Hypotheses, spans_s: _Floats) -> tuple[_Singles, _Singles] |
 
 
 def _walked_db2(some: Hypotheses, legs: Legs, spans_s: _Floats, above_tags_m: float) -> _Floats:
-    """(legs, samples) variance of a level by the animal's walk until the path's end [dB²]."""
+    """(legs, samples) variance of the level by the tag's walk until the path's end [dB²]."""
     walk2 = float(np.mean(some.wandering_m_per_root_s**2))
     if walk2 == 0.0:
         return np.zeros_like(legs.time_s)

@@ -25,19 +25,19 @@ class SearchSettings:
     stop: StopRule
     keep_away: KeepAway | None = None
     energy: EnergyModel | None = None
-    """Energy model; None ignores the battery, as in some experiments."""
+    """Energy model of the drone; None ignores the battery, as in some experiments."""
     worst_wind_m_s: float = 0.0
     """Headwind assumed on the return if the wind is unknown [m/s]."""
     return_height_m: float = 0.0
-    """Height to which the autopilot climbs before it returns [m]."""
+    """Height above the take-off to which the autopilot climbs before it returns [m]."""
     cycle_s: float = 5.0
-    """Time until the next decision [s], unless the action ends earlier."""
+    """Time until the planner's next decision [s], unless the action ends earlier."""
     pulse_s: float = 1.0
     """Interval between a tag's pulses [s]."""
     threshold_db: float = 10.0
-    """SNR above which a pulse is detected [dB]."""
+    """SNR above which the drone detects a tag's pulse [dB]."""
     tag_height_m: float = 0.0
-    """Height of tags above ground [m]."""
+    """Height of tags above the ground beneath [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +47,7 @@ class Situation(SearchSettings):
     state: VehicleState
     beliefs: Beliefs
     found: frozenset[int]
-    """Found tags, which need no more searching."""
+    """Ids of found tags, which need no more searching."""
     rng: Generator
     wind: Wind = field(default_factory=Wind)
     others: OtherDrones | None = None
@@ -85,7 +85,7 @@ class Candidate:
     action: Action
     duration_s: float
     nats_per_s: float | None = None
-    """Expected information rate [nats/s]; None if not computed."""
+    """Expected rate of information on tag positions [nats/s]; None if not computed."""
     refused: str | None = None
     """Reason why the action may not be flown; None if it may."""
 
@@ -96,7 +96,7 @@ class Decision:
 
     action: Action
     reason: str
-    """Reason of the action for the operator; its figures are in `candidates`."""
+    """Reason of the planner's action for the operator; its figures are in `candidates`."""
     candidates: tuple[Candidate, ...] = ()
 
 

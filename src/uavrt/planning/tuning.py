@@ -10,40 +10,40 @@ class PlanningTuning:
     least_area_m2: float = 100.0
     """Minimum size of a search area [m²]."""
     listed_corners: int = 3
-    """Largest number of corners outside the fence that an error lists."""
+    """Largest number of a search area's corners outside the fence that an error lists."""
     path_step_m: float = 5.0
     """Distance between the points of a path that are checked against fence and terrain [m]."""
 
     level_nodes: int = 9
-    """Number of Gauss-Hermite nodes for the common error of a tag's level in coverage."""
+    """Gauss-Hermite nodes for the unknown level that a tag's pulses share, in coverage maps."""
     no_level_db: float = -60.0
-    """Level assumed at positions that no pulse can reach [dB]."""
+    """Energy-to-noise ratio assumed in coverage maps where no pulse arrives [dB]."""
 
     division_passes: int = 4
     """Largest number of passes that improve the division of tags among drones."""
     transfer_s: float = 8.0
-    """Time that the transfer of a tag to another drone must save [s]."""
+    """Flight time that the transfer of a tag to another drone must save [s]."""
     stay_s: float = 6.0
-    """Time at each tag of a round [s]: a turn towards it and its last pulses."""
+    """Time at each tag of a round over all tags [s]: a turn towards it and its last pulses."""
     located_share: float = 0.5
     """Largest position spread of a tag for one drone alone [share of the area's width]."""
 
     scale_drift: float = 0.03
-    """Standard deviation added to the power scale per update, for changes such as wind."""
+    """Standard deviation added per update to the ratio of used to modelled power (wind)."""
     return_climb_m_s: float = 3.0
-    """Vertical speed of the climb before the return flight [m/s]."""
+    """Vertical speed assumed for the climb before the return flight [m/s]."""
     return_sink_m_s: float = 1.5
-    """Vertical speed of the descent to the landing [m/s]."""
+    """Vertical speed assumed for the descent to the landing [m/s]."""
 
     farthest_m: float = 100_000.0
-    """Longest range computed for a tag [m]."""
+    """Longest range computed at which a tag can be received [m]."""
     range_places: int = 4000
-    """Number of distances at which the level is computed to find a tag's range."""
+    """Number of distances at which the energy-to-noise ratio is computed to find a range."""
     table_step_m: float = 0.5
-    """Step between distances in the table of levels [m]."""
+    """Step in distance of the table of gains by the ground's reflection [m]."""
 
     drones_step_s: float = 1.0
-    """Minimum time over which another drone's remaining path is sampled [s]."""
+    """Minimum span of time over which another drone's remaining path is sampled [s]."""
     drones_samples: int = 8
     """Number of samples along another drone's planned path."""
 

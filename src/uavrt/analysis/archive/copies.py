@@ -91,7 +91,7 @@ class _Kept(msgspec.Struct, frozen=True):
 
 
 def _groups(directories: set[Path], output: Path) -> list[list[FlightOutline]]:
-    """One group of copies for each readable flight; cached until a flight changes."""
+    """Group each readable flight with its copies; cached until a flight changes."""
     kept, found = _kept(output), dict[str, tuple[Stamp, FlightOutline]]()
     known = FlightCache(_outline, kept.flights)
     for directory in map(str, sorted(directories)):

@@ -141,7 +141,7 @@ class _StoredBytes:
 
 
 def _ends(url: str, folder: Path, *, whole: bool = False) -> Path:
-    """Write a sparse local copy: full size, but only first and last bytes unless `whole`."""
+    """Write a sparse local copy of a stored file: first and last bytes only unless `whole`."""
     copy = folder / PurePosixPath(url).name
     with _store_errors(url):
         system, path = _opened(url)
@@ -159,7 +159,7 @@ def _ends(url: str, folder: Path, *, whole: bool = False) -> Path:
 
 
 def _piece(url: str, system: Any, path: str, start: int, end: int) -> bytes:
-    """Read bytes `start` to `end` of a file; `StoreError` if the server cannot send parts."""
+    """Read bytes `start` to `end` of a stored file; `StoreError` if that is impossible."""
     piece = bytes(system.cat_file(path, start=start, end=end))
     if len(piece) > end - start:
         raise StoreError(

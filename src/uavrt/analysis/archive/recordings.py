@@ -41,7 +41,7 @@ class Recording:
     center_frequency_hz: float | None = None
     start_time_ns: int | None = None
     url: str | None = None
-    """Address in an object store; None for a local file."""
+    """Address of the recording in an object store; None for a local file."""
     flight_directory: Path | None = None
     track: Path | None = None
     """Autopilot log or receiver track of the same time; None if there is none."""
@@ -60,7 +60,7 @@ class Recording:
         return open_recording(self.path, **self._stated())
 
     def _stated(self) -> dict[str, Any]:
-        """Metadata from the manifest, as arguments of `open_recording`."""
+        """Metadata of a recording stated in the manifest, as arguments of `open_recording`."""
         names = ("format_name", "sample_rate_hz", "center_frequency_hz", "start_time_ns")
         return {name: getattr(self, name) for name in names}
 

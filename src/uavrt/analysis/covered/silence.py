@@ -37,11 +37,11 @@ from uavrt.planning.detectability.link_budget import LinkBudget
 
 LEVEL_SIGMA_DB = 3.0
 SURE = 0.9
-"""Minimum detection probability at which silence is evidence of absence."""
+"""Minimum detection probability at which not receiving a tag is evidence of its absence."""
 _MARGIN_M = 2000.0
 _FINEST_M = 20.0
 _CELLS = 120
-"""Number of map cells along the longer side; the map of a 20-minute flight takes seconds."""
+"""Cells along the longer side of a detection map; that of a 20-minute flight takes seconds."""
 _NOT_JUDGED = "whole flight not searched for this tag yet; uavrt integrate finds weaker tags"
 _NO_DETECTORS = (
     "no record shows that a detector ran in this flight (no search report, no pulse); the map "
@@ -76,7 +76,7 @@ class SilentMap:
     ambiguous: bool
     """True if whole-flight analysis found a periodic pulse train that may be the tag's."""
     noise: str
-    """Sentence on the noise measurement that the map uses."""
+    """Sentence for the operator on the noise measurement that the map uses."""
     antenna: str
     sure_within_m: float | None
     """Distance from the flight within which the tag would be detected everywhere with

@@ -9,7 +9,7 @@ from uavrt.core.units import counted
 from uavrt.localization.results import Position
 
 Row = tuple[str, Sequence[str]]
-"""Label and values; a row without values is not shown."""
+"""Label and values of a row of facts; a row without values is not shown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,7 +18,7 @@ class Facts:
 
     rows: tuple[Row, ...] = ()
     details: tuple[Row, ...] = ()
-    """Rows that help no decision in the field; shown on request."""
+    """Rows of facts that help no decision in the field; shown on request."""
 
 
 def place_in_words(place: Located) -> str:

@@ -49,9 +49,9 @@ from uavrt.localization.results import Bearing, Position, PositionMethod
 _BEARING_COLUMNS = 10
 _SAME_PLACE_M = 30.0
 _SAME_BEARING_SIGMAS = 3.0
-"""Difference below which two bearings are of one turn [standard deviations]."""
+"""Largest difference between two bearings that may be copies of one [standard deviations]."""
 _USUAL_SIGMA_DEG = 6.0
-"""Standard deviation assumed for a bearing that has none [deg]."""
+"""Standard deviation assumed for a bearing of a file that gives none [deg]."""
 _FIRST_LINES = 100
 """Maximum number of lines read to recognise a file's format; comments may come first."""
 

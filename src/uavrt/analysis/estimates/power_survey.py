@@ -30,7 +30,7 @@ class HeightBand:
     """Signal strength of a tag in a range of flight heights."""
 
     low_m: float
-    """Lower edge of the range, above the take-off [m]."""
+    """Lower edge of a range of flown heights, above the take-off [m]."""
     high_m: float
     pulses: int
     median_db: float
@@ -53,7 +53,7 @@ class TagSignal:
     surface: SignalSurface | None
     """Map of signal strength; None if the flight covers no area."""
     heights: tuple[HeightBand, ...]
-    """Height ranges with at least three pulses, lowest first."""
+    """Flown height ranges with at least three pulses of the tag, lowest first."""
     section: SignalSection | None = None
     """Signal strength in a vertical section through the tag's position, or else through the
     strongest signal; None if flown at one height."""

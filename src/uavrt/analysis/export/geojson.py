@@ -30,7 +30,7 @@ from uavrt.localization.position.levels.strongest import StrongestSignal
 from uavrt.localization.results import Position, TrackPoint
 
 _PLACES = 8
-"""Decimals of coordinates in degrees; the eighth is 1 mm."""
+"""Number of decimals of exported coordinates in degrees; the eighth is 1 mm."""
 _OF_BEARING = ("bearing_deg", "sigma_deg", "method", "pulses", "accepted", "ambiguous")
 _OF_POSITION = ("method", "radius50_m", "radius95_m", "bearings", "powers")
 

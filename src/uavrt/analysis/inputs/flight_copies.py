@@ -17,9 +17,9 @@ from uavrt.core.errors import FormatError
 from uavrt.flight.reading.outline import FlightOutline, read_pulse_levels
 
 SAME_PULSES = 0.5
-"""Minimum share of the shorter record's pulses in the longer; a station may connect late."""
+"""Minimum share of the shorter flight record's pulses in a copy; a station may connect late."""
 _SAME_NS = 500_000
-"""Tolerance of pulse starts [ns]: a start received over the link has lost its nanoseconds."""
+"""Tolerance of pulse starts in two copies [ns]: sent over the link, they lose nanoseconds."""
 SAME_LEVEL_DB = 0.1
 """Largest level difference of one pulse in two copies [dB]; two drones differ by about 5 dB."""
 SAME_SPAN = 0.9

@@ -23,13 +23,13 @@ class FlightNoise:
     """Noise density with motors running, relative to the receiver at rest."""
 
     tag_id: NDArray[np.int64]
-    """(n,) number of the tag on whose frequency each value was measured."""
+    """(n,) number of the tag on whose frequency each noise value was measured."""
     time_ns: NDArray[np.int64]
     rise_db: NDArray[np.float64]
     """(n,) noise above the quiet reference at that frequency [dB]."""
     in_the_air: NDArray[np.bool_]
     quiet: str
-    """Text that describes the quiet time used as reference."""
+    """Text that describes the quiet time used as reference for the noise."""
 
     @property
     def median_db(self) -> float:

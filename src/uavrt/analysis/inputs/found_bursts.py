@@ -30,7 +30,7 @@ _SAME_PULSE_S = 1e-3
 @dataclass(frozen=True, slots=True)
 class _Candidate:
     off_s: float
-    """Sum of the deviations of the measured gaps from the code's gaps [s]."""
+    """Sum of the deviations of a burst's measured gaps from the code's gaps [s]."""
     tag: Tag
     pulses: tuple[int, ...]
 

@@ -14,7 +14,7 @@ from uavrt.localization.estimates.heard import PoseColumns
 from uavrt.localization.whole_flight.energies.energy_grid import SlotEnergies
 
 Stretch = tuple[int, int]
-"""Start and end of a time span [ns, UTC]."""
+"""Start and end of a span of time with samples [ns, UTC]."""
 _SECOND = NANOSECONDS_PER_SECOND
 _COMPLETE_SHARE = 0.95
 """Share of the flight with samples above which missing samples are not mentioned."""

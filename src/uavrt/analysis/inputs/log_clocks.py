@@ -14,7 +14,7 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 _APART_S = 1800.0
 """Longest pause between logs of one survey [s]; a battery is changed in less."""
 _CLOCKS_SINCE_NS = 946_684_800 * NANOSECONDS_PER_SECOND
-"""Earliest time from a clock that was set [ns since 1970]: 1 January 2000."""
+"""Earliest time taken for that of a clock that was set [ns since 1970]: 1 January 2000."""
 _SAME_PULSE_S = 0.1
 """Longest time between the records of one pulse in two logs [s]."""
 _LEAST_PULSES = 20
@@ -24,7 +24,7 @@ _LEAST_ALIKE = 0.5
 _SAME_INTERVAL = 0.03
 """Largest relative difference between two measurements of one tag's interval."""
 _LEAST_REGULAR = 0.8
-"""Minimum share of regular intervals in a log; false pulses make them irregular."""
+"""Minimum share of regular pulse intervals in a log; false pulses make them irregular."""
 
 
 def clock_doubts(logs: Sequence[tuple[str | Path, Sequence[int]]]) -> list[str]:

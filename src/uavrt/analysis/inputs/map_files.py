@@ -27,7 +27,7 @@ _MOST_CREDIT = 4000
 MAP_QUERY_S = 0.7
 """Longest duration of a database query on a map [s]; a tile takes a millisecond."""
 _MOST_FACTS = 500
-"""Maximum number of rows read from an MBTiles file's metadata; 14 are specified."""
+"""Maximum number of metadata rows read from an MBTiles file; 14 are specified."""
 _MOST_ZOOM = 30
 _MOST_LONGITUDE = 180.1
 _EARTH = "-180,-85,180,85"
@@ -47,9 +47,9 @@ class MapFile:
 
     path: Path
     format: str
-    """File format, ``pmtiles`` or ``mbtiles``."""
+    """File format of the map, ``pmtiles`` or ``mbtiles``."""
     tiles: str
-    """Tile format: ``png``, ``jpg``, ``webp`` or ``mvt``."""
+    """Format of the map's tiles: ``png``, ``jpg``, ``webp`` or ``mvt``."""
     min_zoom: int
     max_zoom: int
     bounds: tuple[float, float, float, float]

@@ -34,7 +34,7 @@ class SameTags:
     """All tags of several logs, each with a unique key."""
 
     keys: tuple[Mapping[int, int], ...]
-    """For each log, the key that is unique over all logs, by the log's own tag number."""
+    """For each log, the tag key that is unique over all logs, by the log's own tag number."""
     tags: Mapping[int, NamedTag]
     warnings: tuple[str, ...]
 

@@ -31,7 +31,7 @@ PLACE_FIELDS = (
 )
 """Names of the fields that describe a tag's position in result records."""
 _DECIMALS = 7
-"""Decimals of coordinates in degrees; the seventh is 1 cm."""
+"""Number of decimals of stored coordinates in degrees; the seventh is 1 cm."""
 _SAME = 0.25
 """Largest time between an expected pulse and the same pulse as detected in flight, as a share
 of the pulse interval. Where samples were lost, times recorded in flight are off by tens of

@@ -21,7 +21,7 @@ class OtherTrainRecord:
     interval_s: float
     frequency_hz: float
     ratio: str | None
-    """Ratio of this train's interval to the tag's, such as ``3/2``."""
+    """Ratio of this pulse train's interval to the tag's, such as ``3/2``."""
     other_code: bool
 
 
@@ -30,7 +30,7 @@ class SlotRecord:
     """One slot of a pulse train: a time at which a pulse was expected, and its energy."""
 
     time: str
-    """Start of the slot, ISO 8601, UTC."""
+    """Start of the time slot of an expected pulse, ISO 8601, UTC."""
     time_ns: int
     energy: float
     at_rate: bool
@@ -46,7 +46,7 @@ class PlaceRecord:
     enr_db: float | None = None
     """Energy of the tag's strongest pulse over noise density [dB]."""
     latitude_deg: float | None = None
-    """Latitude [deg]; with several possible positions, that of their middle (see `places`)."""
+    """Latitude of the tag [deg]; with several possible positions (`places`), of the middle."""
     longitude_deg: float | None = None
     radius50_m: float | None = None
     radius95_m: float | None = None
@@ -89,7 +89,7 @@ class SilenceRecord:
     """Distance from the flight within which the tag is found everywhere with probability .9 or
     more [m]; None: nowhere."""
     noise: str
-    """Sentence on the noise measurement that the map uses."""
+    """Sentence for the operator on the noise measurement that the map uses."""
     antenna: str
     limitations: tuple[str, ...]
     files: tuple[str, ...]
@@ -126,10 +126,10 @@ class IntegratedRecord(PlaceRecord):
     false_alarm_probability: float
     """Probability that noise alone gives an equally strong result in a flight."""
     interval_s: float
-    """Interval of the train found, or else of the strongest candidate [s]."""
+    """Pulse interval of the train found, or else of the strongest candidate [s]."""
     frequency_hz: float
     pulses: int
-    """Number of expected pulses while the tag sent at this pulse rate; 0 if not found."""
+    """Number of the tag's expected pulses while it sent at this rate; 0 if not found."""
     score: float
     rate: int
     drift: float

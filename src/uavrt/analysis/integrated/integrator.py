@@ -29,10 +29,10 @@ from uavrt.localization.whole_flight.tuning import ENERGY
 log = get_logger()
 
 NICENESS = 15
-"""Unix nice level of the process, lower in priority than detectors and estimator."""
+"""Unix nice level of the integrator's process: lower priority than detectors and estimator."""
 TICK_S = 0.5
 SHARE = 9.0
-"""Ratio of idle time to working time; 9 means that a tenth of a core is used."""
+"""Ratio of the integrator's idle to working time; 9 means that a tenth of a core is used."""
 RETRY_S = 5.0
 """Pause before a tag without new samples is tried again [s]."""
 FEW_PULSES = 3

@@ -53,9 +53,9 @@ from uavrt.link.ros2.types.ros_messages import (
 
 CHUNK_BYTES = 65536
 RECORDED = "recorded/"
-"""Topic prefix of motion orders, so that a gateway does not obey them at playback."""
+"""Topic prefix of motion orders in a bag, so that a gateway does not obey them at playback."""
 HINDSIGHT = "integrated/"
-"""Topic prefix of pulses found by ``uavrt integrate``."""
+"""Topic prefix in a bag of pulses found by ``uavrt integrate``."""
 METADATA_VERSION = 5
 """Format of rosbag2's ``metadata.yaml``: that of Humble, which later versions read."""
 
@@ -70,7 +70,7 @@ class Bag:
     directory: Path
     file: Path
     messages: dict[str, int]
-    """Number of messages written, by topic."""
+    """Number of messages written to the bag, by topic."""
 
 
 def export_bag(

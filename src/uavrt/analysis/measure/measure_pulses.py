@@ -25,7 +25,7 @@ SAME_RATE: Final = 0.004
 NEAR_RATE: Final = 0.05
 """Largest relative difference between the intervals of two pulse series that may be joined."""
 SIGNIFICANT: Final = 4.0
-"""Smallest drift that is removed before the jitter is computed [standard deviations]."""
+"""Smallest interval drift removed before the jitter is computed [standard deviations]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -36,7 +36,7 @@ from uavrt.radio.source import SampleSource
 
 WINDOW_HZ: Final = 2000.0
 MARGIN_S: Final = 0.100
-"""Length of the samples kept before and after a pulse's middle [s]; outer halves are noise."""
+"""Length of samples kept on each side of a pulse's middle [s]; the outer halves are noise."""
 _MOST_SUSPECTS: Final = 8
 """Maximum number of frequencies that are searched for coded tags; each takes 2 % of a core."""
 _SUSPECTS_APART_HZ: Final = 500.0

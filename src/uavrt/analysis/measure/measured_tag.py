@@ -24,7 +24,7 @@ class MeasuredRate:
     drift_sigma: float
     pulses: int
     missing: int
-    """Number of missing pulses between the first and the last one."""
+    """Number of missing pulses between the first and the last one at this interval."""
     first_time_ns: int
     last_time_ns: int
 
@@ -34,17 +34,17 @@ class MeasuredTag:
     """A tag as measured in a recording; each sigma is one standard deviation."""
 
     frequency_hz: float
-    """Frequency in the middle of the recording, by the radio's crystal [Hz]."""
+    """Frequency of the tag in mid-recording, by the radio's crystal [Hz]."""
     frequency_sigma_hz: float
     drift_hz_per_s: float
     drift_sigma_hz_per_s: float
     pulse_width_s: float
     pulse_width_sigma_s: float
     enr_db: float
-    """Median pulse energy over noise density [dB]."""
+    """Median energy of the tag's pulses over noise density [dB]."""
     pulses: int
     rates: tuple[MeasuredRate, ...]
-    """Pulse intervals, sorted by number of pulses, largest first."""
+    """Pulse intervals of the tag, sorted by number of pulses, largest first."""
 
     def entry(self, tag_id: int, name: str | None = None) -> Tag:
         """Make a tag list entry of at most two intervals, with margins for seasonal changes.

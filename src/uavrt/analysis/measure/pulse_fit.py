@@ -22,11 +22,11 @@ IMPULSE_RATIO: Final = 30.0
 reaches it once in a million samples. At a pulse's edge, one side is as strong as the sample."""
 MOST_CARRIERS: Final = 4
 CARRIER_RATIO: Final = 30.0
-"""Minimum ratio of a steady carrier's peak to the median of the spectrum."""
+"""Minimum ratio of a steady carrier's spectral peak to the spectrum's median."""
 SHORTEST_S: Final = 0.004
 LONGEST_S: Final = 0.080
 TURNS: Final = 3
-"""Number of alternating refinements of a pulse's frequency and edges."""
+"""Number of times that a pulse's frequency and edges are refined in turn."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,9 +37,9 @@ class FittedPulse:
     """Start of the pulse, from the first given sample [s]."""
     width_s: float
     frequency_hz: float
-    """Frequency relative to the centre of the samples' band [Hz]."""
+    """Frequency of the pulse relative to the centre of the samples' band [Hz]."""
     energy: float
-    """Pulse energy: squared amplitude times width in samples."""
+    """Pulse energy: squared amplitude times width in samples [sample units²]."""
 
 
 def fit_pulse(
@@ -121,7 +121,7 @@ def _turned(count: int, cycles: float) -> NDArray[np.complex128]:
 
 
 def _edges(running: NDArray[np.complex128], shortest: int, longest: int) -> tuple[int, int]:
-    """Find the pair of samples between which energy over length is greatest."""
+    """Find the pair of samples between which pulse energy over length is greatest."""
     best, edges = -1.0, (0, shortest)
     for length in range(shortest, longest + 1):
         gathered = running[length:] - running[:-length]
@@ -135,7 +135,7 @@ def _edges(running: NDArray[np.complex128], shortest: int, longest: int) -> tupl
 def _better_edges(
     running: NDArray[np.complex128], first: int, last: int, shortest: int
 ) -> tuple[int, int]:
-    """Shift both edges by up to two coarse steps to the greatest likelihood."""
+    """Shift both pulse edges by up to two coarse steps to the greatest likelihood."""
     reach = np.arange(-2 * COARSE, 2 * COARSE + 1)
     starts = np.clip(first + reach, 0, running.size - 1)
     ends = np.clip(last + reach, 0, running.size - 1)

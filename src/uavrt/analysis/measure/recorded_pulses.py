@@ -212,11 +212,11 @@ class DetectionSummary:
     """Missing samples estimated from the arrival times of a live stream; uncertain if the
     receiver's crystal is far off."""
     signal_s: float = 0.0
-    """Duration of the samples, lost ones included [s]."""
+    """Duration of the searched samples, lost ones included [s]."""
     elapsed_s: float = 0.0
     invalid_samples: int = 0
     stopped: bool = False
-    """True if the run was stopped before the end."""
+    """True if the detection run was stopped before the end of the samples."""
     pulses: dict[int, int] = field(default_factory=dict)
     confirmed: dict[int, int] = field(default_factory=dict)
     ambiguous: dict[int, int] = field(default_factory=dict)

@@ -53,9 +53,9 @@ class SwitchedArray:
     """Geometry and switching order of a recording's antenna array."""
 
     kind: str
-    """Type of array: ``circle``, ``pair`` or ``sum_difference``."""
+    """Type of the switched antenna array: ``circle``, ``pair`` or ``sum_difference``."""
     size_m: float
-    """Radius of a circle, or distance of a pair [m]."""
+    """Radius of a circular array, or distance between a pair's antennas [m]."""
     schedule: SwitchSchedule
 
     @property

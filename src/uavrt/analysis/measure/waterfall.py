@@ -79,7 +79,7 @@ class Waterfall:
         inside = np.flatnonzero(np.abs(frequencies - offset_hz) <= half_width_hz)
         self._bins = inside[np.argsort(frequencies[inside])]
         self.frequencies_hz: NDArray[np.float64] = frequencies[self._bins] - offset_hz
-        """(rows,) ascending frequencies relative to the tag's [Hz]."""
+        """(rows,) frequencies of the rows, ascending, relative to the tag's [Hz]."""
         self._hold = MaximumHold(self._bins.size, COLUMNS)
         self._trace = MaximumHold(1, TRACE_POINTS)
         self._tail = np.zeros(0, np.complex64)

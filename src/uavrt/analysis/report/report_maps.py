@@ -44,7 +44,7 @@ _LEAST_HALF_M = 120.0
 _NICE = (1, 2, 5)
 _SHADED_SHARES = (0.98, 0.9, 0.75, 0.5, 0.25)
 _LEGEND_IN = 1.6
-"""Width of the legend's texts [in], which keeps the legend clear of the north arrow."""
+"""Width of the texts in a map's legend [in], which keeps it clear of the north arrow."""
 CAPTION = (
     "Latitude and longitude on WGS84; north is up. Stars: most probable places, with the "
     "line that holds the tag with 95 %. Lines: bearings; shaded: their 90 % arcs; dashed: "

@@ -50,7 +50,7 @@ _ROUND_CELL, _ROUND_CELL_M = 0.4, 30.0
 distance from the flight's middle, plus a constant [m]."""
 _ZOOM = 0.4
 _FINE_PLACE_M = 2.0
-"""Half-width below which the grid of nine by nine positions is not refined further [m]."""
+"""Half-width of the 9 × 9 grid of tag positions below which it is not refined further [m]."""
 
 _Floats = NDArray[np.float64]
 
@@ -64,10 +64,10 @@ class ClockOffset:
     """Source of the offset: ``"given"`` by the user, or estimated from the pulses' ``"poses"``
     or SNR (``"powers"``)."""
     sigma_s: float | None = None
-    """Standard deviation by a jackknife over eighths of the flight [s]; None for a given
-    offset."""
+    """Standard deviation of the offset, by a jackknife over eighths of the flight [s]; None:
+    given."""
     heading_sigma_deg: float | None = None
-    """Heading error caused by the offset's error at the flown turn rate [deg]."""
+    """Heading error caused by the clock offset's error at the flown turn rate [deg]."""
 
 
 def attach_poses(
@@ -276,7 +276,7 @@ class _Common:
         ]
 
     def _turn_rate_deg_s(self) -> float:
-        """Median turn rate while turning [deg/s]; 0 if the track never turns."""
+        """Median turn rate of the vehicle while it turns [deg/s]; 0 if it never does."""
         passed = np.diff(self._turn_s)
         rates = np.abs(np.diff(self._track_yaw)[passed > 0.0]) / passed[passed > 0.0]
         turning = rates[rates > _TURNING_DEG_S]

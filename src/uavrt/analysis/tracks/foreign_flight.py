@@ -11,7 +11,7 @@ from uavrt.formats.tracks.track import VehicleTrack
 from uavrt.localization.pose.ring import PoseRing
 
 _STEP_NS = 200_000_000
-"""Interval between poses [ns]; at 30°/s the heading changes by 6° from pose to pose."""
+"""Interval between the poses of a flight [ns]; at 30°/s the heading changes by 6°."""
 
 
 def flight_of_track(

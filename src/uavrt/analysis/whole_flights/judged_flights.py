@@ -38,12 +38,12 @@ from uavrt.planning.detectability.whole_flight_chance import MODEL
 from uavrt.radio.source import SampleSource
 
 POSITION_M = 2000.0
-"""Radius of the 95 % circle above which only a bearing is reported [m]."""
+"""Radius of a tag's 95 % circle above which only a bearing is reported [m]."""
 LEAST_PART = 0.05
-"""Minimum probability at which one of several possible positions is listed."""
+"""Minimum probability at which one of several possible tag positions is listed."""
 _LOOK_S = 0.5
 _MOST_CHANNELS = 8
-"""Maximum number of channels kept in memory at once; ten minutes of one are 36 MB."""
+"""Maximum number of recorded channels in memory at once; ten minutes of one are 36 MB."""
 
 Channel = tuple[NDArray[np.complex64], NDArray[np.bool_], int]
 
@@ -67,7 +67,7 @@ class IntegratedTag:
     """Number of confirmed pulses of this tag in the flight's own log."""
     flights: int = 1
     limitations: tuple[str, ...] = ()
-    """Sentences on conditions under which the figures do not apply."""
+    """Sentences on conditions under which the tag's figures do not apply."""
     searched: SearchedFor
 
     @property

@@ -21,7 +21,7 @@ class KeptChannel:
     center_frequency_hz: float
     sample_rate_hz: float
     paths: tuple[Path, ...]
-    """SigMF metadata files of the channel's parts, ordered by name."""
+    """SigMF metadata files of the parts of a recorded channel, ordered by name."""
     samples: int
     bytes: int
 

@@ -24,7 +24,7 @@ _Floats = NDArray[np.float64]
 _Complex = NDArray[np.complex128]
 
 Steering = Callable[[_Floats], _Complex]
-"""Function from directions (b,) clockwise from the nose [deg] to amplitudes (b, elements)."""
+"""Function from directions (b,) clockwise from the nose [deg] to outputs (b, antennas)."""
 
 
 def circle_steering(

@@ -26,7 +26,7 @@ class BearingData:
     matched_power: _Floats
     """(n,) matched power over noise power at each pulse's time, noise included; NaN: missed."""
     noise_psd: _Floats
-    """(n,) noise density at each pulse, up to a common factor."""
+    """(n,) noise power density at each pulse, in any unit common to all pulses."""
     pattern: AntennaPattern
     threshold_db: float
     """SNR above which a missed pulse would have been detected [dB]."""

@@ -21,13 +21,13 @@ class Whitened:
     """Residuals of a turn after the best fit, each divided by its standard deviation."""
 
     residual: _Floats
-    """(n,) residuals in order of time [standard deviations]."""
+    """(n,) residuals of the pulses' powers, in order of time [standard deviations]."""
     level_slope: _Floats
-    """(n,) derivative of the expected values by the level [standard deviations per dB]."""
+    """(n,) derivative of expected powers by the tag's level [standard deviations per dB]."""
     bearing_slope: _Floats
-    """(n,) derivative of expected values by the bearing [standard deviations per degree]."""
+    """(n,) derivative of expected powers by the bearing [standard deviations per degree]."""
     fading_part: _Floats
-    """(n,) share of fading in the standard deviation; the rest is uncorrelated noise."""
+    """(n,) share of fading in a power's standard deviation; the rest is uncorrelated noise."""
 
 
 def variance_factor(turn: Whitened) -> float:

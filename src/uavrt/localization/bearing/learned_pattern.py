@@ -69,7 +69,7 @@ def learn_pattern(
 
 
 def _basis(angle_deg: _Floats) -> _Floats:
-    """(n, harmonics) cosines of multiples of each angle; symmetric about 0° and 180°."""
+    """(n, harmonics) cosines of multiples of angles off boresight; symmetric about 0°, 180°."""
     order = np.arange(1, LEARNED_PATTERN.harmonics + 1)
     return np.asarray(np.cos(np.radians(angle_deg)[:, None] * order))
 
@@ -77,7 +77,7 @@ def _basis(angle_deg: _Floats) -> _Floats:
 def _equations(
     turn: TurnPulses, pattern: AntennaPattern, correction: _Floats, threshold_db: float
 ) -> tuple[_Floats, _Floats]:
-    """Matrix and right side of a turn's whitened equations for the harmonics, level removed."""
+    """Matrix and right side of a turn's whitened equations for the pattern correction."""
     found = estimate_bearing(
         turn.yaw_deg,
         None,

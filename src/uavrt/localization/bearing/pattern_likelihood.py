@@ -21,13 +21,13 @@ class BearingLikelihood:
     """Likelihood of each bearing on the grid `GRID_DEG`, and the fitted level and fading."""
 
     log_density: NDArray[np.float64]
-    """(1440,) log-likelihood, averaged over the priors of level and fading."""
+    """(1440,) log-likelihood of each bearing, averaged over the priors of level and fading."""
     log_flat: float
-    """Log-likelihood without a direction: the mean of noise alone and of a constant level."""
+    """Log-likelihood without a direction: mean of noise alone and of a constant tag level."""
     fading_db: float
-    """Posterior mean of the fading's standard deviation [dB]."""
+    """Posterior mean of the standard deviation of fading from pulse to pulse [dB]."""
     level_db: float
-    """SNR on boresight at the best bearing [dB]."""
+    """SNR on boresight for the likeliest bearing [dB]."""
     level_sigma_db: float
 
 
@@ -106,7 +106,7 @@ def _summed(
     starts: NDArray[np.int64],
     steps: NDArray[np.int64],
 ) -> NDArray[np.float64]:
-    """Sum of all pulses' tables, linearly interpolated: (bearings, levels, fadings).
+    """Sum of all pulses' log-likelihoods, interpolated in tables: (bearings, levels, fadings).
 
     `tables`: shape (n, steps, fadings).
     `places` (n, b): index in each pulse's table of 0 dB on boresight, for each bearing [steps].

@@ -101,7 +101,7 @@ class _Fit:
 
 
 def _fitted(turn: _Turn) -> _Fit:
-    """Fit a turn with one path and with two, allowing for some pulses of other senders."""
+    """Fit a turn's powers with one path and with two; some pulses may be other senders'."""
     known, heard = turn.fading_db, turn.heard
     tables = power_tables(
         turn.matched_power,
@@ -180,7 +180,7 @@ class _Misfit:
     sure: NDArray[np.bool_]
     """(n,) True for received pulses too strong to be missed."""
     correlation: float
-    """Correlation of neighbouring deviations, 0 to 0.9, reduced by its chance level."""
+    """Correlation of neighbouring pulses' deviations, 0 to 0.9, reduced by its chance level."""
     reduced_chi2: float | None
 
     @property
@@ -203,7 +203,7 @@ def _misfit(
     fading_db: float,
     folds: int,
 ) -> _Misfit:
-    """Deviations of received pulses (n,) from the model, without pulses near the threshold."""
+    """Misfit of received powers (n,) to the model, without pulses near the threshold."""
     residual = _residuals(matched_power, model_db, fading_db, folds)
     sure = np.ones(len(residual), bool)
     if len(missed_below):
@@ -224,7 +224,7 @@ def _whitened(
     fading_db: float,
     folds: int,
 ) -> Whitened:
-    """Residuals and slopes of pulses too strong to be missed [standard deviations]."""
+    """Residuals and slopes of powers too strong to be missed [standard deviations]."""
     s = 10.0 ** (model_db[sure] / 10.0)
     follow = s / (1.0 + s)
     noise = 18.86 * (1.0 + 2.0 * s) / (folds * (1.0 + s) ** 2)
@@ -257,7 +257,7 @@ def _residuals(
 
 
 def _correlation(residual: NDArray[np.float64], yaw_deg: NDArray[np.float64]) -> float:
-    """Correlation of neighbouring residuals, 0 to 0.9, reduced by its chance level."""
+    """Correlation of residuals of neighbouring pulses, 0 to 0.9, less its chance level."""
     count = len(residual)
     if count < PATTERN.correlation_pulses:
         return 0.0

@@ -25,9 +25,9 @@ class SwitchSchedule:
     dwell_samples: int
     """Number of samples for which the switch stays at each position, settling included."""
     settle_samples: int = 0
-    """Number of samples ignored after each switching."""
+    """Number of samples ignored after each change of the antenna switch's position."""
     first_sample: int = 0
-    """Index of a sample at which the switch changes to position 0."""
+    """Index of a sample at which the antenna switch changes to position 0."""
 
     def __post_init__(self) -> None:
         if self.positions < 2 or not 0 <= self.settle_samples < self.dwell_samples:
@@ -55,13 +55,13 @@ class SwitchedPulse:
     """One pulse received through an antenna switch."""
 
     amplitudes: _Complex
-    """(positions,) complex amplitudes; their common phase is arbitrary."""
+    """(positions,) complex amplitude at each switch position; common phase arbitrary."""
     counts: _Floats
-    """(positions,) number of samples averaged for each amplitude."""
+    """(positions,) number of samples averaged for the amplitude at each switch position."""
     noise_power: float
-    """Noise power of one sample, from the scatter of the mean values of visits."""
+    """Noise power of one sample, from the scatter between visits to one switch position."""
     frequency_hz: float
-    """Refined carrier frequency in the samples [Hz]."""
+    """Refined frequency of the pulse's carrier, relative to the samples' centre [Hz]."""
 
     @property
     def snr_db(self) -> float:

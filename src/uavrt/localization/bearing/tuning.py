@@ -12,21 +12,21 @@ class TurnTuning:
     path_window_s: float = 15.0
     """Time before and after a pose over which its displacement is measured [s]."""
     window_shift_m: float = 3.0
-    """Minimum displacement in `path_window_s`, before and after a pose on a path [m]."""
+    """Minimum displacement in `path_window_s`, before and after a pose on a flown path [m]."""
     path_m: float = 7.5
-    """Minimum distance between the ends of a path [m]: half the radius of a turn in place."""
+    """Minimum distance between ends of a flown path [m]: half the radius of a turn in place."""
     drift_spans_deg: tuple[float, ...] = (45.0, 90.0)
-    """Spans of yaw over which drift is measured [°]; turns with stops need the longer."""
+    """Spans of yaw over which a turn's drift is measured [°]; the longer one for stops."""
     drift_step_deg: float = 5.0
-    """Step between the starts of the spans over which drift is measured [°]."""
+    """Step in yaw between the starts of the spans over which a turn's drift is measured [°]."""
     one_turn_deg: float = 450.0
     """Maximum yaw of a single turn [°]; more may be two turns with a flown path between."""
     reversal_deg: float = 25.0
-    """Minimum yaw back that ends a turn [°]; less is hovering or overshoot."""
+    """Minimum yaw against a turn's sense that ends it [°]; less is hovering or overshoot."""
     stop_deg: float = 4.0
-    """Maximum change of heading during a stop [°]."""
+    """Maximum change of heading while a drone that turns in steps counts as stopped [°]."""
     stop_s: float = 2.0
-    """Minimum duration of a stop [s]."""
+    """Minimum duration of a stop in a drone's turn [s]."""
     least_rate_deg_s: float = 0.5
     """Minimum rate of a turn [°/s]; a slower change of heading is drift."""
     least_rate_share: float = 0.1
@@ -34,13 +34,13 @@ class TurnTuning:
     rate_window_s: float = 4.0
     """Window for measuring the rate of turn [s]; 0.5° compass error gives 0.15°/s."""
     climb_m_s: float = 0.4
-    """Minimum vertical speed of a climb or descent [m/s]."""
+    """Minimum vertical speed that counts as climb or descent [m/s]."""
     climb_m: float = 4.0
-    """Minimum change of height of a climb or descent [m]; gusts cause less."""
+    """Minimum change of height that counts as climb or descent [m]; gusts cause less."""
     ground_share: float = 0.15
     """Height below which the drone is on the ground, as a share of its usual height."""
     ground_m: tuple[float, float] = (2.0, 6.0)
-    """Limits of the height below which the drone is on the ground [m]; barometers drift."""
+    """Limits to the height below which the drone is on the ground [m]; barometers drift."""
     around_start_m: float = 100.0
     """Distance from take-off and landing beyond which low poses count as in flight [m]."""
 
@@ -50,21 +50,21 @@ class PatternTuning:
     """Constants for a bearing's posterior from pulse powers and the antenna's pattern."""
 
     grid_step_deg: float = 0.25
-    """Step between two bearings of the posterior [°]."""
+    """Step between two bearings in a bearing's final posterior [°]."""
     coarse_step_deg: float = 3.0
-    """Step between two bearings of the coarse grid, evaluated first [°]."""
+    """Step between two trial bearings of the coarse search, done before the fine one [°]."""
     coarse_level_steps: int = 6
-    """Step between two levels of the coarse grid [steps of the power tables]: 1.5 dB."""
+    """Step between two trial levels of the coarse bearing search [0.25 dB steps]: 1.5 dB."""
     levels_each_side: int = 10
-    """Number of fine levels on each side of the best coarse one."""
+    """Number of fine levels tried on each side of a trial bearing's best coarse level."""
     lowest_level_db: float = -6.0
-    """Minimum SNR on boresight of a detectable tag [dB]."""
+    """Lowest SNR on boresight, in a turn's fit, of a detectable tag [dB]."""
     refined_nats: float = 18.0
-    """Bearings whose log-density is this far below the best are not refined [nats]."""
+    """Log-density below the best at which a trial bearing is not refined [nats]."""
     lobe_deg: float = 25.0
-    """Half-width of a lobe of the posterior [°]."""
+    """Half-width of a lobe of a bearing's posterior [°]."""
     correlation_pulses: int = 12
-    """Minimum number of pulses for estimating the correlation of fading."""
+    """Minimum number of pulses to estimate the correlation of neighbouring pulses' fading."""
     # Fading that is correlated from pulse to pulse.
     correlations: tuple[float, ...] = (0.3, 0.5, 0.7, 0.8, 0.9, 0.95)
     """Candidate correlations of neighbouring pulses' fading."""
@@ -72,11 +72,11 @@ class PatternTuning:
     """Candidate ratios of the fading variance to that estimated for independent pulses. Fading
     correlated over more than a quarter turn looks like the pattern."""
     correlated_share: float = 0.2
-    """Prior share of turns with correlated fading."""
+    """Prior share of turns in which neighbouring pulses' fading is correlated."""
     most_pulses: int = 240
-    """Maximum number of pulses for which correlation is evaluated: a limit on work."""
+    """Maximum number of pulses for which correlated fading is evaluated: a limit on work."""
     least_pulses: int = 12
-    """Minimum number of pulses for which correlation is evaluated."""
+    """Minimum number of pulses for which correlated fading widens a bearing's error."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,15 +84,15 @@ class TwoPathTuning:
     """Constants for finding a second path, such as a reflection, in a rotation."""
 
     apart_deg: tuple[int, ...] = (20, 35, 50, 65, 80, 100, 120, 150, 180)
-    """Candidate angles between the two paths [°]."""
+    """Candidate angles between a tag's two propagation paths, one a reflection [°]."""
     weaker_db: tuple[float, ...] = (-6.0, -3.0, -1.0, 0.0)
-    """Candidate levels of the weaker path relative to the stronger [dB]."""
+    """Candidate levels of the weaker propagation path relative to the stronger [dB]."""
     cosines: tuple[float, ...] = (-0.95, -0.6, 0.0, 0.6, 0.95)
-    """Candidate cosines of the phase between the paths."""
+    """Candidate cosines of the phase between the signals on two propagation paths."""
     least_pulses: int = 12
-    """Minimum number of pulses in a rotation that is examined."""
+    """Minimum number of pulses in a rotation that is examined for two propagation paths."""
     least_gain_nats: float = 8.0
-    """Minimum rise of log-likelihood over one path [nats]; noise exceeds it in 1 % (B6)."""
+    """Minimum log-likelihood ratio of two paths to one [nats]; noise exceeds it in 1 % (B6)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,13 +100,13 @@ class LearnedPatternTuning:
     """Constants for learning an antenna's pattern from a flight's turns."""
 
     harmonics: int = 6
-    """Number of cosine harmonics in the correction of the pattern."""
+    """Number of cosine harmonics in the correction of an antenna pattern."""
     rounds: int = 3
-    """Number of alternations between bearings and correction."""
+    """Number of alternations between estimating bearings and correcting the pattern."""
     prior_db: float = 1.5
-    """Prior error of a maker's plot, rms over all angles [dB]."""
+    """Prior error of a maker's plot of an antenna pattern, rms over all angles [dB]."""
     angles: int = 37
-    """Number of angles from 0° to 180° in the learned pattern: steps of 5°."""
+    """Number of angles from 0° to 180° in a learned antenna pattern: steps of 5°."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,7 +114,7 @@ class SimpleBearingTuning:
     """Constants for bearings by correlation, antenna arrays, and switched antennas."""
 
     scan_step_deg: float = 0.5
-    """Step between two trial bearings of the correlation with the pattern [°]."""
+    """Step between two trial bearings when correlating powers with the pattern [°]."""
     array_fading_db: float = 2.0
     """Rms level difference of adjacent antennas that is not due to direction [dB]."""
     carrier_step_hz: float = 0.5

@@ -31,11 +31,11 @@ class Turn:
     turned_deg: float
     """Total angle of the turn [deg], positive clockwise."""
     stops: int
-    """Number of stops; 0 is a continuous turn."""
+    """Number of stops of the drone in the turn; 0 is a continuous turn."""
     widest_gap_deg: float
-    """Widest arc of headings without a pose [deg]."""
+    """Widest arc of headings in the turn without a recorded pose [deg]."""
     latitude_deg: float
-    """Median latitude during the turn [deg]."""
+    """Median latitude of the drone during the turn [deg]."""
     longitude_deg: float
 
 
@@ -118,7 +118,7 @@ def find_turns(
 
 
 def _middle(latitude_deg: _Floats, longitude_deg: _Floats) -> tuple[float, float]:
-    """Latitude and longitude of the median [deg], in a plane around these positions alone."""
+    """Median latitude and longitude of positions [deg], in a plane around these alone."""
     plane = plane_around(latitude_deg, longitude_deg)
     east, north = plane.to_local(latitude_deg, longitude_deg)
     latitude, longitude = plane.to_geodetic(np.median(east), np.median(north))
@@ -163,7 +163,7 @@ def _moves(seconds: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool_]
 def _that_lead_away(
     moves: NDArray[np.bool_], east: _Floats, north: _Floats
 ) -> NDArray[np.bool_]:
-    """Mask of the stretches of `moves` whose ends are at least `TURNS.path_m` apart."""
+    """(n,) True in stretches of `moves` whose ends are at least `TURNS.path_m` apart."""
     kept = np.zeros(len(moves), bool)
     for first, last in _runs(moves):
         way_m = np.hypot(east[last - 1] - east[first], north[last - 1] - north[first])
@@ -204,7 +204,7 @@ def _runs(true: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def _legs(yaw: _Floats) -> list[tuple[int, int]]:
-    """First and last index of rotations in one direction; small reversals are ignored."""
+    """Pose indices at both ends of rotations in one direction; small reversals ignored."""
     legs, start, best = [], 0, 0
     way = 0.0
     for index in range(1, len(yaw)):

@@ -17,11 +17,11 @@ from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.bearing.tuning import LEARNED_PATTERN, TWO_PATHS
 
 _PAIRS_DEG = [sign * turn for turn in TWO_PATHS.apart_deg for sign in (1, -1)][:-1]
-"""Directions of the weaker path, clockwise from the stronger one [deg]; 180° occurs once."""
+"""Directions of the weaker propagation path, clockwise from the stronger [deg]; 180° once."""
 _WEAKER_SHARE = np.repeat(
     [1.0 / (1.0 + 10.0 ** (-db / 10.0)) for db in TWO_PATHS.weaker_db], len(TWO_PATHS.cosines)
 )
-"""Share of the weaker path in the power of both, for each strength and phase."""
+"""Share of the weaker propagation path in the power of both, for each strength and phase."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -29,10 +29,10 @@ class TwoPaths:
     """A direct wave and its reflection, as fitted to the levels of a rotation."""
 
     bearings_deg: tuple[float, float]
-    """Bearings of the stronger and the weaker path; either may be the tag's."""
+    """Bearings of the stronger and the weaker path [deg]; either may be the tag's."""
     density: NDArray[np.float64]
-    """(360,) probability of whole degrees; the stronger path is more probably the direct
-    one."""
+    """(360,) probability of each whole degree of bearing; more on the stronger path than the
+    weaker."""
 
 
 def two_paths(

@@ -19,7 +19,7 @@ class Cache:
 
     def __init__(self) -> None:
         self.more = False
-        """True if the last estimate reached a limit and deferred values to the next one."""
+        """True if the last estimate reached its limit and deferred new values to the next."""
         self._before: dict[Hashable, Any] = {}
         self._now: dict[Hashable, Any] = {}
         self._left: dict[str, int] = {}

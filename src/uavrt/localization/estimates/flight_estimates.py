@@ -54,7 +54,7 @@ from uavrt.localization.tuning import FLIGHT
 NO_TIME = -1
 """Value that marks a bearing's time as unknown [ns]; its tag is assumed to rest."""
 EDGE_NS = NANOSECONDS_PER_SECOND
-"""Pulses this long before or after a turn count as its own [ns]; the antenna hardly moves."""
+"""Pulses within this time of a turn count as the turn's [ns]; the antenna hardly moves."""
 NEVER_TURNED = (
     "it was detected, but in no turn in place; receivers that do not turn add their strengths "
     "to a position only with bearings of others"
@@ -91,9 +91,9 @@ class ReadAs:
     height_sigma_m: float = SURVEY.height_sigma_m
     """Standard deviation of the error that all heights over a tag share [m]; for a monopole."""
     displacement: float = 0.0
-    """Standard deviation of a position shift common to a tag's bearings, over the distance."""
+    """Standard deviation of a shift common to a tag's bearings, as a share of the distance."""
     elevation: Elevation | None = None
-    """Elevation files for losses behind hills; None: level ground."""
+    """Elevation files for losses of pulses behind hills; None: level ground."""
     bearing_method: BearingMethod | str = "pattern_ml"
     method: PositionMethod | str = "bayes"
     learn: bool = True
@@ -120,7 +120,7 @@ class TagBearing:
     turn: Turn | None = None
     """Turn from which the bearing was estimated; None: unknown."""
     number: int = 0
-    """Number of the turn in the flight, from 0."""
+    """Number of the bearing's turn in the flight, from 0."""
     from_drone: bool = False
     flight: int = 0
     """Index of the flight or log; while a position is estimated, index of the receiver."""
@@ -156,7 +156,7 @@ class Found:
     frequencies_hz: Mapping[int, float] = field(default_factory=dict)
     """Frequencies of received or listed tags [Hz], by tag."""
     pattern: AntennaPattern | None = None
-    """Antenna pattern as corrected by the turns; None without a turn."""
+    """Antenna pattern as corrected by the flight's turns; None without a turn."""
 
     def bearings_of(self, tag_id: int) -> list[TagBearing]:
         """Bearings of one tag."""
@@ -580,7 +580,7 @@ def place(
 
 
 def _of_tag(tag_id: int, found: Sequence[Found]) -> list[Found]:
-    """Receivers for which a tag number means the same animal, by the tag's frequency."""
+    """Data of receivers for which a tag number means the same animal, by its frequency."""
     known_by = [*found[:1], *(each for each in found[1:] if each.has_tag(tag_id))]
     hz = [each.frequencies_hz[tag_id] for each in known_by if tag_id in each.frequencies_hz]
     if not hz:

@@ -29,10 +29,10 @@ class PoseColumns:
     latitude_deg: _Floats
     longitude_deg: _Floats
     height_m: _Floats
-    """(n,) height above the take-off [m]; NaN if unknown."""
+    """(n,) height of the vehicle above the take-off [m]; NaN if unknown."""
     quaternion_wxyz: _Floats
     altitude_amsl_m: _Floats | None = None
-    """(n,) altitude above sea level [m]; NaN where unknown."""
+    """(n,) altitude of the vehicle above sea level [m]; NaN where unknown."""
     on_ground_ns: tuple[tuple[int, int], ...] = ()
     """Start and end of times on the ground reported by the autopilot [ns]."""
 
@@ -120,10 +120,10 @@ class PulseColumns:
     height_m: _Floats
     """(n,) height of the antenna above the take-off [m]; NaN where unknown."""
     quaternion_wxyz: _Floats
-    """(n, 4) attitude of the antenna."""
+    """(n, 4) unit quaternions, antenna frame (forward, right, down) to north-east-down."""
     snr_db: _Floats
     noise_psd: _Floats
-    """(n,) noise density at each pulse; NaN where unknown."""
+    """(n,) noise density at each pulse [input units²/Hz]; NaN where unknown."""
     frequency_hz: _Floats
     rate: NDArray[np.int64]
     """(n,) which of the tag's pulse intervals was in use, from 1."""
@@ -294,7 +294,7 @@ class Rhythm:
 
 
 def _far_from(known_ns: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """(n,) True for times farther than `FLIGHT.pose_gap_ns` from all rising `known_ns`."""
+    """(n,) True for times farther than `FLIGHT.pose_gap_ns` from all (rising) `known_ns`."""
     if not len(known_ns):
         return np.ones(len(times_ns), bool)
     after = np.searchsorted(known_ns, times_ns)
@@ -311,7 +311,7 @@ class Heard:
     poses: PoseColumns
     """Poses of the vehicle, thinned out; in gaps, the poses stored with pulses."""
     tags: tuple[Tag, ...] = ()
-    """Entries of the tag list; empty for a log."""
+    """Entries of the tag list of a flight; empty for a log."""
     antenna: str = "RA-23K"
     """Name of the receiving antenna's pattern, unless `ReadAs` sets another."""
     name: str = "this vehicle"

@@ -20,7 +20,7 @@ from uavrt.localization.pose.mounting import Mounting
 from uavrt.localization.pose.series import Four, S, Series
 
 CAPACITY = 6_000
-"""Number of stored attitudes and of positions: two minutes at 50 Hz, one at 100 Hz."""
+"""Number of attitudes and of positions kept: two minutes at 50 Hz, one at 100 Hz."""
 
 MAX_GAP_S = 2.0
 """Longest gap between samples that is interpolated [s]; in a longer one a vehicle may turn."""
@@ -30,7 +30,7 @@ MAX_EXTRAPOLATION_S = 1.0
 error is some degrees where a turn begins or ends."""
 
 _RATE_BASELINE_S = 0.2
-"""Time over which the rate of motion is measured for extrapolation [s]."""
+"""Time over which the rate of turn and movement is measured for extrapolation [s]."""
 
 
 class PoseRing:
@@ -48,7 +48,7 @@ class PoseRing:
         self.late_samples = 0
         """Number of samples ignored because a later one had arrived before."""
         self.refused_samples = 0
-        """Number of invalid attitudes and positions."""
+        """Number of attitudes and positions refused because their values are invalid."""
         self.resets = 0
         """Number of times that all samples were removed, since time stepped back or jumped."""
 

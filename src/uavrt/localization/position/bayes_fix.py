@@ -19,7 +19,7 @@ from uavrt.localization.tuning import FLIGHT
 _Floats = NDArray[np.float64]
 
 LogLikelihood = Callable[[_Floats, _Floats, _Floats], _Floats]
-"""Function from east, north and cell width [m] (places,) to the log-likelihood (places,)."""
+"""Function from east, north, cell width [m] (places,) to a tag's log-likelihood (places,)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,14 +49,14 @@ class Cells:
     north_m: _Floats
     width_m: _Floats
     log_density: _Floats
-    """(n,) log-density of each cell, up to a constant."""
+    """(n,) log of the posterior density in each cell, up to a constant."""
     probability: _Floats
-    """(n,) probability of each cell; sums to 1."""
+    """(n,) posterior probability of each position cell; sums to 1."""
     log_evidence: float
     """Logarithm of the likelihood's integral over the area."""
     at_edge: bool
     rough: NDArray[np.bool_]
-    """(n,) True where the density may vary strongly within a cell."""
+    """(n,) True where the posterior density may vary strongly within a cell."""
 
     def mean(self) -> tuple[float, float]:
         """East and north of the mean [m], which has the smallest expected squared error."""
@@ -274,7 +274,7 @@ def _overlooked(
     shows_m: float,
     within: Area,
 ) -> NDArray[np.bool_]:
-    """True for the widest cells of an area that have a likely corner and must be quartered."""
+    """True for the widest position cells that have a likely corner and must be quartered."""
     found = np.zeros(len(east), bool)
     half = 0.5 * width
     wide = np.flatnonzero((width > 0.5 * shows_m) & within.touches(east, north, half))
@@ -309,7 +309,7 @@ def most_probable(cells: Cells, log_likelihood: LogLikelihood) -> tuple[float, f
 def _even_axes(
     around: Area, count: int, margin_m: float = 0.0
 ) -> tuple[_Floats, _Floats, float]:
-    """East (x,) and north (y,) of an even grid over an area and its margin, and its step."""
+    """East (x,), north (y,) of an even grid over an area and its margin, and its step [m]."""
     wide = around.east_m - around.west_m + 2.0 * margin_m
     high = around.north_m - around.south_m + 2.0 * margin_m
     step = max(wide, high) / (count - 4)

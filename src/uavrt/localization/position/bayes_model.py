@@ -23,7 +23,7 @@ from uavrt.localization.tuning import FLIGHT
 
 _Floats = NDArray[np.float64]
 LogDensity = Callable[[_Floats, _Floats], _Floats]
-"""Function from east and north (places,) to a log-density (places,)."""
+"""Function from east and north of positions (places,) to a log-density (places,)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -149,7 +149,7 @@ class _Agreement:
     """Consistency of the bearings, and explanations other than a resting tag."""
 
     found: tuple[tuple[float, Fit], ...] = ()
-    """Explanations with their probabilities, the resting tag first."""
+    """Explanations of the bearings with their probabilities, the resting tag first."""
     reported: Fit | None = None
     unchecked: tuple[Caution, ...] = ()
     """Caution that errors which all bearings share cannot be checked; empty if they can."""

@@ -209,7 +209,7 @@ def _of_few(covariance_m2: _Floats | None, stations: int) -> _Floats | None:
 
 
 def _wider(share: float, stations: int) -> float:
-    """Factor on a region's radius because the scatter is estimated (Hotelling's T²).
+    """Factor on a confidence region's radius because the scatter is estimated (Hotelling's T²).
 
     Hotelling: 2 F(2, n - 2) replaces chi-squared of 2 degrees; both have closed quantiles.
     """

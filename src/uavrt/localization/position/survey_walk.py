@@ -29,11 +29,11 @@ class SurveyWalk:
 
     probability: float
     velocity_m_s: tuple[float, float]
-    """Velocity towards east and north [m/s]."""
+    """Velocity of the tag towards east and north [m/s]."""
     place: tuple[float, float]
     """East and north of the tag in the middle of the flight [m]."""
     fading_db: float
-    """Standard deviation of fading [dB], increased for correlated neighbouring pulses."""
+    """Standard deviation of pulses' fading [dB], more if neighbouring pulses correlate."""
 
     def at(self, since_s: float) -> tuple[float, float]:
         """East and north of the tag at a time after the middle of the flight [m]."""
@@ -61,7 +61,7 @@ class _Moved:
     east_m: _Floats
     north_m: _Floats
     since_s: _Floats
-    """(n,) times from the middle of the flight [s]."""
+    """(n,) times of the pulses after the middle of the flight [s]."""
     track: PowerTrack
     propagation: Propagation
 
@@ -140,7 +140,7 @@ def _weighed(moved: _Moved, around: Area, rest: _Peak, walk: _Peak) -> SurveyWal
 
 
 def _integrated_peak(moved: _Moved, peak: _Peak, step_m: float, step_m_s: float) -> _Peak:
-    """Evidence integrated around a peak, on grids that narrow to its width."""
+    """Evidence integrated around a likelihood peak, on grids that narrow to its width."""
     for _ in range(WALK.rounds):
         half = (0.5 * WALK.fine_cells - 0.5) * step_m / 2.0
         around = Area(

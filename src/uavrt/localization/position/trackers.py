@@ -29,7 +29,7 @@ from uavrt.localization.terrain.hill_losses import HillLosses
 _Floats = NDArray[np.floating[Any]]
 _Singles = NDArray[np.float32]
 PathGain = Callable[[_Floats, _Floats, _Floats | float], _Floats]
-"""Level over plain spreading as a function of distances east, north and height [m]."""
+"""Function from distances east, north and height [m] to the level over plain spreading [dB]."""
 
 RESTING, BROWSING, TRAVELLING = range(3)
 
@@ -44,7 +44,7 @@ class TrackEstimate:
     """Radius of the circle around the estimate that holds the tag with 50 % probability [m]."""
     radius95_m: float
     level_db: float
-    """SNR of the tag at 100 m [dB]."""
+    """SNR of the tag's pulses at 100 m [dB]."""
     east_m_s: float = 0.0
     """Velocity towards east, averaged over all hypotheses [m/s]; resting ones count as 0."""
     north_m_s: float = 0.0
@@ -56,13 +56,13 @@ class TagPrior:
 
     area: Area
     level_db: float = 45.0
-    """Mean SNR at 100 m [dB]: a 20 ms collar received with 9 dB from 3 km."""
+    """Mean SNR of a tag at 100 m [dB]: a 20 ms collar received with 9 dB from 3 km."""
     level_sigma_db: float = 12.0
     level_drift_db_per_root_s: float = 0.0
-    """Random walk of the strength [dB/√s]: the animal turns, plants intervene."""
+    """Random walk of a tag's strength [dB/√s]: the animal turns, plants intervene."""
     fading_db: float = 4.0
     pattern: AntennaPattern | None = None
-    """Antenna pattern; None: upright monopole."""
+    """Pattern of the receiving antenna; None: upright monopole."""
     walking_m_per_root_s: float = 1.0
     """Random walk of a browsing animal in each direction [m/√s]."""
     travelling_m_s: float = 1.0
@@ -73,11 +73,11 @@ class TagPrior:
     """Shares of the time in which an animal rests, browses, and travels."""
     exponent: float = 3.0
     exponent_sigma: float = 0.7
-    """Standard deviation of the path loss exponent; 0 if it is known."""
+    """Prior standard deviation of the path loss exponent; 0 if it is known."""
     missed_share: float = LEVEL.by_chance
-    """Share of pulses missed by chance, at any strength."""
+    """Share of a tag's pulses missed by chance, at any strength."""
     chance_share: float = LEVEL.by_chance
-    """Share of pulses that are not the tag's: false alarms, interferers."""
+    """Share of received pulses that are not the tag's: false alarms, interferers."""
     path_gain: PathGain | None = None
     """Propagation model: level relative to plain spreading; None: plain spreading."""
     hills: HillLosses | None = None
@@ -132,7 +132,7 @@ class Hypotheses:
     east_m_s: _Singles
     north_m_s: _Singles
     wandering_m_per_root_s: _Singles
-    """Random walk of the tag in each direction [m/√s]."""
+    """Random walk of the tag in each direction, for each hypothesis [m/√s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,9 +140,9 @@ class Expectation:
     """Expectation of a pulse by a tracker, before the update."""
 
     level_db: float
-    """Mean of the expected SNR over all hypotheses [dB]."""
+    """Mean of the pulse's expected SNR over all hypotheses [dB]."""
     variance_db2: float
-    """Variance of the expected SNR, fading included [dB²]."""
+    """Variance of the pulse's expected SNR, fading included [dB²]."""
     log_probability: float
     """Log-probability of a miss, or log-density of a pulse [1/dB], if the tag exists."""
 
@@ -154,7 +154,7 @@ class Spread:
     east_m: float
     north_m: float
     east_m2: float
-    """Variance of the east coordinate [m²]."""
+    """Variance of the tag's east coordinate [m²]."""
     north_m2: float
     product_m2: float
 
@@ -232,7 +232,7 @@ class _MotionModel:
     def __init__(self, prior: TagPrior, rng: Generator) -> None:
         self._prior, self._rng = prior, rng
         self._external_exponent = (0.0, 0.0)
-        """Precision, and precision times mean, of the exponent learned from other tags."""
+        """Precision, and precision times mean, of the path loss exponent by other tags."""
         self._since_s = 0.0
 
     def normal(self, count: int) -> _Singles:
@@ -264,7 +264,7 @@ class _MotionModel:
         )
 
     def _plausible(self, exponent: _Singles) -> _Singles:
-        """Limit exponents to the range from free space to woods."""
+        """Limit path loss exponents to the range from free space to woods."""
         if self._prior.exponent_sigma == 0.0:
             return np.full(len(exponent), self._prior.exponent, np.float32)
         return np.clip(exponent, 1.8, 4.2)
@@ -349,7 +349,7 @@ class _MotionModel:
         self._external_exponent = (known + precision, before + weighted)
 
     def _exponent_before(self) -> tuple[float, float]:
-        """Mean and standard deviation of the exponent without the tag's own pulses."""
+        """Mean and standard deviation of the path loss exponent by other tags and prior."""
         prior = self._prior
         if prior.exponent_sigma == 0.0:
             return prior.exponent, 0.0

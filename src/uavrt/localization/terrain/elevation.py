@@ -16,7 +16,7 @@ from uavrt.core.errors import UsageError
 from uavrt.core.units import wrap_degrees_180
 
 ELLIPSOID = "ellipsoid"
-"""Name of the datum for heights above the ellipsoid."""
+"""Name of the height datum for heights above the WGS84 ellipsoid."""
 _Floats = NDArray[np.float64]
 _Window = tuple[int, int, int, int]
 _MOST_POINTS = 150_000_000

@@ -33,7 +33,7 @@ _MOST_BLOCKS, _MOST_VALUES = 300_000, 4096
 _LISTS = frozenset({273, 279, 324, 325})
 _MOST_BLOCK_POINTS = 1 << 24
 _SCALES = 1e-8, 1e8
-"""Valid range of a grid step and of a corner's coordinates [deg or m]."""
+"""Valid range of a grid step; its upper end also limits the corner's coordinates [deg or m]."""
 _NUMBERS = {(1, 8): "u1", (1, 16): "u2", (1, 32): "u4", (2, 16): "i2", (2, 32): "i4"} | {
     (3, 32): "f4",
     (3, 64): "f8",

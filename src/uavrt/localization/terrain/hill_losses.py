@@ -24,21 +24,21 @@ TAG_M = 0.5
 """Default height of a tag above the ground [m]."""
 _LEAST_REACH_M = 500.0
 _MOST_SIDE = 200
-"""Maximum number of squares along each side of the ground around the take-off."""
+"""Maximum number of ground squares along each side of the terrain around the take-off."""
 _ROUGH_SIDE = 64
-"""Maximum number of squares along each side for candidate legs, at a thirtieth of the cost."""
+"""Maximum number of ground squares along each side for candidate legs, at 1/30 of the cost."""
 _FINEST_M = 15.0
 _HEIGHT_STEP_M = 4.0
 _LEAST_ABOVE_M = 1.0
 _ROUGH_HEIGHT_STEP_M = 16.0
 _MOST_PLACES = 100
-"""Maximum number of drone positions in one call: 1.5 s of a core."""
+"""Maximum number of drone positions in one call for losses: 1.5 s of a core."""
 _ROUGH_MOST_PLACES = 40
 _MOST_BYTES = 64_000_000
-"""Maximum memory for cached losses [bytes]."""
+"""Maximum memory for cached maps of losses behind hills [bytes]."""
 
 _Node = tuple[int, int, int]
-"""Point of the lattice: metres east, north, and above the take-off's ground."""
+"""Lattice point of drone positions: metres east, north, and above the take-off's ground."""
 
 
 class HillLosses:
@@ -219,7 +219,7 @@ class LossesFrom:
     """Losses from drone positions to any tag position."""
 
     maps: NDArray[np.float32]
-    """(lattice, rows, columns) loss from each lattice point to the squares [dB]."""
+    """(lattice, rows, columns) loss from each lattice point to the ground squares [dB]."""
     which: NDArray[np.intp]
     """(n,) index of the lattice point for each drone position."""
     west_m: float
@@ -270,7 +270,7 @@ class _Squares:
         self._grid: GroundGrid | None = None
         self._maps: OrderedDict[tuple[int, ...], NDArray[np.float32]] = OrderedDict()
         self.last: tuple[tuple[object, ...], _Floats, LossesFrom] | None = None
-        """Tag, drone positions and result of the last call."""
+        """Tag height, drone positions and result of the last call."""
 
     @property
     def grid(self) -> GroundGrid:

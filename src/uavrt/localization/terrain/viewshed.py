@@ -15,7 +15,7 @@ from uavrt.localization.terrain.squares import GroundGrid
 
 _Floats = NDArray[np.float64]
 _TOGETHER = 100_000
-"""Maximum number of profile points, or cells, computed at once."""
+"""Maximum number of terrain profile points, or ground cells, computed at once."""
 
 
 def terrain_loss_map(
@@ -71,7 +71,7 @@ def _parameters(
     x: _Floats,
     y: _Floats,
 ) -> NDArray[np.float32]:
-    """Parameter ν at the cells of some rows, from coordinates relative to the drone."""
+    """Diffraction parameter ν at the cells of some rows, relative to the drone."""
     compiled = getattr(kernels(), "edges", None)
     nu = np.full(x.shape, -10.0, np.float32)
     if compiled is not None:

@@ -135,7 +135,7 @@ def _few_places(weights: Weights, coarse: SlotEnergies) -> Weights:
 def _refined(
     energies: SlotEnergies, weights: Weights, start: FoldedTrain, row: int
 ) -> FoldedTrain:
-    """Likeliest train near a cell of the coarse search, in cells of the full search."""
+    """Likeliest pulse train near a cell of the coarse search, in cells of the full search."""
     slot_s, slots = energies.slot_s, len(energies.heard)
     span_s = slots * slot_s
     count = max(2, int(span_s / start.interval_s))

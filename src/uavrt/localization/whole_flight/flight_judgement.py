@@ -40,24 +40,24 @@ class FoldedTrain:
     false_alarm_probability: float
     """Probability that noise alone gives a train this unlikely anywhere in the search."""
     score: float
-    """Weighted sum [standard deviations]; for a train of strong pulses, their number."""
+    """Weighted sum of energies [standard deviations]; for strong pulses, their number."""
     interval_s: float
-    """Interval in the middle of the flight [s]."""
+    """Pulse interval in the middle of the flight [s]."""
     phase_s: float
     """Middle of the first pulse's slot, relative to the first slot's beginning [s]."""
     offset_hz: float
     place: int
-    """Index of the tag's position: a row of the weights."""
+    """Index of the tag's candidate position: a row of the weights."""
     hypotheses: float
-    """Number of independent hypotheses tested."""
+    """Number of independent hypotheses tested in the search for the train."""
     log_probability: float
     """Natural logarithm of the probability that noise alone gives this train's sum or more."""
     rate: int = 1
-    """Number of the tag's interval in use, from 1."""
+    """Number of the tag's pulse interval that the train has, from 1."""
     loud: bool = False
     """True if each pulse of the train is strong enough to be detected alone."""
     drift: float = 0.0
-    """Relative change of the interval from the first slot to the last."""
+    """Relative change of the pulse interval from the first slot to the last."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -65,17 +65,17 @@ class Weights:
     """Weight of a pulse in each slot, for each position, as a mixture of few patterns."""
 
     basis: NDArray[np.float32]
-    """(patterns, slots) weights of the slots; sums are folded for each pattern."""
+    """(patterns, slots) weights of the energy slots; trains are summed for each pattern."""
     mixing: NDArray[np.float32]
-    """(places, patterns) coefficients of the patterns for each position."""
+    """(places, patterns) coefficients that mix patterns to a candidate position's weights."""
     deviation: _Floats
-    """(frequencies, places) standard deviation of a sum over pulses in noise."""
+    """(frequencies, places) standard deviation of a train's weighted energy sum in noise."""
     skewness: _Floats
-    """(frequencies, places) skewness of a sum over pulses in noise."""
+    """(frequencies, places) skewness of a train's weighted energy sum in noise."""
     interval_s: float
-    """Interval for which deviation and skewness hold [s]; longer ones have fewer pulses."""
+    """Pulse interval for which deviation and skewness hold [s]; longer: fewer pulses."""
     spread: float = 1.0
-    """Share of the flight that has much weight, averaged over positions."""
+    """Share of the flight's time with much weight, averaged over positions; 1 if even."""
 
     @classmethod
     def of(
@@ -145,16 +145,16 @@ class Peaks:
 
     place: NDArray[np.intp]
     row: NDArray[np.intp]
-    """Row of the frequency in the energies."""
+    """Row of the train's frequency in the slot energies."""
     interval: _Floats
-    """Interval between pulses [slots]."""
+    """Interval between the train's pulses [slots]."""
     phase: NDArray[np.intp]
-    """Phase of the first pulse [slots]."""
+    """Slot of the train's first pulse [slots]."""
     score: _Floats
 
 
 def _spread(count: _Floats, sums: _Floats, squares: _Floats) -> float:
-    """Share of the flight that has much weight, averaged over positions; 1 if even."""
+    """Share of the flight's time with much weight, averaged over positions; 1 if even."""
     some = np.maximum(count, 1e-30)
     variance = np.maximum(squares / some - (sums / some) ** 2, 0.0)
     return float(np.minimum(np.sqrt(12.0 * variance), 1.0).mean())

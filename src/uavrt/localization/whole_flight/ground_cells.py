@@ -25,7 +25,7 @@ class Part:
     latitude_deg: float
     longitude_deg: float
     radius95_m: float
-    """Radius that holds 95 % of the part's probability [m]."""
+    """Radius of the circle that holds 95 % of the probability of this part of a region [m]."""
     probability: float
 
 
@@ -35,14 +35,14 @@ class Cells:
 
     plane: TangentPlane
     bearing_deg: _Floats
-    """(cells,) bearings of the cells' middles from the middle of the flight [deg]."""
+    """(cells,) bearings of ground cells' middles from the middle of the flight [deg]."""
     range_m: _Floats
     width_deg: _Floats
     ratio: _Floats
-    """(cells,) ratio of the outer to the inner radius of a cell."""
+    """(cells,) ratio of the outer to the inner radius of a ground cell."""
     probability: _Floats
     by_fall: _Floats
-    """(exponents, cells) joint probability of a path loss exponent and a cell."""
+    """(exponents, cells) joint probability of a path loss exponent and a ground cell."""
 
     @property
     def area(self) -> _Floats:
@@ -204,14 +204,14 @@ class LikelyGround:
     """Cells of the ground, with likelihoods at their middles; likely ones are divided."""
 
     bearing_deg: _Floats
-    """(cells,) bearings of the cells' middles from the middle of the flight [deg]."""
+    """(cells,) bearings of ground cells' middles from the middle of the flight [deg]."""
     range_m: _Floats
     width_deg: _Floats
     ratio: _Floats
     uneven: _Floats
-    """(cells,) range of log-likelihood among the parts of the cell last divided."""
+    """(cells,) range of log-likelihood among the parts of the cell that was divided last."""
     logs: _Floats
-    """(exponents, cells) log-likelihood by path loss exponent, integrated over levels."""
+    """(exponents, cells) log-likelihood by path loss exponent, integrated over tag levels."""
     level_db: _Floats
     """(exponents, cells) mean level of the tag [dB], by path loss exponent."""
 

@@ -23,10 +23,10 @@ from uavrt.localization.whole_flight.tuning import PLACE
 
 _Floats = NDArray[np.float64]
 AMPLITUDES = np.arange(0.0, 22.05, 0.1)
-"""Amplitudes in the tables, in units of the noise, up to 27 dB. A stronger pulse and its
-expected strength are reduced alike, since noise moves it by less than 0.3 dB."""
+"""Pulse amplitudes in the likelihood tables, in units of the noise, up to 27 dB. A stronger
+pulse and its expected strength are reduced alike, since noise moves it by less than 0.3 dB."""
 STRENGTHS_DB = np.arange(-40.0, 44.0, 0.5)
-"""Expected strengths of pulses in the tables, energy over noise [dB]."""
+"""Expected strengths of pulses in the likelihood tables, energy over noise [dB]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -34,9 +34,9 @@ class TrainPulses:
     """Times and energies of the slots that contain a train's pulses."""
 
     time_s: _Floats
-    """(n,) times relative to the first slot's beginning [s]."""
+    """(n,) times of expected pulses relative to the first slot's beginning [s]."""
     energy: _Floats
-    """(n,) energies in units of the noise."""
+    """(n,) energies in the slots of expected pulses, in units of the noise."""
     noise_db: _Floats
     """(n,) noise at each pulse over its median [dB], by which the energies were divided."""
     interval_s: float
@@ -107,7 +107,7 @@ class HeardTrain:
     """Logarithm of the number of trains from which this was chosen as the best; None: certainly
     the tag's. A weak one may be chance; the flight then has no information."""
     rates: int = 1
-    """Number of the tag's rates; in some slots another rate may have been used."""
+    """Number of the tag's pulse rates; in some slots another rate may have been used."""
 
     @classmethod
     def among(

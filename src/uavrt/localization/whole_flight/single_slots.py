@@ -10,7 +10,7 @@ from uavrt.localization.whole_flight.rate_of_flight import likeliest_states
 from uavrt.localization.whole_flight.tuning import PLACE
 
 _LEVELS_DB = np.arange(0.0, 50.0, 1.0)
-"""Levels of the strongest pulse that are tried [dB]; the best is used."""
+"""Candidate levels of the train's strongest pulse [dB]; the best is used."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -18,9 +18,9 @@ class SlotEvidence:
     """Evidence for a pulse in each slot of a train."""
 
     at_rate: NDArray[np.bool_]
-    """(n,) True if the tag used the train's rate; always for a tag with one rate."""
+    """(n,) True if the tag sent at the train's rate; always for a tag with one rate."""
     supported: NDArray[np.bool_]
-    """(n,) True if the tag used the rate, and the slot's energy exceeds 95 % of noise slots."""
+    """(n,) True if sent at that rate, and the slot's energy exceeds 95 % of noise slots."""
 
 
 def slot_evidence(one: HeardTrain, gain: NDArray[np.float64]) -> SlotEvidence:

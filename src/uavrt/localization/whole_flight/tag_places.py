@@ -19,7 +19,7 @@ from uavrt.localization.whole_flight.tuning import SEARCH
 _Floats = NDArray[np.float64]
 BEARING_STEP_DEG = 360.0 / SEARCH.bearings
 RANGE_STEP = (SEARCH.farthest_m / SEARCH.nearest_m) ** (1.0 / (SEARCH.ranges - 1))
-"""Ratio of the radii of neighbouring rings."""
+"""Ratio of the radii of neighbouring rings of candidate tag positions around the flight."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -28,12 +28,12 @@ class Places:
 
     plane: TangentPlane
     east_m: _Floats
-    """(places,) east of the middle of the flight [m]."""
+    """(places,) candidate tag positions east of the middle of the flight [m]."""
     north_m: _Floats
     area: _Floats
-    """(places,) relative area of ground represented by each position: the prior."""
+    """(places,) relative area of ground represented by each candidate position: the prior."""
     time_s: _Floats
-    """(times,) times from the first slot's beginning [s]."""
+    """(times,) times from the first slot's beginning at which gains are computed [s]."""
     gain: _Floats
     """(places, times) energy of a pulse relative to the strongest from the same position."""
     strongest_db: _Floats
@@ -52,13 +52,13 @@ class Track:
 
     pattern: AntennaPattern
     east_m: _Floats
-    """(times,) east coordinate of the antenna [m]."""
+    """(times,) east coordinate of the antenna in the plane of `Places` [m]."""
     north_m: _Floats
     height_m: _Floats
     axes: _Floats
     """(times, 3, 3) forward, right and down axes of the antenna."""
     hills: HillLosses | None = None
-    """Ground model in the plane; None: level ground."""
+    """Ground model in the track's plane, for losses behind hills; None: level ground."""
 
     def gain_db(self, east_m: _Floats, north_m: _Floats, turn_deg: float = 0.0) -> _Floats:
         """(places, times) level, 0 on boresight at 1 m [dB]; `turn_deg`: heading error."""
@@ -89,7 +89,7 @@ class Track:
     def _towards_db(
         self, axes: _Floats, north: _Floats, east: _Floats, down: _Floats
     ) -> _Floats:
-        """(places, times) antenna gain in unit directions [dB]; `axes` is (3, 3, times)."""
+        """(places, times) antenna gain in given directions [dB]; `axes` is (3, 3, times)."""
         if self.pattern.name == MONOPOLE:
             # A monopole stays upright however the drone tilts, and receives nothing from below.
             return monopole_gain_db(np.degrees(np.arcsin(np.clip(down, -1.0, 1.0))))

@@ -44,7 +44,7 @@ class Listened:
     """(places, times) energy of a pulse relative to each position's strongest: in all flights
     if the tag rests, in this one if it moves."""
     time_s: _Floats
-    """(times,) times relative to the first slot's beginning [s]."""
+    """(times,) times of the gains, relative to the first slot's beginning [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -57,9 +57,9 @@ class JointTrain:
     log_probability: float
     hypotheses: float
     trains: tuple[FoldedTrain, ...]
-    """Train in each flight; its position is a row of that flight's gains."""
+    """Pulse train in each flight; its position is a row of that flight's gains."""
     log_trains: tuple[float, ...]
-    """Logarithm of the number of independent trains from which each was chosen."""
+    """Logarithm of the number of independent trains of which each flight's is the best."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -185,7 +185,7 @@ def _search(
 def _likeliest(
     search: _Search, tag: Tag, patterns: Sequence[int], *, moves: bool
 ) -> JointTrain:
-    """Likeliest position, frequency and range of intervals at one rate."""
+    """Likeliest tag position, frequency and range of intervals at one pulse rate."""
     score, skewness = _sums(search, moves=moves)
     at = score.argmax(axis=2)[..., np.newaxis]
     best = np.take_along_axis(score, at, axis=2)[..., 0]
@@ -220,7 +220,7 @@ def _likeliest(
 
 
 def _sums(search: _Search, *, moves: bool) -> tuple[_Floats, _Floats]:
-    """(places, frequencies, ranges) scores and skewness; one position if the tag moves."""
+    """(places, frequencies, ranges) trains' scores and skewness; one place if the tag moves."""
     total, square, cube = np.zeros(1), np.zeros(1), np.zeros(1)
     for number, weights in enumerate(search.weights):
         rows = search.rows(number)

@@ -43,7 +43,7 @@ class OtherTrain:
     drift: float
     loud: bool
     ratio: tuple[int, int] | None
-    """Ratio of the train's interval to the tag's, if times fit both; None: no simple one."""
+    """Ratio of the train's interval to the tag's, if times fit both; None: no simple ratio."""
     other_code: bool = False
     """True if the bursts lack pulses of the tag's code."""
 
@@ -54,7 +54,7 @@ class Judgement:
 
     train: FoldedTrain
     energies: SlotEnergies
-    """Slot energies without the slots of other trains."""
+    """Slot energies without the slots of other pulse trains."""
     others: tuple[OtherTrain, ...]
 
     @property

@@ -46,16 +46,16 @@ class PlaceBelief:
     radius50_m: float
     radius95_m: float
     bearing_deg: float
-    """Bearing from the middle of the flight [deg]."""
+    """Bearing of the tag from the middle of the flight [deg]."""
     arc50_deg: float
-    """Width of the arc that holds half of the probability [deg]."""
+    """Width of the arc that holds half of the tag's probability [deg]."""
     arc95_deg: float
     level_db: float
-    """Energy over noise of the strongest pulse [dB]."""
+    """Energy over noise of the tag's strongest pulse [dB]."""
     fading_db: float
     """Standard deviation of single pulses' levels from the model [dB]."""
     probability: _Floats
-    """(places,) posterior probability."""
+    """(places,) posterior probability of each candidate position of the tag."""
     cells: Cells
 
     def arc_deg(self, share: float) -> float:
@@ -88,7 +88,7 @@ def _placed(reading: "_Reading") -> PlaceBelief:
 
 
 def _likeliest(readings: Sequence["_Reading"], cells: Cells) -> "_Reading":
-    """Most likely of the assumed fadings; the usual one unless the evidence is clear."""
+    """Most likely of the assumed fading sizes; the usual one unless the evidence is clear."""
     heard = readings[0].heard
     which = np.argsort(-cells.probability, kind="stable")[: PLACE.fading_cells]
     from_here = east_north(cells.bearing_deg[which], cells.range_m[which])
@@ -214,7 +214,7 @@ def _turned_logs(
 
 
 def _over_levels(logs: _Floats, levels_db: _Floats) -> tuple[_Floats, _Floats]:
-    """(exponents, places) log-likelihood averaged over levels, and mean level [dB]."""
+    """(exponents, places) log-likelihood averaged over tag levels, and mean tag level [dB]."""
     fine = np.linspace(
         levels_db[0], levels_db[-1], PLACE.level_parts * (len(levels_db) - 1) + 1
     )
@@ -252,7 +252,7 @@ def _joint_logs(reading: _Reading, gains_db: Sequence[_Floats], tempered: bool) 
 
 
 def _at_pulses_db(one: HeardTrain, gain_db: _Floats) -> _Floats:
-    """(places, pulses) gain at each pulse [dB], from that at all times."""
+    """(places, pulses) antenna gain at each pulse [dB], from that at all times."""
     at_s, time_s = one.pulses.time_s, one.places.time_s
     return np.stack([np.interp(at_s, time_s, row) for row in gain_db])
 
@@ -315,7 +315,7 @@ def _counted(one: HeardTrain, fading_db: float) -> float:
 
 
 def _refined_cells(reading: _Reading, logs: _Floats) -> tuple[Cells, float, _Floats]:
-    """Cells with the likely ones divided, mean level [dB], and positions' probability."""
+    """Ground cells, likely ones divided; mean tag level [dB]; probability of positions."""
     places, levels_db = reading.heard[0].places, reading.levels_db
     count = len(places.east_m)
     held, level_db = _over_levels(logs, levels_db)

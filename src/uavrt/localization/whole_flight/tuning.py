@@ -11,31 +11,31 @@ class EnergyTuning:
     """Constants for converting samples to slot energies, without strong or lost samples."""
 
     block_s: float = 30.0
-    """Duration measured at once in flight [s]: five stretches with one noise level."""
+    """Duration of samples measured at once in flight [s]: five stretches of constant noise."""
     chunk_s: float = 6.0
-    """Duration of samples processed at once [s]."""
+    """Duration of a channel's samples that are processed at once [s]."""
     level_s: float = 6.0
-    """Time over which a frequency's noise is taken as constant [s]."""
+    """Time over which the noise at a frequency is taken as constant [s]."""
     level_rows: int = 5
-    """Number of neighbouring frequencies whose noise is averaged."""
+    """Number of neighbouring frequencies whose noise power is averaged."""
     loud_power: float = 20.0
-    """Minimum power over noise of a strong window; noise reaches it once in 5e8 windows."""
+    """Minimum power over noise of a strong filter window; noise reaches it in one of 5e8."""
     wide_sigmas: float = 8.0
     """Excess of the whole channel's energy that shows a strong signal [standard deviations]."""
     crest: float = 3.0
     """Maximum ratio of a window's largest sample to its mean power that is no impulse. A pulse
     of N samples has 1/N of its power in one sample, an impulse N times as much."""
     hops_beside: int = 16
-    """Distance from a strong window at which others are unaffected [hops]: two pulses."""
+    """Distance from a strong filter window beyond which others are used [hops]: two pulses."""
     slots_beside: int = 4
-    """Extent of a pulse and its jitter on each side of its slot [slots]."""
+    """Extent of a pulse and its jitter on each side of its time slot [slots]."""
     most_gap_s: float = 7200.0
-    """Longest gap between two blocks that is bridged [s]."""
+    """Longest gap between two blocks of samples that is bridged [s]."""
     most_overlap_s: float = 0.1
     """Largest overlap of a block with earlier ones that counts as drift [s]. A crystal 100 ppm
     fast gathers it in 17 minutes; a clock set back by more is ignored."""
     least_step_s: float = 0.0015
-    """Minimum time step between blocks that is corrected [s]; a correction costs a window."""
+    """Minimum time step between sample blocks that is corrected [s]; costs one window."""
     dead_s: float = 0.1
     """Minimum duration of exact zeros that means a dead radio or a filled gap [s]."""
 
@@ -51,35 +51,35 @@ class SearchTuning:
     ranges: int = 14
     step_s: float = 0.25
     same_place_correlation: float = 0.97
-    """Correlation of two positions' weights above which one represents both: 0.13 dB loss."""
+    """Correlation of two positions' weights at which one represents both: 0.13 dB loss."""
     exponent: float = 2.5
-    """Path loss exponent of the search; the mean of `level_evidence.Propagation`."""
+    """Path loss exponent in the train search; the mean of `level_evidence.Propagation`."""
     design_enr: float = 2.0
-    """Energy over noise of the strongest pulse for which the weights are optimal: 3 dB."""
+    """Energy over noise of the strongest pulse for which slot weights are optimal: 3 dB."""
     kept_variance: float = 0.995
-    """Share of the weights' variance in the folded patterns: 0.01 dB loss."""
+    """Share of the slot weights' variance in the folded patterns: 0.01 dB loss."""
     few_patterns: int = 8
-    """Maximum number of patterns for which all positions are folded at once."""
+    """Maximum number of weight patterns for which all positions are folded at once."""
     # Variance and correlation for the patterns and places that choose cells to examine in full:
     # three times fewer of both. A train of 7 standard deviations has 5.6 there at worst.
     coarse_variance: float = 0.90
     coarse_correlation: float = 0.85
     examined_cells: int = 400
-    """Number of cells examined in full, the best of tens of thousands. In twenty minutes of
-    noise the last has 5.0 to 5.4 standard deviations."""
+    """Number of cells (train hypotheses) examined in full, the best of tens of thousands. In
+    twenty minutes of noise the last has 5.0 to 5.4 standard deviations."""
     side_by_side: int = 48
-    """Number of sums (frequencies times patterns) folded at once: 60 MB. An addition takes 0.8
-    ns with NumPy on the reference computer, and 1.9 ns with 12 sums."""
+    """Number of train sums (frequencies times patterns) folded at once: 60 MB. An addition
+    takes 0.8 ns with NumPy on the reference computer, and 1.9 ns with 12 sums."""
     gain_block: int = 16_000
-    """Number of gains computed at once (positions × times), so that they fit in the cache."""
+    """Number of antenna gains computed at once (positions × times), to fit in the cache."""
     moment_slots: int = 16384
     least_skewness: float = 0.02
     hypotheses: float = 6.0
-    """Number of independent hypotheses for each pattern and cell, from noise flights."""
+    """Independent train hypotheses for each pattern and cell, from flights with noise only."""
     burst_hypotheses: float = 2.5
     """Factor on `hypotheses` for coded tags, where each burst is the best of some stretches."""
     lags: tuple[int, ...] = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
-    """Lags at which the correlation of a row's energies is computed [slots]."""
+    """Lags at which the correlation of a frequency's slot energies is computed [slots]."""
     # Trains of strong pulses: share of the false alarms, hypotheses for each cell of marks,
     # minimum number of marks, share of the best log probability above which another train may
     # have the same marks, and weight for central slots, below that of any mark.
@@ -90,15 +90,15 @@ class SearchTuning:
     middle_weight: float = 0.4
 
     drift_step_slots: float = 6.0
-    """Shift of the flight's middle between two searched drifts [slots]. A train halfway between
-    is shifted by a quarter of it, less than a double slot. A step of 4 would gain 0.05 dB."""
+    """Mid-flight shift between two searched interval drifts [slots]. A train halfway between is
+    shifted by a quarter of it, less than a double slot. A step of 4 would gain 0.05 dB."""
     drift_independent_slots: float = 5.0
-    """Shift between two drifts that count as independent [slots]. In 400 flights of noise,
-    false alarms were 0.93 of the nominal 1 %; with 2 slots, 0.44."""
+    """Mid-flight pulse shift between two independent interval drifts [slots]. In 400 flights of
+    noise, false alarms were 0.93 of the nominal 1 %; with 2 slots, 0.44."""
     drift_patterns: int = 3
     drift_correlation: float = 0.9
     drift_cells: int = 120
-    """Number of cells with drift that are examined in full."""
+    """Number of train hypotheses with interval drift that are examined in full."""
 
     # Another train that explains one: log of the factor by which it must be less likely by
     # chance, and range of its intervals relative to the one found.
@@ -119,9 +119,9 @@ class SearchTuning:
     least_cells: float = 2.0
     rows_beside: int = 1
     stretch_hypotheses: float = 8.6
-    """Number of independent hypotheses for each flight and cell of a range of intervals."""
+    """Independent train hypotheses for each flight and cell of a range of intervals."""
     place_hypotheses: float = 1.35
-    """Number of independent hypotheses for each pattern and flight, if the tag moves."""
+    """Independent train hypotheses for each pattern and flight, if the tag moves."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,8 +132,8 @@ class PlaceTuning:
     levels_db: tuple[float, float] = (-14.0, 9.0)
     level_parts: int = 8
     strength_step_db: float = 0.1
-    """Step between two strengths in the likelihood table [dB]. At 0.5 dB the pulses of a flight
-    line are rounded alike, which alone makes positions 20 m apart differ."""
+    """Step between two pulse strengths in the likelihood table [dB]. At 0.5 dB the pulses of a
+    flight line are rounded alike, which alone makes positions 20 m apart differ."""
     most_rounds: int = 4
     likely_places: int = 100
     """Number of likely positions over which it is judged if a flight's train is the tag's."""
@@ -142,43 +142,43 @@ class PlaceTuning:
     rates_block: int = 300
     pair_rows: int = 200
     most_heading_sigmas: float = 3.0
-    """Largest common heading error that is considered [standard deviations]."""
+    """Largest error common to all headings that is considered [standard deviations]."""
     flights_sigma_db: float = 3.0
     """Standard deviation of a tag's level between flights [dB]: posture, receiver, ground."""
     exponents: tuple[float, ...] = (2.0, 2.5, 3.0, 3.5, 4.0)
-    """Path loss exponents, from free space to a tag on the ground."""
+    """Candidate path loss exponents, from free space to a tag on the ground."""
     same_range_db: float = 0.3
-    """Range of path lengths below which a position cannot show the path loss exponent [dB]."""
+    """Range of 10 log10(distance) below which a position shows no path loss exponent [dB]."""
     least_exponent_share: float = 0.02
-    """Minimum probability of a path loss exponent for which regions must hold."""
+    """Minimum probability of a path loss exponent under which regions must hold the tag."""
     counted: float = 0.8
     """Share of the pulses' evidence that counts, because neighbouring pulses share errors of
     pattern, poses and ground. With all of it, 90 % regions held 85 % of the tags (I4)."""
     lasting_db2: float = 4.0
-    """Variance of errors that pulses share, times the number of pulses for which they last
-    [dB²]. It limits the evidence of pulses with little noise and fading."""
+    """Variance of level errors that pulses share, times the number of pulses for which they
+    last [dB²]. It limits the evidence of pulses with little noise and fading."""
     noisy_db2: float = 10.0
-    """Largest variance of a level by noise for which the share `counted` applies [dB²]."""
+    """Largest noise variance of a pulse's level at which the full `counted` applies [dB²]."""
 
     fadings_db: tuple[float, ...] = (1.0, 2.0, 3.0, 4.5)
-    """Candidate standard deviations of single pulses [dB]; the first is the usual one. With 1
-    dB for all, tags within 200 m that fade more were outside their regions."""
+    """Candidate standard deviations of single pulses' fading [dB]; the first is the usual one.
+    With 1 dB for all, tags within 200 m that fade more were outside their regions."""
     more_fading_log: float = 10.0
-    """Minimum log evidence for a fading larger than the usual one."""
+    """Minimum log evidence for a fading of single pulses larger than the usual one."""
     loud_energy: float = 30.0
-    """Minimum energy of the strongest pulses for their fading to be estimated."""
+    """Minimum energy of the strongest pulses, over noise, for their fading to be estimated."""
     fading_cells: int = 300
-    """Number of the likeliest cells used to compare fadings."""
+    """Number of the likeliest ground cells used to compare sizes of fading."""
     # Share of pulses without information: blocked, covered, a moved head; as many are there,
     # but odd by this standard deviation [dB]: half hidden by a body, two at once.
     outlier_share: float = 0.02
     odd_fading_db: float = 6.0
     least_log: float = -30.0
     loud_factor: float = 6.0
-    """Factor on ln E, the value to which the energy E of a strong pulse is limited."""
+    """Factor on ln E, to which the energy E of a strong pulse in a slot is reduced."""
     windows: tuple[float, float] = (0.8, 0.6)
-    """Shares of a pulse's energy in its two best windows. With all energy in one, a passed tag
-    seemed farther away."""
+    """Shares of a pulse's energy in its two best filter windows. With all energy in one, a
+    passed tag seemed farther away."""
     least_quiet: int = 200
     """Minimum number of slots without pulses used to estimate the noise."""
 
@@ -193,22 +193,22 @@ class PlaceTuning:
     even_log: float = 2.0
     finest_m: float = 3.0
     density_power: int = 8
-    """Power of the probability density that weights cells in the likeliest position's mean."""
+    """Power of the probability density that weights cells in the mean reported as position."""
     alone: float = 0.9
     """Minimum probability of a region's part whose likeliest point becomes the position."""
     points: int = 7
-    """Number of points along each side of a cell over which its probability is spread."""
+    """Number of points along each side of a ground cell that spread its probability evenly."""
     kept: float = 0.998
 
     rate_change: float = 1e-3
-    """Probability of a change of rate from one slot to the next."""
+    """Probability that a tag changes its pulse rate from one slot to the next."""
     stray_share: float = 1e-2
     """Share of slots with a pulse of another rate by chance: two slots of an interval."""
     log_slots: int = 8
     """Number of slots whose inverse likelihood ratios are multiplied before a logarithm is
     taken; each is up to e^30."""
     noise_share: float = 0.05
-    """Share of noise slots whose energy is high enough for a pulse."""
+    """Share of time slots with noise alone whose energy is high enough for a pulse."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -216,11 +216,11 @@ class BurstTuning:
     """Constants for recognising a coded tag's bursts in a train."""
 
     stretches: tuple[float, ...] = (0.0, -0.67, 0.67)
-    """Tried stretches of a code's gaps, as shares of their tolerance."""
+    """Candidate stretches of a coded burst's gaps, as shares of the gaps' tolerance."""
     loud_pulses: int = 2
-    """Minimum number of strong pulses in a strong burst."""
+    """Minimum number of strong pulses in a coded burst that counts as strong."""
     most_energy: float = 40.0
-    """Maximum contribution of one pulse to recognising the code [noise energies]."""
+    """Maximum contribution of one pulse to recognising a burst's code [noise energies]."""
     # Chance that equally strong pulses look more unequal, alone and with others near them.
     unequal_chance: float = 1e-3
     doubtful_chance: float = 0.1

@@ -35,16 +35,16 @@ class AntennaPath:
     """Positions and headings of the antenna at each expected pulse of a path."""
 
     time_s: _Floats
-    """(n,) rising times of the pulses [s]."""
+    """(n,) rising times of the expected pulses [s]."""
     east_m: _Floats
-    """(n,) east coordinate in the plane of the ground [m]."""
+    """(n,) east coordinate of the antenna in the plane of the ground [m]."""
     north_m: _Floats
     height_m: _Floats
-    """(n,) height above the ground beneath [m]."""
+    """(n,) height of the antenna above the ground beneath [m]."""
     headings: Headings | None = None
     """Headings of the antenna; None is equal gain in all directions."""
     noise_db: _Floats | None = None
-    """(n,) noise over that of the link budget [dB]; None is equal to it."""
+    """(n,) noise over that of the link budget at each pulse [dB]; None is equal to it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,7 +55,7 @@ class Coverage:
     heard: _Singles
     """(rows, columns) detection probability, the southern row first; NaN is unknown."""
     groups: int
-    """Number of pulse groups on the path; 1 or 0 if `whole_flight`."""
+    """Number of pulse groups (of K pulses) on the path; 1 or 0 if `whole_flight`."""
     whole_flight: bool = False
     """True if all pulses are combined, as by `uavrt integrate`."""
     limitations: tuple[str, ...] = ()
@@ -83,11 +83,11 @@ class Absence:
     """Probability that an undetected tag is absent from an area."""
 
     prior: float
-    """Prior probability that the tag is in the area."""
+    """Prior probability that the undetected tag is in the area."""
     heard: float
-    """Mean probability of detecting the tag in the area."""
+    """Mean probability, over the area, that the flight would have detected the tag."""
     not_here: float
-    """Posterior probability that the tag is not in the area."""
+    """Posterior probability that the undetected tag is not in the area."""
 
 
 def planned_antenna_path(
@@ -220,7 +220,7 @@ def absence(coverage: Coverage, inside: NDArray[np.bool_], prior: float | None) 
 
 @lru_cache(maxsize=64)
 def _found_by_enr(tag: Tag, frequency_window_hz: float) -> _Singles:
-    """Log-probability of missing a group, tabulated by ENR in steps of a quarter decibel."""
+    """Log-probability of missing a pulse group, tabulated by ENR in steps of 0.25 dB."""
     found = [
         detection_probability(tag, float(enr), frequency_window_hz=frequency_window_hz)
         for enr in _GROUP_ENR_DB

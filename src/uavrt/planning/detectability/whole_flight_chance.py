@@ -29,12 +29,12 @@ class WholeFlightModel:
     patterns: float = 6.0
     """Number of tag positions that give distinguishable energies, for an antenna that turns."""
     slot_pulses: float = 0.5
-    """Length of a slot [pulse widths]."""
+    """Length of a time slot in which pulse energy is measured [pulse widths]."""
     row_bins: float = 0.5
-    """Distance between two searched frequencies [1 / pulse width]."""
+    """Distance between two frequencies searched for a tag [1 / pulse width]."""
     loss_db: float = -0.8
-    """Loss by slots, frequencies and intervals between cells [dB]. With it, 400 pulses of a
-    turning antenna need 2.3 dB, as measured (I2)."""
+    """Loss by pulses between time slots, frequencies and searched intervals [dB]. With it, 400
+    pulses of a turning antenna need 2.3 dB, as measured (I2)."""
 
 
 MODEL = WholeFlightModel()
@@ -43,7 +43,7 @@ MODEL = WholeFlightModel()
 _TRAIN_ENR_DB = np.arange(-40.0, 40.25, 0.25)
 """ENR of pulses for which the moments of a slot are tabulated [dB]."""
 _SKEWNESSES = np.linspace(0.01, 2.0, 100)
-"""Skewnesses of a sum for which the detection threshold is tabulated."""
+"""Skewnesses of a train's energy sum for which the detection threshold is tabulated."""
 
 
 class WholeFlightSum:

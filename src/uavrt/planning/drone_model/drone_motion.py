@@ -27,7 +27,7 @@ class VehicleState:
     east_m: float
     north_m: float
     height_m: float
-    """Height above the take-off point [m]."""
+    """Height of the drone above the take-off point [m]."""
     yaw_deg: float = 0.0
     """Heading of the nose and the antenna, clockwise from true north [deg]."""
 
@@ -50,7 +50,7 @@ class Path:
     """Positions of the drone at the time steps of a manoeuvre."""
 
     time_s: _Floats
-    """(n,) times from one step after the start to the end [s]."""
+    """(n,) times of the path's points [s], from one step after the start to the end."""
     east_m: _Floats
     north_m: _Floats
     height_m: _Floats
@@ -72,9 +72,9 @@ class Legs:
     """Straight paths or turns in place from the present position, with equally many samples."""
 
     duration_s: _Floats
-    """(legs,) durations [s]; infinite if the wind is too strong."""
+    """(legs,) durations of paths or turns in place [s]; infinite if the wind is too strong."""
     time_s: _Floats
-    """(legs, samples) times from now [s]."""
+    """(legs, samples) times of the sampled points of each leg, from now [s]."""
     east_m: _Floats
     north_m: _Floats
     yaw_deg: _Floats
@@ -132,7 +132,7 @@ class Multirotor:
 
     speed_m_s: float = 10.0
     acceleration_m_s2: float = 4.0
-    """Acceleration [m/s²]; infinite if the speed changes at once."""
+    """Acceleration of the drone [m/s²]; infinite if its speed changes at once."""
     yaw_rate_deg_s: float = 45.0
     turns_first: bool = False
     """True if the drone turns to its course before it moves."""
@@ -218,7 +218,7 @@ class Multirotor:
     def _gone_m(
         self, moving_s: _Floats, distance_m: _Floats, speed_m_s: _Floats, flying_s: _Floats
     ) -> _Floats:
-        """(legs, samples) distance flown: accelerating, steady, braking [m]."""
+        """(legs, samples) distance flown while accelerating, steady and braking [m]."""
         a = self.acceleration_m_s2
         ramp = np.minimum(np.maximum(speed_m_s, 0.0) / a, 0.5 * flying_s)[:, None]
         left = flying_s[:, None] - moving_s
@@ -250,7 +250,7 @@ class FixedWing:
     def _turns(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats
     ) -> tuple[_Floats, _Floats, _Floats]:
-        """(legs,) side (+1 right), angle on the circle [rad], and straight part [m]."""
+        """(legs,) first turn's side (+1 right) and angle [rad], and straight part [m]."""
         yaw = np.radians(state.yaw_deg)
         dx, dy = east_m - state.east_m, north_m - state.north_m
         ahead = dx * np.sin(yaw) + dy * np.cos(yaw)

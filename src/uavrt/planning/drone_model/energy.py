@@ -23,11 +23,11 @@ class EnergyModel:
     cruise_w: float = 420.0
     cruise_m_s: float = 10.0
     climb_j_per_m: float = 60.0
-    """Additional energy for each metre of climb [J]."""
+    """Energy added to that of level flight for each metre of climb [J]."""
     scale: float = 1.0
-    """Ratio of used to modelled power: payload, air, age of the battery."""
+    """Ratio of used to modelled battery power: payload, air, age of the battery."""
     scale_sigma: float = 0.2
-    """Standard deviation of the ratio of used to modelled power."""
+    """Standard deviation of the ratio of used to modelled battery power."""
 
     def __post_init__(self) -> None:
         if min(self.hover_w, self.cruise_w, self.cruise_m_s) <= 0.0 or self.climb_j_per_m < 0:

@@ -15,7 +15,7 @@ from uavrt.planning.tuning import PLANNING
 
 _Floats = NDArray[np.float64]
 Strip = tuple[tuple[float, float], tuple[float, float]]
-"""Start and end of a straight path, east and north [m]."""
+"""Start and end of a straight path of a drone, east and north [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -34,17 +34,17 @@ class _PathRating:
     """Constants by which candidate paths are generated and rated."""
 
     samples: int = 8
-    """Number of points of a path; each represents the pulses around it."""
+    """Number of points of a candidate path; each represents the pulses around it."""
     directions: int = 16
     """Number of evenly spread directions of exploratory paths, which do not head for a tag."""
     horizons_cycles: tuple[float, ...] = (1.0, 3.0)
     """Lengths of exploratory paths, which do not head for a tag [decision cycles]."""
     hypotheses: int = 48
-    """Number of hypotheses of each tag used to rate a path."""
+    """Number of position hypotheses of each tag used to rate a candidate path."""
     turn_s: float = 2.0
     """Assumed time to turn before each path of a round to the remaining tags [s]."""
     stay_s: float = 4.0
-    """Time spent at the end of a path to a tag [s]."""
+    """Time that the drone stays at the end of a path to a tag [s]."""
     finished_share: float = 0.1
     """Share of a tag's needed information still missing, below which a round skips the tag."""
     # Value of a path: a power of the share of the needed information that it gives, plus a
@@ -53,15 +53,15 @@ class _PathRating:
     value_power: float = 8.0
     value_linear: float = 0.002
     explore_nats: float = 2.5
-    """Missing information of every tag above which all directions are rated [nats]."""
+    """Missing position information of every tag above which all directions are rated [nats]."""
     change_gain: float = 0.15
     """Relative gain required to change the target tag, if animals or drones are avoided."""
     turn_nats: float = 1.5
-    """Minimum information on a possibly near animal that justifies a turn [nats]."""
+    """Minimum information on an animal possibly near that justifies a turn in place [nats]."""
     near_probability: float = 0.25
-    """Minimum probability of a near animal at which the drone leaves instead of turning."""
+    """Minimum probability that an animal is near at which the drone leaves without a turn."""
     vague_factor: float = 1.5
-    """Ratio of position spread to distance to keep above which a turn locates the tag."""
+    """Ratio of an animal's position spread to the distance to keep that makes a turn useful."""
 
 
 _RATING = _PathRating()

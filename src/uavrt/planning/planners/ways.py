@@ -17,14 +17,14 @@ class CandidatePaths:
     """Straight paths from the drone's position, and whether they may be flown."""
 
     east_m: _Floats
-    """(paths,) east coordinate of each end [m]."""
+    """(paths,) east coordinate of each candidate path's end [m]."""
     north_m: _Floats
     refused: list[str | None]
-    """Reasons why each path may not be flown; None if it may."""
+    """Reason why each candidate path may not be flown; None if it may."""
     disturbs: NDArray[np.bool_]
     """(paths,) True for paths refused only because they may come near an animal."""
     kept: _Floats
-    """(paths,) probability of keeping the distance to the most endangered animal."""
+    """(paths,) probability of keeping the set distance to the most endangered animal."""
 
     @property
     def allowed(self) -> NDArray[np.bool_]:

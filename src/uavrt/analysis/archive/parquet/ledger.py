@@ -23,7 +23,7 @@ from uavrt.core.foreign import decode_record
 
 R = TypeVar("R", RecordingRow, FlightRow)
 ASIDE = "damaged"
-"""Folder below the output for damaged rows and their tables."""
+"""Folder below the output for damaged row files and their tables."""
 _TABLE = re.compile(r"[0-9a-f]{16}\.parquet")
 """File name of a table, by its key (`uavrt.analysis.archive.steps.step_keys`)."""
 
@@ -31,7 +31,7 @@ _TABLE = re.compile(r"[0-9a-f]{16}\.parquet")
 class _Entry(msgspec.Struct, frozen=True):
     row: msgspec.Raw
     files: dict[str, Seal]
-    """Size, time and digest of the row's tables, by path below the output."""
+    """Size, time and digest of each table of the row, by its path below the output."""
 
 
 class Ledger(Generic[R]):
@@ -55,7 +55,7 @@ class Ledger(Generic[R]):
         self._files: dict[str, dict[str, Seal]] = {}
         self._keys: dict[str, set[str]] = defaultdict(set)
         self.damaged: dict[str, str] = {}
-        """Reason for each missing or damaged file; its content is computed again."""
+        """Reason for each missing or damaged output file; its content is computed again."""
         self.withdrawn: set[str] = set()
         """Paths of row file and tables of each row removed because a table is damaged."""
         try:

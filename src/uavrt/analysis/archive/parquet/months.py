@@ -44,13 +44,13 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 LEAST_FILES = 100
-"""Minimum number of new files that are copied by month; fewer are opened one by one."""
+"""Minimum number of new table files that are copied by month; fewer are opened one by one."""
 _GROUP_ROWS = 50_000
 _INTERRUPTED_S = 0.5
-"""Longest wait for an interrupted query [s]; DuckDB cannot interrupt its functions."""
+"""Longest wait for the end of an interrupted query [s]; DuckDB's functions go on."""
 INDEX = "copies.json"
 UNKNOWN = "unknown"
-"""Month in the file name of rows without a known time."""
+"""Name of the month, in a file name, for rows without a known time."""
 
 
 class Copy(msgspec.Struct, frozen=True):
@@ -62,7 +62,7 @@ class Copy(msgspec.Struct, frozen=True):
 
 
 Index = dict[str, Copy]
-"""Index of the copies, by path below the output."""
+"""Index of the copies of tables by month, by path below the output."""
 
 
 def gather_months(

@@ -28,7 +28,7 @@ MONTHS = "months"
 PULSE_FIELDS = fields_of(Pulse)
 _ROWS = 100_000
 _PANDAS = {"whole": "Int64", "switch": "boolean"}
-"""Nullable pandas types by kind of column."""
+"""Nullable pandas types by kind of table column."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +45,7 @@ class RecordingRow:
     fault: str | None = None
     start_time_ns: int | None
     length_s: float | None = None
-    """Duration of the samples, lost samples excluded [s]; None if unknown."""
+    """Duration of the recording's samples, lost samples excluded [s]; None if unknown."""
     sample_rate_hz: float | None = None
     center_frequency_hz: float | None = None
     pulses: int
@@ -90,7 +90,7 @@ class FlightRow:
     dem: str | None = None
     """Elevation file or folder of the terrain; None for level ground."""
     integrate_fault: str | None = None
-    """Reason why whole-flight analysis failed for some tags."""
+    """Reason why whole-flight analysis failed for some tags of the flight."""
     fingerprints: str = ""
     """Hash of each processing step's inputs, as STEP=HASH separated by commas."""
     copies: str = ""
@@ -111,7 +111,7 @@ class PoseRow:
     altitude_amsl_m: float
     altitude_relative_m: float
     yaw_deg: float
-    """Heading of the antenna, clockwise from true north [deg]."""
+    """Heading of the antenna's boresight, clockwise from true north [deg]."""
     quaternion_wxyz: tuple[float, float, float, float]
     extrapolated: bool
 
@@ -167,7 +167,7 @@ class PositionOfTag:
     heading_error_sigma_deg: float | None
     remarks: str
     cautions: str
-    """Names of cautions on the position, with commas between."""
+    """Names of cautions on the tag's position, with commas between."""
     cautions_in_words: str
     """Texts of the cautions for the operator, one per line."""
     track_time_ns: tuple[int, ...]

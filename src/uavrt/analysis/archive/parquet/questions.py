@@ -55,7 +55,7 @@ SELECT flight, tag_id, count(*) AS pulses, count(*) FILTER (confirmed) AS confir
 FROM pulses GROUP BY flight, tag_id ORDER BY tag_id, flight
 """,
 }
-"""Predefined SQL queries by name."""
+"""Predefined SQL queries on an archive, by name."""
 KEPT = ("tags", "heard")
 """Names of the queries that read every pulse; a batch caches their results."""
 

@@ -10,7 +10,7 @@ from uavrt.core.errors import NotFound, UsageError
 
 STEPS = ("detect", "attach", "bearing", "localize", "integrate")
 USUAL_STEPS = STEPS[:-1]
-"""Default steps; whole-flight analysis is left out, since it takes longest and most memory."""
+"""Default steps of a batch: without whole-flight analysis, the slowest, with most memory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +52,7 @@ class BatchWatch:
     on_stage: Callable[[str, int], None] = lambda _name, _total: None
     """Receives the next stage and its size: ``detecting`` (samples), ``placing`` (flights)."""
     on_done: Callable[[int], None] = lambda _amount: None
-    """Receives the samples or flights done since its last call."""
+    """Receives the number of samples or flights done since its last call."""
     on_row: Callable[[RecordingRow | FlightRow], None] = lambda _row: None
     on_kept: Callable[[str, str], None] = lambda _name, _fault: None
     """Receives each recording and flight that is not reachable now, and the reason; earlier

@@ -29,16 +29,16 @@ class CellResult(msgspec.Struct, frozen=True, kw_only=True):
     pulses: list[Pulse] = msgspec.field(default_factory=list)
     beeps: list[Beep] = msgspec.field(default_factory=list)
     input_faults: list[str] = msgspec.field(default_factory=list)
-    """Faults of the samples, such as a wrong gain."""
+    """Faults of the recording's samples in the cell, such as a wrong gain."""
     lost_samples: int = 0
     invalid_values: int = 0
     cpu_s: float = 0.0
     searched: bool = False
-    """True if at least one sample of the cell was searched."""
+    """True if at least one sample of this part of a recording was searched."""
     fault: str | None = None
-    """Reason why the search stopped before the cell's end or failed; None if complete."""
+    """Reason why the search of a recording's part stopped early or failed; None if complete."""
     unreachable: bool = False
-    """True if the samples could not be reached, so that the next run tries again."""
+    """True if the part's samples could not be reached, so that the next run tries again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,7 +25,7 @@ from uavrt.core.runtime.heap import heap_as_it_grows
 R = TypeVar("R")
 CONNECT_S = 15.0
 NO_WORKER_S = 3.0
-"""Time without any worker after which a message is shown [s]."""
+"""Time without any worker of the cluster after which a message is shown [s]."""
 _CLOSE_S = 0.5
 _LOOK_S = 0.5
 _QUEUED_LEAST = 64

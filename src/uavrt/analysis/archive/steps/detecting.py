@@ -231,7 +231,7 @@ def _beeps(results: Sequence[CellResult]) -> list[Beep]:
 
 
 def _joined(results: Sequence[CellResult]) -> list[tuple[int, Pulse]]:
-    """Join the pulses of cells in order of time; a pulse found in two cells counts once."""
+    """Join pulses of a recording's cells in order of time; a pulse in two cells counts once."""
     found = [(one.number, pulse) for one in results for pulse in one.pulses]
     found.sort(key=lambda one: (one[1].tag_id, one[1].start_time_ns))
     kept: list[tuple[int, Pulse]] = []

@@ -218,7 +218,7 @@ class _Plan:
 
     task: FlightTask
     keys: Mapping[str, str]
-    """Hash of each step's inputs, by step, for a directional antenna."""
+    """Hash of each step's inputs, by name of the step, for a directional antenna."""
     whip_keys: Mapping[str, str]
     before: FlightRow | None
     kept: tuple[str, ...]

@@ -75,7 +75,7 @@ class FlightResult:
     """Poses, bearings and positions of one flight."""
 
     fault: str | None = None
-    """Reason why there is no result, or why some tags have no position."""
+    """Reason why the flight has no result, or why some tags have no position."""
     integrate_fault: str | None = None
     failed: bool = False
     gone: bool = False

@@ -127,13 +127,13 @@ class Doubts:
     """Heading error and outlier probabilities, averaged over a posterior of positions."""
 
     heading_error_deg: float
-    """Mean of the error that all headings share [deg]."""
+    """Posterior mean of the error that all headings share [deg]."""
     heading_error_sigma_deg: float
     outlier_probabilities: tuple[float, ...]
 
 
 def _nodes(sigma_deg: float) -> NDArray[np.int64]:
-    """About 9 heading errors up to three sigma [table steps]."""
+    """About 9 errors common to all headings, up to three sigma [table steps]."""
     step = max(1, round(0.67 * sigma_deg / BEARING_FIX.step_deg))
     reach = int(3.0 * sigma_deg / BEARING_FIX.step_deg / step)
     return np.arange(-reach, reach + 1) * step

@@ -23,7 +23,7 @@ _Floats = NDArray[np.float64]
 
 Explanation = Literal["rest", "compass", "walk"]
 UNUSUAL: frozenset[Explanation] = frozenset({"compass", "walk"})
-"""Explanations other than a resting tag with usual heading errors."""
+"""Explanations of bearings other than a resting tag with usual heading errors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -31,7 +31,7 @@ class FlightBearings:
     """Bearings of one tag in the local plane."""
 
     east_m: _Floats
-    """(n,) east coordinates of the stations [m]."""
+    """(n,) east coordinates of the places where the bearings were taken [m]."""
     north_m: _Floats
     bearing_deg: _Floats
     sigma_deg: _Floats
@@ -144,7 +144,7 @@ def _azimuth(bearings: FlightBearings, place: _Floats) -> _Floats:
 def _fitted(
     bearings: FlightBearings, start: _Floats, model: _Model, outlier_share: float
 ) -> Fit:
-    """Fit one explanation by Gauss–Newton, weighted by outlier probabilities."""
+    """Fit one explanation of bearings by Gauss–Newton, weighted by outlier probabilities."""
     ago = np.zeros(len(bearings.east_m))
     if bearings.time_s is not None and model.speed_m_s > 0.0:
         ago = bearings.time_s - bearings.time_s.max()
@@ -254,7 +254,7 @@ def cautions_of_outliers(outlier_probabilities: tuple[float, ...]) -> tuple[Caut
 
 
 def _cautions_of_odd(odd: NDArray[np.bool_], *, scatter: bool) -> tuple[Caution, ...]:
-    """Cautions on outliers, and on other bearings that scatter too far."""
+    """Cautions on outliers among the bearings, and on other bearings that scatter too far."""
     numbers = np.flatnonzero(odd) + 1
     few = len(odd) - len(numbers) < COMMON.least_agreeing
     if scatter or len(numbers) >= 2 or (len(numbers) == 1 and few):
@@ -276,7 +276,7 @@ def _contradicting(numbers: NDArray[np.int64]) -> str:
 
 
 def _odd(fit: Fit, outlier_probabilities: tuple[float, ...] | None) -> NDArray[np.bool_]:
-    """(n,) True for outliers by the fit, unless a second lobe of the posterior agrees."""
+    """(n,) True for outlying bearings, unless a second lobe of the posterior agrees."""
     odd = fit.inlier < 0.5
     if fit.explanation != "rest" or outlier_probabilities is None:
         return odd

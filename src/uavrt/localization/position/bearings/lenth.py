@@ -24,7 +24,7 @@ class PlanePosition:
     covariance_m2: _Floats | None
     """(2, 2) covariance of east and north [m²]; None if the bearings' scatter is unknown."""
     weights: _Floats
-    """(n,) weight of each bearing, at most 1."""
+    """(n,) weight of each bearing in the robust estimate, at most 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

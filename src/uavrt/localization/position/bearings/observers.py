@@ -31,12 +31,12 @@ class Observer:
     name: str
     trials: int
     scatter_deg: float
-    """Standard deviation of the error of a single bearing [deg]."""
+    """Standard deviation of the error of a person's single bearing [deg]."""
     heading_error_deg: float
-    """Mean error of all bearings [deg], clockwise."""
+    """Mean error of all bearings by a person [deg], clockwise."""
     heading_error_sigma_deg: float
     displaced: float
-    """Root mean square of the shift that all bearings of a trial share, over the distance."""
+    """Root mean square of a shift common to a trial's bearings, as a share of the distance."""
     displacements: tuple[Displacement, ...]
 
     def corrected(self, bearing: Bearing, number: int) -> Bearing:

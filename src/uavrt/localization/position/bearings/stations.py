@@ -19,17 +19,17 @@ class Stations:
     latitude_deg: _Floats
     longitude_deg: _Floats
     bearing_deg: _Floats
-    """(n,) bearings, clockwise from true north [deg]."""
+    """(n,) bearings from the stations to the tag, clockwise from true north [deg]."""
     sigma_deg: _Floats | None = None
-    """(n,) standard deviations [deg]; None: one is estimated for all bearings."""
+    """(n,) standard deviation of each bearing [deg]; None: one is estimated for all."""
     posterior: _Floats | None = None
-    """(n, 360) probability of whole degrees; replaces `sigma_deg`."""
+    """(n, 360) probability of each whole degree of each bearing; replaces `sigma_deg`."""
     level_db: _Floats | None = None
     """(n,) SNR on boresight [dB], NaN if unknown; differences depend on the distances."""
     level_sigma_db: _Floats | None = None
-    """(n,) standard deviations of the levels [dB]; None: 0."""
+    """(n,) standard deviation of each SNR in `level_db` [dB]; None: 0."""
     height_m: _Floats | None = None
-    """(n,) height above the tag [m]; None: 0."""
+    """(n,) height of the antenna above the tag [m]; None: 0."""
     receiver: NDArray[np.int64] | None = None
     """(n,) number of the receiver of each bearing; None if one receiver took all."""
     time_s: _Floats | None = None

@@ -31,7 +31,7 @@ class Listening:
     """East coordinate of the drone in the tracker's plane [m]."""
     north_m: float
     height_m: float
-    """Height of the drone above the tag [m]."""
+    """Height of the drone above the tag at the pulse [m]."""
     snr_db: float | None
     """SNR of the pulse [dB]; None: missed, which shows where the tag is not."""
     threshold_db: float = 10.0
@@ -118,10 +118,10 @@ class GroundEffect:
     """Effect of the ground on a pulse, for a tag at each position."""
 
     rise_m: _Floats
-    """Height of the ground above that at the take-off [m]."""
+    """Height of the ground at each tag position above that at the take-off [m]."""
     lost_db: _Floats
     doubtful_db: _Floats
-    """Additional loss per unit of the lasting error [dB]."""
+    """Additional loss per unit of the relative error of losses, at each tag position [dB]."""
 
     @classmethod
     def shadowing(cls, shadowing_db: float, like: _Floats) -> "GroundEffect":
@@ -155,9 +155,9 @@ class LevelBelief:
     mean_db: _Floats
     variance_db2: _Floats
     known: bool = False
-    """True if the strength is known and not estimated."""
+    """True if the tag's strength is known and not estimated."""
     error: LossError | None = None
-    """Lasting error of the levels; None if there is none."""
+    """Error of losses (hills, shadowing) that many pulses share; None if there is none."""
 
     def expected_db(
         self,
@@ -236,7 +236,7 @@ class LevelBelief:
         return np.asarray(np.log(mixed))
 
     def _learn(self, behind: GroundEffect | None, moved: _Floats, shrunk: _Floats) -> None:
-        """Update by slope (`moved`) and curvature (`shrunk`) of the log-likelihood by level."""
+        """Update strengths by slope (`moved`) and curvature (`shrunk`) of a log-likelihood."""
         error, with_pulse = self.error, self.variance_db2
         if error is not None and behind is not None:
             with_pulse = with_pulse - behind.doubtful_db * error.with_level_db

@@ -26,7 +26,7 @@ class Propagation:
     """Mean path loss exponent: 2 in free space, 4 beyond the break point over ground."""
     exponent_sigma: float = 0.7
     shadowing_db: float = 3.0
-    """Standard deviation of the loss by ground and plants at a position [dB]."""
+    """Standard deviation of shadowing, the loss by ground and plants at a position [dB]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -69,7 +69,7 @@ class LevelEvidence:
         # The unknown gains of receivers that turn contain P.
         several = len(groups) > 0 and not listeners
         self._errors = errors * 1.0 if several else np.insert(errors * 1.0, len(groups), 1.0, 1)
-        """(n, errors) 1 where a level has a receiver's error; last column: the tag's P."""
+        """(n, errors) 1 where a level has a receiver's error; last column: tag power P."""
         self._own_gains = LEVEL.receiver_gains_db if listeners else ((1.0, 1.0),)
 
     def log_likelihood(self, east_m: _Floats, north_m: _Floats) -> _Floats:
@@ -105,7 +105,7 @@ class LevelEvidence:
         return gain
 
     def _score(self, x: _Floats, residual: _Floats, weight: _Floats, gain_db: float) -> _Floats:
-        """(places,) log-likelihood with P, the receivers' errors and n integrated out."""
+        """(places,) log-likelihood; tag power P, receivers' errors and n integrated out."""
         errors, listeners = self._errors, len(self._listeners)
         normal = np.einsum("pn,nj,nk->pjk", weight, errors, errors)
         normal[:, range(listeners), range(listeners)] += gain_db**-2.0

@@ -41,7 +41,7 @@ class LossError:
     mean: _Floats
     variance: _Floats
     with_level_db: _Floats
-    """Covariance of the error with the tag's strength [dB]."""
+    """Covariance of the lasting error of losses with the tag's strength [dB]."""
 
     @classmethod
     def before_pulses(cls, law: LastingError, shape: tuple[int, ...] | int) -> "LossError":

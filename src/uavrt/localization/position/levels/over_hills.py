@@ -19,7 +19,7 @@ class TrackHillLosses:
     hills: HillLosses
     losses: LossesFrom
     factor: float = 1.0
-    """Factor on the computed losses."""
+    """Factor on the losses behind hills that are computed from the terrain."""
 
     @classmethod
     def of(

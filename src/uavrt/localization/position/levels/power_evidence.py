@@ -48,7 +48,7 @@ class PowerTrack:
     """(n,) energy of each pulse over the median noise [dB]; equal to the SNR if the noise is
     even. NaN: missed."""
     threshold_db: float | _Floats = 10.0
-    """Ratio above which a missed pulse would have been detected [dB]; (n,) if it varies."""
+    """SNR above which a missed pulse would have been detected [dB]; (n,) if it varies."""
     antenna: AntennaPattern | None = None
     """Antenna pattern, which requires `yaw_deg`; None: upright monopole."""
     yaw_deg: _Floats | None = None
@@ -74,7 +74,7 @@ class PulseGeometry:
     rise_m: _Reals | None = None
     """(places, 1) height of the ground above that at the take-off [m]; None: level ground."""
     lost_db: _Reals | None = None
-    """(places, pulses) loss behind hills [dB]; None: level ground."""
+    """(places, pulses) loss behind hills from each position [dB]; None: level ground."""
 
 
 def fit_each(
@@ -167,7 +167,7 @@ class PowerEvidence:
         return max(lasting_correlation(residual), by_hills)
 
     def _heard_from(self, east_m: _Floats, north_m: _Floats) -> tuple[_Reals, _Reals]:
-        """(places, received) -10 log10(r / 100 m), and level over its mean less gain [dB]."""
+        """(places, received) -10 log10(r / 100 m), and SNR over its mean less gain [dB]."""
         heard = np.flatnonzero(self._heard)
         return self._over_mean(heard, *self.propagation(east_m, north_m, heard))
 
@@ -234,7 +234,7 @@ _FLOOR_DB = float(monopole_gain_db(90.0))
 
 @lru_cache(maxsize=16)
 def _correlations(count: int) -> _Floats:
-    """(m,) correlations to sum over, 2.5 standard errors apart in Fisher's transform."""
+    """(m,) trial correlations of fading, 2.5 standard errors apart in Fisher's transform."""
     step = min(POWER.widest_step, 2.5 / count**0.5)
     return np.asarray(np.tanh(np.arange(0.0, np.arctanh(POWER.most_correlation), step)))
 

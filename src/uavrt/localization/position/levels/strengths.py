@@ -17,7 +17,7 @@ class Strengths:
     listener: str
     """Name of the receiver, for the operator: ``vehicle 7`` or a flight's name."""
     pulses: int
-    """Number of pulses in all levels, used or unused."""
+    """Number of received pulses behind all levels, used or unused."""
     latitude_deg: _Floats
     """(n,) latitude of the receiver at each level [deg]."""
     longitude_deg: _Floats

@@ -26,7 +26,7 @@ class StrongestSignal:
     latitude_deg: float
     longitude_deg: float
     snr_db: float
-    """Mean SNR of the pulses at this position [dB]."""
+    """Mean SNR of the pulses at the position of the strongest signal [dB]."""
     ring_radius_m: float
     """Distance of the tag from this position [m], for a monopole and a loss exponent of 2.5."""
 
@@ -36,14 +36,14 @@ class SignalSurface:
     """SNR over the ground, interpolated between the pulses: the colours of a signal map."""
 
     latitude_deg: float
-    """Latitude of the local plane's origin [deg]."""
+    """Latitude of the origin of the signal map's local plane [deg]."""
     longitude_deg: float
     east_m: _Floats
-    """(x,) grid coordinates east of the origin [m]."""
+    """(x,) coordinates of the signal map's grid east of the origin [m]."""
     north_m: _Floats
-    """(y,) grid coordinates north of the origin [m]."""
+    """(y,) coordinates of the signal map's grid north of the origin [m]."""
     snr_db: _Floats
-    """(y, x) SNR [dB]; NaN outside the track's convex hull."""
+    """(y, x) interpolated SNR [dB]; NaN outside the track's convex hull."""
 
 
 def strongest_signal(track: PowerTrack, *, exponent: float = 2.5) -> StrongestSignal:
@@ -69,9 +69,9 @@ class SignalSection:
     """Side view of a survey: SNR by height and by horizontal distance from a position."""
 
     distance_m: _Floats
-    """(x + 1,) edges of the cells over distance [m]."""
+    """(x + 1,) edges of the cells in horizontal distance from the given position [m]."""
     height_m: _Floats
-    """(y + 1,) edges of the cells over height above the tag [m]."""
+    """(y + 1,) edges of the cells in height above the tag [m]."""
     snr_db: _Floats
     """(y, x) median SNR of the pulses in each cell [dB]; NaN in empty cells."""
 

@@ -49,9 +49,9 @@ class SurveyEvidence:
         self.kept = np.ones(len(track.snr_db), bool)
         """(n,) True for pulses that are not attributed to other senders."""
         self.height_shift_m = 0.0
-        """Estimated error of the height above the tag [m]."""
+        """Estimated error of the stated height above the tag [m]."""
         self.height_right_probability = 1.0
-        """Probability that the height is wrong by less than 10 m."""
+        """Probability that the height above the tag is wrong by less than 10 m."""
         self._correlation = 0.0
         heard = ~np.isnan(track.snr_db)
         if over_hills is not None or not np.all(heard):
@@ -178,7 +178,7 @@ class SurveyEvidence:
     def _robust(
         self, east_m: _Floats, north_m: _Floats, heard: NDArray[np.bool_], shift_m: float
     ) -> tuple[_Floats, _Floats, _Floats]:
-        """Robust fit: residuals (places, received), scale (places,), log-likelihood."""
+        """Robust fit to received powers: residuals (places, n), scale, log-likelihood."""
         evidence = self._evidence(shift_m)
         loss, gain = evidence.propagation(east_m, north_m, np.flatnonzero(heard[self.kept]))
         z = self._track.snr_db[heard & self.kept] - gain
@@ -261,7 +261,7 @@ class SurveyEvidence:
         return readings or [np.ones(len(heard), bool)]
 
     def _weigh_heights(self, place: tuple[float, float], step_m: float) -> _Floats:
-        """Estimate the height error; returns three heights for its distribution [m]."""
+        """Estimate the height error; returns three errors that span its distribution [m]."""
         shifts = np.array(self._shifts())
         weight = self._weights(shifts, place, step_m)
         mean = float(weight @ shifts)
@@ -311,25 +311,25 @@ def cautions_of_survey(evidence: SurveyEvidence) -> tuple[Caution, ...]:
 
 
 def _height_sigma_m(track: PowerTrack, sigma_m: float) -> float:
-    """Standard deviation of the height's error [m]; a low receiver's height is known better."""
+    """Standard deviation of the stated height's error [m]; less for a low receiver."""
     most_m = SURVEY.height_share * abs(float(np.median(track.height_m)))
     return min(sigma_m, most_m) if most_m >= SURVEY.least_sigma_m else 0.0
 
 
 def _log_prior_of_height(shifts_m: _Floats, sigma_m: float) -> _Floats:
-    """(n,) log-prior of height errors: a mixture of usual and of far greater errors."""
+    """(n,) log-prior of errors of the stated height: a mixture of usual and far greater."""
     usual = (1.0 - SURVEY.far_wrong_share) * _normal(shifts_m, sigma_m)
     far_wrong = SURVEY.far_wrong_share * _normal(shifts_m, SURVEY.far_wrong_sigmas * sigma_m)
     return np.asarray(np.log(usual + far_wrong))
 
 
 def _log_prior_of_reading(kept: NDArray[np.bool_]) -> float:
-    """Log-prior that the pulses `kept` (n,) are the tag's, and the others of any strength."""
+    """Log-prior that the pulses `kept` (n,) are the tag's, and all others another sender's."""
     return float(np.sum(~kept)) * _LOG_FOREIGN + float(np.sum(kept)) * _LOG_OWN
 
 
 def _unlike_neighbours(residual: _Floats) -> tuple[_Floats, _Floats]:
-    """Deviations (places, n) of pulses from an estimate by adjacent pulses, and their sigma."""
+    """Deviations of residuals (places, n) from an estimate by adjacent pulses, and sigma."""
     padded = np.pad(residual, ((0, 0), (2, 2)), mode="reflect")
     count = residual.shape[1]
     around = np.stack([padded[:, first : first + count] for first in (0, 1, 3, 4)])
@@ -346,7 +346,7 @@ def _unlike_neighbours(residual: _Floats) -> tuple[_Floats, _Floats]:
 
 
 def _over_readings(fits: Sequence[tuple[PowerFit, float]]) -> PowerFit:
-    """Sum the likelihood over sets of the tag's pulses; level and exponent of the best set."""
+    """Sum the likelihood over sets of the tag's pulses; level, exponent of the best set."""
     if len(fits) == 1:
         return fits[0][0]
     score = np.stack([fit.log_likelihood + log_prior for fit, log_prior in fits])
@@ -363,7 +363,7 @@ def _most_likely(fits: Sequence[PowerFit], score: _Floats, log_likelihood: _Floa
 
 
 def _over_heights(score: _Floats) -> _Floats:
-    """(places,) log-integral over three evenly spaced heights (3, places), by a parabola."""
+    """(places,) log of likelihoods (3, places) integrated over heights, by a parabola."""
     low, middle, high = score
     bend = np.maximum(middle - 0.5 * (low + high), SURVEY.least_bend)
     slope = 0.5 * (high - low)

@@ -21,13 +21,13 @@ class BurstColumns:
     """Energies of the bursts that begin in each column (time step)."""
 
     power: NDArray[np.float32]
-    """(rows, columns) mean power over the pulses not overlapped by a strong signal."""
+    """(frequencies, columns) mean power of a burst's pulses that no strong signal overlaps."""
     seen: NDArray[np.bool_]
-    """(rows, columns) True where the burst is strong and has the shape of a burst."""
+    """(frequencies, columns) True where the burst is strong and has the shape of a burst."""
     heard: NDArray[np.bool_]
-    """(columns,) True where the burst has a valid energy."""
+    """(columns,) True where the burst that begins there has a valid energy."""
     listened: NDArray[np.bool_]
-    """(columns,) True where the samples of the burst are complete."""
+    """(columns,) True where the samples of the burst that begins there are complete."""
 
 
 def pulse_starts_s(tag: Tag) -> NDArray[np.float64]:
@@ -178,7 +178,7 @@ def _picked(
     starts_s: NDArray[np.float64],
     slot_s: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Energies (bursts, pulses) at the best stretch of the gaps, and the pulses' slots."""
+    """Energies (bursts, pulses) at the burst's best stretch of the gaps, and pulses' slots."""
     found = []
     for stretch in BURSTS.stretches:
         longer = 1.0 + stretch * GAP_TOLERANCE_S / max(float(starts_s[-1]), 1e-9)

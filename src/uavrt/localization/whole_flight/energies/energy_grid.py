@@ -31,27 +31,27 @@ class SlotEnergies:
     """Standardised energy of each slot at each frequency."""
 
     energy: NDArray[np.float32]
-    """(frequencies, slots) energies with mean 0 and variance 1 in noise; 0 without samples."""
+    """(frequencies, slots) energy in time slots: mean 0, variance 1 in noise; 0: no samples."""
     heard: NDArray[np.bool_]
-    """(slots,) True for slots with a valid energy: samples, and no strong signal nearby."""
+    """(slots,) True for time slots with samples and without a strong signal nearby."""
     offsets_hz: NDArray[np.float64]
     """(frequencies,) offset from the tag's nominal frequency [Hz]."""
     start_ns: int
     """Time at which the first slot begins [ns, UTC]."""
     slot_s: float
     mean: NDArray[np.float64]
-    """(frequencies,) mean energy before standardisation, in units of the noise."""
+    """(frequencies,) mean energy of a slot before standardisation, in units of the noise."""
     sigma: NDArray[np.float64]
     left_out: int
     """Number of time steps excluded because a strong signal was received."""
     level: NDArray[np.float32]
     """(frequencies, slots) maximum power over noise, strong pulses included; 0 if excluded."""
     loud: NDArray[np.bool_]
-    """(frequencies, slots) True for a pulse strong enough to be detected alone."""
+    """(frequencies, slots) True for a slot's pulse strong enough to be detected alone."""
     listened: NDArray[np.bool_]
-    """(slots,) True where there were samples."""
+    """(slots,) True for time slots in which there were samples."""
     noise_db: NDArray[np.float64]
-    """(slots,) noise by which a slot's energies were divided [dB]; may change with heading."""
+    """(slots,) noise by which a slot's energies were divided [dB]; may vary with heading."""
     pulses: int = 1
     """Number of pulses in a coded tag's burst, whose energy is their mean; otherwise 1."""
     single: SinglePulses | None = None
@@ -158,9 +158,9 @@ class SlotLayout:
     grid: Grid
     columns_per_slot: int
     reach: int
-    """Number of columns on each side of a slot's middle that are searched for its pulse."""
+    """Number of time columns on each side of a slot's middle searched for its pulse."""
     beyond: int = 0
-    """Number of columns from the first to the last pulse of a burst."""
+    """Number of time columns from the first to the last pulse of a burst."""
 
     @property
     def samples_per_slot(self) -> int:
@@ -349,7 +349,7 @@ def _tops(power: NDArray[np.float32], reach: int, at: NDArray[np.intp]) -> NDArr
 def _channel_columns(
     samples: NDArray[np.complex64], hop: int, window: int, columns: int, sample_rate_hz: float
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Maximum sample power over noise by column; True if the whole channel is strong."""
+    """Maximum sample power over noise by time column; True if the whole channel is strong."""
     crest, wide = np.zeros(columns, np.float32), np.zeros(columns, bool)
     length = max(1, round(ENERGY.level_s * sample_rate_hz / hop))
     beyond = -(-window // hop)
@@ -396,7 +396,7 @@ def _whole_windows(
 def _standardise(
     power: NDArray[np.float32], whole: NDArray[np.bool_], length: int
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """Divide by the noise of each row and time; returns strong columns and noise [dB]."""
+    """Divide powers by the noise of each row and time; returns strong columns, noise [dB]."""
     columns = power.shape[1]
     loud, noise_db = np.zeros(columns, bool), np.zeros(columns)
     side = ENERGY.level_rows // 2
@@ -436,7 +436,7 @@ def _spread(flags: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
 def _centred(
     energy: NDArray[np.float32], good: NDArray[np.bool_], length: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float64]]:
-    """Energies of mean 0 in each stretch, variance 1 in each row; rows' means and sigmas."""
+    """Energies, mean 0 in each stretch, variance 1 in each row; rows' means and sigmas."""
     result = np.zeros_like(energy)
     rows = len(energy)
     if not good.any():
