@@ -65,7 +65,7 @@ class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     version: str
     files: Annotated[tuple[Wheel, ...], msgspec.Meta(min_length=1, max_length=500)]
     keys: str | None = None
-    """New public keys that replace the previous ones; None: unchanged."""
+    """Public keys that verify later updates and replace the previous ones; None: unchanged."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +77,7 @@ class Update:
     name: str
     """Version and first digits of the content's hash, so that two builds differ."""
     alone: bool
-    """True if the update contains no libraries."""
+    """True if the update contains only uavrt, without the libraries that it needs."""
     manifest: Manifest | None
     """Manifest of a ``.tar``; None for a single wheel."""
     content: bytes | None = None

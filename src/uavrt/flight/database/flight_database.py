@@ -13,7 +13,7 @@ from uavrt.flight.database.fields import Row
 from uavrt.flight.flight_layout import FlightLayout
 
 CHECKPOINT_S = 2.0
-"""Time between checkpoints without durable commits [s]; a power cut loses at most this."""
+"""Time between checkpoints if commits are not durable [s]; a power cut loses at most this."""
 
 WAL_BYTES = 4_000_000
 """Size at which the write-ahead log is checkpointed [bytes], after about ten minutes. A page

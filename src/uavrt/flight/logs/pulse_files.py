@@ -37,7 +37,7 @@ _INSIDE = fields_of(BurstInside)
 DOUBT_FIELDS = tuple(
     name for name, one in _PULSE.items() if one.defaulted and name not in BURST_FIELDS
 )
-"""Fields that older files lack; they come last, for programs that read columns by position."""
+"""Fields of `Pulse` that older files lack; their columns come last, so that no other moves."""
 FIELDS = PULSE_FIELDS + POSE_FIELDS + DOUBT_FIELDS
 _KINDS = {name: one.kind for name, one in (_PULSE | _POSE).items()}
 

@@ -32,7 +32,7 @@ class ChannelBudget:
         self.bytes = sum(size for *_, size in found)
 
     def _found(self) -> list[tuple[int, int, Path, int]]:
-        """List the files: number of the flight, modification time [ns], path, size [bytes]."""
+        """List channel files: flight's number, modification time [ns], path, size [bytes]."""
         found = []
         flights = [
             path for path in flights_in_order(self._flight.parent) if path != self._flight

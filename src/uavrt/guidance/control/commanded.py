@@ -36,7 +36,7 @@ class Commanded:
     previous: InitVar["Commanded | None"]
     """Previous command of the same order; None for the order's first."""
     left_m: float = field(init=False)
-    """Shortest distance to the target since the command [m]."""
+    """Shortest distance to the target reached since the command [m]."""
     slack_m: float = field(init=False)
     lowest_m: float = field(init=False)
     highest_m: float = field(init=False)
@@ -183,7 +183,7 @@ class Commanded:
         return not self.obeyed and self._made_s(seen) - self.sent_s < SAFETY.target_changes_s
 
     def _may_be_before(self, seen: TargetSeen, position: PositionSeen | None) -> bool:
-        """True if the target may still be the previous one, or be set by the change of mode."""
+        """True if a target may still be the previous one, or be set by the change of mode."""
         if not self._waits(seen):
             return False
         if self.before is not None and self._same(seen, self.before):
@@ -245,7 +245,7 @@ class Commanded:
         return self._see_yaw(seen)
 
     def _left(self, seen: PositionSeen, turning_deg_s: float) -> tuple[Left, ...]:
-        """Remaining distance, height difference and angle of a motion in the air."""
+        """Remaining distance, height and angle of a flight to a position, or of a turn."""
         wish, yaw = self.wish, self.yaw
         if not isinstance(wish, FlyThere):
             return _left_of_turn(yaw)
@@ -270,7 +270,7 @@ class Commanded:
 def _left_of_heading(
     yaw_deg: float, ahead_deg: float, asked_deg: float | None, turning_deg_s: float
 ) -> Left:
-    """Remaining angle to a commanded heading, or to the bearing `ahead_deg` (NaN: unknown)."""
+    """Remaining angle to the commanded heading, or else to the bearing `ahead_deg` (or NaN)."""
     off = wrap_degrees_180((ahead_deg if asked_deg is None else asked_deg) - yaw_deg)
     stops_deg = turning_deg_s * abs(turning_deg_s) / (2.0 * SAFETY.turn_braking_deg_s2)
     return Left(

@@ -31,7 +31,7 @@ FULL_SCALE_DEG = 1e7
 _SAME_FRAMES = {5: 0, 6: 3}
 """MAV_FRAME numbers GLOBAL_INT and GLOBAL_RELATIVE_ALT_INT, with their older equivalents."""
 _SAME_PLACE, _SAME_HEIGHT_M = 1, 0.011
-"""Tolerances of an item read back [1e-7 deg; m]; ArduPilot stores whole centimetres."""
+"""Tolerances when items are read back [1e-7 deg; m]; ArduPilot stores whole centimetres."""
 _REMEDY = "Draw the vehicle's fence again in QGroundControl, and upload it"
 
 

@@ -34,7 +34,7 @@ class Choice:
     """Result of a decision: steps to fly, a text for the operator, and log entries."""
 
     steps: tuple[Step, ...] | None
-    """Steps to fly from now on; None: no change."""
+    """Steps to fly from now on; None: continue the present ones."""
     said: str
     """Text for the operator, one line."""
     notes: tuple[SearchNote, ...]
@@ -51,9 +51,9 @@ class _Course:
     """Goal of the last decision."""
 
     goal_m: tuple[float, float] | None = None
-    """East and north of the goal [m]; None if the drone stays."""
+    """Coordinates (east, north) of the place to fly to [m]; None if the drone stays."""
     near: float = 0.0
-    """Probability that an animal was nearer than its protected distance, at the decision."""
+    """Probability at the decision that an animal was nearer than its protected distance."""
     over: bool = False
     said: str = "searching"
 

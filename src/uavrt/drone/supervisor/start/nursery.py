@@ -28,7 +28,7 @@ from dataclasses import dataclass
 from typing import Any
 
 NURSERY_VARIABLE = "UAVRT_NURSERY_FD"
-"""Environment variable with the number of the inherited socket."""
+"""Environment variable with the descriptor of the fork server's socket to the supervisor."""
 MODULES = (
     "uavrt.drone.processes.receiver",
     "uavrt.drone.processes.detector",

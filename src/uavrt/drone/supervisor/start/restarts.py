@@ -11,9 +11,9 @@ class RestartPolicy:
     """Wait before the first, second, … consecutive restart [s]; later ones use the last value.
     """
     settled_s: float = 10.0
-    """Running time after which the next end counts as the first one again [s]."""
+    """Running time after which a process's next unexpected end counts as its first [s]."""
     degraded_after: int = 4
-    """Number of consecutive ends after which a process is reported as degraded."""
+    """Number of consecutive unexpected ends after which a process is reported as degraded."""
 
     def words(self) -> str:
         """Describe the policy as text: ``after 0, 0.5 s …; degraded after 4``."""
