@@ -45,7 +45,7 @@ class Go:
 
     place: Place
     height_m: float
-    """Height above home [m]."""
+    """Height of the position above home [m]."""
     yaw_deg: float | None = None
     """Heading during the flight [°]; None: chosen by the autopilot."""
     stay_s: float = 0.0

@@ -22,7 +22,7 @@ class SafetyLimits:
     battery_s: float = 1.0
     """Time between two checks in flight whether the battery suffices for the return [s]."""
 
-    # Age of a report above which no command leaves [s].
+    # Age of a report above which no command is sent [s].
     mode_age_s: float = 1.0
     mode_change_age_s: float = 0.2
     """Maximum age of the mode report for a command that changes the mode [s]."""
@@ -31,7 +31,7 @@ class SafetyLimits:
     """Maximum age of the autopilot's target report for a further command of an order [s]."""
     sticks_age_s: float = 0.3
     """Maximum age of the RC report for a command [s]; autopilots send it at 5 Hz or more."""
-    # Age of a report above which the order has ended, or it counts for nothing [s].
+    # Age of a report above which the order ends, or the report is ignored [s].
     mode_lost_s: float = 3.0
     position_lost_s: float = 2.0
     sticks_lost_s: float = 1.5
@@ -68,13 +68,13 @@ class SafetyLimits:
     calm_share: float = 0.9
     """Strongest wind in which orders are flown, as a share of the drone's greatest airspeed."""
 
-    # Longest times from a command, and from one to take off, to a sign of obedience [s].
+    # Longest times from a command, and from one to take off, until the drone must react [s].
     obeyed_within_s: float = 3.0
     takeoff_begins_within_s: float = 10.0
     in_air_unsure_s: float = 2.0
     """Longest time for which a vehicle on the ground may be reported in the air [s]; PX4 1.17
     (SIH) did so for 1.0 s after arming."""
-    # Times for which the reports of before a command are right [s]. Targets change in 0.05 to
+    # Times after a command in which reports may predate it [s]. Targets change in 0.05 to
     # 0.09 s; PX4 reports the mode at 2 Hz.
     target_changes_s: float = 0.5
     mode_changes_s: float = 1.5
@@ -100,7 +100,7 @@ class SafetyLimits:
     leg_speed_m_s: float = 1.5
     """Speed below which slowing down is unexplained even within the braking distance [m/s]."""
 
-    # What may be left of place [m], height [m] and heading [°] of a step that is done.
+    # Remaining distance [m], height difference [m] and angle [°] at which a step is done.
     arrived_m: float = 3.0
     at_height_m: float = 2.0
     at_yaw_deg: float = 8.0
@@ -114,13 +114,13 @@ class SafetyLimits:
     nearer_m: float = 0.5
     higher_m: float = 0.3
     turned_deg: float = 3.0
-    # A drone brakes if its standing place comes nearer by less than this in this time [s, m].
+    # A drone brakes if its stopping point moves less than this in this time [s, m].
     braking_s: float = 0.5
     braking_m: float = 0.1
     sample_s: float = 0.1
     """Time between two position reports [s]; widens the window in which progress is sought."""
 
-    # Left of a turn that is done, and change of heading that shows that it is obeyed [°].
+    # Remaining angle at which a turn is done, and turned angle that shows its beginning [°].
     turn_done_deg: float = 6.0
     turn_begun_deg: float = 5.0
     heading_stays_m: float = 0.7
@@ -151,7 +151,7 @@ class SafetyLimits:
     # and nearer than `frozen_m`, where it returns from its overshoot.
     course_m_s: float = 0.5
     near_course_m_s: float = 1.0
-    # A heading that changes slower than this, for this long, stands [°/s, s].
+    # A heading that changes more slowly than this, for this time, is at rest [°/s, s].
     turning_deg_s: float = 4.0
     turned_s: float = 0.5
     # A turn in place begins once the heading has stayed within this angle for this time, and
@@ -168,7 +168,7 @@ class SafetyLimits:
     bend_deg: float = 30.0
     bend_from_m: float = 25.0
 
-    # Other drones: greatest age of a report, longest wait for a path that was asked for, and
+    # Other drones: greatest age of a report, longest wait for a requested path, and
     # silence after which a drone's tags go back to the others, but not its paths [s].
     report_age_s: float = 10.0
     answer_s: float = 3.0

@@ -43,8 +43,8 @@ class SearchRules:
     """Battery charge used between two updates of the power estimate [%]."""
     reading_share: float = 0.005
     """Error of the difference of two charge readings in whole percent [full battery = 1]."""
-    # Uncertainty of the hovering power before the first lesson, unknown and given in the
-    # settings, as a share of it; the way home allows for two. Drones take 400 to 1200 W.
+    # Standard deviation of the hovering power before its first update, unknown and given in the
+    # settings, as a share of it; the return allows for two. Drones take 400 to 1200 W.
     unknown_sigma: float = 1.0
     known_sigma: float = 0.25
     swapped_percent: float = 5.0

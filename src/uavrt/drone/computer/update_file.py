@@ -194,7 +194,7 @@ def _opened(path: Path) -> Iterator[tarfile.TarFile]:
 
 
 def _check_headers(path: Path) -> None:
-    """Reject impossible sizes in headers; `tarfile` reads names and tables whole.
+    """Reject impossible sizes in tar headers; `tarfile` reads names and tables whole.
 
     Blocks of 512 bytes (POSIX.1-2017, pax): at 124 the size of the content in octal, at 156 its
     kind. Sizes beyond the file and invalid names are rejected.

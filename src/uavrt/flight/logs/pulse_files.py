@@ -69,7 +69,7 @@ def pulse_from_record(record: dict[str, Any]) -> PulsePose:
 
 
 def _pose_from_record(record: dict[str, Any], time_ns: int) -> Pose | None:
-    """Pose of a record; None if position or attitude is unknown."""
+    """Antenna pose in a record of a pulse file; None if position or attitude is unknown."""
     if record["quaternion_wxyz"] is None:
         return None
     pose = _converted(record, Pose, _POSE.values(), time_ns=time_ns)
@@ -82,7 +82,7 @@ def _pose_from_record(record: dict[str, Any], time_ns: int) -> Pose | None:
 def _converted(
     record: dict[str, Any], kind: type[R], described: Iterable[RecordField], **more: Any
 ) -> R:
-    """Make a record: unknown numbers become NaN, and missing fields get their default."""
+    """Make a `kind` from a file's record: unknown numbers are NaN, missing fields default."""
     values = {
         one.name: _finite_or_nan(record[one.name]) if one.kind == "real" else record[one.name]
         for one in described

@@ -122,7 +122,7 @@ class ChannelRecorder:
         self._waiting_bytes = 0
         self._piece_s = PIECE_S
         self._last: _Batch | None = None
-        """Last batch written to the files; None before the first one."""
+        """Last batch of samples written to the files; None before the first one."""
         self._rest_until_s = float("-inf")
         self._overflowing = False
         self._condition = threading.Condition()
@@ -131,7 +131,7 @@ class ChannelRecorder:
         self.dropped_samples = 0
         """Number of samples dropped because the disk was slow, full or failing."""
         self.invalid_values = 0
-        """Number of non-finite values, stored as zeros."""
+        """Number of non-finite sample values, which are stored as zeros."""
         self.trouble: str | None = None
         """Reason why nothing is recorded at present; None while recording."""
         self._thread = threading.Thread(target=self._run, name="channel-recorder", daemon=True)

@@ -43,11 +43,11 @@ class MissionItem:
     frame: int = ABSOLUTE_FRAME
     params: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     x: int = 0
-    """Latitude [1e-7 deg]."""
+    """Latitude of the mission item [1e-7 deg]."""
     y: int = 0
-    """Longitude [1e-7 deg]."""
+    """Longitude of the mission item [1e-7 deg]."""
     z: float = 0.0
-    """Height in the item's frame [m]."""
+    """Height of the mission item in its frame [m]."""
 
     @classmethod
     def at(

@@ -35,7 +35,7 @@ MODULES = (
     "uavrt.drone.processes.connection",
     "uavrt.drone.processes.recorder",
 )
-"""Modules imported before the first fork: those needed on every drone."""
+"""Modules that the fork server imports before its first fork: those needed on every drone."""
 MAX_REQUEST_BYTES = 65_536
 MAX_FDS = 200
 FIRST_FREE_FD = 500

@@ -120,7 +120,7 @@ class Outbox:
             self._taken += 1
 
     def _next_bytes(self) -> bytes:
-        """Join lines for one call, because each call wakes the receiving process."""
+        """Join waiting lines to be sent by one call, because each call wakes the receiver."""
         size, lines = 0, []
         for _, line in self._lines:
             lines.append(line)
