@@ -404,7 +404,7 @@ class LiveBearing:
     latitude_deg: float
     longitude_deg: float
     bearing_deg: float
-    """Bearing clockwise from true north [°]."""
+    """Bearing of the tag, clockwise from true north [°]."""
     sigma_deg: float
     interval90_deg: tuple[float, float]
     """Arc that holds the bearing with 90 % probability [°], clockwise from first to second."""
@@ -595,7 +595,7 @@ class KeepOut:
     places: tuple[tuple[float, float], ...]
     """Latitude and longitude [°] of a polygon's corners, or of a circle's centre."""
     radius_m: float | None = None
-    """Radius of a circle [m]; None for a polygon."""
+    """Radius of the area if it is a circle [m]; None for a polygon."""
     name: str = ""
 
 
@@ -619,7 +619,7 @@ class Motion:
     places: tuple[tuple[float, float], ...] = ()
     """Latitude and longitude [°] of a goal, or of the corners of an outline."""
     height_m: float | None = None
-    """Height above home [m]; None: the present height."""
+    """Height above home at which the motion is flown [m]; None: the present height."""
     duration_s: float = 60.0
     """Duration of a full turn, or longest duration of a search [s]."""
     clockwise: bool = True
@@ -651,7 +651,7 @@ class FoundTag:
 
     tag_id: int
     place: tuple[float, float]
-    """Latitude and longitude [°] of the tag."""
+    """Latitude and longitude [°] of the tag, as estimated."""
     radius95_m: float
 
 
@@ -670,7 +670,7 @@ class Course:
     goal: tuple[float, float]
     """Latitude and longitude [°] of the end of the present leg; of the drone if it stays."""
     searching: bool = False
-    """True if a search order is confirmed."""
+    """True if this drone has a confirmed search order."""
     returning: bool = False
     flown: int = 0
     """Number of the leg that the ground assigned and the drone is flying; 0: none."""
@@ -719,8 +719,7 @@ class SoughtTag:
     missed: int
     """Number of expected pulses that were not received."""
     likely: tuple[tuple[float, float, float], ...] = ()
-    """Squares where a tag not found yet most likely is: centre (latitude, longitude [°]) and
-    probability."""
+    """Likeliest squares of an unfound tag: centre's latitude, longitude [°]; probability."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -54,11 +54,11 @@ class SearchedFor:
     gaps_s: tuple[float, ...]
     """Times from pulse start to pulse start in a coded tag's burst [s]; else empty."""
     frequency_window_hz: float
-    """Half-width of the searched band [Hz]."""
+    """Half-width of the band that was searched, about the tag's listed frequency [Hz]."""
     most_drift: float
     """Largest relative change of the pulse interval over the flight covered by the search."""
     antenna: str
-    """Name of the antenna pattern used."""
+    """Name of the antenna pattern used in the search."""
     antenna_assumed: bool
     """True if no antenna was specified, so that a pattern was assumed."""
 

@@ -29,7 +29,7 @@ class GroundAround:
     reach_m: float
     step_m: float
     heights_m: _Floats
-    """Height of the ground above home [m]: (north, east) grid from the south-west; or NaN."""
+    """Height of the ground above home [m]: (north, east) from south-west; NaN: unknown."""
 
     @classmethod
     def around(

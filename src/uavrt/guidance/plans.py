@@ -74,7 +74,7 @@ class Climb:
     """Step of an order: take off straight up."""
 
     height_m: float
-    """Height above home [m]."""
+    """Height above home to climb to [m]."""
 
 
 Step = Go | Turn | Home | Ready | Climb

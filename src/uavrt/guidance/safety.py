@@ -18,7 +18,7 @@ class SafetyLimits:
     planner_lost_s: float = 2.0
     """Silence of the planning process after which the order ends [s]."""
     stall_s: float = 1.0
-    """Longest pause of the connection process that does not end an order [s]; input waits."""
+    """Longest pause of the connection process, while reports wait, that ends no order [s]."""
     battery_s: float = 1.0
     """Time between two checks in flight whether the battery suffices for the return [s]."""
 
@@ -37,7 +37,7 @@ class SafetyLimits:
     sticks_lost_s: float = 1.5
     landed_age_s: float = 3.0
     heartbeat_lost_s: float = 5.0
-    """Time without the autopilot's heartbeat, which reports disarming, to end an order [s]."""
+    """Silence of the autopilot's heartbeat, which reports disarming, that ends an order [s]."""
     latest_telemetry_s: float = 0.2
     """Largest delay of the autopilot's messages at which commands are still sent [s]."""
     clock_drift: float = 2e-4
@@ -47,7 +47,7 @@ class SafetyLimits:
     stick_us: int = 60
     switch_us: int = 250
     switch_moved_s: float = 0.1
-    """Time after which an RC switch counts as moved [s]; sooner by a second RC message."""
+    """Time after which an RC switch counts as moved [s]; at once by a second RC message."""
     first_switch: int = 5
     """Number of the first RC channel checked as a switch; channels 1 to 4 are the sticks."""
 
@@ -89,7 +89,7 @@ class SafetyLimits:
     yaw_deg: float = 25.0
     target_yaw_deg: float = 2.0
     gust_heading_deg: float = 15.0
-    """Largest angle from the target's bearing to a heading that is turned by gusts [°]."""
+    """Largest angle between heading and target's bearing that gusts may cause [°]."""
     # Weakest braking of a flight [m/s²] and of a turn [°/s²].
     braking_m_s2: float = 1.5
     turn_braking_deg_s2: float = 25.0
@@ -98,7 +98,8 @@ class SafetyLimits:
     setpoint_rests_deg_s: float = 1.5
     """Turn rate of the autopilot's heading setpoint up to which it counts as at rest [°/s]."""
     leg_speed_m_s: float = 1.5
-    """Speed below which slowing down is unexplained even within the braking distance [m/s]."""
+    """Speed below which a drone on a leg has no reason to slow down, even near its goal [m/s];
+    while it does, further commands wait."""
 
     # Remaining distance [m], height difference [m] and angle [°] at which a step is done.
     arrived_m: float = 3.0

@@ -62,7 +62,7 @@ class DiskThread:
         threading.Thread(target=self._work, name="disk", daemon=True).start()
 
     def __call__(self, job: Callable[[], T], then: Callable[[T], None]) -> bool:
-        """Run `job` in the thread, then `then` with its result in the loop; False: too many."""
+        """Run `job` in the thread, `then` with its result in the loop; False: too many wait."""
         if self._early and self._loop is None:
             return at_once(job, then)
         if len(self._jobs) >= self._most:

@@ -21,7 +21,8 @@ POSE_OLD_S = 2.0
 HEARD_S = 60.0
 """Maximum age of the last pulse received from the bench tag [s]."""
 NOISE_RISE_DB = 6.0
-"""Rise of noise above the lowest in this check that is a fault [dB]; it halves the range."""
+"""Rise of a tag's noise level above the lowest level in this check that is a fault [dB]; such a
+rise halves the range."""
 NOISE_APART_DB = 10.0
 """Difference of noise between tag frequencies that is a fault [dB]; usual: at most 3 dB."""
 NOISE_LESS_DB = 10.0
@@ -49,7 +50,7 @@ class FlightFacts:
     tags: tuple[Tag, ...]
     state: SystemState | None
     heard: bool
-    """True if the drone answers on its link."""
+    """True if the drone under check answers on its link."""
     own_findings: tuple[Finding, ...] = ()
     """Findings of this computer itself, in place of those from records over the link."""
     time_known: bool | None = None

@@ -67,7 +67,7 @@ class ChannelSender:
         sock.setblocking(False)
         self._sock = sock
         self._parts: list[bytes] = []
-        """Headers and samples of the next datagram."""
+        """Headers and samples that the next datagram will contain."""
         self._size = ENVELOPE.size
         self._clipped: tuple[tuple[int, int], ...] = ()
         self._carriers_hz: tuple[float, ...] = ()

@@ -40,7 +40,7 @@ class RecordField:
     name: str
     kind: Kind
     optional: bool
-    """True if the value may be None."""
+    """True if the field's value may be None."""
     defaulted: bool
     """True if the field may be missing, as in older files."""
     length: int | None = None

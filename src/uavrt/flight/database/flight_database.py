@@ -48,8 +48,7 @@ class FlightDatabase:
         self.repeated_pulses = 0
         """Number of pulses already recorded before, such as after a sender's restart."""
         self.refused_records = 0
-        """Number of records dropped as SQLite cannot store them, such as integers above 64
-        bits."""
+        """Number of records dropped as SQLite cannot store them, such as huge integers."""
 
     def connected(self) -> sqlite3.Connection:
         """Database connection, opened if necessary."""

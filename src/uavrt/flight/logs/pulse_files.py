@@ -37,7 +37,7 @@ _INSIDE = fields_of(BurstInside)
 DOUBT_FIELDS = tuple(
     name for name, one in _PULSE.items() if one.defaulted and name not in BURST_FIELDS
 )
-"""Fields of `Pulse` that older files lack; their columns come last, so that no other moves."""
+"""Fields of `Pulse` missing in older files; last, as programs read columns by position."""
 FIELDS = PULSE_FIELDS + POSE_FIELDS + DOUBT_FIELDS
 _KINDS = {name: one.kind for name, one in (_PULSE | _POSE).items()}
 
@@ -108,7 +108,7 @@ class PulseWriter:
         self._names = FIELDS + BURST_FIELDS if bursts else FIELDS
         self._csv = csv.writer(stream, lineterminator="\n") if form == "csv" else None
         self.written = 0
-        """Number of pulses written."""
+        """Number of pulses written to the stream so far."""
         if self._csv is not None:
             self._csv.writerow(self._names)
             stream.flush()

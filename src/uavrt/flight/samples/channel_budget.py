@@ -22,7 +22,7 @@ class ChannelBudget:
         self._pieces: deque[tuple[Path, int]] = deque()
         """Closed channel files, each with the path of the samples and the size [bytes]."""
         self.bytes = 0
-        """Size of all channel files, open ones included."""
+        """Total size of all channel files, open ones included [bytes]."""
         self.removed_pieces = 0
 
     def find_files(self) -> None:

@@ -65,7 +65,7 @@ class _Batch:
     channels: tuple[tuple[int, float], ...]
     """Number and centre frequency [Hz] of each channel."""
     samples: NDArray[np.complex64]
-    """(channels, n) complex samples."""
+    """(channels, n) complex samples, one row for each of `channels`."""
     sample_index: int
     time_ns: int
     sample_rate_hz: float
@@ -310,7 +310,7 @@ class ChannelRecorder:
     def _is_over(
         self, channel: _Channel, file: SampleFile, samples: NDArray[np.complex64], peak: float
     ) -> bool:
-        """True if the next samples need a new file."""
+        """True if the channel's file must end, so that the next samples need a new one."""
         length_s = file.written_samples / channel.sample_rate_hz
         if _needed(peak, file.bits) > file.full_scale or length_s >= self._piece_s:
             return True

@@ -44,7 +44,7 @@ class Commanded:
     target_yaw: YawWatch | None = field(init=False, default=None)
     progress: Progress = field(init=False, default_factory=Progress)
     top_m: float = field(init=False)
-    """Highest altitude so far during a take-off [m]."""
+    """Highest altitude above sea level so far, in a take-off [m]."""
     obeyed: bool = field(init=False, default=False)
     settled: bool = field(init=False, default=False)
     """True once the drone has been within `Behaviour.settles_m` of its target."""
@@ -270,7 +270,7 @@ class Commanded:
 def _left_of_heading(
     yaw_deg: float, ahead_deg: float, asked_deg: float | None, turning_deg_s: float
 ) -> Left:
-    """Remaining angle to the commanded heading, or else to the bearing `ahead_deg` (or NaN)."""
+    """Remaining angle to a commanded heading, or to the bearing `ahead_deg` (NaN: unknown)."""
     off = wrap_degrees_180((ahead_deg if asked_deg is None else asked_deg) - yaw_deg)
     stops_deg = turning_deg_s * abs(turning_deg_s) / (2.0 * SAFETY.turn_braking_deg_s2)
     return Left(

@@ -35,7 +35,7 @@ class ObservedVehicle:
         self.turning_deg_s = self.target_turning_deg_s = 0.0
         """Last rates of change of the heading and of the reported target heading [°/s]."""
         self._rest: PositionSeen | None = None
-        """First report of the time in which the heading has stayed within `SAFETY.rest_deg`."""
+        """First position report since which the heading stayed within `SAFETY.rest_deg`."""
         self.landed: LandedSeen | None = None
         self.sticks: SticksSeen | None = None
         self.home: HomeSeen | None = None

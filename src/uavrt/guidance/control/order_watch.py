@@ -65,7 +65,7 @@ class OrderWatch:
     """Time of the last heartbeat of the planning process [s, monotonic]."""
     place: PositionSeen
     home: HomeSeen
-    """Home position at the confirmation."""
+    """Home position when the order was confirmed."""
     target: TargetSeen | None
     """Newest target reported before the first command; None without one."""
     rc: RcWatch | None
@@ -77,7 +77,7 @@ class OrderWatch:
     motion: Commanded | None = None
     own_mode_seen: bool = False
     in_air_s: float | None = None
-    """Time since which a vehicle was reported in the air before its take-off command [s]."""
+    """Time since a vehicle is reported in the air before its take-off command [s], or None."""
     jumps: JumpWatch = field(init=False)
 
     def __post_init__(self) -> None:

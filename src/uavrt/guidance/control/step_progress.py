@@ -24,7 +24,7 @@ class Left:
     tolerance: float
     """Remaining distance or angle up to which the motion counts as done."""
     needed: bool = True
-    """False if the motion may end above the tolerance, so that this only shows progress."""
+    """False if the motion may end above `tolerance`; the value then only shows progress."""
 
 
 @dataclass(frozen=True, slots=True)

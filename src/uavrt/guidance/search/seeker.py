@@ -36,7 +36,7 @@ class Choice:
     steps: tuple[Step, ...] | None
     """Steps to fly from now on; None: continue the present ones."""
     said: str
-    """Text for the operator, one line."""
+    """Text for the operator on the decision, one line."""
     notes: tuple[SearchNote, ...]
     way: tuple[Place, Place] | None = None
     """Start and end of the path that the steps fly, equal for a stay; None: no change."""

@@ -13,7 +13,7 @@ from uavrt.link.mavlink.dialect import NamedValueFloat
 from uavrt.link.mavlink.sending.named_value import value_name
 
 PERIOD_NS = ns_from_s(0.25)
-"""Time between two NAMED_VALUE_FLOAT [ns]; of up to 30 bytes, a tenth of the slowest link."""
+"""Time between two NAMED_VALUE_FLOAT messages [ns]; they take a tenth of the slowest link."""
 TAG_PERIOD_NS = ns_from_s(1.0)
 """Time between two NAMED_VALUE_FLOAT messages about the same tag [ns]."""
 FRESH_NS = ns_from_s(5.0)

@@ -49,7 +49,7 @@ _STALE_CLOCK = StatusText(
 
 
 def _missing_text(missing: str) -> StatusText:
-    """Text on what is missing for the station's own pose."""
+    """Text for the operator on what is missing for this station's own position and heading."""
     return StatusText(severity=4, text=missing.capitalize()[:200])
 
 

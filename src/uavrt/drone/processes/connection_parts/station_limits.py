@@ -7,13 +7,13 @@ many names. Messages beyond it are counted and dropped.
 from uavrt.link.allowance import Allowance
 
 Place = tuple[int, int]
-"""System and component id of a station."""
+"""MAVLink system and component id of a ground station."""
 
 OWN_BURST, OWN_PER_S = 400, 50
 """Messages allowed from the station in command, at once and per second: enough to upload a
 hundred tags three times, and for seven receipts a second."""
 OTHERS_BURST, OTHERS_PER_S = 120, 60
-"""Messages allowed from all other stations, at once and per second: receipts of eight."""
+"""Messages allowed from all other stations, at once and per second; fits receipts of eight."""
 ANSWERED_BURST, ANSWERED_PER_S = 12, 1
 """Messages that need an answer, such as an upload, allowed at once and per second. Answers have
 a lower priority than pulses, but use the link."""

@@ -49,8 +49,7 @@ class ForkedProcess:
     """Data that a just forked process needs to set itself up."""
 
     request: dict[str, Any]
-    """Request of `Launcher` in JSON: module, name, arguments, environment, parent, descriptors.
-    """
+    """Request of `Launcher`: module, name, arguments, environment, parent, descriptors."""
     fds: list[int]
     """Received descriptors: one per requested number, then one to confirm the fork."""
     parent_id: int
