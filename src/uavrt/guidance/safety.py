@@ -47,7 +47,7 @@ class SafetyLimits:
     stick_us: int = 60
     switch_us: int = 250
     switch_moved_s: float = 0.1
-    """Time after which an RC switch counts as moved [s]; at once by a second RC message."""
+    """Time after which a switch moved in an RC message counts [s]; a second confirms it."""
     first_switch: int = 5
     """Number of the first RC channel checked as a switch; channels 1 to 4 are the sticks."""
 
@@ -56,7 +56,7 @@ class SafetyLimits:
     height_jump_m: float = 5.0
     place_jump_m: float = 30.0
     home_height_error_m: float = 15.0
-    """Error of the elevation map at home above which the map is not used [m]."""
+    """Difference of home's altitude in map and autopilot above which the map is unused [m]."""
     flying_height_m: float = 2.0
     """Height above home [m] from which a drone without a reported landed state is flying."""
     lowest_height_m: float = 20.0

@@ -49,7 +49,7 @@ FINER = math.sqrt(0.5)
 """Ratio of the noise amplitude to that at the file's start below which an 8-bit file ends."""
 WINDOW = 128
 HEADROOM = 1.25
-"""Ratio of a file's full scale to the peak of the strong signal for which it was widened."""
+"""Smallest ratio of a file's full scale to the peak of a strong signal that widened it."""
 WIDER_S = 20.0
 """Shortest duration of a file whose full scale was widened because of a strong signal [s]."""
 TIME_STEP_NS = 500_000
