@@ -15,7 +15,7 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 _BEYOND = datetime(2262, 1, 1, tzinfo=UTC)
-"""Earliest time that is rejected: 64 bits of nanoseconds since 1970 end in 2262."""
+"""Times from this on are rejected: 64 bits of nanoseconds since 1970 end in 2262."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -171,12 +171,12 @@ class CommandRow:
     name: CommandName
     meaning: str
     states: States
-    """Effect of the command in each state."""
+    """Effect of the command in each state of the drone's system."""
     who: Who
     while_ending: bool = True
     """True if the command is allowed while the last pulses of a flight are being recorded."""
     number: CommandId | None = None
-    """Number in the radio protocol; None: the command is sent in another form."""
+    """Number of the command in the radio protocol; None: it is sent in another form."""
     lengths: Mapping[Generation, tuple[int, ...]] = field(default_factory=dict)
     """Lengths of the command's payloads in each protocol version, the newest last [bytes]."""
     fields: tuple[CommandField, ...] = ()
@@ -200,7 +200,7 @@ class CommandRow:
 
 
 BARE, BARE_G2 = (4,), (8,)
-"""Lengths of a payload without parameters [bytes], without and with a request id."""
+"""Lengths of a command's payload without parameters [bytes], without and with a request id."""
 
 _FREQUENCY = CommandField(name="center_frequency_hz", unit="Hz", member="center_frequency_hz")
 _GAIN = CommandField(name="gain", member="gain")
@@ -374,7 +374,7 @@ COMMANDS: dict[CommandName, CommandRow] = {row.name: row for row in _ROWS}
 COMMAND_OF_NUMBER: dict[int, CommandRow] = {
     row.number: row for row in _ROWS if row.number is not None
 }
-"""The row of each command that has a protocol number, by this number."""
+"""Definition of each command that has a number in the radio protocol, by this number."""
 
 
 def outcome(state: SystemState, command: CommandName) -> Outcome:

@@ -47,7 +47,7 @@ class Limit:
     bytes: int
     """Maximum size on the disk, and after unpacking [bytes]."""
     values: int = 100_000
-    """Maximum number of elements, objects, lists and members in total."""
+    """Maximum number of elements, objects, lists and members in the file."""
     depth: int = 32
 
     def check_size(self, size: int, name: object) -> None:

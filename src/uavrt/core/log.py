@@ -36,7 +36,7 @@ class _Sink:
     process: str = ""
     level: int = logging.INFO
     stream: TextIO | None = None
-    """Stream for the lines; None: the present stderr."""
+    """Stream to which log lines are written; None: the present stderr."""
     broken: int = field(default=0)
     """Number of log lines lost since the last one written; stderr was closed or blocked."""
 

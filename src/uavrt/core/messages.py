@@ -53,7 +53,7 @@ class Tag:
     k: int = 3
     """Number of pulses (coded tag: bursts) that the detector sums for one decision."""
     false_alarm_probability: float = DEFAULT_FALSE_ALARM_PROBABILITY
-    """False-alarm setting: expected number of false groups in each decision interval."""
+    """Expected number of false detections (groups of K pulses) in each decision interval."""
     name: str | None = None
     gaps_s: tuple[float, ...] = ()
     """Times from pulse start to pulse start within a coded tag's burst [s]; empty for a beeping
@@ -120,7 +120,7 @@ class Pulse:
 
 
 PulseKey = tuple[int, int]
-"""Tag number and start time [ns], unique within a flight."""
+"""Tag number and start time [ns] of a pulse, unique within a flight."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,7 +159,7 @@ class SearchReport:
     frequency_hz: float
     noise_psd: float
     best_score: float
-    """Maximum ratio of the statistic to its threshold in the time span; below 1."""
+    """Maximum ratio of test statistic to detection threshold in the time span; below 1."""
     usable_share: float | None = None
     """Fraction of the time without another signal on the tag's frequency; None if unknown."""
     weakest_enr_db: float | None = None
@@ -404,7 +404,7 @@ class LiveBearing:
     latitude_deg: float
     longitude_deg: float
     bearing_deg: float
-    """Bearing clockwise from true north [°]."""
+    """Bearing of the tag, clockwise from true north [°]."""
     sigma_deg: float
     interval90_deg: tuple[float, float]
     """Arc that holds the bearing with 90 % probability [°], clockwise from first to second."""
@@ -452,8 +452,8 @@ class Poses:
 
 
 STATION_COUNTER = "station_silent_s_"
-"""Prefix of a counter in the connection's health: time since a ground station was received [s].
-The station's ids follow: ``station_silent_s_255_190``."""
+"""Prefix of counters in `Health` of the connection process: time since a ground station was
+received [s]. The station's ids follow: ``station_silent_s_255_190``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -463,10 +463,10 @@ class Health:
     process: str
     time_ns: int
     status: str
-    """State in a word or two: ``"ready"``, ``"waiting for autopilot"``, ``"radio absent"``."""
+    """State in a few words: ``"ready"``, ``"waiting for autopilot"``, ``"radio absent"``."""
     ok: bool
     counters: dict[str, float] = field(default_factory=dict)
-    """Counts since the start, by name: samples lost, pulses refused, retries …"""
+    """Counts since the process started, by name: samples lost, pulses refused, retries …"""
     reason: str = ""
     """Reason why the process is not `ok`, with a remedy; or its result at the end."""
 
@@ -510,7 +510,7 @@ class SystemStatus:
     tags: tuple[Tag, ...]
     processes: tuple[ProcessStatus, ...]
     commander: str | None = None
-    """Source of accepted commands: ``"mavlink 255/190"``; None before the first."""
+    """Station in command, as source of its commands: ``"mavlink 255/190"``; None: none yet."""
     ending: bool = False
     """True from the stop command until the last pulses are recorded."""
     faults: tuple[StatusText, ...] = ()
@@ -523,10 +523,10 @@ class Command:
 
     name: CommandName
     request_id: int
-    """Number of the request; a retry has the same, so that it is not carried out again."""
+    """Number of the request; a retry has the same, so that it is not carried out twice."""
     tag: Tag | None = None
     center_frequency_hz: float | None = None
-    """Radio frequency chosen on the ground [Hz]; None: computed from the tags."""
+    """Radio's centre frequency chosen by the operator [Hz]; None: computed from the tags."""
     gain: int | None = None
     parameter: str | None = None
     value: float | None = None
@@ -539,7 +539,7 @@ class Command:
     """Number of tags sent, at the end of an upload or at a start; None: unknown. A start with
     fewer tags is refused."""
     values: dict[str, float] = field(default_factory=dict)
-    """Numbers of the command's fields that have no member of their own, by the field's name."""
+    """Other numbers in the command, by the field's name in `uavrt.core.commands`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -561,7 +561,7 @@ class Operation:
     state: Literal["running", "complete", "failed"]
     step: int = 0
     step_count: int = 0
-    """Total number of steps; 0: unknown."""
+    """Total number of steps of the job; 0: unknown."""
     message: str = ""
 
 
@@ -595,7 +595,7 @@ class KeepOut:
     places: tuple[tuple[float, float], ...]
     """Latitude and longitude [°] of a polygon's corners, or of a circle's centre."""
     radius_m: float | None = None
-    """Radius of a circle [m]; None for a polygon."""
+    """Radius of the area if it is a circle [m]; None for a polygon."""
     name: str = ""
 
 
@@ -619,7 +619,7 @@ class Motion:
     places: tuple[tuple[float, float], ...] = ()
     """Latitude and longitude [°] of a goal, or of the corners of an outline."""
     height_m: float | None = None
-    """Height above home [m]; None: the present height."""
+    """Height above home at which the motion is flown [m]; None: the present height."""
     duration_s: float = 60.0
     """Duration of a full turn, or longest duration of a search [s]."""
     clockwise: bool = True
@@ -651,7 +651,7 @@ class FoundTag:
 
     tag_id: int
     place: tuple[float, float]
-    """Latitude and longitude [°] of the tag."""
+    """Latitude and longitude [°] of the tag, as estimated."""
     radius95_m: float
 
 
@@ -668,9 +668,9 @@ class Course:
     """Latitude and longitude [°] of the drone."""
     altitude_amsl_m: float
     goal: tuple[float, float]
-    """End of the drone's present leg; its position if it stays."""
+    """Latitude and longitude [°] of the end of the present leg; of the drone if it stays."""
     searching: bool = False
-    """True if a search order is confirmed."""
+    """True if this drone has a confirmed search order."""
     returning: bool = False
     flown: int = 0
     """Number of the leg that the ground assigned and the drone is flying; 0: none."""
@@ -694,9 +694,9 @@ class Neighbour:
     version: int = 0
     """Number that identifies the other drone's leg; changes with each new leg."""
     granted: int = 0
-    """Number of the receiver's requested leg that is now assigned to it; 0: none."""
+    """Number of the leg that the receiver of this report requested and may now fly; 0: none."""
     denied: int = 0
-    """Number of the receiver's requested leg that was denied; 0: none."""
+    """Number of the leg that the receiver of this report requested and may not fly; 0: none."""
     age_s: float = 0.0
     """Time since the other drone's last report [s]."""
     course: Course | None = None
@@ -719,7 +719,7 @@ class SoughtTag:
     missed: int
     """Number of expected pulses that were not received."""
     likely: tuple[tuple[float, float, float], ...] = ()
-    """Most likely squares of a tag not found yet: latitude, longitude and probability."""
+    """Likeliest squares of an unfound tag: centre's latitude, longitude [°]; probability."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -731,7 +731,7 @@ class SearchNote:
     event: Literal["begun", "decision", "found", "ended"]
     text: str
     reason: str
-    """Reason of the decision, with numbers."""
+    """Reason of the logged event or decision, with numbers."""
     elapsed_s: float
     latitude_deg: float
     longitude_deg: float
@@ -740,11 +740,11 @@ class SearchNote:
     battery_percent: float | None
     tags: tuple[SoughtTag, ...]
     tag_id: int | None = None
-    """Number of a found tag; otherwise None."""
+    """Id of the tag that was found; None for other events."""
     goal: tuple[float, float] | None = None
     """Latitude and longitude [°] of the destination; None without one."""
     area: tuple[tuple[float, float], ...] = ()
-    """Outline of the search area, at the start of the search."""
+    """Corners of the search area, as latitude and longitude [°]; empty except at the start."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -758,7 +758,7 @@ class MotionOffer:
     """Random number that the confirmation must contain; valid once."""
     summary: str
     mode: str = ""
-    """Present flight mode, which the drone would leave."""
+    """Present flight mode of the autopilot, which the motion would end."""
     refused: bool = False
     """True if the request is refused; the summary contains the reason."""
     takeoff: bool = False
@@ -900,7 +900,7 @@ class ChannelBlock:
     sample_rate_hz: float
     lost_before: int = 0
     clipped_ns: tuple[tuple[int, int], ...] = ()
-    """Start and end of clipped time spans [ns, UTC] since the last block, in order."""
+    """Start and end of time spans since the last block in which the radio clipped [ns, UTC]."""
     carriers_hz: tuple[float, ...] = ()
     """Frequencies of strong steady carriers in the radio's band [Hz]; cause of false pulses."""
 

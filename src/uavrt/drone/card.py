@@ -37,7 +37,7 @@ class Card:
     kind: str
     read_only: bool
     errors: int | None
-    """Number of errors since the last file-system check; None if they are not counted."""
+    """Number of file-system errors since the last check (fsck); None if not counted."""
     written_gb: float | None
     life_used_tenths: int | None
 

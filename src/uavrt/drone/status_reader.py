@@ -44,7 +44,7 @@ def running_status(path: Path) -> SystemStatus | None:
 
 
 def _never() -> None:
-    """Do nothing: default for a check during a wait."""
+    """Do nothing: default for the check while `StatusReader` waits for its socket."""
 
 
 class StatusReader:

@@ -37,7 +37,7 @@ class IntegratedPart:
     latitude_deg: float
     longitude_deg: float
     radius95_m: float
-    """Radius that holds 95 % of this part's probability [m]."""
+    """Radius around this position that holds 95 % of its probability [m]."""
     probability: float
 
 
@@ -52,13 +52,13 @@ class SearchedFor:
     interval_uncertainty_s: float
     interval_jitter_s: float
     gaps_s: tuple[float, ...]
-    """Gaps between the pulses of a coded tag's burst [s]."""
+    """Times from pulse start to pulse start in a coded tag's burst [s]; else empty."""
     frequency_window_hz: float
-    """Half-width of the searched band [Hz]."""
+    """Half-width of the band that was searched, about the tag's listed frequency [Hz]."""
     most_drift: float
-    """Largest relative change of the pulse interval over the flight that was searched."""
+    """Largest relative change of the pulse interval over the flight covered by the search."""
     antenna: str
-    """Name of the antenna pattern used."""
+    """Name of the antenna pattern used in the search."""
     antenna_assumed: bool
     """True if no antenna was specified, so that a pattern was assumed."""
 
@@ -84,11 +84,11 @@ class IntegratedVerdict:
     tag_id: int
     found: bool
     false_alarm_probability: float
-    """Probability that noise alone gives such a detection."""
+    """Probability that noise alone gives a detection at least this strong."""
     interval_s: float
     frequency_hz: float
     level_db: float | None = None
-    """Strongest pulse's energy over noise density [dB]; None without a detection."""
+    """Ratio of the strongest pulse's energy to noise power density [dB]; None: no detection."""
     bearing_deg: float | None = None
     """Bearing of the tag from the middle of the flight [deg]."""
     arc50_deg: float | None = None
@@ -102,7 +102,7 @@ class IntegratedVerdict:
     pulses: int = 0
     """Number of pulses in ``pulses.jsonl`` that only the whole-flight analysis found."""
     flights: int = 1
-    """Number of flights analysed together; the position is then from the middle of all."""
+    """Number of flights analysed together; `bearing_deg` is then from the middle of all."""
     heard_live: int = 0
     """Number of the found train's pulses that were already detected during the flight."""
     remarks: str = ""
@@ -130,16 +130,16 @@ class FlightFold:
     tag_id: int
     interval_s: float
     length_s: float
-    """Duration of the flight, which all rows together cover [s]."""
+    """Duration of the flight, which all rows of `raster` together cover [s]."""
     profile: tuple[float, ...]
-    """(columns,) sum of the energies over the flight; the pulse train is in the middle
-    column."""
+    """(columns,) energies summed over the flight, by time within the pulse interval; the pulse
+    train is in the middle."""
     raster: tuple[tuple[float, ...], ...]
-    """(rows, columns) energies; the flight's beginning is the first row."""
+    """(rows, columns) energies by part of the flight, in order, and time in the interval."""
 
 
 _MOST_TAGS, _MOST_CELLS = 5_000, 100_000
-"""Largest number of tags in a flight, and of cells in a fold (usually 30 rows of 100)."""
+"""Largest number of tags in a flight, and of values in `raster` (usually 30 rows of 100)."""
 _LARGEST = sys.float_info.max
 _DAMAGED = (OSError, ValueError, TypeError, ArithmeticError, RecursionError)
 T = TypeVar("T")

@@ -25,7 +25,7 @@ class EnergyLearning:
     def __init__(self, hover_w: float | None, battery_wh: float | None) -> None:
         self.energy = energy_of(hover_w)
         self.learnt = 0
-        """Number of updates of the estimate so far."""
+        """Number of updates of the estimated power so far."""
         self._battery_wh = battery_wh
         self._before_s: float | None = None
         self._percent: float | None = None
@@ -44,7 +44,7 @@ class EnergyLearning:
         return replace(now, energy=self.energy)
 
     def _read(self, now: VehicleNow, percent: float, battery_wh: float) -> None:
-        """Add a battery reading; an update covers the time between two percentage steps."""
+        """Add a battery reading; update the power by the use between percentage steps."""
         before_s, before = self._before_s, self._percent
         self._before_s, self._percent = now.time_s, percent
         if before_s is None or before is None:

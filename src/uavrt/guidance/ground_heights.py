@@ -29,7 +29,7 @@ class GroundAround:
     reach_m: float
     step_m: float
     heights_m: _Floats
-    """Ground above home [m]: grid (north, east) from the south-west corner; NaN: unknown."""
+    """Height of the ground above home [m]: (north, east) from south-west; NaN: unknown."""
 
     @classmethod
     def around(

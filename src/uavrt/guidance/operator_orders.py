@@ -35,7 +35,7 @@ class Limits(GuidanceSettings):
     ground: GroundAround | None = None
     """Heights of the ground around home; None: level ground."""
     keep_out: tuple[KeepOut, ...] = ()
-    """Excluded areas around people and buildings."""
+    """Excluded areas around people and buildings, which paths must not cross."""
     stay_in: tuple[KeepOut, ...] = ()
     """Areas in which the drone must stay, such as the vehicle's own fence."""
     link_lost_s: float = 5.0

@@ -119,7 +119,7 @@ class Pilot:
         self._failed = self._failed or reason
 
     def _turns_off(self, step: Step, now: VehicleNow) -> bool:
-        """True if a turn at the present speed could look like another station's command."""
+        """True if the bend to `step` at this speed could look like a station's command."""
         before = self._steps[self._number]
         if not isinstance(before, Go) or now.speed_m_s < SAFETY.free_speed_m_s:
             return False

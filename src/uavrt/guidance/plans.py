@@ -45,7 +45,7 @@ class Go:
 
     place: Place
     height_m: float
-    """Height above home [m]."""
+    """Height of the position above home [m]."""
     yaw_deg: float | None = None
     """Heading during the flight [°]; None: chosen by the autopilot."""
     stay_s: float = 0.0
@@ -74,7 +74,7 @@ class Climb:
     """Step of an order: take off straight up."""
 
     height_m: float
-    """Height above home [m]."""
+    """Height above home to climb to [m]."""
 
 
 Step = Go | Turn | Home | Ready | Climb
@@ -234,7 +234,7 @@ def survey_places(order: Order, home: Place) -> tuple[Place, ...]:
 
 
 def _points_on(lines: list[tuple[float, float]], spacing_m: float) -> list[tuple[float, float]]:
-    """Positions in the middles of equal parts of lines; `PlanError` for too many."""
+    """Places for full turns, in the middles of equal parts of lines; `PlanError`: too many."""
     ends = list(zip(lines[::2], lines[1::2], strict=True))
     counts = [max(1, round(hypot(x1 - x0, y1 - y0) / spacing_m)) for (x0, y0), (x1, y1) in ends]
     if sum(counts) > _LIMITS.most_turns:
@@ -384,7 +384,7 @@ def excluded_areas(
 
 
 def _within(limits: Limits, plane: TangentPlane) -> tuple[Circle | Polygon, ...]:
-    """Areas in which the drone must stay, in a local plane."""
+    """Areas in which the drone must stay, in the coordinates of a local plane [m]."""
     return tuple(_excluded(one, plane) for one in limits.stay_in)
 
 

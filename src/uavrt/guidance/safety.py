@@ -14,67 +14,67 @@ class SafetyLimits:
     offer_holds_s: float = 10.0
     begins_within_s: float = 10.0
     refusals: int = 50
-    """Number of consecutive refused requests that ends the order."""
+    """Number of consecutive refusals of a motion request above which the order ends."""
     planner_lost_s: float = 2.0
     """Silence of the planning process after which the order ends [s]."""
     stall_s: float = 1.0
-    """Longest pause of this process that does not end an order [s]; reports wait meanwhile."""
+    """Longest pause of the connection process, while reports wait, that ends no order [s]."""
     battery_s: float = 1.0
-    """Time between two checks of the battery [s]."""
+    """Time between two checks in flight whether the battery suffices for the return [s]."""
 
-    # Age of a report above which no command leaves [s].
+    # Age of a report above which no command is sent [s].
     mode_age_s: float = 1.0
     mode_change_age_s: float = 0.2
     """Maximum age of the mode report for a command that changes the mode [s]."""
     position_age_s: float = 0.5
     target_age_s: float = 0.3
-    """Maximum age of the target report for a further command of the order [s]."""
+    """Maximum age of the autopilot's target report for a further command of an order [s]."""
     sticks_age_s: float = 0.3
     """Maximum age of the RC report for a command [s]; autopilots send it at 5 Hz or more."""
-    # Age of a report above which the order has ended, or it counts for nothing [s].
+    # Age of a report above which the order ends, or the report is ignored [s].
     mode_lost_s: float = 3.0
     position_lost_s: float = 2.0
     sticks_lost_s: float = 1.5
     landed_age_s: float = 3.0
     heartbeat_lost_s: float = 5.0
-    """Time without a heartbeat, which reports disarming, after which an order ends [s]."""
+    """Silence of the autopilot's heartbeat, which reports disarming, that ends an order [s]."""
     latest_telemetry_s: float = 0.2
-    """Largest delay of the autopilot's messages for a command to be sent [s]."""
+    """Largest delay of the autopilot's messages at which commands are still sent [s]."""
     clock_drift: float = 2e-4
-    """Largest relative drift of two clocks: two crystals of 100 ppm each."""
+    """Largest drift between autopilot's and computer's clock [ratio]: 100 ppm for each."""
 
     # Movement of a stick or a switch that is the pilot's [µs]; three-way switches move by 500.
     stick_us: int = 60
     switch_us: int = 250
     switch_moved_s: float = 0.1
-    """Time after which a switch moved in one message counts [s]; a second one confirms it."""
+    """Time after which a switch moved in an RC message counts [s]; a second confirms it."""
     first_switch: int = 5
-    """Number of the first RC channel after the sticks."""
+    """Number of the first RC channel checked as a switch; channels 1 to 4 are the sticks."""
 
     # Jumps of home since the confirmation, of altitude and of position that end the order [m].
     home_moved_m: float = 2.0
     height_jump_m: float = 5.0
     place_jump_m: float = 30.0
     home_height_error_m: float = 15.0
-    """Height difference at home above which the elevation map is not used [m]."""
+    """Difference of home's altitude in map and autopilot above which the map is unused [m]."""
     flying_height_m: float = 2.0
-    """Height above home above which a drone flies [m], if no landed state is reported."""
+    """Height above home [m] from which a drone without a reported landed state is flying."""
     lowest_height_m: float = 20.0
     """Lowest commanded height above ground [m], unless the settings have another."""
     gust_below_m: float = 1.0
-    """Largest drop of a hovering drone below its height by gusts [m]."""
+    """Tolerance of height limits in plans [m]: gusts may lower a hovering drone so far."""
     margin_m: float = 5.0
-    """Distance kept from the outlines of people and buildings [m], for gusts and bends."""
+    """Distance of paths from outlines of people and buildings [m], for gusts and bends."""
     calm_share: float = 0.9
-    """Strongest wind for flight, as a share of the greatest airspeed."""
+    """Strongest wind in which orders are flown, as a share of the drone's greatest airspeed."""
 
-    # Longest times from a command, and from one to take off, to a sign of obedience [s].
+    # Longest times from a command, and from one to take off, until the drone must react [s].
     obeyed_within_s: float = 3.0
     takeoff_begins_within_s: float = 10.0
     in_air_unsure_s: float = 2.0
     """Longest time for which a vehicle on the ground may be reported in the air [s]; PX4 1.17
     (SIH) did so for 1.0 s after arming."""
-    # Times for which the reports of before a command are right [s]. Targets change in 0.05 to
+    # Times after a command in which reports may predate it [s]. Targets change in 0.05 to
     # 0.09 s; PX4 reports the mode at 2 Hz.
     target_changes_s: float = 0.5
     mode_changes_s: float = 1.5
@@ -89,69 +89,70 @@ class SafetyLimits:
     yaw_deg: float = 25.0
     target_yaw_deg: float = 2.0
     gust_heading_deg: float = 15.0
-    """Largest deviation from the target's bearing that counts as an effect of gusts [°]."""
+    """Largest angle between heading and target's bearing that gusts may cause [°]."""
     # Weakest braking of a flight [m/s²] and of a turn [°/s²].
     braking_m_s2: float = 1.5
     turn_braking_deg_s2: float = 25.0
     setpoint_braking_deg_s2: float = 20.0
-    """Braking of the heading setpoint [°/s²]: PX4 1.17, MPC_YAWRAUTO_ACC."""
+    """Deceleration of the autopilot's heading setpoint [°/s²]: PX4 1.17, MPC_YAWRAUTO_ACC."""
     setpoint_rests_deg_s: float = 1.5
-    """Rate of a heading setpoint up to which it counts as at rest [°/s]."""
+    """Turn rate of the autopilot's heading setpoint up to which it counts as at rest [°/s]."""
     leg_speed_m_s: float = 1.5
-    """Lowest speed far from the target, except at the start of a step [m/s]."""
+    """Speed below which a drone on a leg has no reason to slow down, even near its goal [m/s];
+    while it does, further commands wait."""
 
-    # What may be left of place [m], height [m] and heading [°] of a step that is done.
+    # Remaining distance [m], height difference [m] and angle [°] at which a step is done.
     arrived_m: float = 3.0
     at_height_m: float = 2.0
     at_yaw_deg: float = 8.0
     no_progress_s: float = 3.0
-    """Longest time without progress before the order ends, also after a command [s]. PX4 1.17
+    """Time without progress to the target that ends an order, even after commands [s]. PX4 1.17
     (SIH) made progress 0.7 to 1.3 s after a command from rest, and up to 2.495 s after one that
     replaced a leg (104 commands)."""
     slow_progress_s: float = 1.0
-    """Time without progress after which further commands wait for progress [s]."""
+    """Time without progress to the target after which further commands are held back [s]."""
     # Least change in `no_progress_s` that is progress; wind may slow a drone to that.
     nearer_m: float = 0.5
     higher_m: float = 0.3
     turned_deg: float = 3.0
-    # A drone brakes if its standing place comes nearer by less than this in this time [s, m].
+    # A drone brakes if its stopping point moves less than this in this time [s, m].
     braking_s: float = 0.5
     braking_m: float = 0.1
     sample_s: float = 0.1
-    """Expected time between two position reports [s]."""
+    """Time between two position reports [s]; widens the window in which progress is sought."""
 
-    # Left of a turn that is done, and change of heading that shows that it is obeyed [°].
+    # Remaining angle at which a turn is done, and turned angle that shows its beginning [°].
     turn_done_deg: float = 6.0
     turn_begun_deg: float = 5.0
     heading_stays_m: float = 0.7
-    """Distance from the target within which the heading stays [m]; PX4 turns until 1 to 2 m."""
+    """Distance from the target below which the nose keeps its heading [m]; PX4: 1 to 2 m."""
     bearing_place_error_m: float = 1.0
-    """Position error assumed for the bearing of a target [m]."""
+    """Position error assumed when the heading is compared with the target's bearing [m]."""
     # Tolerance of a measured heading that was on the bearing for some time [°, s]. On 68 legs
     # of PX4 1.17 and ArduCopter 4.7 it then stayed within 4.2° of the bearing farther than 3 m
     # from the target, and within 2.2° of itself nearer than `heading_stays_m`.
     aligned_deg: float = 12.0
     aligned_s: float = 1.0
     settled_deg: float = 0.3
-    """Change between two reports up to which a heading counts as at rest [°]."""
+    """Change of a heading between two reports up to which the heading is at rest [°]."""
     # A setpoint may stop on its way to the bearing: nearer than this [m], or for this time [s].
     frozen_m: float = 2.5
     stopped_s: float = 1.0
     turn_made_up_s: float = 6.0
-    """Time to stop and reverse a turn that was in progress when a command was sent [s]."""
+    """Time allowed to stop and reverse a turn in progress when a command is sent [s]."""
     report_delay_s: float = 0.3
-    """Time after a command for which a reported setpoint may predate the command [s]."""
+    """Time after a command in which a reported heading setpoint may predate it [s]."""
     # A heading that follows the course turns by this angle in this time [s, °]. After a new
     # target near the old one ArduCopter 4.7 swung by 38° beyond the bearing, 0.4 s behind it.
     course_follow_s: float = 1.0
     course_follow_deg: float = 3.0
     either_way_deg: float = 150.0
-    """Angle from heading to course above which the turn may go to either side [°]."""
+    """Angle from heading to course over ground above which the turn may go either way [°]."""
     # Least speeds at which ArduCopter's heading follows the course [m/s]: 5 % of its speed,
     # and nearer than `frozen_m`, where it returns from its overshoot.
     course_m_s: float = 0.5
     near_course_m_s: float = 1.0
-    # A heading that changes slower than this, for this long, stands [°/s, s].
+    # A heading that changes more slowly than this, for this time, is at rest [°/s, s].
     turning_deg_s: float = 4.0
     turned_s: float = 0.5
     # A turn in place begins once the heading has stayed within this angle for this time, and
@@ -168,7 +169,7 @@ class SafetyLimits:
     bend_deg: float = 30.0
     bend_from_m: float = 25.0
 
-    # Other drones: greatest age of a report, longest wait for a path that was asked for, and
+    # Other drones: greatest age of a report, longest wait for a requested path, and
     # silence after which a drone's tags go back to the others, but not its paths [s].
     report_age_s: float = 10.0
     answer_s: float = 3.0

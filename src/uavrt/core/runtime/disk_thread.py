@@ -19,7 +19,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 MOST_JOBS = 32
-"""Largest number of waiting jobs; a download queues one or two."""
+"""Largest number of jobs waiting for the disk thread; a download queues one or two."""
 SLOW_S = 2.0
 FINISH_S, FINISH_TURN_S = 0.5, 0.01
 
@@ -62,7 +62,7 @@ class DiskThread:
         threading.Thread(target=self._work, name="disk", daemon=True).start()
 
     def __call__(self, job: Callable[[], T], then: Callable[[T], None]) -> bool:
-        """Run `job` in the thread, then `then` with its result in the loop; False if full."""
+        """Run `job` in the thread, `then` with its result in the loop; False: too many wait."""
         if self._early and self._loop is None:
             return at_once(job, then)
         if len(self._jobs) >= self._most:
@@ -135,11 +135,11 @@ class DiskBatches(Generic[T, R]):
     ) -> None:
         self._disk, self._write, self._done = disk, write, then
         self.waiting: list[T] = []
-        """Items that are not yet in a batch."""
+        """Items to be written that are not yet in a batch."""
         self.handed_s: float | None = None
         """Time when the batch being written was submitted [s, monotonic]; None without one."""
         self.took_s = 0.0
-        """Duration of the previous batch's write [s]."""
+        """Time that writing the previous batch took [s]."""
         self._again = False
 
     def add(self, item: T) -> None:

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from typing import Any
 
 INTERFACE = 7
-"""Version of the kernels' interface; kernels of another version are not used."""
+"""Version of the interface to the compiled kernels; those of another version are not used."""
 
 
 def _load() -> tuple[Any, str]:

@@ -17,7 +17,7 @@ from uavrt.link.mavlink.discovery import STATION_SYSTEM_ID
 PX4_PORTS = {"TELEM1": (101, "TEL1"), "TELEM2": (102, "TEL2"), "TELEM3": (103, "TEL3")}
 """Value of MAV_n_CONFIG for each port, and the port's name in SER_…_BAUD."""
 ARDUPILOT_PORTS = {"TELEM1": 1, "TELEM2": 2, "TELEM3": 5}
-"""Usual n of SERIALn for each port; boards differ."""
+"""Usual number n of the parameters SERIALn_… for each port of a board; boards differ."""
 PX4_INSTANCES = (0, 1, 2)
 ARDUPILOT_SERIALS = (1, 2, 3, 4, 5, 6)
 ARDUPILOT_CHANNELS = (1, 2, 3, 4)

@@ -15,19 +15,18 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, rough_duration
 from uavrt.drone.computer.finding import Finding, failed, passed
 
 DETECTOR_SILENT_S = 15.0
-"""Silence of a detector that counts as a fault [s]; over the link each reports about every 6 s.
-"""
+"""Silence of a detector that is a fault [s]; over the link each reports about every 6 s."""
 POSE_OLD_S = 2.0
-"""Age of a position that counts as a fault [s]; five arrive per second, some are lost."""
+"""Age of the newest position that is a fault [s]; five are sent per second, some get lost."""
 HEARD_S = 60.0
-"""Maximum age of a received pulse of the bench tag [s]."""
+"""Maximum age of the last pulse received from the bench tag [s]."""
 NOISE_RISE_DB = 6.0
-"""Rise above the lowest noise of this check that counts as a fault [dB]; it halves the range.
-"""
+"""Rise of a tag's noise level above the lowest level in this check that is a fault [dB]; such a
+rise halves the range."""
 NOISE_APART_DB = 10.0
-"""Noise difference between tag frequencies that is a fault [dB]; usual: at most 3 dB."""
+"""Difference of noise between tag frequencies that is a fault [dB]; usual: at most 3 dB."""
 NOISE_LESS_DB = 10.0
-"""Noise drop below past flights that is a fault [dB]: antenna disconnected, or lower gain."""
+"""Drop of noise below past flights that is a fault [dB]: antenna disconnected or low gain."""
 CLOCK_OFF_S = 3.0
 """Clock difference of drone and ground station that counts as a fault [s]."""
 BATTERY_PERCENT = 50.0
@@ -51,7 +50,7 @@ class FlightFacts:
     tags: tuple[Tag, ...]
     state: SystemState | None
     heard: bool
-    """True if the drone answers on its link."""
+    """True if the drone under check answers on its link."""
     own_findings: tuple[Finding, ...] = ()
     """Findings of this computer itself, in place of those from records over the link."""
     time_known: bool | None = None
@@ -64,7 +63,7 @@ class FlightFacts:
     battery_percent: float | None = None
     battery_v: float | None = None
     usual_noise_db: float | None = None
-    """Noise of the resting receiver in past flights [dB]; None if unknown."""
+    """Noise level of the receiver before take-off in past flights [dB]; None if unknown."""
 
 
 @dataclass(slots=True)

@@ -27,7 +27,7 @@ from uavrt.radio.receivers.devices import usb_radios
 
 THERMAL = Path("/sys/class/thermal")
 LISTEN_S = 4.0
-"""Time to wait for a heartbeat, sent once a second [s]."""
+"""Longest wait for the autopilot's heartbeat, which is sent once a second [s]."""
 HOT_C = 80.0
 """Temperature from which a Raspberry Pi 5 slows down [°C] (Raspberry Pi documentation)."""
 IDLE_CORES_NEEDED = 0.5

@@ -57,8 +57,7 @@ class ServicePlan:
     writable: tuple[Path, ...] = ()
     """Directories outside of `directory` that the settings name, for flights and saved logs."""
     prefix: Path | None = None
-    """Directory of exchangeable versions (`uavrt.drone.computer.versions`); None: no
-    updates."""
+    """Directory of versions (`uavrt.drone.computer.versions`); None: no updates."""
 
 
 def unit_text(plan: ServicePlan) -> str:

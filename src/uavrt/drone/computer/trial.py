@@ -15,11 +15,11 @@ from uavrt.core.errors import UsageError
 from uavrt.core.messages import Poses, SystemStatus
 
 HOLD_S = 60.0
-"""Time for which everything must work without a gap [s]."""
+"""Time for which a new version must work without a gap before it is kept [s]."""
 PATIENCE_S = 180.0
-"""Longest time from the start, or from landing, until the trial must have succeeded [s]."""
+"""Longest trial of a new version from start or landing [s]; then the old one is restored."""
 GAP_S = 5.0
-"""Longest gap that counts as working [s]; status arrives every 1 s, poses every 0.5 s."""
+"""Longest gap between records of a working version [s]; status: each 1 s, poses: each 0.5 s."""
 HEARD = ("waiting for ground station", "ready")
 ARMED = "autopilot_armed"
 """Counter in the connection's health: 1 if the autopilot reports armed, 0 if disarmed."""

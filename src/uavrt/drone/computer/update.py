@@ -33,10 +33,10 @@ from uavrt.drone.computer.versions import COMPLETE, Installation, version_of
 Say = Callable[[str], None]
 Restart = Callable[[], None]
 Judge = Callable[[], tuple[Verdict, str]]
-"""Function that monitors the system; returns the decision and what was missing."""
+"""Function that monitors a new version on trial; returns its decision and what was missing."""
 
 EXTRAS = {"ros2": "cyclonedds", "ground": "starlette"}
-"""Extras by name, each with a package whose presence shows that the extra is installed."""
+"""Optional parts of uavrt (pip extras), each with a package that is present if installed."""
 BUILT_HERE = "wheels"
 """Directory of wheels that deploy/install.sh had to build, as for 64-bit ARM."""
 PAGE_UNIT = "uavrt-page.service"

@@ -65,7 +65,7 @@ class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     version: str
     files: Annotated[tuple[Wheel, ...], msgspec.Meta(min_length=1, max_length=500)]
     keys: str | None = None
-    """New public keys that replace the previous ones; None: unchanged."""
+    """Public keys that verify later updates and replace the previous ones; None: unchanged."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +77,7 @@ class Update:
     name: str
     """Version and first digits of the content's hash, so that two builds differ."""
     alone: bool
-    """True if the update contains no libraries."""
+    """True if the update contains only uavrt, without the libraries that it needs."""
     manifest: Manifest | None
     """Manifest of a ``.tar``; None for a single wheel."""
     content: bytes | None = None
@@ -194,7 +194,7 @@ def _opened(path: Path) -> Iterator[tarfile.TarFile]:
 
 
 def _check_headers(path: Path) -> None:
-    """Reject impossible sizes in headers; `tarfile` reads names and tables whole.
+    """Reject impossible sizes in tar headers; `tarfile` reads names and tables whole.
 
     Blocks of 512 bytes (POSIX.1-2017, pax): at 124 the size of the content in octal, at 156 its
     kind. Sizes beyond the file and invalid names are rejected.

@@ -35,7 +35,7 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 RECORD: Final = struct.Struct("<12d")
 HEARTBEAT_S: Final = 1.0
-"""Time between two heartbeats [s]; the original detector sends one every 3.6 s."""
+"""Time between two heartbeats of a tag's detector [s]; the original one: every 3.6 s."""
 
 _STATES: Final[dict[DetectionStatus, int]] = {"subthreshold": 0, "detected": 1, "confirmed": 2}
 NOTHING_FOUND: Final = 3

@@ -15,7 +15,7 @@ from uavrt.drone.ipc.tag_assignment import Assignment
 from uavrt.drone.ipc.topics import decode_record, encode_record
 
 LINK_VARIABLE = "UAVRT_LINK_FD"
-"""Environment variable with the number of the inherited socket."""
+"""Environment variable with the descriptor of the socket to the supervisor."""
 
 
 FLUSH_BYTES = 16_384
@@ -48,7 +48,7 @@ class ChildLink:
         self._unsent = bytearray()
         self._gone = False
         self.refused = 0
-        """Number of received lines that were no records."""
+        """Number of lines received from the supervisor that were no records."""
         self.lines = 0
         """Number of lines that `receive` has returned or refused since the start."""
 

@@ -49,13 +49,13 @@ HEADER = struct.Struct("<QqdfHH")
 STRETCH = struct.Struct("<qq")
 CARRIER = struct.Struct("<d")
 MAX_STRETCHES = 1024
-"""Largest number of clipped stretches in a datagram, 16 KiB; 87 ms of a radio have up to 90."""
+"""Largest number of clipped time spans in a datagram, 16 KiB; 87 ms of samples: up to 90."""
 BACKLOG_BYTES = 16 * 1024 * 1024
-"""Largest size of the queue for one detector [bytes]: 280 s of one channel."""
+"""Largest size of the queue of samples for one detector [bytes]: 280 s of one channel."""
 MAX_CARRIERS = 8
 _CARRIERS_BYTES = MAX_CARRIERS * CARRIER.size
 MAX_SAMPLES = 8192
-"""Largest number of samples in a block; a larger block is cut."""
+"""Largest number of a channel's samples in one block of a datagram; larger blocks are cut."""
 MAX_DATAGRAM_BYTES = 128 * 1024
 """Largest datagram [bytes], below the default send buffer of 208 KiB."""
 
@@ -67,12 +67,12 @@ class ChannelSender:
         sock.setblocking(False)
         self._sock = sock
         self._parts: list[bytes] = []
-        """Headers and samples of the next datagram."""
+        """Headers and samples that the next datagram will contain."""
         self._size = ENVELOPE.size
         self._clipped: tuple[tuple[int, int], ...] = ()
         self._carriers_hz: tuple[float, ...] = ()
         self._last_clipped: tuple[tuple[int, int], ...] = ()
-        """Clipped stretches sent last; all channels of a radio block have the same."""
+        """Clipped time spans sent last [ns]; all channels of a radio block have the same."""
         self._waiting: deque[bytes] = deque()
         self._waiting_bytes = 0
         self.samples_dropped = 0
@@ -101,7 +101,7 @@ class ChannelSender:
             self._size += size
 
     def _take_clipped(self, stretches_ns: tuple[tuple[int, int], ...]) -> None:
-        """Add clipped stretches to the next datagram, even those of blocks without samples."""
+        """Add clipped time spans to the next datagram, even those of blocks without samples."""
         most = STRETCH.size * MAX_STRETCHES + _CARRIERS_BYTES
         if self._parts and self._size + most > MAX_DATAGRAM_BYTES:
             self._enqueue(more=True)

@@ -208,7 +208,7 @@ def _plan(asked: _OrderRequest) -> _Planned:
 
 
 def _attempt(make: Callable[[], Found]) -> Found | str:
-    """Run the planning; return the result, or the error as text. Logs unexpected errors."""
+    """Run the planning of an order; return the plan, or the error (logged if unexpected)."""
     try:
         return make()
     except UavrtError as error:

@@ -78,7 +78,7 @@ class Recorder:
         self._awaited = AwaitedPoses(self._antenna.pose_wait_s + POSE_PATIENCE_S)
         self._more_missing = False
         self._to_report: deque[PulseKey] = deque(maxlen=MOST_TO_REPORT)
-        """Pulses written but not yet reported as recorded."""
+        """Pulses written to disk but not yet reported as recorded."""
         self._commands: dict[int, Command] = {}
         self._fault = ""
         self._reported_lines = 0

@@ -18,9 +18,9 @@ from uavrt.guidance.search_rules import SEARCH_RULES
 log = get_logger()
 
 IDLE_S = 0.5
-"""Shortest time between two decisions while the drone has nothing to fly [s]."""
+"""Shortest time between two search decisions while the drone has nothing to fly [s]."""
 RETRY_S = 2.0
-"""Time until the next decision after a path was refused [s]."""
+"""Time until the next search decision after the ground refused a path [s]."""
 
 _Job = Callable[[], Choice | SearchNote | None]
 

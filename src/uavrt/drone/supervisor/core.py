@@ -358,7 +358,7 @@ class Supervisor:
             self._on_record(line)
 
     def _pump_soon(self, instance: Instance) -> None:
-        """Send all waiting records soon in one call, because each call wakes a process."""
+        """Send all records for a process soon, in one call, because each call wakes it."""
         if not self._to_pump:
             asyncio.get_running_loop().call_soon(self._pump)
         self._to_pump[instance.name] = instance

@@ -40,7 +40,7 @@ class RecordField:
     name: str
     kind: Kind
     optional: bool
-    """True if the value may be None."""
+    """True if the field's value may be None."""
     defaulted: bool
     """True if the field may be missing, as in older files."""
     length: int | None = None
@@ -88,7 +88,7 @@ class Columns(Generic[R]):
         columns = [described[name] for name in order or described]
         self.types = {one.name: SQL_TYPES[one.kind] for one in columns}
         self.names = ", ".join(self.types)
-        """Names of the columns in order, separated by commas as in SQL."""
+        """Names of the table's columns in order, separated by commas as in SQL."""
         self.declared = ", ".join(f"{name} {sql}" for name, sql in self.types.items())
         self._kind = kind
         self._values = attrgetter(*self.types)

@@ -13,7 +13,7 @@ from uavrt.flight.database.fields import Row
 from uavrt.flight.flight_layout import FlightLayout
 
 CHECKPOINT_S = 2.0
-"""Time between checkpoints without durable commits [s]; a power cut loses at most this."""
+"""Time between checkpoints if commits are not durable [s]; a power cut loses at most this."""
 
 WAL_BYTES = 4_000_000
 """Size at which the write-ahead log is checkpointed [bytes], after about ten minutes. A page
@@ -48,8 +48,7 @@ class FlightDatabase:
         self.repeated_pulses = 0
         """Number of pulses already recorded before, such as after a sender's restart."""
         self.refused_records = 0
-        """Number of records dropped as SQLite cannot store them, such as integers above 64
-        bits."""
+        """Number of records dropped as SQLite cannot store them, such as huge integers."""
 
     def connected(self) -> sqlite3.Connection:
         """Database connection, opened if necessary."""

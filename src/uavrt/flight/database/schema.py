@@ -29,8 +29,8 @@ from uavrt.core.messages import (
 from uavrt.flight.database.fields import Columns, Row
 
 VERSION = 6
-"""Version of the tables. Added in 2: doubts about pulses; 3: searches; 4: coded tags; 5: usable
-share of time and weakest tag in search reports; 6: beeping senders."""
+"""Version of a flight's tables. Added in 2: doubts about pulses; 3: searches; 4: coded tags; 5:
+usable share of time and weakest tag in search reports; 6: beeping senders."""
 SEARCHED = Columns(
     SearchReport,
     (

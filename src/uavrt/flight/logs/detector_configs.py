@@ -43,7 +43,7 @@ _BOUNDS = {
     "K": (1, MAX_K, "pulses"),
     "portData": (0, 65_535, "a port"),
 }
-"""Smallest and largest value of each key, and its quantity, as in other tag files."""
+"""Smallest and largest value, and unit, of each key of ``detectorConfig.txt`` with a number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -200,7 +200,7 @@ def _check(values: dict[str, str]) -> None:
 
 
 def _stretches(text: str) -> tuple[tuple[float, float], ...]:
-    """Parse MATLAB's ``[lo, hi; …]`` [Hz]; ``[Inf, -Inf]`` is empty. Raises `ValueError`."""
+    """Parse MATLAB ranges ``[lo, hi; …]`` [Hz]; ``[Inf, -Inf]``: none. Raises `ValueError`."""
     found = []
     for row in text.strip().removeprefix("[").removesuffix("]").split(";"):
         cells = row.replace(",", " ").split()

@@ -4,7 +4,7 @@ from pathlib import Path
 
 MAX_BYTES = 2_000_000
 KEPT_FILES = 3
-"""Number of older log files, ``name.log.1`` the newest; with `MAX_BYTES` 8 MB per process."""
+"""Number of full log files kept per process, ``name.log.1`` the newest; at most 8 MB in all."""
 
 
 class ProcessLog:
@@ -21,7 +21,7 @@ class ProcessLog:
         self._max_bytes = max_bytes
         self._kept_files = kept_files
         self.lost_lines = 0
-        """Number of lines that could not be written."""
+        """Number of log lines that could not be written."""
 
     def write(self, text: str) -> None:
         """Append a text and, if missing, a newline."""

@@ -37,7 +37,7 @@ _INSIDE = fields_of(BurstInside)
 DOUBT_FIELDS = tuple(
     name for name, one in _PULSE.items() if one.defaulted and name not in BURST_FIELDS
 )
-"""Fields that older files lack; they come last, for programs that read columns by position."""
+"""Fields of `Pulse` missing in older files; last, as programs read columns by position."""
 FIELDS = PULSE_FIELDS + POSE_FIELDS + DOUBT_FIELDS
 _KINDS = {name: one.kind for name, one in (_PULSE | _POSE).items()}
 
@@ -69,7 +69,7 @@ def pulse_from_record(record: dict[str, Any]) -> PulsePose:
 
 
 def _pose_from_record(record: dict[str, Any], time_ns: int) -> Pose | None:
-    """Pose of a record; None if position or attitude is unknown."""
+    """Antenna pose in a record of a pulse file; None if position or attitude is unknown."""
     if record["quaternion_wxyz"] is None:
         return None
     pose = _converted(record, Pose, _POSE.values(), time_ns=time_ns)
@@ -82,7 +82,7 @@ def _pose_from_record(record: dict[str, Any], time_ns: int) -> Pose | None:
 def _converted(
     record: dict[str, Any], kind: type[R], described: Iterable[RecordField], **more: Any
 ) -> R:
-    """Make a record: unknown numbers become NaN, and missing fields get their default."""
+    """Make a `kind` from a file's record: unknown numbers are NaN, missing fields default."""
     values = {
         one.name: _finite_or_nan(record[one.name]) if one.kind == "real" else record[one.name]
         for one in described
@@ -108,7 +108,7 @@ class PulseWriter:
         self._names = FIELDS + BURST_FIELDS if bursts else FIELDS
         self._csv = csv.writer(stream, lineterminator="\n") if form == "csv" else None
         self.written = 0
-        """Number of pulses written."""
+        """Number of pulses written to the stream so far."""
         if self._csv is not None:
             self._csv.writerow(self._names)
             stream.flush()

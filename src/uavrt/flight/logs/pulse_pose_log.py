@@ -198,7 +198,7 @@ class PulsePoseLog:
                 yield groups.numbered(parse_line(line.decode("utf-8", "replace")))
 
     def _lines(self) -> Iterator[bytes]:
-        """Yield the lines; an overlong line is split into pieces that cannot be parsed."""
+        """Yield the log's lines; an overlong one is split into pieces that cannot be parsed."""
         if not self._path.exists():
             return
         with self._path.open("rb") as file:

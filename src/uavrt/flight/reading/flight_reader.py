@@ -56,8 +56,7 @@ class Flight:
     notes: tuple[tuple[int, str], ...]
     """Notes on the flight, each with its time [ns, UTC]."""
     on_ground_ns: tuple[tuple[int, int], ...] = ()
-    """First and last time of each stay on the ground, by the autopilot [ns]; empty if
-    unknown."""
+    """First and last time of each stay on the ground, by the autopilot [ns]; or empty."""
 
 
 def read_flight(directory: str | os.PathLike[str]) -> Flight:

@@ -15,10 +15,10 @@ from uavrt.core.errors import FormatError
 from uavrt.flight.reading.flight_reader import flight_database
 
 MOST_FLIGHTS = 10
-"""Number of newest flights used; only few, since receivers and gains change over the years."""
+"""Number of newest flights in the median noise; few, as receivers and gains change."""
 _IN_THE_AIR_M = 2.0
 _LEAST = 3
-"""Smallest number of noise values for a median."""
+"""Smallest number of noise values before take-off for which their median is used."""
 _NOISE = (
     "SELECT tag_id, time_ns, noise_psd FROM search_reports WHERE noise_psd > 0 UNION ALL"
     " SELECT tag_id, start_time_ns, noise_psd FROM pulses WHERE noise_psd > 0"

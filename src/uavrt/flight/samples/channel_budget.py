@@ -22,7 +22,7 @@ class ChannelBudget:
         self._pieces: deque[tuple[Path, int]] = deque()
         """Closed channel files, each with the path of the samples and the size [bytes]."""
         self.bytes = 0
-        """Size of all channel files, open ones included."""
+        """Total size of all channel files, open ones included [bytes]."""
         self.removed_pieces = 0
 
     def find_files(self) -> None:
@@ -32,7 +32,7 @@ class ChannelBudget:
         self.bytes = sum(size for *_, size in found)
 
     def _found(self) -> list[tuple[int, int, Path, int]]:
-        """List the files: number of the flight, modification time [ns], path, size [bytes]."""
+        """List channel files: flight's number, modification time [ns], path, size [bytes]."""
         found = []
         flights = [
             path for path in flights_in_order(self._flight.parent) if path != self._flight

@@ -32,7 +32,7 @@ from uavrt.flight.samples.sigmf_metadata import FULL_SCALE
 log = get_logger()
 
 FLUSH_S = 2.0
-"""Time between two writes [s]; a kill or a power cut loses at most this."""
+"""Time between two writes of samples to the disk [s]; a power cut loses at most this."""
 MOST_WAITING_BYTES = 16 * 1024 * 1024
 """Largest size of the samples waiting for the disk [bytes]: 280 s of one channel."""
 SLOW_S, REST_S = 1.0, 10.0
@@ -41,21 +41,21 @@ PIECE_S, SHORTEST_PIECE_S = 300.0, 5.0
 PIECES_OF_BUDGET = 8
 """Smallest number of files into which each channel's share of the budget is divided."""
 FREE_SPACE_FACTOR = 1.2
-"""Free space that channels need, over that of other recordings [ratio]: channels stop first, so
-that they never cause flights to be removed."""
+"""Ratio of the free disk space that channel files need to that of other recordings: channels
+stop first, so that they never cause flights to be removed."""
 NOISE_STEPS = {8: 3.0, 16: 20.0}
-"""Minimum rms of the noise's I and Q at the start of a file [steps], by bits per value."""
+"""Minimum rms of the noise's I and Q at a file's start [quantizer steps], by bits per value."""
 FINER = math.sqrt(0.5)
-"""Ratio of present to initial noise [amplitude] below which an 8-bit file ends."""
+"""Ratio of the noise amplitude to that at the file's start below which an 8-bit file ends."""
 WINDOW = 128
 HEADROOM = 1.25
-"""Factor by which a scale is wider than the strong signal that required it."""
+"""Smallest ratio of a file's full scale to the peak of a strong signal that widened it."""
 WIDER_S = 20.0
-"""Shortest duration of a file whose scale was widened because of a strong signal [s]."""
+"""Shortest duration of a file whose full scale was widened because of a strong signal [s]."""
 TIME_STEP_NS = 500_000
 """Clock step above which the metadata begin a new stretch of samples [ns]."""
 GAP_S = 0.05
-"""Duration of zeros above which they are stored as a gap [s]; they replace lost samples."""
+"""Shortest run of zero samples, which replace lost ones, that is stored as a gap [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ class _Batch:
     channels: tuple[tuple[int, float], ...]
     """Number and centre frequency [Hz] of each channel."""
     samples: NDArray[np.complex64]
-    """(channels, n) complex samples."""
+    """(channels, n) complex samples, one row for each of `channels`."""
     sample_index: int
     time_ns: int
     sample_rate_hz: float
@@ -94,7 +94,7 @@ class _Channel:
     number: int = 0
     file: SampleFile | None = None
     widened: bool = False
-    """True if the file's scale is wider than its noise requires."""
+    """True if the file's full scale is wider than its noise requires."""
 
 
 class ChannelRecorder:
@@ -122,7 +122,7 @@ class ChannelRecorder:
         self._waiting_bytes = 0
         self._piece_s = PIECE_S
         self._last: _Batch | None = None
-        """Last batch written to the files; None before the first one."""
+        """Last batch of samples written to the files; None before the first one."""
         self._rest_until_s = float("-inf")
         self._overflowing = False
         self._condition = threading.Condition()
@@ -131,7 +131,7 @@ class ChannelRecorder:
         self.dropped_samples = 0
         """Number of samples dropped because the disk was slow, full or failing."""
         self.invalid_values = 0
-        """Number of non-finite values, stored as zeros."""
+        """Number of non-finite sample values, which are stored as zeros."""
         self.trouble: str | None = None
         """Reason why nothing is recorded at present; None while recording."""
         self._thread = threading.Thread(target=self._run, name="channel-recorder", daemon=True)
@@ -290,7 +290,7 @@ class ChannelRecorder:
     def _file_for(
         self, channel: _Channel, samples: NDArray[np.complex64], peak: float
     ) -> SampleFile:
-        """File for the next samples; a new one if the last is too old or its scale is unfit."""
+        """File for the next samples; a new one if the last is too old or its scale unfit."""
         if channel.file is not None and self._is_over(channel, channel.file, samples, peak):
             self._end_piece(channel)
         if channel.file is None:
@@ -310,7 +310,7 @@ class ChannelRecorder:
     def _is_over(
         self, channel: _Channel, file: SampleFile, samples: NDArray[np.complex64], peak: float
     ) -> bool:
-        """True if the next samples need a new file."""
+        """True if the channel's file must end, so that the next samples need a new one."""
         length_s = file.written_samples / channel.sample_rate_hz
         if _needed(peak, file.bits) > file.full_scale or length_s >= self._piece_s:
             return True
@@ -394,7 +394,7 @@ def _needed(peak: float, bits: int) -> float:
 
 
 def _scale_of_piece(samples: NDArray[np.complex64], peak: float) -> tuple[int, float, bool]:
-    """Bits and full scale of a new file; True if a strong signal required a wider scale."""
+    """Bits per value and full scale of a new file; True if widened for a strong signal."""
     fitting = _scale_by_noise(samples, 8)
     if 0.0 < _needed(peak, 8) <= fitting:
         return 8, fitting, False
@@ -406,7 +406,7 @@ def _scale_of_piece(samples: NDArray[np.complex64], peak: float) -> tuple[int, f
 
 
 def _scale_by_noise(samples: NDArray[np.complex64], bits: int) -> float:
-    """Full scale at which the noise has the wanted number of steps; 0 without noise.
+    """Full scale at which the noise has `NOISE_STEPS` quantization steps; 0 without noise.
 
     The noise is the median over the middle of the channel's spectrum, which excludes pulses,
     carriers and zeros in place of lost samples.

@@ -17,7 +17,7 @@ from uavrt.flight.samples.sigmf_metadata import FULL_SCALE, Stretch, sigmf_metad
 BYTES_PER_SAMPLE = 4
 _FREE_SPACE_PERIOD_S = 1.0
 _LEAST_MOVE_NS = 1_000_000
-"""Smallest clock correction that is written to the metadata [ns]."""
+"""Smallest correction of a stretch's start time that is written to the metadata [ns]."""
 
 
 class SampleFile:
@@ -56,7 +56,7 @@ class SampleFile:
         self._sync = sync
         self._settled_after_s = settled_after_s
         self._moved_ns: int | None = None
-        """Clock correction since the stretch began [ns]; None when the clock has settled."""
+        """Correction of the sample clock since the stretch began [ns]; None once settled."""
         self._stretches: list[Stretch] = []
         self._next_index: int | None = None
         if self.data_path.is_file():

@@ -23,9 +23,9 @@ class Stretch:
     """Position and time of a stretch of samples without a gap."""
 
     sample_start: int
-    """Index of the stretch's first sample in the file."""
+    """Index in the file of the first sample of this stretch without a gap."""
     global_index: int
-    """Index of the stretch's first sample in the radio's stream, lost ones counted."""
+    """Index of that sample in the radio's stream, in which lost samples count."""
     time_ns: int
 
 

@@ -36,7 +36,7 @@ class Commanded:
     previous: InitVar["Commanded | None"]
     """Previous command of the same order; None for the order's first."""
     left_m: float = field(init=False)
-    """Shortest distance to the target since the command [m]."""
+    """Shortest distance to the target reached since the command [m]."""
     slack_m: float = field(init=False)
     lowest_m: float = field(init=False)
     highest_m: float = field(init=False)
@@ -44,7 +44,7 @@ class Commanded:
     target_yaw: YawWatch | None = field(init=False, default=None)
     progress: Progress = field(init=False, default_factory=Progress)
     top_m: float = field(init=False)
-    """Highest altitude so far during a take-off [m]."""
+    """Highest altitude above sea level so far, in a take-off [m]."""
     obeyed: bool = field(init=False, default=False)
     settled: bool = field(init=False, default=False)
     """True once the drone has been within `Behaviour.settles_m` of its target."""
@@ -183,7 +183,7 @@ class Commanded:
         return not self.obeyed and self._made_s(seen) - self.sent_s < SAFETY.target_changes_s
 
     def _may_be_before(self, seen: TargetSeen, position: PositionSeen | None) -> bool:
-        """True if the target may still be the previous one, or be set by the change of mode."""
+        """True if a target may still be the previous one, or be set by the change of mode."""
         if not self._waits(seen):
             return False
         if self.before is not None and self._same(seen, self.before):
@@ -245,7 +245,7 @@ class Commanded:
         return self._see_yaw(seen)
 
     def _left(self, seen: PositionSeen, turning_deg_s: float) -> tuple[Left, ...]:
-        """Remaining distance, height difference and angle of a motion in the air."""
+        """Remaining distance, height and angle of a flight to a position, or of a turn."""
         wish, yaw = self.wish, self.yaw
         if not isinstance(wish, FlyThere):
             return _left_of_turn(yaw)

@@ -16,10 +16,10 @@ class Lateness:
 
     def __init__(self) -> None:
         self._least: tuple[float, float] | None = None
-        """Arrival [s] and offset [s] of the message with the smallest delay."""
+        """Least delayed message: its arrival time, and arrival minus autopilot's time [s]."""
         self._boot_s = 0.0
         self.late_s = 0.0
-        """Delay of the last message [s]."""
+        """Delay of the autopilot's last message on its way to this computer [s]."""
 
     def see(self, seen: BootTimeSeen) -> None:
         """Update `late_s` by a message that contains the autopilot's time since its start."""

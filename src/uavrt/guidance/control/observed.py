@@ -15,7 +15,7 @@ class ModeSeen:
 
     time_s: float
     mode: int
-    """Number of the custom mode."""
+    """Flight mode, as the autopilot's number (MAVLink ``custom_mode``)."""
     armed: bool | None = None
     """True if the motors are armed; None: not in the message."""
     failsafe: bool = False
@@ -28,7 +28,7 @@ class PositionSeen:
 
     time_s: float
     boot_s: float
-    """Autopilot's time since its start [s]."""
+    """Time of the report by the autopilot's clock, which counts from its start [s]."""
     latitude_deg: float
     longitude_deg: float
     altitude_amsl_m: float
@@ -69,7 +69,7 @@ class TargetSeen:
 
     time_s: float
     boot_s: float
-    """Autopilot's time since its start [s]."""
+    """Time of the report by the autopilot's clock, which counts from its start [s]."""
     latitude_deg: float | None
     """Latitude of the target [deg]; None if the autopilot has no target position."""
     longitude_deg: float | None
@@ -85,9 +85,9 @@ class SticksSeen:
 
     time_s: float
     channels_us: tuple[int, ...]
-    """Positions of the roll, pitch, throttle and yaw sticks [µs]."""
+    """Positions of the roll, pitch, throttle and yaw sticks, as pulse widths [µs]."""
     switches_us: tuple[int, ...] = ()
-    """Pulse widths of the channels from 5 on [µs]; 0 if unused."""
+    """Pulse widths of the RC channels from 5 on [µs], mostly switches; 0 if unused."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +124,7 @@ class BootTimeSeen:
     time_s: float
     boot_s: float
     late_s: float | None = None
-    """Delay of the message by TIMESYNC [s]; None: unknown."""
+    """Delay of the message after its time stamp, by TIMESYNC [s]; None: unknown."""
 
 
 @dataclass(frozen=True, slots=True)

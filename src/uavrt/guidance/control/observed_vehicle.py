@@ -29,13 +29,13 @@ class ObservedVehicle:
         self.behaviour = behaviour
         self.mode: ModeSeen | None = None
         self.heartbeat: ModeSeen | None = None
-        """Newest mode report that includes the arming state."""
+        """Newest report of the flight mode that includes the arming state."""
         self.position: PositionSeen | None = None
         self.target: TargetSeen | None = None
         self.turning_deg_s = self.target_turning_deg_s = 0.0
         """Last rates of change of the heading and of the reported target heading [°/s]."""
         self._rest: PositionSeen | None = None
-        """Position report from which on the heading has stayed the same within a tolerance."""
+        """First position report since which the heading stayed within `SAFETY.rest_deg`."""
         self.landed: LandedSeen | None = None
         self.sticks: SticksSeen | None = None
         self.home: HomeSeen | None = None
@@ -195,7 +195,7 @@ def ended_by(seen: Observation) -> str | None:
 
 
 def _apart_deg(one: PositionSeen, other: PositionSeen) -> float:
-    """Difference of two headings [°]; 0 if one is not reported."""
+    """Difference of the headings in two position reports [°]; 0 if one is not reported."""
     if one.yaw_deg is None or other.yaw_deg is None:
         return 0.0
     return abs(wrap_degrees_180(one.yaw_deg - other.yaw_deg))
@@ -204,7 +204,7 @@ def _apart_deg(one: PositionSeen, other: PositionSeen) -> float:
 def _turning(
     before: PositionSeen | TargetSeen | None, seen: PositionSeen | TargetSeen, known: float
 ) -> float:
-    """Rate of turn between two reports [°/s]; unchanged if both have the same time."""
+    """Rate of turn between two reports [°/s]; `known` if both have the same time."""
     gap_s = 0.0 if before is None else seen.boot_s - before.boot_s
     if before is None or gap_s <= 0.0:
         return known

@@ -34,7 +34,7 @@ class JumpWatch:
 
     before: PositionSeen
     jumped_m: float = 0.0
-    """Sum of the changes of altitude that the height above home did not show [m]."""
+    """Sum of changes of the altitude above sea level that the height above home lacked [m]."""
 
     def see(self, seen: PositionSeen) -> str | None:
         """Text on a position or altitude that jumped since the last report; None without."""
@@ -62,10 +62,10 @@ class OrderWatch:
     """The confirmed order, with the vehicle's state when it was proposed."""
     confirmed_s: float
     planner_s: float
-    """Time of the planning process's last heartbeat [s]."""
+    """Time of the last heartbeat of the planning process [s, monotonic]."""
     place: PositionSeen
     home: HomeSeen
-    """Home position at the confirmation."""
+    """Home position when the order was confirmed."""
     target: TargetSeen | None
     """Newest target reported before the first command; None without one."""
     rc: RcWatch | None
@@ -77,7 +77,7 @@ class OrderWatch:
     motion: Commanded | None = None
     own_mode_seen: bool = False
     in_air_s: float | None = None
-    """Time since which a vehicle is reported in the air before its take-off command [s]."""
+    """Time since a vehicle is reported in the air before its take-off command [s], or None."""
     jumps: JumpWatch = field(init=False)
 
     def __post_init__(self) -> None:

@@ -57,7 +57,7 @@ class RcWatch:
 
 
 def _switched(channels: list[int]) -> str | None:
-    """Text on the first of the moved channels, with a remedy if it is no switch; else None."""
+    """Text on the first of the moved RC channels, with a remedy if it is no switch; or None."""
     if not channels:
         return None
     unless = "(guidance.unwatched_channels leaves it out)"

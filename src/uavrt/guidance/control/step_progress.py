@@ -16,15 +16,15 @@ class Left:
     """Remaining distance [m] or angle [°] of a motion."""
 
     now: float
-    """Remaining value at present; NaN if undefined: the bearing to a place below the drone."""
+    """Present remaining distance or angle; NaN: the bearing to a place below is undefined."""
     soon: float
-    """Remaining value at the point where the drone would stop if it braked now."""
+    """Remaining distance or angle where the drone would stop if it braked now."""
     least: float
-    """Smallest decrease in `SAFETY.no_progress_s` that counts as progress."""
+    """Smallest decrease of `now` in `SAFETY.no_progress_s` that counts as progress."""
     tolerance: float
-    """Remaining distance or angle at which the motion is done."""
+    """Remaining distance or angle up to which the motion counts as done."""
     needed: bool = True
-    """False if the value need not reach the tolerance and only shows progress."""
+    """False if the motion may end above `tolerance`; the value then only shows progress."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ class Progress:
         return any(now.soon > then.parts[0].soon - SAFETY.braking_m for then in islice(old, 1))
 
     def _nearer(self, time_s: float, within_s: float) -> bool:
-        """True if any remaining value has decreased by `least` or more."""
+        """True if a remaining distance or angle fell enough for progress in `within_s` [s]."""
         share = within_s / SAFETY.no_progress_s
         now = self._samples[-1].parts
         return any(

@@ -33,32 +33,32 @@ class YawWatch:
     turning_deg_s: float = 0.0
     exact: bool = False
     turned_deg: float = 0.0
-    """Angle turned in the requested direction [°]."""
+    """Angle turned so far in the requested direction, by a turn in place [°]."""
     _aim_deg: float | None = None
     _first_deg: float = 0.0
     _best_deg: float = 0.0
     _near: bool = False
     _looks_since_s: float | None = None
     _aligned: bool = False
-    """True once the heading has been aligned with its aim for `SAFETY.aligned_s`."""
+    """True once the heading was close to its expected value for `SAFETY.aligned_s`."""
     _moved_s: float = 0.0
     _turns: bool = False
     _settles: bool = False
     _on_deg: float = 0.0
-    """Angle by which the setpoint has continued its turn since `_turn_s` [°]."""
+    """Angle by which the heading setpoint has continued an earlier turn since `_turn_s` [°]."""
     _ended: bool = False
     _side_deg: float = 0.0
-    """Angle from the heading to the aim at the last report [°], signed."""
+    """Signed angle from the heading to its expected value at the last report [°]."""
     _step_deg: float = 0.0
     """Change of the heading between the last two reports [°]."""
     _courses: deque[tuple[float, float, float]] = field(default_factory=deque)
     """Times [s], headings and courses over ground [°] of the last `SAFETY.course_follow_s`."""
     _turn_s: float = field(init=False)
-    """Start of the turn that may continue: the command, or the passing of the aim [s]."""
+    """Time since which an earlier turn may continue [s]: the command, or passing of the aim."""
     _seen_s: float = field(init=False)
-    """Time of the last report [s]."""
+    """Time of the last report of a heading [s]."""
     _stood_s: float = 0.0
-    """Time of standing still after moving [s], at most `SAFETY.course_follow_s`."""
+    """Time for which the drone has stood after moving [s], at most `SAFETY.course_follow_s`."""
 
     def __post_init__(self) -> None:
         self._turn_s = self._seen_s = self.start_s
@@ -204,7 +204,7 @@ class YawWatch:
     def _aim(
         self, yaw_deg: float, step_deg: float, bearing_deg: float | None, away_m: float
     ) -> tuple[float, float]:
-        """Expected heading and its uncertainty [deg]."""
+        """Expected heading (commanded, bearing or unchanged) and its uncertainty [°]."""
         if self.wanted_deg is not None:
             return self.wanted_deg, 0.0
         was_near = self._near
@@ -242,7 +242,7 @@ def _turns_to(goal_deg: float, yaw_deg: float, before_deg: float, tolerance_deg:
 
 
 def _turns_on_deg(turning_deg_s: float) -> float:
-    """Largest angle by which an earlier turn continues [°]; 25° and 50° were measured."""
+    """Largest angle by which a drone continues an earlier turn [°]; measured: 25° and 50°."""
     return 1.5 * abs(turning_deg_s) + 15.0 if abs(turning_deg_s) > SAFETY.turning_deg_s else 0.0
 
 
@@ -263,7 +263,7 @@ class RestingYaw:
 
     start_boot_s: float
     yaw_deg: float
-    """Present heading, or the end of the turn so far [°]."""
+    """Heading that the drone should keep [°]: at the start, or after its turn so far."""
     turning_deg_s: float
     tolerance_deg: float
     _moved_boot_s: float = -1.0

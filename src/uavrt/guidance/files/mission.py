@@ -31,7 +31,7 @@ FULL_SCALE_DEG = 1e7
 _SAME_FRAMES = {5: 0, 6: 3}
 """MAV_FRAME numbers GLOBAL_INT and GLOBAL_RELATIVE_ALT_INT, with their older equivalents."""
 _SAME_PLACE, _SAME_HEIGHT_M = 1, 0.011
-"""Tolerances of an item read back [1e-7 deg; m]; ArduPilot stores whole centimetres."""
+"""Tolerances when items are read back [1e-7 deg; m]; ArduPilot stores whole centimetres."""
 _REMEDY = "Draw the vehicle's fence again in QGroundControl, and upload it"
 
 
@@ -43,11 +43,11 @@ class MissionItem:
     frame: int = ABSOLUTE_FRAME
     params: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     x: int = 0
-    """Latitude [1e-7 deg]."""
+    """Latitude of the mission item [1e-7 deg]."""
     y: int = 0
-    """Longitude [1e-7 deg]."""
+    """Longitude of the mission item [1e-7 deg]."""
     z: float = 0.0
-    """Height in the item's frame [m]."""
+    """Height of the mission item in its frame [m]."""
 
     @classmethod
     def at(

@@ -44,22 +44,22 @@ class _TagSearch:
     """Searched times, threshold and pulse counts of one tag."""
 
     slot_s: float
-    """Pulse interval including its uncertainty [s]."""
+    """Length of the time slot in which one pulse is expected [s]: interval plus uncertainty."""
     late_s: float
     gap_s: float
-    """Longest time between two reports of an uninterrupted search [s]."""
+    """Longest time between two search reports of an uninterrupted search [s]."""
     threshold_db: float
-    """ENR threshold for missed pulses [dB], and for received ones above it."""
+    """Detection threshold of the pulse ENR for missed pulses and received ones above [dB]."""
     least_db: float
-    """ENR threshold for received pulses weaker than `threshold_db` [dB]."""
+    """Detection threshold of the pulse ENR for received pulses below `threshold_db` [dB]."""
     from_s: float | None = None
-    """Time since which the search has had no gap [s]; None: not searched."""
+    """Start of the search without gaps that is in progress [s]; None: not searched."""
     to_s: float = 0.0
     next_s: float = 0.0
     """Start of the first pulse slot not evaluated yet [s]."""
     first_psds: dict[str, float] = field(default_factory=dict)
     noise_db: float = 0.0
-    """Ratio of the latest noise power density to the first measured one [dB]."""
+    """Latest noise power density relative to the first measured one [dB]."""
     heard_s: list[float] = field(default_factory=list)
     pulses: int = 0
     missed: int = 0

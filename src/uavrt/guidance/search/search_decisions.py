@@ -22,7 +22,7 @@ from uavrt.planning.situation import Decision
 RADIUS50_OF_95 = 0.481
 """Ratio of 50 % to 95 % radius of a circular normal distribution: sqrt(ln 2 / ln 20)."""
 ROUNDED_M = 0.5
-"""Rounding error of a radius in a message [m]."""
+"""Largest rounding error of a found tag's radius in a report of another drone [m]."""
 _POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
 

@@ -34,9 +34,9 @@ class Choice:
     """Result of a decision: steps to fly, a text for the operator, and log entries."""
 
     steps: tuple[Step, ...] | None
-    """Steps to fly from now on; None: no change."""
+    """Steps to fly from now on; None: continue the present ones."""
     said: str
-    """Text for the operator, one line."""
+    """Text for the operator on the decision, one line."""
     notes: tuple[SearchNote, ...]
     way: tuple[Place, Place] | None = None
     """Start and end of the path that the steps fly, equal for a stay; None: no change."""
@@ -51,9 +51,9 @@ class _Course:
     """Goal of the last decision."""
 
     goal_m: tuple[float, float] | None = None
-    """East and north of the goal [m]; None if the drone stays."""
+    """Coordinates (east, north) of the place to fly to [m]; None if the drone stays."""
     near: float = 0.0
-    """Probability that an animal was nearer than its protected distance, at the decision."""
+    """Probability at the decision that an animal was nearer than its protected distance."""
     over: bool = False
     said: str = "searching"
 

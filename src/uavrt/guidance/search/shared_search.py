@@ -45,10 +45,10 @@ class SharedSearch:
         self._given: dict[int, int] = {}
         """Versions of the other drones' paths that the decision in progress uses."""
         self._choice: Choice | None = None
-        """Last choice of this drone; None before the first."""
+        """Last search decision of this drone; None before the first."""
         self._flown = 0
         self._goal: Place | None = None
-        """Present goal; None: the drone stays."""
+        """Position to which the drone flies at present; None: it stays."""
         self._returning = False
 
     def take(self, report: Neighbour, now_s: float) -> None:

@@ -38,14 +38,14 @@ FAULTS_NS = ns_from_s(2.0)
 AGAIN_NS = ns_from_s(30.0)
 """Time between two reports of a lasting fault [ns]: below 1 % of the slowest link."""
 SEARCH_REPORT_NS = ns_from_s(5.0)
-"""Time between two search reports of a tag [ns]; they share the link with its pulses."""
+"""Time between two search reports of a tag on the link [ns], which its pulses share."""
 ALIVE_NS = ns_from_s(3.0)
 """Shortest time between two heartbeats of a tag's detector [ns]. The original ground station
 expects one within K + 1 pulse intervals and a second, about 6 s."""
 ALIVE_PER_TAG_NS = ns_from_s(0.1)
-"""Least period of these heartbeats for each searched tag [ns]; 10 a second in all."""
+"""Shortest time between two detector heartbeats of all tags together [ns]; 10 a second."""
 BEEP_NS = ns_from_s(5.0)
-"""Time between two reports of beeping senders, which are sent in turn [ns]."""
+"""Time between two reports to the ground on beeping senders, which are sent in turn [ns]."""
 THERMAL_ZONE = Path("/sys/class/thermal/thermal_zone0/temp")
 UNKNOWN_U8 = 0xFF
 UNKNOWN_I8 = 127

@@ -13,11 +13,11 @@ from uavrt.link.mavlink.dialect import NamedValueFloat
 from uavrt.link.mavlink.sending.named_value import value_name
 
 PERIOD_NS = ns_from_s(0.25)
-"""Time between two messages [ns]; at up to 30 bytes each, a tenth of the slowest link."""
+"""Time between two NAMED_VALUE_FLOAT messages [ns]; they take a tenth of the slowest link."""
 TAG_PERIOD_NS = ns_from_s(1.0)
-"""Time between two values of the same tag [ns]."""
+"""Time between two NAMED_VALUE_FLOAT messages about the same tag [ns]."""
 FRESH_NS = ns_from_s(5.0)
-"""Age at which an unsent value is dropped [ns]; the next pulse repeats the count."""
+"""Age at which an unsent SNR and pulse count is dropped [ns]; the next pulse repeats it."""
 NS_PER_MS = 1_000_000
 
 

@@ -25,16 +25,16 @@ log = get_logger()
 FIXED_PERIOD_S = 0.5
 """Time between two poses of a fixed station [s]; poses are interpolated."""
 CLOSEST_NS = ns_from_s(0.02)
-"""Time after a position in which others are dropped [ns]; GPS sends 1 to 20 a second."""
+"""Shortest time between used positions [ns]; others are dropped; GPS sends 1 to 20 a second."""
 SILENCE_NS = ns_from_s(5.0)
-"""Age above which a position is outdated [ns]; receivers send one a second."""
+"""Age above which a GPS position is outdated [ns]; receivers send one a second."""
 ALTITUDE_HOLDS_NS = ns_from_s(3.0)
-"""Time after a position with altitude during which positions without it are dropped [ns]."""
+"""Time after a GPS position with altitude in which those without one are dropped [ns]."""
 WATCH_PERIOD_S = 3.0
-"""Time between data requests to a silent gpsd [s]; a restarted one lost them."""
+"""Time between requests for data to a silent gpsd [s], which forgets them in a restart."""
 GPSD = "127.0.0.1:2947"
 WAIT_S = 1.5
-"""Longest time that a pulse waits for the receiver's next position [s]."""
+"""Longest time that a pulse waits for the GPS receiver's next position [s]."""
 
 
 def pose_address(settings: PoseSettings) -> Address | None:
@@ -88,7 +88,7 @@ class OwnPose:
         self._heading_ns: int | None = None
         self._altitude_ns: int | None = None
         self.counters: Counter[str] = Counter()
-        """Numbers of positions and headings used and dropped."""
+        """Numbers of GPS positions and headings used and dropped, by name."""
 
     def use(self, settings: PoseSettings) -> None:
         """Apply changed settings, such as a newly typed heading."""

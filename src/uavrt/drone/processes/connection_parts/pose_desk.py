@@ -38,9 +38,9 @@ REPORT_PERIOD_NS = NANOSECONDS_PER_SECOND
 RECORD_NS = ns_from_s(TOPICS["poses"].every_s or 0.5)
 """Time after which the collected poses are sent to the recorder, as one record [ns]."""
 POSES_KEPT_NS = 200 * POSE_PERIOD_NS
-"""Gap after which recording restarts with the newest pose [ns]."""
+"""Lag of recorded poses above which recording continues with the newest pose [ns]."""
 SAME_CLOCK_NS = 1_000_000
-"""Change of the clock below which known poses are kept [ns]; 0.03° at 30°/s."""
+"""Clock difference of two flights up to which known poses are kept [ns]; 0.03° at 30°/s."""
 
 _POSE_KNOWN = StatusText(severity=6, text="Position and heading known")
 _STALE_CLOCK = StatusText(
@@ -49,7 +49,7 @@ _STALE_CLOCK = StatusText(
 
 
 def _missing_text(missing: str) -> StatusText:
-    """Text on what is missing for the station's own pose."""
+    """Text for the operator on what is missing for this station's own position and heading."""
     return StatusText(severity=4, text=missing.capitalize()[:200])
 
 

@@ -7,20 +7,20 @@ many names. Messages beyond it are counted and dropped.
 from uavrt.link.allowance import Allowance
 
 Place = tuple[int, int]
-"""System and component id of a station."""
+"""MAVLink system and component id of a ground station."""
 
 OWN_BURST, OWN_PER_S = 400, 50
-"""Allowance of the station in command, at once and per second: enough to upload a hundred tags
-three times, and for seven receipts a second."""
+"""Messages allowed from the station in command, at once and per second: enough to upload a
+hundred tags three times, and for seven receipts a second."""
 OTHERS_BURST, OTHERS_PER_S = 120, 60
-"""Allowance of all other stations, at once and per second; enough for receipts of eight."""
+"""Messages allowed from all other stations, at once and per second; fits receipts of eight."""
 ANSWERED_BURST, ANSWERED_PER_S = 12, 1
-"""Allowance, at once and per second, for messages that need an answer, such as an upload.
-Answers have a lower priority than pulses, but use the link."""
+"""Messages that need an answer, such as an upload, allowed at once and per second. Answers have
+a lower priority than pulses, but use the link."""
 FILES_BURST, FILES_PER_S = 200, 100
-"""Allowance for file requests, at once and per second; piecewise reading gets 24 kB/s."""
+"""File requests allowed at once and per second; reading in pieces gets 24 kB/s."""
 OPEN_FILES_BURST, OPEN_FILES_PER_S = 8, 1
-"""Allowance for unauthenticated file requests while a drone with a key detects."""
+"""Unauthenticated file requests allowed at once and per second in flight if a key is set."""
 
 
 class StationLimits:
@@ -34,7 +34,7 @@ class StationLimits:
         self._open_files = Allowance(burst=OPEN_FILES_BURST, per_s=OPEN_FILES_PER_S)
         self._answered = Allowance(burst=ANSWERED_BURST, per_s=ANSWERED_PER_S)
         self.dropped = 0
-        """Number of messages dropped because the allowance was used up."""
+        """Number of messages from ground stations dropped because too many arrived."""
 
     @property
     def has_commander(self) -> bool:

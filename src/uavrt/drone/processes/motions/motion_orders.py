@@ -23,7 +23,7 @@ log = get_logger()
 
 PENDING = 16
 ANSWERS_WITHIN_S = 2.0
-"""Longest wait for the supervisor at a confirmation [s]; stations wait no longer."""
+"""Longest wait for the supervisor when an order is confirmed [s]; stations wait no longer."""
 SENDER_S = 10.0
 """Silence of the station that reports other drones after which another station may do so [s].
 Two stations at once could assign the same path twice."""

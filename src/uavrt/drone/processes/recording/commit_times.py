@@ -1,9 +1,9 @@
 """Decide when the recorder commits; rarely, because each commit writes partly filled pages."""
 
 PULSES_S = 3.0
-"""Longest time until a pulse is committed, and shortest time between two commits [s]."""
+"""Longest time until a pulse is committed to disk, and shortest between two commits [s]."""
 OTHERS_S = 15.0
-"""Longest time until poses, health and texts are committed [s]; a power cut loses these."""
+"""Longest time until poses, health and texts are committed to disk [s]; lost in a power cut."""
 RETRY_S = 1.0
 
 

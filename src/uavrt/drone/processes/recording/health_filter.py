@@ -17,9 +17,9 @@ class HealthFilter:
     def __init__(self) -> None:
         self._recorded: dict[str, Health] = {}
         self._last: dict[str, Health] = {}
-        """Last report of each process that was not recorded."""
+        """Last health report that was not recorded, by process."""
         self.left_out = 0
-        """Number of reports that were not recorded."""
+        """Number of health reports that were not recorded."""
 
     def to_record(self, health: Health) -> list[Health]:
         """Select the reports to record now; after a change also the last one before it."""

@@ -35,7 +35,7 @@ _MOST_PAIRS_LISTED = 3
 _USABLE_HALF_BAND = 0.4
 """Half of the usable bandwidth as a fraction of the radio's sample rate."""
 _USUAL_WINDOW_HZ = 500.0
-"""Largest search half-width that fits into a channel at any tag frequency [Hz]."""
+"""Largest half-width of a tag's searched band that fits a channel at any tag frequency [Hz]."""
 
 Notify = Callable[[int, str], None]
 Tuner = Callable[[TuningRequest], Tuning]

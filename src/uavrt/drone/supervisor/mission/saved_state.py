@@ -22,8 +22,7 @@ class SavedState:
 
     boot_id: str
     clock_offset_ns: int
-    """Offset of the flight's clock from the monotonic clock [ns]; valid only within one boot.
-    """
+    """Flight's clock minus monotonic clock [ns]; valid only until the computer restarts."""
     state: SystemState
     tags: tuple[Tag, ...]
     flight: FlightInfo | None

@@ -22,8 +22,8 @@ from uavrt.core.messages import Tag
 from uavrt.drone.supervisor.start.launcher import Launcher
 
 TIMEOUT_S = 15.0
-"""Longest wait for the plan [s]. Imports take 0.3 s and measuring a long list 2 s, several
-times that on a busy small computer."""
+"""Longest wait for the plan of a search [s]. Imports take 0.3 s and measuring a long list 2 s,
+several times that on a busy small computer."""
 UNMEASURED_TAGS = 100
 """Largest number of tags that two cores can surely search; with more, cost is measured."""
 

@@ -4,7 +4,7 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 from uavrt.drone.card import clock_fault
 
 REPORTED_CORRECTION_S = 0.5
-"""Smallest reported correction [s]; NTP adjusts at most half a second in 17 minutes."""
+"""Smallest clock correction that is reported [s]; NTP adjusts at most 0.5 s in 17 minutes."""
 REPEAT_AFTER_S = 15.0
 """Time after which a wrong clock is reported again, for stations that connect later [s]. This
 exceeds the 10 s in which the connection suppresses repeated texts."""

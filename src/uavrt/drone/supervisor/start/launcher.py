@@ -47,7 +47,7 @@ class Launcher:
         self._born_s = monotonic_s()
         self._heard_s = 0.0
         self._asked_s: float | None = None
-        """Time of the unanswered life check [s, monotonic]; None if none is pending."""
+        """Time of the fork server's unanswered life check [s, monotonic]; None without one."""
         self._fault = ""
         self._restarts = Restarts()
 

@@ -28,14 +28,14 @@ from dataclasses import dataclass
 from typing import Any
 
 NURSERY_VARIABLE = "UAVRT_NURSERY_FD"
-"""Environment variable with the number of the inherited socket."""
+"""Environment variable with the descriptor of the fork server's socket to the supervisor."""
 MODULES = (
     "uavrt.drone.processes.receiver",
     "uavrt.drone.processes.detector",
     "uavrt.drone.processes.connection",
     "uavrt.drone.processes.recorder",
 )
-"""Modules imported before the first fork: those needed on every drone."""
+"""Modules that the fork server imports before its first fork: those needed on every drone."""
 MAX_REQUEST_BYTES = 65_536
 MAX_FDS = 200
 FIRST_FREE_FD = 500
@@ -49,8 +49,7 @@ class ForkedProcess:
     """Data that a just forked process needs to set itself up."""
 
     request: dict[str, Any]
-    """Request of `Launcher` in JSON: module, name, arguments, environment, parent, descriptors.
-    """
+    """Request of `Launcher`: module, name, arguments, environment, parent, descriptors."""
     fds: list[int]
     """Received descriptors: one per requested number, then one to confirm the fork."""
     parent_id: int

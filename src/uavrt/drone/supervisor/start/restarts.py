@@ -8,12 +8,11 @@ class RestartPolicy:
     """Restart delays for one row of the table of processes."""
 
     delays_s: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0, 5.0)
-    """Wait before the first, second, … consecutive restart [s]; later ones use the last value.
-    """
+    """Waits before the first, second, … consecutive restart [s]; later ones use the last."""
     settled_s: float = 10.0
-    """Running time after which the next end counts as the first one again [s]."""
+    """Running time after which a process's next unexpected end counts as its first [s]."""
     degraded_after: int = 4
-    """Number of consecutive ends after which a process is reported as degraded."""
+    """Number of consecutive unexpected ends after which a process is reported as degraded."""
 
     def words(self) -> str:
         """Describe the policy as text: ``after 0, 0.5 s …; degraded after 4``."""
@@ -33,7 +32,7 @@ class Restarts:
     total: int = 0
     in_a_row: int = 0
     not_before_s: float = 0.0
-    """Earliest time of the next start [s, monotonic]."""
+    """Earliest time of the process's next start [s, monotonic]."""
     last_reason: str = ""
     _started_s: float = 0.0
 

@@ -20,8 +20,7 @@ log = get_logger()
 
 LineHandler = Callable[[bytes], None]
 READ_BYTES = 65_536
-"""Largest read [bytes]; from 128 KiB on, glibc maps new memory for each read, which is slower.
-"""
+"""Most bytes read at once from a process; for 128 KiB, glibc would map memory each time."""
 
 
 class Child:

@@ -10,8 +10,9 @@ import select
 from collections.abc import Callable
 
 PERIOD_S = 0.05
-"""Time between two reads under load [s]. A pulse passes the supervisor three times on its way
-to the ground, so its delay is 0.15 s at most. A block of radio samples lasts 87 ms."""
+"""Time between two reads of processes' records under load [s]. A pulse passes the supervisor
+three times on its way to the ground, so its delay is 0.15 s at most. A block of radio samples
+lasts 87 ms."""
 
 
 class Intake:

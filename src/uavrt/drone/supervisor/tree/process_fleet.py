@@ -66,9 +66,9 @@ class Fleet:
         self._ending: set[int] = set()
         self._sockets: dict[str, list[tuple[socket.socket, socket.socket]]] = {}
         self._window_hz = mission.settings.now.detection.frequency_window_hz
-        """Search half-width at the last assignment of tags [Hz]."""
+        """Half-width of a tag's searched band when tags were last assigned [Hz]."""
         self._receiver: Receiver | None = None
-        """Radio frequency and sample rate at the last assignment of tags [Hz]."""
+        """Radio's centre frequency and sample rate when tags were last assigned [Hz]."""
         self._restarting = asyncio.Lock()
         self._restarts_waiting = 0
         """Number of pending restarts of the search; processes start after the last one."""

@@ -87,7 +87,7 @@ class ProcessRow:
     """CPU budget [% of one core of the reference machine], with 100 tags."""
     memory_limit_mb: float
     stop_timeout_s: float = 5.0
-    """Time from SIGTERM to SIGKILL [s]."""
+    """Longest time for the process to end after SIGTERM, before SIGKILL [s]."""
 
 
 PROCESSES: tuple[ProcessRow, ...] = (

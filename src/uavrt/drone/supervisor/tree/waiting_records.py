@@ -15,13 +15,13 @@ from uavrt.drone.ipc.topics import TOPICS, decode_record, topic_of
 
 BYTES_AT_ONCE = 32_768
 MOST_KEPT = 20_000
-"""Largest number of unacknowledged lines: 10 MB, half an hour with a failing disk."""
+"""Largest number of a process's unacknowledged records: 10 MB, 30 min with a failing disk."""
 RUNS_WITHOUT_PROGRESS = 3
-"""Number of consecutive runs without progress after which kept lines are dropped, because one
-of them may crash the process."""
+"""Number of consecutive runs of a process without an acknowledgement after which unacknowledged
+records are dropped, because one may crash the process."""
 
 Line = tuple[str, bytes]
-"""Topic and the whole line with its newline."""
+"""A record: its topic, and the encoded line with its newline."""
 
 
 class Outbox:
@@ -39,7 +39,7 @@ class Outbox:
         """Record of the flight of the first waiting or kept line; None outside of flights."""
         self._waiting: Counter[str] = Counter()
         self._written = 0
-        """Number of bytes already sent of the first waiting line."""
+        """Number of bytes of the first waiting line that were already sent."""
         self.dropped: Counter[str] = Counter()
 
     def __len__(self) -> int:
@@ -120,7 +120,7 @@ class Outbox:
             self._taken += 1
 
     def _next_bytes(self) -> bytes:
-        """Join lines for one call, because each call wakes the receiving process."""
+        """Join waiting lines to be sent by one call, because each call wakes the receiver."""
         size, lines = 0, []
         for _, line in self._lines:
             lines.append(line)

@@ -13,9 +13,9 @@ from uavrt.flight.flight_layout import FlightLayout
 from uavrt.flight.flight_order import with_copies
 
 RETRY_WITHIN_S = 10.0
-"""Time within which an equal request counts as a retry [s]; stations retry 4 times in 8 s."""
+"""Time in which an equal request to remove flights is a retry [s]; stations retry for 8 s."""
 CONFIRM_WITHIN_S = 120.0
-"""Time after which a second request counts as a first one [s]."""
+"""Time in which a second request to remove flights confirms the first one [s]."""
 
 
 def removable(flights: Sequence[Path]) -> list[Path]:
