@@ -10,7 +10,7 @@ class Advance(Protocol):
     """Function that updates the progress of a task."""
 
     def __call__(self, done: float, total: float | None = None, /) -> None:
-        """Set the amount done, and the total if it is known by now."""
+        """Set the progress bar's amount done, and its total if known by now."""
 
 
 class AddBar(Protocol):

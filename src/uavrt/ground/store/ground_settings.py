@@ -136,7 +136,7 @@ class GroundStore:
         """System id and unique number of the served vehicle; None unless a flight is in
         progress."""
         self.further_vehicles = _numbers(kept.get("further_vehicles"))
-        """System ids of the further vehicles."""
+        """MAVLink system ids of vehicles to serve in addition to the first."""
         page = kept.get("commander") if self.current_flight else None
         self.commander: str | None = page if isinstance(page, str) else None
         """Name of the commanding page, kept for a restart in flight; None without a flight."""

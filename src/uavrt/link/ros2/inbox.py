@@ -88,7 +88,7 @@ class SendingOrder(Generic[T]):
         self._waiting: list[T] = []
 
     def __bool__(self) -> bool:
-        """True if a message waits for the next pass."""
+        """True if a received message waits for the next pass over the readers."""
         return bool(self._waiting)
 
     def add_pass(self, found: list[T]) -> list[T]:

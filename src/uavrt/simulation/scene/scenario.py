@@ -54,7 +54,7 @@ class Radio(ScenarioRecord):
     loss_share: Annotated[float, Ge(0), Le(0.5)] = 0.0
     """Fraction of the samples that the simulated radio loses silently."""
     loss_s: Annotated[float, Ge(1e-4), Le(10)] = 0.005
-    """Length of each loss [s]."""
+    """Duration of each silent loss of samples [s]."""
     arrival_jitter_s: Annotated[float, Ge(0), Le(0.1)] = 0.0
     """Mean delay of each write of the simulated radio, exponentially distributed [s]."""
     stall_share: Annotated[float, Ge(0), Le(0.5)] = 0.0

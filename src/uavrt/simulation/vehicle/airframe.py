@@ -8,10 +8,9 @@ from uavrt.simulation.scene import geometry
 
 Flavour = Literal["px4", "ardupilot"]
 HOLD_HEADING_M = 2.0
-"""Distance to the target below which the heading is held [m]; farther away it points to the
-target."""
+"""Distance to the target within which the drone keeps its heading [m], else faces it."""
 LINE_TOLERANCE_M = 0.8
-"""Offset from the line of flight that PX4 tolerates until `HOLD_HEADING_M` [m]."""
+"""Distance off the flight line that PX4 tolerates until `HOLD_HEADING_M` from its end [m]."""
 VELOCITY_TIMEOUT_S = 3.0
 """Time after which ArduCopter's velocity setpoint becomes zero unless repeated [s]
 (GUID_TIMEOUT)."""

@@ -25,7 +25,7 @@ from uavrt.link.mavlink.links.address import parse_address
 log = get_logger()
 
 LATE_PULSES_NS = 5 * NANOSECONDS_PER_SECOND
-"""Margin after a stop [ns]; a pulse that began later than this belongs to the next flight."""
+"""Margin after a stop of detection [ns]; pulses that begin later are of the next flight."""
 COMMIT_S = 0.15
 """Interval in which pulses are collected for one write [s]; receipts follow each write."""
 BATTERY_STEP_PERCENT = 5

@@ -17,15 +17,15 @@ from uavrt.link.mavlink.discovery import Peer
 from uavrt.link.mavlink.message import Message
 
 MOST_ITEMS = 1000
-"""Largest number of items in a download; ArduPilot holds some 700, PX4 2000."""
+"""Largest number of items in a mission download; ArduPilot holds some 700, PX4 2000."""
 RETRY_S = 1.0
-"""Time until a request is repeated [s], longer than a full queue at 57 600 baud."""
+"""Time until a mission request is repeated [s], longer than a full queue at 57 600 baud."""
 TRIES = 12
-"""Largest number of tries of a request; at 20 % loss each way all fail once in 200 000."""
+"""Maximum tries of a mission request; with 20 % loss each way all fail once in 200 000."""
 SILENCE_S = 6.0
-"""Longest silence in an upload [s]; PX4 repeats its requests for 5 s, ArduPilot for 8 s."""
+"""Longest silence in a mission upload [s]; PX4 repeats requests for 5 s, ArduPilot for 8 s."""
 LIMIT_S, LIMIT_PER_ITEM_S = 60.0, 2.0
-"""Longest duration of a whole transfer, and additional time for each item [s]."""
+"""Longest duration of a whole mission transfer, and additional time for each item [s]."""
 LAST_S = 3.0
 """Longest wait for the answer to a complete upload [s]; then a download shows the result."""
 _TYPES: dict[MissionKind, int] = {

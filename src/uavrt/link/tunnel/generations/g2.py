@@ -139,7 +139,7 @@ class OperationProgress(Fixed):
     state: int
     step: int
     step_count: int
-    """Number of steps; 0: unknown."""
+    """Number of steps of the operation; 0: unknown."""
     message: str
 
 

@@ -81,7 +81,7 @@ class CommandMessage:
 
     GENERATION: ClassVar[Generation]
     HEAD: ClassVar[tuple[str, ...]] = ("command",)
-    """Members before the fields, each a u32."""
+    """Members of a command message before its fields, each a u32."""
     command: CommandId
     numbers: tuple[float, ...]
 
