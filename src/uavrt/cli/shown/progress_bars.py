@@ -17,7 +17,7 @@ class AddBar(Protocol):
     """Function that adds a progress bar."""
 
     def __call__(self, what: str, total: float | None = None, /) -> Advance:
-        """Add a bar named `what`; its total may be set later."""
+        """Add a progress bar named `what`; its total may be set later."""
 
 
 @contextmanager

@@ -55,7 +55,7 @@ MOST_BYTES = 2_000_000_000
 """Largest flight accepted without its recorded samples [bytes]; ten hours with 100 tags take a
 tenth of that."""
 FREE_BYTES_LEFT = 100_000_000
-"""Free space to leave on this computer's disk [bytes]."""
+"""Free space to leave on this computer's disk when a flight is copied [bytes]."""
 PART_SUFFIX = ".part"
 MOST_NESTED = 8
 """Deepest nesting of directories that is listed. Flights have 4; a hostile server could nest

@@ -32,7 +32,7 @@ class Receipts:
         self.store = store
         self._keep = keep
         self.most = MAX_HASHES
-        """Maximum number of pulse hashes in one receipt."""
+        """Maximum number of pulse hashes in one receipt to the drone."""
         self._known: OrderedDict[int, None] = OrderedDict((number, None) for number in known)
         self._due: list[int] = []
         self._earlier: deque[int] = deque(maxlen=REPEATED)

@@ -23,7 +23,7 @@ class Written:
     """Result of one batch of writes."""
 
     fault: str | None
-    """Reason why data is not on the disk; None if all is."""
+    """Reason why flight data is not on the disk; None if all of it is."""
     mended: str
     """Fault of the flight's database that was repaired; empty without one."""
 

@@ -317,7 +317,7 @@ _RANGES = {
 
 
 def _judged(name: str, value: Any) -> Any:
-    """Validate the value of one setting; return the value to store."""
+    """Validate the value of a ground station's setting; return the value to store."""
     match name:
         case "address":
             addresses = [str(parse_address(text)) for text in str(value).split()]
@@ -362,7 +362,7 @@ def _receiver(text: str) -> str:
 
 
 def _readable(text: str, read: Callable[[Path], object]) -> str:
-    """Check a path by reading from it; an empty path means none."""
+    """Check the path in a setting by reading from it; an empty path means none."""
     try:
         if text:
             read(Path(text))

@@ -17,7 +17,7 @@ BYTES_OF_ONE = 256
 32 parameters set at once 4 kB. A message that alone exceeds its topic's `burst` is never
 decoded."""
 GATEWAYS_NAMED = 20
-"""Largest number of other gateways that are counted separately."""
+"""Largest number of other drones' ROS 2 gateways that are counted separately."""
 
 
 class Inbox:
@@ -31,7 +31,7 @@ class Inbox:
         self._allowed: dict[str, Allowance] = {}
         self._dropped: dict[str, int] = {}
         self.of_gateways = 0
-        """Number of messages from other gateways, which are ignored."""
+        """Number of messages from other drones' ROS 2 gateways, which are ignored."""
         self.gateways: set[str] = set()
         """Keys of other gateways' participants that have sent messages."""
 

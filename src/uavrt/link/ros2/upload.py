@@ -16,7 +16,7 @@ class Upload:
 
     def __init__(self) -> None:
         self.open = False
-        """True until the upload's release, which ends it, has arrived."""
+        """True until the message that ends the tag upload, its release, has arrived."""
         self._ids: set[int] = set()
         self._nameless = 0
         self._lost_before = self._lost = 0

@@ -29,7 +29,7 @@ class Frame:
     position_gain_hz: float = math.inf
     """Highest speed divided by the distance to the target (PSC_POSXY_P, MPC_XY_P) [1/s]."""
     gust_m: float = 0.2
-    """Standard deviation of the position due to gusts [m]."""
+    """Standard deviation of the drone's position due to gusts [m]."""
     hover_w: float = 400.0
     battery_wh: float = 120.0
     fence_m: float = 5_000.0
@@ -63,7 +63,7 @@ class _Braking:
     """Overshoot as a fraction of the braking distance."""
     overshoot_m: float
     return_s: float
-    """Time constant of the return to the target [s]."""
+    """Time constant of the return to the target after an overshoot [s]."""
     early_s: float
     """Time by which braking begins early, because the jerk is limited [s]."""
     early_while_accelerating_s: float

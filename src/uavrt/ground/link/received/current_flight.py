@@ -31,7 +31,7 @@ COMMIT_S = 0.15
 BATTERY_STEP_PERCENT = 5
 """Battery charge is written at the start of a flight and after each step of this size [%]."""
 ENDS_WITHIN_S = 10.0
-"""Longest wait for a slow disk when the session ends [s]."""
+"""Longest wait for a slow disk to write the flight when the session ends [s]."""
 _LOOKS_BACK = 10
 """Number of past flights searched for the last measured pulse trains, to show at the start."""
 

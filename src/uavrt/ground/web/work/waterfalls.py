@@ -169,7 +169,7 @@ class ChannelStream:
         self._index = 0
         self._noise: list[NDArray[np.float32]] = []
         self.refused = 0
-        """Number of datagrams that are not of a channel."""
+        """Number of received datagrams that do not hold a channel's samples."""
 
     def receive(self, payload: bytes) -> None:
         """Add the samples of a datagram to the picture."""

@@ -104,18 +104,18 @@ class MissionTransfer(ABC):
 
     @abstractmethod
     def _take(self, message: Message, now_s: float) -> list[Message]:
-        """Handle a message of this transfer; subclasses decide what it means."""
+        """Handle the autopilot's mission message; return the messages to send."""
 
     @abstractmethod
     def _again(self, now_s: float) -> list[Message]:
-        """Requests that are due, for the first time or as a repetition."""
+        """Mission requests that are due to be sent, for the first time or as a repetition."""
 
     def _strange(self) -> list[Message]:
         self.counters["strange"] += 1
         return []
 
     def _try(self, message: Message, now_s: float, wait_s: float = RETRY_S) -> list[Message]:
-        """Send a request; after `TRIES` requests the transfer fails."""
+        """Send a mission request; after `TRIES` requests the transfer fails."""
         if self._tries >= TRIES:
             self.fault = f"the autopilot did not answer in {TRIES * RETRY_S:.0f} s"
             self.silent = True

@@ -241,7 +241,7 @@ class SerialLink(Link):
 
 
 def _unacknowledged(connected: socket.socket) -> int:
-    """Number of bytes that the system has not delivered yet; 0 if not reported."""
+    """Number of bytes that the TCP peer has not acknowledged yet; 0 if not reported."""
     if sys.platform != "linux":
         return 0
     import fcntl

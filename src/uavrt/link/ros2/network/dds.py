@@ -287,12 +287,12 @@ class Participant:
         self.faults = 0
         """Number of messages and announcements from others that could not be read."""
         self.unsent = 0
-        """Number of messages that could not be written."""
+        """Number of ROS 2 messages that could not be sent."""
         self._gid_bytes = settings.gid_bytes
         self.inbox = Inbox(
             time.monotonic_ns, closed=() if settings.accept_pulses else ("pulse",)
         )
-        """Received messages that wait for the gateway."""
+        """Received ROS 2 messages that wait for the gateway."""
         self._in_order: SendingOrder[tuple[RosTopic, Sample]] = SendingOrder(
             lambda one: (one[1].sample_info.source_timestamp, ORDER_OF_USE.get(one[0].name, 2))
         )
@@ -331,7 +331,7 @@ class Participant:
         self._writers: dict[tuple[str, str], Any] = {}
         self._readers: list[tuple[str, RosTopic, Any]] = []
         self._read_topics: dict[str, RosTopic] = {}
-        """Topics that are read, by their DDS names."""
+        """ROS 2 topics that this participant reads, by their DDS names."""
         self._waitset = WaitSet(self._participant)
         self._participants = BuiltinDataReader(self._participant, BuiltinTopicDcpsParticipant)
         self._publications = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)

@@ -233,7 +233,7 @@ Messages = (
     | PulseG2
 )
 Requests = BareG2 | UploadG2 | TagG2 | FieldsG2 | SetLogLevel
-"""Messages of a ground station from version 4 on."""
+"""Messages of a ground station from version 4 of the tunnel protocol on."""
 INFERRED = (TagG2, FieldsG2, SetLogLevel)
 """Messages of a ground station whose layout is not published, but inferred."""
 DECODERS: Decoders = {
