@@ -13,9 +13,9 @@ from uavrt.link.ros2.graph import RosTopic
 from uavrt.link.ros2.ros_senders import Arrival
 
 BYTES_OF_ONE = 256
-"""Size counted as one message, as decoding takes time [bytes]. A tag has 76 bytes, a pulse 160,
-32 parameters set at once 4 kB. A message that alone exceeds its topic's `burst` is never
-decoded."""
+"""Size up to which a ROS 2 message counts as one [bytes], as decoding takes time. A tag has 76
+bytes, a pulse 160, 32 parameters set at once 4 kB. A message that alone exceeds its topic's
+`burst` is never decoded."""
 GATEWAYS_NAMED = 20
 """Largest number of other drones' ROS 2 gateways that are counted separately."""
 

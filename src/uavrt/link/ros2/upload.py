@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from uavrt.link.ros2.ros_senders import Sender
 
 MOST = 10_000
-"""Largest number of tag ids that are counted, so that a flood cannot fill the memory."""
+"""Largest number of an upload's tag ids that are counted; a flood could fill the memory."""
 
 
 class Upload:

@@ -45,7 +45,7 @@ from uavrt.link.tunnel.tunnel_records import (
 PENDING = 64
 """Largest number of commands waiting for the supervisor; it replies within milliseconds."""
 PROGRESS_VERSION, ALIVE_VERSION = 5, 6
-"""First protocol versions with OPERATION_PROGRESS and with DETECTOR_HEARTBEAT."""
+"""First tunnel protocol versions with OPERATION_PROGRESS and with DETECTOR_HEARTBEAT."""
 STATES = {"running": g2.RUNNING, "complete": g2.COMPLETE, "failed": g2.FAILED}
 
 

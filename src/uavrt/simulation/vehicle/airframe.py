@@ -15,7 +15,7 @@ VELOCITY_TIMEOUT_S = 3.0
 """Time after which ArduCopter's velocity setpoint becomes zero unless repeated [s]
 (GUID_TIMEOUT)."""
 RETURN_SPEED_M_S = 0.4
-"""Highest speed when returning to the target after an overshoot [m/s]."""
+"""Speed below which the drone begins to return to the target after an overshoot [m/s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +58,7 @@ class _Braking:
     """Braking behaviour of an autopilot at its target."""
 
     share: float
-    """Braking acceleration as a fraction of the greatest acceleration."""
+    """Deceleration at the target as a fraction of the drone's greatest acceleration."""
     overshoot_share: float
     """Overshoot as a fraction of the braking distance."""
     overshoot_m: float

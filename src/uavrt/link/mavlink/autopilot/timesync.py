@@ -20,7 +20,7 @@ CLEAR_SPAN_S = 0.5
 CLEAR_SKEW = 0.002
 """Largest uncertainty of a clock skew fitted over less than `LEAST_SPAN_S`: 2 ms a second."""
 ONE_WAY_NS = ns_from_s(3.0)
-"""Time before the smallest delay of the messages so far gives the clock offset [ns]."""
+"""Time for which messages are received before their least delay sets the clock offset [ns]."""
 ONE_WAY_BIN_NS = ns_from_s(1.0)
 ONE_WAY_BINS = 20
 """Number of last seconds whose messages bound the clock offset; older ones have drifted."""

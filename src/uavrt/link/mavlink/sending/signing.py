@@ -48,7 +48,7 @@ COMMANDING = frozenset(
         dialect.FileTransferProtocol.ID,
     }
 )
-"""Messages that the setting ``autopilot`` refuses unsigned: anyone can claim component id 1."""
+"""Messages that accept_unsigned=autopilot refuses unsigned: anyone can claim component id 1."""
 
 
 @dataclass(frozen=True, slots=True)

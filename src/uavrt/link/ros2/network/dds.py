@@ -70,7 +70,7 @@ log = get_logger()
 
 DISCOVERY_TOPIC = "ros_discovery_info"
 WRITE_TIMEOUT_MS = 100
-"""Time limit of a write [ms]; with few messages kept, a write never waits in practice."""
+"""Time limit of a DDS write [ms]; with few messages kept, a write never waits in practice."""
 SAMPLE_MB = 4
 """Longest message that DDS assembles [MB], several times the longest of any topic. Longer ones
 are dropped part by part, with a warning."""
@@ -82,7 +82,7 @@ ANNOUNCED_LIMIT = 2000
 """Largest number of announced participants and publishers that are read at once."""
 SERVICE_DEPTH = 100
 READ_PAUSE_S = 0.02
-"""Pause of the reading thread after each round [s]; a flood is read in large portions."""
+"""Pause of the DDS reading thread after each round [s]; a flood is read in large portions."""
 ORDER_OF_USE = {
     "store_tag_information": 0,
     "store_coded_tag_information": 0,
