@@ -17,8 +17,7 @@ from uavrt.simulation.scene.flight import VehicleState
 from uavrt.simulation.scene.geometry import TangentPlane, from_euler_deg
 
 _RECORD = struct.Struct("<q4d")
-"""Record: time [ns, UTC], latitude and longitude [°], altitude above the sea [m], heading
-[°]."""
+"""Record: time [ns, UTC], latitude, longitude [°], altitude above the sea [m], heading [°]."""
 _AHEAD_S = 0.5
 """Longest extrapolation of a path beyond its last record [s]; a radio's buffer is 0.02 s."""
 _STEP_NS = 10_000_000
