@@ -36,7 +36,7 @@ class RadioRow:
     """Supported sample rates: lowest and highest of each range [Hz]."""
     rates_note: str = ""
     receives_mhz: tuple[tuple[float, float], ...] = ((20.0, 1000.0),)
-    """Lowest and highest radio frequency of each range [MHz]."""
+    """Receivable radio frequencies: lowest and highest of each range [MHz]."""
     tunes_in_float32: bool = False
     """True if the program reads the frequency in megahertz as float32, so that it tunes in
     steps of 16 Hz."""
@@ -156,4 +156,4 @@ RADIOS: dict[str, RadioRow] = {
         RadioRow(kind="soapy", title="SoapySDR", package="python3-soapysdr", gains=(0, 120)),
     )
 }
-"""Rows of all radios, by the name in ``[radio] kind``."""
+"""Properties of all supported radios, by the name in ``[radio] kind``."""

@@ -19,7 +19,7 @@ from uavrt.core.foreign import SETTINGS, read_file
 
 Value = str | int | float | bool | None
 Changes = Mapping[tuple[str, str], Value]
-"""New values by table and key; None resets a setting to its default."""
+"""New values of settings by table and key; None resets a setting to its default."""
 _MOST_LINES = 200
 """Maximum number of lines of one setting's value in ``uavrt.toml``."""
 

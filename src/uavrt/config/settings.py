@@ -293,7 +293,7 @@ class GuidanceSettings(_Table):
     """Action after 5 s without contact to the station that confirmed the order; ``hold`` also
     returns after return_after_s."""
     return_after_s: Annotated[float, Interval(ge=0.0, le=3600.0)] = 60.0
-    """Time of holding before the return [s]."""
+    """Time of holding after the link is lost, before the return home [s]."""
     unwatched_channels: tuple[Annotated[int, Interval(ge=5, le=18)], ...] = ()
     """RC channels whose changes do not end an order, like [16] for a channel with the RSSI; a
     change on any other channel is a pilot's takeover."""

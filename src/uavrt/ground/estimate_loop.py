@@ -11,13 +11,12 @@ from uavrt.localization.estimates.flight_estimates import HeardInTurn
 
 ESTIMATE_LEAST_S = 0.4
 ESTIMATE_SHARE = 8.0
-"""Minimum pause after an estimate, in multiples of its duration; 8: at most 11 % of a core."""
+"""Pause after a position estimate, in multiples of its duration; 8: at most 11 % of a core."""
 ESTIMATE_SHARE_OF_SEVERAL = 20.0
-"""Minimum pause after an estimate while several vehicles are served, in multiples of its
+"""Pause after a position estimate while several vehicles are served, in multiples of its
 duration. Only one vehicle computes at a time, so 20 uses 5 % of a core in all."""
 ESTIMATES_SHOWN_S = 2.0
-"""Interval at which finished estimates are sent to the page while further tags are still
-computed [s]."""
+"""Interval of sending position estimates to the page while further tags are computed [s]."""
 
 
 class EstimateLoop:

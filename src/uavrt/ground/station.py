@@ -207,7 +207,7 @@ class Station:
         self._show({"event": "stopped", "pulses": session.vehicle.flight.keeper.pulses})
 
     def _list(self, item: PulsePose | BurstInside) -> None:
-        """Print a stored item as a line; runs in the disk thread."""
+        """Print a stored pulse or burst as a line; runs in the disk thread."""
         if self._lines is not None:
             self._lines.write(item)
 

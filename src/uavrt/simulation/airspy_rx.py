@@ -76,7 +76,7 @@ class Arguments:
 
     world: Path
     output: str
-    """File name, or ``-`` for standard output."""
+    """File to which the samples are written, or ``-`` for standard output."""
     start_time_ns: int | None
     flown: Path | None
     absent: bool

@@ -46,21 +46,21 @@ class Between:
 
 
 Port = Annotated[int, Parameter(validator=Between(least=0, most=65_535))]
-"""TCP or UDP port; 0 takes any free one."""
+"""Type of an option for a TCP or UDP port; 0 takes any free one."""
 Component = Annotated[int, Parameter(validator=Between(least=1, most=255))]
 Vehicles = tuple[Annotated[int, Parameter(validator=Between(least=1, most=255))], ...]
 Seed = Annotated[int, Parameter(validator=Between(least=0))]
 Count = Annotated[int, Parameter(validator=Between(least=1))]
-"""Number of things, at least one."""
+"""Type of an option for a whole number of at least 1."""
 Counts = tuple[Count, ...]
 GroupPulses = Annotated[int, Parameter(validator=Between(least=1, most=100))]
 """Number of pulses summed for one decision (K), with the limits of tag files. The detector has
 no thresholds for longer groups."""
 Tally = Annotated[int, Parameter(validator=Between(least=0))]
-"""Number of things, zero included."""
+"""Type of an option for a whole number of at least 0."""
 Seconds = Annotated[float, Parameter(validator=Between(above=0, unit="s"))]
 SecondsApart = Annotated[float, Parameter(validator=Between(least=-1e9, most=1e9, unit="s"))]
-"""Difference of two clocks [s], at most 1e9, since unset clocks begin in 1970."""
+"""Type of an option for a clock difference [s], at most 1e9: unset clocks begin in 1970."""
 Minutes = Annotated[float, Parameter(validator=Between(above=0, unit="min"))]
 Hertz = Annotated[float, Parameter(validator=Between(above=0, unit="Hz"))]
 TagFrequency = Annotated[float, Parameter(validator=Between(least=20e6, most=1e9, unit="Hz"))]
@@ -79,7 +79,7 @@ Heights = tuple[
 ]
 Side = Annotated[float, Parameter(validator=Between(least=0.5, most=1000, unit="m"))]
 Reach = Annotated[float, Parameter(validator=Between(least=0, most=100_000, unit="m"))]
-"""Distance over ground [m], zero included."""
+"""Type of an option for a distance over ground [m], zero included."""
 Speed = Annotated[float, Parameter(validator=Between(above=0, most=100, unit="m/s"))]
 Power = Annotated[float, Parameter(validator=Between(least=-100, most=40, unit="dBm"))]
 DecibelsOfError = Annotated[float, Parameter(validator=Between(least=0, most=40, unit="dB"))]

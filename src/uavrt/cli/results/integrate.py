@@ -267,7 +267,7 @@ class _Options:
 
 
 _Results = list[tuple[dict[str, Any], str]]
-"""JSON record and sentence for each tag."""
+"""JSON record and printed sentence for each tag searched."""
 
 
 def _one_flight(

@@ -10,14 +10,14 @@ class Advance(Protocol):
     """Function that updates the progress of a task."""
 
     def __call__(self, done: float, total: float | None = None, /) -> None:
-        """Set the amount done, and the total if it is known by now."""
+        """Set the progress bar's amount done, and its total if known by now."""
 
 
 class AddBar(Protocol):
     """Function that adds a progress bar."""
 
     def __call__(self, what: str, total: float | None = None, /) -> Advance:
-        """Add a bar named `what`; its total may be set later."""
+        """Add a progress bar named `what`; its total may be set later."""
 
 
 @contextmanager

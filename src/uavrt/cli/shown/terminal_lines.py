@@ -12,9 +12,9 @@ import threading
 from typing import TextIO
 
 MOST_WAITING = 100_000
-"""Maximum number of lines queued: three hours of 10 pulses a second, some 20 MB."""
+"""Maximum number of printed lines queued: three hours of 10 pulses a second, some 20 MB."""
 LAST_S = 1.0
-"""Longest wait for queued lines when the program ends [s]."""
+"""Longest wait for queued lines to be printed when the program ends [s]."""
 
 
 class TerminalLines:
@@ -31,7 +31,7 @@ class TerminalLines:
         self._thread.start()
         self.left_out = 0
         self.gone = False
-        """True once the reader has closed the pipe."""
+        """True once the program that reads the printed lines has closed the pipe."""
 
     def __call__(self, line: str) -> None:
         """Queue a line for printing."""

@@ -234,7 +234,7 @@ def _with_mode(known: TagSource, mode: OperatingModeName | None) -> TagSource:
 
 
 def _searched(known: TagSource, frequency_window_hz: float) -> DetectionSettings:
-    """Detection settings with the window, and the operating mode that the tags' file states."""
+    """Make detection settings with this search window and the tag file's operating mode."""
     settings = DetectionSettings(frequency_window_hz=frequency_window_hz)
     for mode in known.operating_modes.values():
         settings = replace(settings, operating_mode=mode.value)

@@ -34,7 +34,7 @@ LOSSES = (
     "records_dropped",
     "records_refused",
 )
-"""Counters that should stay zero, shown as losses."""
+"""Health counters that should stay zero; the monitor shows them as losses."""
 
 
 @dataclass(slots=True)

@@ -11,7 +11,7 @@ from uavrt.core.messages import Command, CommandReply, Tag
 from uavrt.drone.status_reader import StatusReader
 
 REPLY_S = 15.0
-"""Longest wait for a reply [s]; finding a frequency takes some seconds on a small computer."""
+"""Longest wait for the drone side's reply [s]; choosing a frequency takes some seconds."""
 
 
 def start_detection(

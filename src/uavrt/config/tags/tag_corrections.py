@@ -10,21 +10,21 @@ from uavrt.core.messages import Beep, BeepKind, Tag
 MEASURED: Final = (BeepKind.LISTED, BeepKind.OFF_LABEL, BeepKind.OTHER_RATE)
 """Kinds of measured pulse trains from which a tag's list entry may be corrected."""
 DRIFT: Final = 0.005
-"""Assumed relative change of an interval with temperature and battery (0.005: 0.5 %)."""
+"""Assumed relative change of a tag's interval with temperature and battery (0.005: 0.5 %)."""
 LEAST_UNCERTAINTY: Final = 0.01
 """Relative difference up to which a measured interval confirms the listed one (0.01: 1 %)."""
 _DRIFT_HZ: Final = 100.0
 """Difference from the labelled frequency above which the label is corrected [Hz]; a fifth of
 the usual search window."""
 _SEARCH_HZ: Final = 530.0
-"""Half-width of the usual search, plus the error of a measured frequency [Hz]."""
+"""Half-width of a tag's usual search band, plus the error of a measured frequency [Hz]."""
 _LEAST_SHARED_PPM: Final = 0.5
-"""Minimum common offset of all tags that is attributed to the receiver [ppm]."""
+"""Minimum frequency offset, common to all tags, that is attributed to the receiver [ppm]."""
 _AGREE_PPM: Final = 1.5
-"""Maximum difference of a tag's offset from the common offset [ppm]; also at most a sixth of
-the common offset."""
+"""Maximum difference of a tag's frequency offset from the offset common to all tags [ppm]; also
+at most a sixth of the common offset."""
 _SHARE: Final = 0.75
-"""Minimum share of tags with the common offset; one tag of four may have drifted
+"""Minimum share of tags with a common frequency offset; one tag of four may have drifted
 independently."""
 _LEAST_JITTER_S: Final = 0.002
 _JITTER_SIGMAS: Final = 3.0
@@ -223,7 +223,7 @@ def keeps_interval(tag: Tag, interval_s: float, error_s: float = 0.0) -> bool:
 
 
 def _is_narrow(tag: Tag, interval_s: float) -> bool:
-    """True if the listed interval is so near and exact that correcting it gains nothing."""
+    """True if the listed interval is near `interval_s` and too exact to gain by correction."""
     uncertainty_s = tag.interval_uncertainty_s
     off_s = min(abs(interval_s - listed_s) for listed_s in tag.pulse_intervals_s)
     two_rates = len(tag.pulse_intervals_s) > 1  # their uncertainty is unchanged

@@ -68,7 +68,7 @@ def format_tag_info(tags: Sequence[Tag]) -> str:
 
 
 def _cells(content: str) -> list[str]:
-    """Split a line; with semicolons or tabs, a comma is a decimal point."""
+    """Split a line of TagInfo.txt; with semicolons or tabs, a comma is a decimal point."""
     order = (",", ";", "\t") if content.count(",") >= len(COLUMNS) - 1 else (";", "\t", ",")
     for separator in order if ";" not in content else (";",):
         if separator in content:

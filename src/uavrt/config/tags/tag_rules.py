@@ -25,7 +25,7 @@ MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ = 20e6, 1e9
 MAX_INTERVAL_MS = 60_000.0
 MIN_PULSE_WIDTH_MS, MAX_PULSE_WIDTH_MS = 1.0, 1_000.0
 SHORTEST_LIKELY_MS = 60.0
-"""Interval below which an interval shorter than the pulse is assumed to be in seconds [ms]."""
+"""Tag interval [ms] below which one shorter than the pulse is assumed to be in seconds."""
 MAX_K = 100
 MAX_FALSE_ALARM_PROBABILITY = 0.5  # as TagTracker's
 MAX_ID = 2**32 - 1  # uint32 on the wire
@@ -186,7 +186,7 @@ def _fault_of_pairs(entries: dict[Quantity, Entry]) -> list[tuple[Entry, str]]:
 
 
 def _fault_of_group(entries: dict[Quantity, Entry], shortest: Entry) -> list[tuple[Entry, str]]:
-    """Check that a detector can search for a group of pulses with these numbers."""
+    """Check that pulse width and K allow a search for groups; return the faults."""
     uncertainty = entries.get("interval_uncertainty")
     width, k = entries.get("pulse_width"), entries.get("k")
     loose_ms = 0.0 if uncertainty is None else uncertainty.number

@@ -50,7 +50,7 @@ def read_yaml(text: str, faults: list[Fault]) -> list[Node]:
 
 
 def _documents(yaml: Any, text: str) -> Iterator[Any]:
-    """Compose each document; its depth is checked before its nodes are made."""
+    """Compose each YAML document; its depth is checked before its nodes are made."""
 
     class Loader(yaml.SafeLoader):  # type: ignore[misc]  # it has no types
         depth = nodes = 0

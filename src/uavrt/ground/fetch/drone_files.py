@@ -54,7 +54,7 @@ class DroneFiles:
         self._found = asyncio.Event()
         self._trips_ns: dict[int, int] = {}
         self.link = 0
-        """Index of the link in use."""
+        """Index of the MAVLink link over which files are fetched."""
         self._client = FileClient(
             self._send, now_ns, session=secrets.randbelow(256), unanswered=self._next_link
         )

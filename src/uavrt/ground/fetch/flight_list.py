@@ -11,7 +11,7 @@ from uavrt.flight.flight_order import FLIGHT_ORDER, FLIGHT_PREFIX, flown_name, n
 from uavrt.ground.fetch.ftp_client import FileClient, RemoteEntry
 
 MOST_NOTED = 8_000
-"""Bytes read from the end of the drone's order file: some 250 flights, 2 s over a radio."""
+"""Bytes read from the end of the drone's list of flights: some 250 names, 2 s over a radio."""
 
 
 async def drone_flights(client: FileClient) -> list[str]:
@@ -28,7 +28,7 @@ async def drone_flights(client: FileClient) -> list[str]:
 
 
 async def _noted(client: FileClient, entry: RemoteEntry) -> list[str]:
-    """Read the last names in the drone's order file; empty if the drone has no such file."""
+    """Read the last names in the drone's list of flights; empty if the drone has none."""
     got = bytearray()
     start = max(0, (entry.size or 0) - MOST_NOTED)
 

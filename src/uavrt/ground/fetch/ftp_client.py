@@ -35,17 +35,17 @@ REPLY_NS = ns_from_s(1.5)
 reply by less."""
 TRIES = 10
 BURST_GAP_NS = ns_from_s(2.0)
-"""Silence after which a burst counts as finished [ns]."""
+"""Silence after which a burst of file data counts as finished [ns]."""
 BURST_NS = ns_from_s(20.0)
-"""Longest duration of a burst [ns]; the part received by then is kept."""
+"""Longest duration of a burst of file data [ns]; the part received by then is kept."""
 BURST_BYTES = 1 << 20
-"""Maximum number of bytes accepted from one burst; the rest is requested again."""
+"""Maximum size of a burst of file data [bytes]; the rest is requested again."""
 STALL_NS = ns_from_s(60.0)
 LEAST_BYTES, LEAST_ENTRIES = 6000, 30
 """Minimum progress within `STALL_NS` of a file [bytes] and of a list [entries]; the slowest
 radio reaches three times as much."""
 MOST_REPLIES = 4096
-"""Maximum number of replies queued; further ones are dropped and counted."""
+"""Maximum number of file replies queued; further ones are dropped and counted."""
 CHECKSUM_TRIES = 30
 """Maximum number of requests for one checksum; a drone needs 10 s to compute that of 1 GB."""
 MOST_GROWTH_BYTES = 16_000_000
@@ -55,7 +55,7 @@ MOST_BYTES = 2_000_000_000
 """Largest flight accepted without its recorded samples [bytes]; ten hours with 100 tags take a
 tenth of that."""
 FREE_BYTES_LEFT = 100_000_000
-"""Free space to leave on this computer's disk [bytes]."""
+"""Free space to leave on this computer's disk when a flight is copied [bytes]."""
 PART_SUFFIX = ".part"
 MOST_NESTED = 8
 """Deepest nesting of directories that is listed. Flights have 4; a hostile server could nest
@@ -101,7 +101,7 @@ class FileClient:
         self._replies: asyncio.Queue[FtpPacket] = asyncio.Queue(MOST_REPLIES)
         self.repeats = 0
         self.dropped = 0
-        """Number of replies dropped because the queue was full."""
+        """Number of file replies dropped because the queue was full."""
 
     def receive(self, payload: bytes) -> None:
         """Queue a reply of the drone's file server."""
@@ -216,7 +216,7 @@ class FileClient:
         return size
 
     async def _burst(self, offset: int, end: int) -> dict[int, bytes]:
-        """Request a burst; return its parts between bytes `offset` and `end`, by offset."""
+        """Request a burst of file data; return parts between `offset` and `end`, by offset."""
         self._send(self._request(Opcode.BURST_READ_FILE, offset=offset, size=DATA_SIZE))
         got: dict[int, bytes] = {}
         until_s = _soon(BURST_NS)

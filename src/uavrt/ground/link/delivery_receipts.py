@@ -13,8 +13,8 @@ from uavrt.link.tunnel.own_messages.private import MAX_HASHES, Receipt, payload_
 PERIOD_NS = ns_from_s(0.150)
 SIGN_OF_LIFE_NS = ns_from_s(1.0)
 REPEATED = 6
-"""Number of earlier hashes repeated in each receipt. At 20 % frame loss, 1 acknowledgement in
-25 is then lost."""
+"""Number of hashes of earlier pulses repeated in each receipt. At 20 % frame loss, 1
+acknowledgement in 25 is then lost."""
 REMEMBERED = 500_000
 """Maximum number of pulses remembered to recognise repetitions: 17 hours at 8 a second."""
 
@@ -32,7 +32,7 @@ class Receipts:
         self.store = store
         self._keep = keep
         self.most = MAX_HASHES
-        """Maximum number of pulse hashes in one receipt."""
+        """Maximum number of pulse hashes in one receipt to the drone."""
         self._known: OrderedDict[int, None] = OrderedDict((number, None) for number in known)
         self._due: list[int] = []
         self._earlier: deque[int] = deque(maxlen=REPEATED)

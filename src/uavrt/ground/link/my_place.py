@@ -19,7 +19,7 @@ from uavrt.link.mavlink.links.transport import keep_open
 log = get_logger()
 
 SILENCE_S = 10.0
-"""Age after which the position is unknown [s]; a receiver sends one each second."""
+"""Age after which a GPS position counts as unknown [s]; a receiver sends one each second."""
 
 
 class MyPlace:

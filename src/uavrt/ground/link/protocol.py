@@ -151,7 +151,7 @@ class GroundProtocol:
         self.counters: Counter[str] = Counter()
         self._heard_ns = 0
         self.files_asked_ns = -FILES_NS
-        """Time of the last file request [ns]."""
+        """Time of the last file request to the drone [ns]."""
         self._texts = TextAssembler()
 
     def forget(self) -> None:

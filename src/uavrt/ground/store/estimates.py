@@ -222,7 +222,7 @@ def _rose(one: TagBearing, heard: Heard, offset_deg: float) -> list[float | None
 
 
 def _end_ns(one: TagPosition, bearings: Sequence[TagBearing], heard: Heard) -> int:
-    """Time of the newest data used for a position [ns]."""
+    """Time of the newest data used for a tag's position [ns]."""
     if one.position is not None and one.position.track:
         return one.position.track[-1].time_ns
     ends = [
@@ -236,7 +236,7 @@ def _end_ns(one: TagPosition, bearings: Sequence[TagBearing], heard: Heard) -> i
 
 
 def _position(one: TagPosition) -> Record:
-    """Record of a position for the page."""
+    """Convert a tag's estimated position to a record for the page."""
     found = one.position
     assert found is not None
     record = position_record(one)

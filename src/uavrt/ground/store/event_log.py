@@ -13,9 +13,9 @@ from uavrt.core.foreign import decode_record, size_of
 from uavrt.core.runtime.disk_thread import Disk, DiskBatches, at_once
 
 LINES = 1000
-"""Maximum number of lines kept in memory and sent to a page; the file keeps all."""
+"""Maximum number of log lines kept in memory and sent to a page; the file keeps all."""
 TAIL = 400_000
-"""Bytes read from the end of the log file at the start."""
+"""Bytes read from the end of the log file when the ground station starts."""
 MAX_TEXT = 400
 
 

@@ -19,7 +19,7 @@ them until acknowledged."""
 MOST_RECORDS = 20_000
 """Maximum number of poses, notes and similar records queued while the disk does not answer."""
 RETRY_S = 1.0
-"""Pause before a failed write is repeated [s]."""
+"""Pause before a failed write to a flight's files is repeated [s]."""
 SLOW_S = 2.0
 """Duration above which a write is reported as slow [s]; a healthy memory card takes
 milliseconds."""
@@ -117,7 +117,7 @@ class FlightQueue:
     def _written(
         self, works: list[tuple[bool, Callable[[FlightWriter], None]]], written: Written
     ) -> None:
-        """Update the number of durable items after a write."""
+        """Update the number of items known to be on the disk after a write."""
         self._applied += sum(counts for counts, _ in works)
         if written.fault is None:
             self._durable = self._applied

@@ -23,7 +23,7 @@ class Written:
     """Result of one batch of writes."""
 
     fault: str | None
-    """Reason why data is not on the disk; None if all is."""
+    """Reason why flight data is not on the disk; None if all of it is."""
     mended: str
     """Fault of the flight's database that was repaired; empty without one."""
 
@@ -40,7 +40,7 @@ class FlightWriter:
         self._flight: FlightRecorder | None = None
         self._ending: list[FlightRecorder] = []
         self._listed: deque[Stored] = deque()
-        """Items that the function `also` has not accepted yet."""
+        """Written pulses and bursts that the callback `also` has not accepted yet."""
         self._discarded = 0
 
     def begin(self, info: FlightInfo, *, among_the_drones: bool) -> None:

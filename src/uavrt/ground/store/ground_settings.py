@@ -136,7 +136,7 @@ class GroundStore:
         """System id and unique number of the served vehicle; None unless a flight is in
         progress."""
         self.further_vehicles = _numbers(kept.get("further_vehicles"))
-        """System ids of the further vehicles."""
+        """MAVLink system ids of vehicles to serve in addition to the first."""
         page = kept.get("commander") if self.current_flight else None
         self.commander: str | None = page if isinstance(page, str) else None
         """Name of the commanding page, kept for a restart in flight; None without a flight."""
@@ -317,7 +317,7 @@ _RANGES = {
 
 
 def _judged(name: str, value: Any) -> Any:
-    """Validate the value of one setting; return the value to store."""
+    """Validate the value of a ground station's setting; return the value to store."""
     match name:
         case "address":
             addresses = [str(parse_address(text)) for text in str(value).split()]
@@ -362,7 +362,7 @@ def _receiver(text: str) -> str:
 
 
 def _readable(text: str, read: Callable[[Path], object]) -> str:
-    """Check a path by reading from it; an empty path means none."""
+    """Check the path in a setting by reading from it; an empty path means none."""
     try:
         if text:
             read(Path(text))

@@ -32,7 +32,7 @@ FIELDS: dict[str, Quantity] = {
 }
 """Columns of the page's table, in the users' units, and the quantity in each."""
 CODE_FIELDS = ("kind", "gaps_ms")
-"""Further columns, of coded tags only. Their interval is that between bursts."""
+"""Columns of the page's table for coded tags only, whose interval is that between bursts."""
 KINDS = ("beeping", "coded")
 LEAST_BARE_PERCENT = 0.05
 """Minimum false-alarm probability accepted without a percent sign [%]; a smaller number is
@@ -73,7 +73,7 @@ class FieldFault:
     """One mistake in the table: its row and field, and the remedy."""
 
     row: int
-    """Index of the row, from 0."""
+    """Index of the tag's row in the page's table, from 0."""
     field: str
     text: str
 

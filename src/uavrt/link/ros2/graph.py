@@ -64,11 +64,11 @@ class RosTopic:
     _: KW_ONLY
     subscribers: tuple[str, ...] = ()
     depth: int = 10
-    """Number of messages kept for a late subscriber."""
+    """Number of the topic's messages kept for a late subscriber."""
     burst: int = 20
     """Largest number of messages accepted at once (`uavrt.link.ros2.inbox`); 0: none."""
     per_s: float = 2.0
-    """Rate of messages accepted after a burst [1/s]."""
+    """Rate at which the topic's messages are accepted after a burst [1/s]."""
     commands: bool = True
     """True if the topic's messages are handled before those of topics with data only."""
     made_of: tuple[type, Conversion] | None = None

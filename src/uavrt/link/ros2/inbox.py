@@ -13,11 +13,11 @@ from uavrt.link.ros2.graph import RosTopic
 from uavrt.link.ros2.ros_senders import Arrival
 
 BYTES_OF_ONE = 256
-"""Size counted as one message, as decoding takes time [bytes]. A tag has 76 bytes, a pulse 160,
-32 parameters set at once 4 kB. A message that alone exceeds its topic's `burst` is never
-decoded."""
+"""Size up to which a ROS 2 message counts as one [bytes], as decoding takes time. A tag has 76
+bytes, a pulse 160, 32 parameters set at once 4 kB. A message that alone exceeds its topic's
+`burst` is never decoded."""
 GATEWAYS_NAMED = 20
-"""Largest number of other gateways that are counted separately."""
+"""Largest number of other drones' ROS 2 gateways that are counted separately."""
 
 
 class Inbox:
@@ -31,7 +31,7 @@ class Inbox:
         self._allowed: dict[str, Allowance] = {}
         self._dropped: dict[str, int] = {}
         self.of_gateways = 0
-        """Number of messages from other gateways, which are ignored."""
+        """Number of messages from other drones' ROS 2 gateways, which are ignored."""
         self.gateways: set[str] = set()
         """Keys of other gateways' participants that have sent messages."""
 
@@ -88,7 +88,7 @@ class SendingOrder(Generic[T]):
         self._waiting: list[T] = []
 
     def __bool__(self) -> bool:
-        """True if a message waits for the next pass."""
+        """True if a received message waits for the next pass over the readers."""
         return bool(self._waiting)
 
     def add_pass(self, found: list[T]) -> list[T]:

@@ -51,7 +51,7 @@ class RosCommands:
         self._request_id = now_ns() // 1_000_000
         self._asked: OrderedDict[int, Command] = OrderedDict()
         self._begun = False
-        """True once this gateway has begun an upload with the supervisor."""
+        """True once this gateway has begun a tag upload with the supervisor."""
         self._upload = Upload()
         self._resumed = False
         self._parameters = ParameterServices(

@@ -174,7 +174,7 @@ def _type(parameter: Parameter) -> int:
 
 
 def _below(name: str, prefixes: tuple[str, ...]) -> bool:
-    """True if a prefix is the name itself; names have no dots, so none has children."""
+    """True if `prefixes` select a parameter: none do, or its whole name, which has no dots."""
     return not prefixes or name in prefixes
 
 

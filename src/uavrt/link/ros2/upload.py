@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from uavrt.link.ros2.ros_senders import Sender
 
 MOST = 10_000
-"""Largest number of tag ids that are counted, so that a flood cannot fill the memory."""
+"""Largest number of an upload's tag ids that are counted; a flood could fill the memory."""
 
 
 class Upload:
@@ -16,7 +16,7 @@ class Upload:
 
     def __init__(self) -> None:
         self.open = False
-        """True until the upload's release, which ends it, has arrived."""
+        """True until the message that ends the tag upload, its release, has arrived."""
         self._ids: set[int] = set()
         self._nameless = 0
         self._lost_before = self._lost = 0

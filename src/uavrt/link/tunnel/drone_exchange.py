@@ -45,7 +45,7 @@ from uavrt.link.tunnel.tunnel_records import (
 PENDING = 64
 """Largest number of commands waiting for the supervisor; it replies within milliseconds."""
 PROGRESS_VERSION, ALIVE_VERSION = 5, 6
-"""First protocol versions with OPERATION_PROGRESS and with DETECTOR_HEARTBEAT."""
+"""First tunnel protocol versions with OPERATION_PROGRESS and with DETECTOR_HEARTBEAT."""
 STATES = {"running": g2.RUNNING, "complete": g2.COMPLETE, "failed": g2.FAILED}
 
 
@@ -69,7 +69,7 @@ class _PendingCommand:
     spoken: Generation | None = None
     """Protocol generation of the sender's messages; None if they do not show it."""
     upload: TagUpload | None = None
-    """Upload that the request opens, if accepted."""
+    """Tag upload that the request opens if it is accepted; None: it opens none."""
 
 
 class Operations:
@@ -293,7 +293,7 @@ class Exchange:
     def _command(
         self, message: TunnelMessage | CodedTag, asker: Ids
     ) -> Command | Answer | None:
-        """Handle a command of the generations without request ids."""
+        """Handle a command of the protocol generations without request ids."""
         match message:
             case CodedTag(tag=tag):
                 question = self._plain(CommandId.TAG, asker, "G1")

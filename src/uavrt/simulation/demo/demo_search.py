@@ -37,7 +37,7 @@ RETURNS_WITHIN_S = 30.0
 """Longest duration of the return flight after the time limit of the search [s]."""
 REFRESH_S = 0.25
 FIRST_HEIGHT_M, ABOVE_M, BESIDE_M = 40.0, 12.0, 40.0
-"""Height of the first drone; vertical, horizontal distance between starting drones [m]."""
+"""Search height of the first drone; upward and eastward step to each further drone [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -30,7 +30,7 @@ class TagView:
     tag: Tag
     last: Pulse | None = None
     times_s: deque[float] = field(default_factory=deque)
-    """Arrival times of its pulses on the viewer's clock [s]."""
+    """Arrival times of the tag's recent pulses on the viewer's clock [s]."""
     detected: int = 0
     delivered: int = 0
 

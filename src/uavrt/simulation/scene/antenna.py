@@ -47,7 +47,7 @@ class Antenna(ScenarioRecord):
     pitch_offset_deg: float = 0.0
     roll_offset_deg: float = 0.0
     offset_forward_m: float = 0.0
-    """Position of the antenna relative to the autopilot, in the drone's frame [m]."""
+    """Position of the antenna in the drone's frame: distance ahead of the autopilot [m]."""
     offset_right_m: float = 0.0
     offset_down_m: float = 0.0
     switch: AntennaSwitch | None = None

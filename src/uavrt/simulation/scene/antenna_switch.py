@@ -26,7 +26,7 @@ class AntennaSwitch(ScenarioRecord):
     elements: Annotated[int, Ge(3), Le(16)] = 4
     """Number of antennas on a circle; the first points ahead, the others follow clockwise."""
     size_m: Annotated[float, Gt(0), Le(5)] = 0.4
-    """Radius of the circle, or distance of the pair [m]."""
+    """Radius of the circle of antennas, or distance between a pair's antennas [m]."""
     dwell_s: Annotated[float, Gt(0), Le(0.01)] = 250e-6
     """Time at each switch position [s], rounded to whole samples."""
     settle_s: Annotated[float, Ge(0), Le(0.005)] = 20e-6

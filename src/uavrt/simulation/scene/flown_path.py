@@ -17,9 +17,9 @@ from uavrt.simulation.scene.flight import VehicleState
 from uavrt.simulation.scene.geometry import TangentPlane, from_euler_deg
 
 _RECORD = struct.Struct("<q4d")
-"""Time [ns, UTC], latitude, longitude [deg], altitude above sea level [m], heading [deg]."""
+"""Record: time [ns, UTC], latitude, longitude [°], altitude above the sea [m], heading [°]."""
 _AHEAD_S = 0.5
-"""Longest extrapolation beyond the last record [s]; a radio's buffer is 0.02 s."""
+"""Longest extrapolation of a path beyond its last record [s]; a radio's buffer is 0.02 s."""
 _STEP_NS = 10_000_000
 
 

@@ -34,7 +34,7 @@ class Terrain(ScenarioRecord):
     """An elevation file or a folder of them. Heights of the flight count from the ground at
     home, heights of tags from the ground beneath them."""
     sea: bool = False
-    """True to treat areas outside the files as water at height 0."""
+    """True to treat areas outside the elevation files as water at height 0."""
 
 
 class Relief:

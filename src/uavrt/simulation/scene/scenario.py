@@ -48,13 +48,13 @@ class Radio(ScenarioRecord):
     noise_rms: Annotated[float, Gt(0), Le(0.3)] = 5e-3
     """Rms of the complex noise at `sample_rate_hz` and gain 21 [full scale]."""
     dc_offset: Annotated[float, Ge(0), Le(0.5)] = 2e-4
-    """Constant part of I and of Q [full scale]."""
+    """Constant part of the samples' I and Q [full scale]."""
     sample_rate_error_ppm: Annotated[float, Ge(-200), Le(200)] = 0.0
     tuning_error_ppm: Annotated[float, Ge(-200), Le(200)] = 0.0
     loss_share: Annotated[float, Ge(0), Le(0.5)] = 0.0
     """Fraction of the samples that the simulated radio loses silently."""
     loss_s: Annotated[float, Ge(1e-4), Le(10)] = 0.005
-    """Length of each loss [s]."""
+    """Duration of each silent loss of samples [s]."""
     arrival_jitter_s: Annotated[float, Ge(0), Le(0.1)] = 0.0
     """Mean delay of each write of the simulated radio, exponentially distributed [s]."""
     stall_share: Annotated[float, Ge(0), Le(0.5)] = 0.0
@@ -104,9 +104,9 @@ class SimulatedTag(ScenarioRecord):
     frequency_drift_hz_s: float = 0.0
     true_pulse_width_s: Annotated[float, Gt(0), Le(1)] | None = None
     interval_error_s: float = 0.0
-    """Error added to every interval [s]."""
+    """Error added to each listed interval when the tag transmits [s]."""
     crystal_error_ppm: Annotated[float, Ge(-20_000), Le(20_000)] = 0.0
-    """Relative error of all gaps and intervals [ppm]."""
+    """Relative error of all the tag's gaps and intervals [ppm]."""
     jitter_s: NonNegative = 0.0
     """Largest random shift of a pulse [s], uniformly distributed, not accumulating."""
     first_pulse_s: NonNegative = 0.5
@@ -141,11 +141,11 @@ class Interferer(ScenarioRecord):
 
     kind: Literal["carrier", "impulses"]
     frequency_hz: Carrier | None = None
-    """Frequency of a carrier [Hz]; None for impulses."""
+    """Frequency of an interfering carrier [Hz]; None for impulses."""
     power_dbm: Annotated[float, Ge(-200), Le(0)] = -130.0
     """Power at the antenna connector [dBm]; for impulses, while one lasts."""
     impulses_per_s: NonNegative = 0.0
-    """Mean rate of random impulses [1/s]."""
+    """Mean rate of random interfering impulses [1/s]."""
     impulse_width_s: Annotated[float, Gt(0), Le(0.01)] = 1e-6
 
 

@@ -8,15 +8,14 @@ from uavrt.simulation.scene import geometry
 
 Flavour = Literal["px4", "ardupilot"]
 HOLD_HEADING_M = 2.0
-"""Distance to the target below which the heading is held [m]; farther away it points to the
-target."""
+"""Distance to the target within which the drone keeps its heading [m], else faces it."""
 LINE_TOLERANCE_M = 0.8
-"""Offset from the line of flight that PX4 tolerates until `HOLD_HEADING_M` [m]."""
+"""Distance off the flight line that PX4 tolerates until `HOLD_HEADING_M` from its end [m]."""
 VELOCITY_TIMEOUT_S = 3.0
 """Time after which ArduCopter's velocity setpoint becomes zero unless repeated [s]
 (GUID_TIMEOUT)."""
 RETURN_SPEED_M_S = 0.4
-"""Highest speed when returning to the target after an overshoot [m/s]."""
+"""Speed below which the drone begins to return to the target after an overshoot [m/s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +29,7 @@ class Frame:
     position_gain_hz: float = math.inf
     """Highest speed divided by the distance to the target (PSC_POSXY_P, MPC_XY_P) [1/s]."""
     gust_m: float = 0.2
-    """Standard deviation of the position due to gusts [m]."""
+    """Standard deviation of the drone's position due to gusts [m]."""
     hover_w: float = 400.0
     battery_wh: float = 120.0
     fence_m: float = 5_000.0
@@ -59,12 +58,12 @@ class _Braking:
     """Braking behaviour of an autopilot at its target."""
 
     share: float
-    """Braking acceleration as a fraction of the greatest acceleration."""
+    """Deceleration at the target as a fraction of the drone's greatest acceleration."""
     overshoot_share: float
     """Overshoot as a fraction of the braking distance."""
     overshoot_m: float
     return_s: float
-    """Time constant of the return to the target [s]."""
+    """Time constant of the return to the target after an overshoot [s]."""
     early_s: float
     """Time by which braking begins early, because the jerk is limited [s]."""
     early_while_accelerating_s: float

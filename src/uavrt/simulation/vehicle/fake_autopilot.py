@@ -82,7 +82,7 @@ class AutopilotSettings:
     unique_number: int = 0x75617672
     """Hardware id in AUTOPILOT_VERSION."""
     companion_port: int = 0
-    """Local UDP port towards the companion; 0: any."""
+    """Local UDP port towards the companion computer; 0: any free one."""
     ground_port: int = 0
     clock_skew_ppm: float = 0.0
     """Rate error of the boot clock against UTC [ppm]; PX4 in simulation: -15 000."""

@@ -15,7 +15,7 @@ from uavrt.link.mavlink.frame import Frame
 RING_BYTES = 583
 PASS_NS = 4_000_000
 HEADER_BYTES = 12
-"""Bytes stored with each message: header and checksum of MAVLink 2."""
+"""Bytes stored with each forwarded message: header and checksum of MAVLink 2."""
 ITEM_BYTES = 4
 """Size of the ring buffer's own length word [bytes]. With header and length word, five 92-byte
 and three 128-byte tunnel payloads fit in a burst, as measured."""

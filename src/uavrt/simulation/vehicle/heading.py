@@ -13,7 +13,7 @@ class _Turning:
     rate_deg_s: float
     acceleration_deg_s2: float
     braking_share: float = 0.8
-    """Braking at the end of a turn as a fraction of the greatest acceleration."""
+    """Deceleration at the end of a turn as a fraction of the greatest acceleration."""
     gain_hz: float = 4.0
     """Highest turning rate divided by the remaining angle [1/s]."""
     setpoint: "_Turning | None" = None

@@ -13,8 +13,7 @@ from uavrt.core.earth.geodesy import distance_m
 from uavrt.core.messages import Course, Neighbour
 
 MOST_LAG = 100
-"""Sequence numbers may lag by this much in late reports; a larger lag means a restarted
-drone."""
+"""Lag of a report's sequence number below which it is late; above, the drone restarted."""
 MOVED_M = 5.0
 """Distance by which a drone's reported goal must move to count as a new path [m]."""
 FIRST_REPORTS_S = 3.0

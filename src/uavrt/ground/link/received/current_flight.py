@@ -25,13 +25,13 @@ from uavrt.link.mavlink.links.address import parse_address
 log = get_logger()
 
 LATE_PULSES_NS = 5 * NANOSECONDS_PER_SECOND
-"""Margin after a stop [ns]; a pulse that began later than this belongs to the next flight."""
+"""Margin after a stop of detection [ns]; pulses that begin later are of the next flight."""
 COMMIT_S = 0.15
 """Interval in which pulses are collected for one write [s]; receipts follow each write."""
 BATTERY_STEP_PERCENT = 5
 """Battery charge is written at the start of a flight and after each step of this size [%]."""
 ENDS_WITHIN_S = 10.0
-"""Longest wait for a slow disk when the session ends [s]."""
+"""Longest wait for a slow disk to write the flight when the session ends [s]."""
 _LOOKS_BACK = 10
 """Number of past flights searched for the last measured pulse trains, to show at the start."""
 

@@ -21,7 +21,7 @@ from uavrt.link.mavlink.services.parameter_service import decode_value
 
 TRIES = 5
 QUIET_S = 0.5
-"""Silence after which missing values are requested again [s]; values come 20 ms apart."""
+"""Silence after which missing parameters are requested again [s]; they come 20 ms apart."""
 
 
 class DroneParameters:
@@ -117,7 +117,7 @@ class DroneParameters:
         return self._protocol.drone
 
     def _missing(self, drone: Peer) -> list[Message]:
-        """Requests for the missing values; authenticated if there is a key."""
+        """Make requests for parameters not yet received; authenticated if there is a key."""
         place = {"target_system": drone.system_id, "target_component": drone.component_id}
         sealed = self._protocol.sealed_parameter
         if self._count is None:
@@ -141,7 +141,7 @@ class DroneParameters:
         )
 
     async def _quiet(self) -> None:
-        """Wait until values stop arriving after the first one."""
+        """Wait until the drone's parameter values stop arriving after the first one."""
         await self._wait_for_news(self._wait_s)
         heard_s = 0.0
         while heard_s != self._heard_s:

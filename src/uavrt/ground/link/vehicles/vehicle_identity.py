@@ -76,7 +76,7 @@ class _Places:
     def __init__(self) -> None:
         self._last: tuple[float, float] | None = None
         self._before: tuple[float, float] | None = None
-        """Position before the last impossibly fast move; None without one."""
+        """The vehicle's position before its last impossibly fast move; None without one."""
         self._back = 0
 
     def take(self, place: tuple[float, float]) -> bool:

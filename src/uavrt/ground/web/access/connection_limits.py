@@ -63,7 +63,7 @@ class ListeningSocket(socket.socket):
         self._taken = 0
         self.most = MOST_CONNECTIONS
         self.refused = 0
-        """Number of connections closed because of the limits."""
+        """Number of connections closed at once because too many were open."""
 
     def accept(self) -> tuple[socket.socket, Any]:
         """Accept the next connection within the limits; raises `BlockingIOError` if none."""

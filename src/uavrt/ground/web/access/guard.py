@@ -76,7 +76,7 @@ class Guard:
         self._session = secrets.token_urlsafe(32)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handle a request, by the ASGI interface."""
+        """Check a request to the page's server, then serve or refuse it (ASGI interface)."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return

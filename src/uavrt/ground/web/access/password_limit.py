@@ -26,7 +26,7 @@ class PasswordLimit:
         self._wrong: OrderedDict[str, deque[float]] = OrderedDict()
         """Times of each address's last wrong passwords [s], ordered by the oldest one."""
         self.refused = 0
-        """Number of attempts rejected without checking the password."""
+        """Number of log-in attempts rejected without checking the password."""
 
     def wait_s(self, address: str) -> float:
         """Time until the next password from an address is checked [s]; 0: at once."""

@@ -19,7 +19,7 @@ from uavrt.ground.web.work.foreign_worker import ForeignWorker
 MOST = 500
 """Maximum number of flights of an archive returned at once."""
 FIRST_YEAR, LAST_YEAR = 1970, 2200
-"""First and last year accepted; 64-bit nanoseconds since 1970 end in 2262."""
+"""Years between which flights may be listed; 64-bit nanoseconds since 1970 end in 2262."""
 _ALL = 10**9
 
 

@@ -10,7 +10,7 @@ from uavrt.localization.headings import yaws_deg
 
 POSE_COLUMNS = ("time_ns", *PLACE_COLUMNS)
 YAW = "yaw_deg"
-"""Name of a column that is computed from the quaternion, on request."""
+"""Name of the column of the drone's yaw, computed from the quaternion on request."""
 
 
 def chosen_columns(

@@ -26,9 +26,9 @@ from uavrt.core.foreign import CPU_S, MEMORY_BYTES
 
 T = TypeVar("T")
 MOST_WAITING = 64
-"""Maximum number of requests queued for the process; moving a tiled map sends some twenty."""
+"""Maximum calls queued for the file-reading process; a moved tiled map sends some twenty."""
 WALL_S = 60.0
-"""Longest time for one answer [s]; enough for a busy computer."""
+"""Longest time for one call in the file-reading process [s]; enough for a busy computer."""
 _NICE = 10
 _LENGTH = struct.Struct(">Q")
 _REMEDY = "Give a smaller or simpler one"
@@ -112,7 +112,7 @@ class ForeignWorker:
 
 
 def _nothing() -> None:
-    """Do nothing; used while there is no process to end."""
+    """Do nothing; called in place of ending the file-reading process while none runs."""
 
 
 def _end(process: "subprocess.Popen[bytes]") -> None:

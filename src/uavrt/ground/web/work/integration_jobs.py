@@ -19,9 +19,9 @@ Record = dict[str, Any]
 _NONE_FOUND = 1
 """Exit code of ``uavrt integrate`` when no tag was found."""
 _SIGMAS = (-1.0, 6.0)
-"""Range of the colours in a fold's picture, dark blue to yellow [standard deviations]."""
+"""Colour range of a picture of folded energies, dark blue to yellow [standard deviations]."""
 _LARGER = 4
-"""Pixels per cell of a fold's picture, in each direction."""
+"""Pixels per cell of a picture of folded energies, in each direction."""
 
 
 class IntegrationJobs:

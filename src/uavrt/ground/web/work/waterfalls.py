@@ -44,7 +44,7 @@ LOWEST_DB, SPAN_DB = -3.0, 33.0
 LIVE_RATE_HZ = 3750.0
 LIVE_PULSE_S = 0.02
 LIVE_COLUMNS = 8
-"""Number of 10 ms frames combined by their maximum into one column: 12.5 columns a second."""
+"""Number of 10 ms frames combined by maximum into a live waterfall's column: 12.5 a second."""
 NOISE_COLUMNS = 60
 
 
@@ -169,7 +169,7 @@ class ChannelStream:
         self._index = 0
         self._noise: list[NDArray[np.float32]] = []
         self.refused = 0
-        """Number of datagrams that are not of a channel."""
+        """Number of received datagrams that do not hold a channel's samples."""
 
     def receive(self, payload: bytes) -> None:
         """Add the samples of a datagram to the picture."""
@@ -252,7 +252,7 @@ def _blocks(source: RecordingSource) -> Iterator[IQBlock]:
 
 
 def _noise(power: NDArray[np.float32]) -> float:
-    """Median power of the cells that are not empty; 1 if all are."""
+    """Median of a spectrogram's powers above zero; 1 if all powers are zero."""
     return float(np.median(power[power > 0.0])) if power.any() else 1.0
 
 

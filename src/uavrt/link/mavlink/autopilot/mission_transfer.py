@@ -17,15 +17,15 @@ from uavrt.link.mavlink.discovery import Peer
 from uavrt.link.mavlink.message import Message
 
 MOST_ITEMS = 1000
-"""Largest number of items in a download; ArduPilot holds some 700, PX4 2000."""
+"""Largest number of items in a mission download; ArduPilot holds some 700, PX4 2000."""
 RETRY_S = 1.0
-"""Time until a request is repeated [s], longer than a full queue at 57 600 baud."""
+"""Time until a mission request is repeated [s], longer than a full queue at 57 600 baud."""
 TRIES = 12
-"""Largest number of tries of a request; at 20 % loss each way all fail once in 200 000."""
+"""Maximum tries of a mission request; with 20 % loss each way all fail once in 200 000."""
 SILENCE_S = 6.0
-"""Longest silence in an upload [s]; PX4 repeats its requests for 5 s, ArduPilot for 8 s."""
+"""Longest silence in a mission upload [s]; PX4 repeats requests for 5 s, ArduPilot for 8 s."""
 LIMIT_S, LIMIT_PER_ITEM_S = 60.0, 2.0
-"""Longest duration of a whole transfer, and additional time for each item [s]."""
+"""Longest duration of a whole mission transfer, and additional time for each item [s]."""
 LAST_S = 3.0
 """Longest wait for the answer to a complete upload [s]; then a download shows the result."""
 _TYPES: dict[MissionKind, int] = {
@@ -104,18 +104,18 @@ class MissionTransfer(ABC):
 
     @abstractmethod
     def _take(self, message: Message, now_s: float) -> list[Message]:
-        """Handle a message of this transfer; subclasses decide what it means."""
+        """Handle the autopilot's mission message; return the messages to send."""
 
     @abstractmethod
     def _again(self, now_s: float) -> list[Message]:
-        """Requests that are due, for the first time or as a repetition."""
+        """Mission requests that are due to be sent, for the first time or as a repetition."""
 
     def _strange(self) -> list[Message]:
         self.counters["strange"] += 1
         return []
 
     def _try(self, message: Message, now_s: float, wait_s: float = RETRY_S) -> list[Message]:
-        """Send a request; after `TRIES` requests the transfer fails."""
+        """Send a mission request; after `TRIES` requests the transfer fails."""
         if self._tries >= TRIES:
             self.fault = f"the autopilot did not answer in {TRIES * RETRY_S:.0f} s"
             self.silent = True

@@ -24,7 +24,7 @@ from uavrt.link.mavlink.services.parameter_service import decode_value, encode_v
 
 HEARTBEAT_S = 1.0
 ANSWER_S = 0.7
-"""Longest wait for an answer [s], longer than a full queue at 57 600 baud."""
+"""Longest wait for the autopilot's answer [s], longer than a full queue at 57 600 baud."""
 TRIES = 4
 REQUEST_GAP_S = 0.03
 OWN_COMPONENT = 191

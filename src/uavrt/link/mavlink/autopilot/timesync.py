@@ -12,20 +12,20 @@ from dataclasses import dataclass
 from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 MAX_SKEW = 0.025
-"""Largest rate difference of the clocks; PX4 1.17 in simulation runs 1.1 to 2 % slow."""
+"""Maximum relative rate error of the autopilot's clock; simulated PX4 1.17: 1.1 to 2 % slow."""
 BIN_NS = ns_from_s(2.0)
 LEAST_SPAN_S = 4.0
-"""Minimum time span of round trips for a reliable skew, even on a slow link [s]."""
+"""Minimum span of TIMESYNC round trips for a reliable clock skew, even on a slow link [s]."""
 CLEAR_SPAN_S = 0.5
 CLEAR_SKEW = 0.002
-"""Largest uncertainty at which a skew from less than `LEAST_SPAN_S` is used: 2 ms a second."""
+"""Largest uncertainty of a clock skew fitted over less than `LEAST_SPAN_S`: 2 ms a second."""
 ONE_WAY_NS = ns_from_s(3.0)
-"""Time over which messages are collected before their smallest delay is used [ns]."""
+"""Time for which messages are received before their least delay sets the clock offset [ns]."""
 ONE_WAY_BIN_NS = ns_from_s(1.0)
 ONE_WAY_BINS = 20
-"""Number of last seconds whose messages bound the offset; older ones have drifted."""
+"""Number of last seconds whose messages bound the clock offset; older ones have drifted."""
 STALE_NS = ns_from_s(10.0)
-"""Age of the last answer above which the line is extrapolated and times are marked [ns]."""
+"""Age of the last TIMESYNC answer above which the clock fit counts as extrapolated [ns]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,20 +60,20 @@ class TimeSync:
         self._trips: deque[RoundTrip] = deque()
         self._line: tuple[int, int, float] | None = None  # remote, local, skew
         self._skew = 0.0
-        """Last fitted skew; kept over the autopilot's restart, as the crystal is the same."""
+        """Clock skew fitted last, a fraction; kept over an autopilot reboot (same crystal)."""
         self._tilted = False
-        """True if the skew of the line was fitted, False if assumed."""
+        """True if the clock skew in `_line` was fitted to its answers, False if assumed."""
         self._uncertain_ns = 0
-        """Half the median round trip of the answers used for the line [ns]."""
+        """Uncertainty of the clock offset: half the median round trip of answers used [ns]."""
         self._suspect: RoundTrip | None = None
-        """Answer that only a different boot clock explains; the next clear answer decides."""
+        """TIMESYNC answer that only a new boot clock explains; the next clear one decides."""
         self._one_way: deque[tuple[int, int]] = deque(maxlen=ONE_WAY_BINS)
-        """Arrival time and offset of the message with the smallest delay in each second."""
+        """Arrival time and clock offset [ns] of each second's message with the least delay."""
         self._one_way_bin_ns = 0
         self.round_trips = 0
-        """Number of answered requests since the start."""
+        """Number of answered TIMESYNC requests since the start."""
         self.residual_s: float | None = None
-        """Root mean square deviation from the line of the round trips used [s]."""
+        """Rms error of the line fitted to boot and local times of TIMESYNC answers [s]."""
         self.resets = 0
 
     @property
@@ -170,7 +170,7 @@ class TimeSync:
         return remote_ns + self._least_offset(remote_ns + bound[-1][1])
 
     def _least_offset(self, at_ns: int) -> int:
-        """Offset at a time, by the lower bound of the messages' offsets and its slope.
+        """Clock offset at a local time [ns], by the lower bound of one-way offsets and a slope.
 
         The slope follows from the messages of smallest delay in the first and second half.
         """
@@ -185,7 +185,7 @@ class TimeSync:
         return int(least)
 
     def _error_ns(self, trip: RoundTrip) -> int:
-        """Deviation of an answer from the line [ns]."""
+        """Deviation of an answer's local time from the fitted line of clock times [ns]."""
         expected = self.local_ns(trip.remote_ns)
         assert expected is not None
         return trip.local_ns - expected
@@ -199,7 +199,7 @@ class TimeSync:
         return abs(self._error_ns(trip)) > allowed or fell
 
     def _fit(self) -> tuple[int, int, float]:
-        """Fit the line through the shortest round trips; of equal ones the newest counts.
+        """Fit local to boot time by the shortest round trips; of equal ones the newest counts.
 
         First the shortest trip of every 2 s (initially of less) is taken, then the shortest of
         these, so that they spread over the window. While the span is too short for a skew, the

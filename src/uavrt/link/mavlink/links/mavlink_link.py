@@ -38,7 +38,7 @@ class Parser(Protocol):
 
 RETRY_S = 1.0
 MAX_PENDING = 16_384
-"""Largest number of bytes that may wait for the operating system; more are dropped."""
+"""Number of bytes in a TCP link's send buffer above which further frames are dropped."""
 
 
 @dataclass(slots=True)

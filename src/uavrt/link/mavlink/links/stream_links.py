@@ -27,7 +27,7 @@ READ_SIZE = 4096
 BITS_PER_BYTE = 10
 """Number of bits that a byte takes on a serial line, with start and stop bit."""
 SERIAL_PENDING = 2048
-"""Largest number of bytes that may wait for a serial port: 0.36 s at 57 600 baud."""
+"""Largest number of bytes that wait to be sent by a serial port: 0.36 s at 57 600 baud."""
 SIOCOUTQ = 0x5411
 """Linux ioctl number to read the number of unacknowledged bytes of a TCP connection."""
 UNACKNOWLEDGED_MS = 3000
@@ -241,7 +241,7 @@ class SerialLink(Link):
 
 
 def _unacknowledged(connected: socket.socket) -> int:
-    """Number of bytes that the system has not delivered yet; 0 if not reported."""
+    """Number of bytes that the TCP peer has not acknowledged yet; 0 if not reported."""
     if sys.platform != "linux":
         return 0
     import fcntl

@@ -24,7 +24,7 @@ from uavrt.link.mavlink.links.mavlink_link import RETRY_S, Link, Parser
 log = get_logger()
 
 REST_S = 0.008
-"""Time between two polls [s]; PX4 itself polls a link of 1200 B/s once in 8 ms."""
+"""Time between two polls of the socket [s]; PX4 polls a link of 1200 B/s once in 8 ms."""
 PEER_SILENCE_S = 30.0
 """Silence of a peer after which nothing is sent to it [s]."""
 MAX_PEERS = 24
@@ -129,7 +129,7 @@ class UdpLink(Link):
                 self._rest()
 
     def _look(self) -> None:
-        """Read again after a pause; wait for datagrams only once none has arrived."""
+        """Read the socket after a pause; if it is empty, wait for the next datagram."""
         self._timer = None
         found = True
         try:

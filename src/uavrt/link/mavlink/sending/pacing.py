@@ -20,9 +20,9 @@ from uavrt.link.mavlink.message import Message
 from uavrt.link.mavlink.sending.rate import FRAME_OVERHEAD, LinkRate
 
 MIN_GAP_S = 0.012
-"""Shortest gap through an autopilot [s]; PX4's pass on a ``-r 1200`` serial link is 8.33 ms."""
+"""Shortest time between frames via an autopilot [s]; PX4's pass at ``-r 1200`` is 8.33 ms."""
 STRAIGHT_GAP_S = 0.001
-"""Shortest gap on a direct link [s]; bursts of 200 datagrams overran a socket."""
+"""Shortest time between frames on a direct link [s]; bursts of 200 overran a socket."""
 HEADER_BYTES = 12
 
 

@@ -37,7 +37,7 @@ BASE_WINDOW = 240
 """Number of 0.25 s rounds (a minute) whose smallest mean round trip counts as unqueued."""
 QUEUE_GROW_S = 0.15
 QUEUE_SHRINK_S = 0.35
-"""Queueing delay at which the rate is lowered [s]; a SiK radio's buffer is 1850 B, 0.6 s."""
+"""Queueing delay above which frames are sent slower [s]; a SiK radio holds 1850 B, 0.6 s."""
 MEAN_WEIGHT = 0.1
 QUICK_GROWTH = 1.25
 
@@ -55,7 +55,7 @@ class Reach:
 
 RADIO = Reach()
 STRAIGHT = Reach(start=60_000.0, least=2_000.0, most=1_000_000.0, plain=30_000.0)
-"""Rates of Wi-Fi or cable to a ground station; even 1 Mbit/s Wi-Fi carries 100 kB/s."""
+"""Send rates over Wi-Fi or cable [bytes/s]; even 1 Mbit/s Wi-Fi carries 100 kB/s."""
 
 
 class LinkRate:
@@ -73,7 +73,7 @@ class LinkRate:
         self._round_ns = 0
         self._held_back = False
         self._quick = True
-        """True until a queueing delay is measured; the rate grows fast meanwhile."""
+        """True until a queueing delay is measured; the send rate grows fast meanwhile."""
 
     def bytes_s(self, now_ns: int) -> float:
         """Present rate of the link [bytes/s]."""

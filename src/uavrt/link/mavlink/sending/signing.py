@@ -37,7 +37,7 @@ EPOCH_S = 1_420_070_400
 """Origin of signing times: 2015-01-01 UTC [s since 1970]."""
 TICK_NS = 10_000
 BEHIND_TICKS = 6_000_000
-"""Largest age of a stream's first frame: one minute [10 µs]."""
+"""Largest accepted age of a signed stream's first frame [10 µs]: one minute."""
 MAX_STREAMS = 64
 COMMANDING = frozenset(
     {
@@ -48,7 +48,7 @@ COMMANDING = frozenset(
         dialect.FileTransferProtocol.ID,
     }
 )
-"""Messages that the setting ``autopilot`` refuses unsigned: anyone can claim component id 1."""
+"""Messages that accept_unsigned=autopilot refuses unsigned: anyone can claim component id 1."""
 
 
 @dataclass(frozen=True, slots=True)

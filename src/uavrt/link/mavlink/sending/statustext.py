@@ -11,7 +11,7 @@ TEXTS_A_SECOND = 0.5
 TEXTS_KNOWN = 64
 REPEAT_NS = ns_from_s(10.0)
 MAX_CHUNKS = 8
-"""Largest number of pieces of a text: 400 bytes; more would block the radio for a second."""
+"""Largest number of STATUSTEXT pieces of a text: 400 bytes; more would block a radio 1 s."""
 
 
 def chunks_of(text: str, severity: int, text_id: int) -> list[Statustext]:

@@ -46,12 +46,12 @@ T = TypeVar("T")
 
 BURST_S = 0.5
 MOST_BURST_BYTES = 32 * DATA_SIZE
-"""Longest burst [bytes]. Afterwards a client reports its losses, which show the link's rate."""
+"""Longest burst of file data [bytes]; losses the client then reports show the link's rate."""
 MAX_SESSIONS = 8
 IDLE_NS = ns_from_s(300.0)
-"""Time without use after which a session is closed [ns]."""
+"""Time without use after which a client's open file is closed [ns]."""
 GIVES_WAY_NS = ns_from_s(10.0)
-"""Time without use after which a session may be closed for another client [ns]."""
+"""Time without use after which a client's open file may be closed for another client [ns]."""
 MAX_CLIENTS = 16
 WAITING = 32
 
@@ -111,7 +111,7 @@ class Client:
     request: FtpPacket
     reply: FtpPacket | None = None
     reading: bool = False
-    """True while the disk has not answered yet."""
+    """True while a disk job for this client's request is running."""
     data_sent_ns: int | None = None
     """Time of the last data sent to the client, to measure the round trip [ns]."""
 
@@ -149,7 +149,7 @@ class FileServer:
         """Number of requests refused because too many disk jobs were waiting."""
         self.bytes_sent = 0
         self.given_up = 0
-        """Number of sessions closed to serve another client."""
+        """Number of open files closed to serve another client."""
 
     def receive(self, payload: bytes, peer: Peer, now_ns: int) -> float | None:
         """Handle a request; return the round trip since the last data [s] or None."""

@@ -70,10 +70,10 @@ log = get_logger()
 
 DISCOVERY_TOPIC = "ros_discovery_info"
 WRITE_TIMEOUT_MS = 100
-"""Time limit of a write [ms]; with few messages kept, a write never waits in practice."""
+"""Time limit of a DDS write [ms]; with few messages kept, a write never waits in practice."""
 SAMPLE_MB = 4
-"""Longest message that DDS assembles [MB], a multiple of any topic's. Longer ones are dropped
-part by part, with a warning."""
+"""Longest message that DDS assembles [MB], several times the longest of any topic. Longer ones
+are dropped part by part, with a warning."""
 READER_DEPTH = 4000
 """Largest number of a topic's messages that wait in its reader; 0.4 s at 10 000 a second."""
 PASSES = 3
@@ -82,7 +82,7 @@ ANNOUNCED_LIMIT = 2000
 """Largest number of announced participants and publishers that are read at once."""
 SERVICE_DEPTH = 100
 READ_PAUSE_S = 0.02
-"""Pause of the reading thread after each round [s]; a flood is read in large portions."""
+"""Pause of the DDS reading thread after each round [s]; a flood is read in large portions."""
 ORDER_OF_USE = {
     "store_tag_information": 0,
     "store_coded_tag_information": 0,
@@ -287,12 +287,12 @@ class Participant:
         self.faults = 0
         """Number of messages and announcements from others that could not be read."""
         self.unsent = 0
-        """Number of messages that could not be written."""
+        """Number of ROS 2 messages that could not be sent."""
         self._gid_bytes = settings.gid_bytes
         self.inbox = Inbox(
             time.monotonic_ns, closed=() if settings.accept_pulses else ("pulse",)
         )
-        """Received messages that wait for the gateway."""
+        """Received ROS 2 messages that wait for the gateway."""
         self._in_order: SendingOrder[tuple[RosTopic, Sample]] = SendingOrder(
             lambda one: (one[1].sample_info.source_timestamp, ORDER_OF_USE.get(one[0].name, 2))
         )
@@ -331,7 +331,7 @@ class Participant:
         self._writers: dict[tuple[str, str], Any] = {}
         self._readers: list[tuple[str, RosTopic, Any]] = []
         self._read_topics: dict[str, RosTopic] = {}
-        """Topics that are read, by their DDS names."""
+        """ROS 2 topics that this participant reads, by their DDS names."""
         self._waitset = WaitSet(self._participant)
         self._participants = BuiltinDataReader(self._participant, BuiltinTopicDcpsParticipant)
         self._publications = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)

@@ -10,7 +10,7 @@ from uavrt.link.tunnel.generations.wire import MAX_PAYLOAD
 TunnelMessage = g0.Messages | g1.Messages | g2.Messages
 
 DECODERS = {**g0.DECODERS, **g1.DECODERS, **g2.DECODERS}
-"""Decoders by command and length; the lengths distinguish the generations."""
+"""Decoders by command and payload length; the lengths distinguish the protocol generations."""
 
 
 def decode(payload: bytes, generation: Generation | None = None) -> TunnelMessage:

@@ -139,7 +139,7 @@ class OperationProgress(Fixed):
     state: int
     step: int
     step_count: int
-    """Number of steps; 0: unknown."""
+    """Number of steps of the operation; 0: unknown."""
     message: str
 
 
@@ -233,7 +233,7 @@ Messages = (
     | PulseG2
 )
 Requests = BareG2 | UploadG2 | TagG2 | FieldsG2 | SetLogLevel
-"""Messages of a ground station from version 4 on."""
+"""Messages of a ground station from version 4 of the tunnel protocol on."""
 INFERRED = (TagG2, FieldsG2, SetLogLevel)
 """Messages of a ground station whose layout is not published, but inferred."""
 DECODERS: Decoders = {

@@ -37,7 +37,7 @@ class Fixed:
     COMMAND: ClassVar[CommandId | None] = None
     LAYOUT: ClassVar[struct.Struct]
     TEXT_SIZE: ClassVar[int] = 0
-    """Size of the text field with its NUL [bytes]; 0: no text."""
+    """Size of the message's text field with its NUL [bytes]; 0: no text."""
 
     def encode(self) -> bytes:
         """Encode the message as payload bytes."""
@@ -69,7 +69,7 @@ class Message(Protocol):
 
 Decoder = Callable[[bytes], Message]
 Decoders = dict[tuple[int, int], Decoder]
-"""Decoders of messages by command and length."""
+"""Decoders of tunnel messages, by command number and payload length [bytes]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +81,7 @@ class CommandMessage:
 
     GENERATION: ClassVar[Generation]
     HEAD: ClassVar[tuple[str, ...]] = ("command",)
-    """Members before the fields, each a u32."""
+    """Members of a command message before its fields, each a u32."""
     command: CommandId
     numbers: tuple[float, ...]
 
@@ -119,7 +119,7 @@ class CommandMessage:
 
     @classmethod
     def _fields(cls, command: CommandId) -> list[CommandField]:
-        """Fields of a command in this protocol version."""
+        """Layout of a command's fields in this protocol version."""
         fields = COMMAND_OF_NUMBER[command].fields
         return [one for one in fields if cls.GENERATION == "G2" or not one.from_g2]
 

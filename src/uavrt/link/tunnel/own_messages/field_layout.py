@@ -55,7 +55,7 @@ class Layout:
                     self._head.append((name, _values(kind)))
         self._struct = struct.Struct(head)
         self.size = self._struct.size
-        """Size of the part before the first list [bytes]."""
+        """Size of a message's part before its first list [bytes]."""
 
     def pack(self, record: object = None, **changed: Any) -> bytes:
         """Encode a record's fields, or values given by name; `TunnelError` if too large."""

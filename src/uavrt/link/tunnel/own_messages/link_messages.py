@@ -47,7 +47,7 @@ class ToDrone:
     """A kind of message from a ground station to a drone."""
 
     inside: int
-    """Number that stands for this kind in a sealed message."""
+    """Number that identifies this kind of message inside a sealed message."""
     payload_type: int | None = None
     """Payload type of an unsealed message; None: sealed only."""
     answers: int = 0

@@ -33,7 +33,7 @@ COURSE_TYPE, NEIGHBOUR_TYPE = 60_009, 60_010
 `uavrt.link.tunnel.own_messages.neighbour_messages`."""
 MAX_HASHES = 15
 MAX_SEALED_HASHES = 12
-"""Largest number of hashes in a sealed receipt; limited by a seal's 108 bytes."""
+"""Largest number of pulse hashes in a sealed receipt; limited by a seal's 108 bytes."""
 _LAYOUT = Layout(
     "a receipt",
     "version:B hashes#:B :2x store:I hashes*:Q",

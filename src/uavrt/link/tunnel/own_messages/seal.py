@@ -37,7 +37,7 @@ _SESSION = struct.Struct("<B3xQQ")
 _NONCE, _ALIVE = struct.Struct("<Q"), struct.Struct("<QB")
 _VERSION, _VERSION_ECHO = 2, 3
 _PROOF_SIZE = 7
-"""Size of a proof [bytes]; 2000 guesses a second for a day succeed with probability 2e-9."""
+"""Size of an answer's keyed hash [bytes]; 2000 guesses/s for a day succeed with p = 2e-9."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,7 +43,7 @@ class Entry(Generic[T]):
     overtaken: int = 0
     sends: int = 0
     tries: int = 0
-    """Number of sendings; two copies sent together count once."""
+    """Number of times the message was sent; two copies sent together count once."""
     twin: bool = False
     """True while the second of two copies waits to be sent."""
     missing_at: set[int] = field(default_factory=set)
