@@ -1,6 +1,11 @@
 """The real gateway process on the loopback, seen by a second participant."""
 
+import os
+import signal
 import socket
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import made
@@ -92,6 +97,33 @@ def test_the_nodes_of_the_thesis_are_seen_and_vanish_at_the_end(
         assert len(node.reader_gid_seq) == len(subscribed)
     assert gateway.close() == 0
     assert len(infos.newest().node_entities_info_seq) == 0
+
+
+LISTENER = """
+import sys, time
+sys.path.insert(0, sys.argv[2])
+from ros_peer import RosPeer
+infos = RosPeer(int(sys.argv[1])).listen("ros_discovery_info")
+infos.newest()
+print("received", flush=True)
+time.sleep(60.0)
+"""
+
+
+def test_the_nodes_leave_although_another_program_answers_no_more(
+    launch: Any, ros_domain: int
+) -> None:
+    gateway = launch()
+    drivers = str(Path(__file__).parents[2] / "drivers")
+    command = [sys.executable, "-c", LISTENER, str(ros_domain), drivers]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "received\n"
+        os.kill(other.pid, signal.SIGSTOP)
+        try:
+            assert gateway.close() == 0
+        finally:
+            other.kill()
 
 
 def test_every_topic_has_the_name_type_hash_and_quality_of_service_of_ros_2(

@@ -56,7 +56,8 @@ class TagPrior:
 
     area: Area
     level_db: float = 45.0
-    """Mean SNR of a tag at 100 m [dB]: a 20 ms collar received with 9 dB from 3 km."""
+    """Mean SNR at 100 m [dB]: that of a 20 ms collar which is received with 9 dB from 3 km if
+    levels fall with the distance to the power of 2.4."""
     level_sigma_db: float = 12.0
     level_drift_db_per_root_s: float = 0.0
     """Random walk of a tag's strength [dB/√s]: the animal turns, plants intervene."""
