@@ -14,7 +14,7 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 _APART_S = 1800.0
 """Longest pause between logs of one survey [s]; a battery is changed in less."""
 _CLOCKS_SINCE_NS = 946_684_800 * NANOSECONDS_PER_SECOND
-"""Earliest time taken for that of a clock that was set [ns since 1970]: 1 January 2000."""
+"""Time before which a log's clock counts as never set [ns since 1970]: 1 January 2000."""
 _SAME_PULSE_S = 0.1
 """Longest time between the records of one pulse in two logs [s]."""
 _LEAST_PULSES = 20

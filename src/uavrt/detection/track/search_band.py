@@ -208,7 +208,7 @@ class SearchBand:
         return min(best, 0.999)
 
     def weakest_enr_db(self) -> float:
-        """ENR at which nine groups of ten reach the present threshold [dB]."""
+        """Energy-to-noise ratio at which 90 % of groups reach the present threshold [dB]."""
         search = self._searches[0]
         return weakest_enr_db(search.k, search.threshold * search.margin / gate(search.k))
 

@@ -105,7 +105,7 @@ class PacedQueue:
         self._sources = dict(sorted(self._sources.items()))
 
     def put(self, item: Item, priority: Priority) -> None:
-        """Queue an urgent message, or one with `Priority.OTHER`."""
+        """Queue an `ACK`, `STATUS` or `OTHER` message; a full queue drops its oldest."""
         queue = self._queues[priority]
         if len(queue) >= CAPACITY[priority]:
             queue.popleft()

@@ -119,7 +119,7 @@ class PulseMemory(Generic[T]):
                 entry.missing_at.add(store)
 
     def send_none(self, store: int, *, made_up: bool) -> None:
-        """Send no more pulses to a removed ground station; `made_up`: it never acknowledged."""
+        """Send nothing more to a removed station; `made_up`: it never acknowledged a pulse."""
         for entry in list(self._entries.values()):
             entry.missing_at.discard(store)
             if entry.missing_at:
