@@ -3,6 +3,7 @@
 import sys
 import webbrowser
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -14,8 +15,8 @@ from uavrt.cli.shown.outputs import check_place, print_json
 from uavrt.cli.shown.screen import has_page, has_screen
 from uavrt.core.errors import UsageError
 from uavrt.simulation.demo.demo_run import Demo
-from uavrt.simulation.demo.demo_search import SearchDemo
-from uavrt.simulation.demo.search_together import TogetherDemo
+from uavrt.simulation.demo.demo_search import SearchDemo, SearchSummary
+from uavrt.simulation.demo.search_together import TogetherDemo, TogetherSummary
 from uavrt.simulation.demo.worlds import flight_world, search_world
 from uavrt.simulation.scene.demo_world import fleet_scenarios
 from uavrt.simulation.scene.scenario import Scenario
@@ -89,12 +90,7 @@ def demo(
     if search:
         limit_s = duration or SEARCH_S
         world = search_world(scenario, limit_s=limit_s, seed=seed, coded=coded)
-        if drones > 1:
-            _search_together(
-                drones, world, limit_s, flight_dir, autopilot, json_summary=json_summary
-            )
-        else:
-            _search(world, limit_s, flight_dir, autopilot, json_summary=json_summary)
+        _search(drones, world, limit_s, flight_dir, autopilot, json_summary=json_summary)
         return
     world = flight_world(scenario, duration_s=duration, seed=seed, coded=coded)
     if picture is not None:
@@ -126,35 +122,6 @@ def demo(
 
 
 def _search(
-    world: Scenario,
-    limit_s: float,
-    flight_dir: Path,
-    autopilot: Flavour,
-    *,
-    json_summary: bool,
-) -> None:
-    """Let the drone search by itself; exit with 1 unless it has found all animals."""
-    out = sys.stderr if json_summary else sys.stdout
-    summary = SearchDemo(
-        scenario=world,
-        limit_s=limit_s,
-        autopilot=autopilot,
-        flight_dir=flight_dir,
-        say=lambda line: print(line, file=out, flush=True),
-    ).run()
-    if json_summary:
-        print_json(summary)
-    else:
-        screen = Console()
-        screen.print(summary.table())
-        cpu, memory = summary.guide_cpu_percent, summary.guide_memory_mb
-        screen.print(f"guide: {cpu:.1f} % of a core, {memory:.0f} MB")
-        screen.print(f"flight: {summary.flight_directory}", soft_wrap=True)
-    if not summary.complete:
-        sys.exit(1)
-
-
-def _search_together(
     drones: int,
     world: Scenario,
     limit_s: float,
@@ -163,29 +130,50 @@ def _search_together(
     *,
     json_summary: bool,
 ) -> None:
-    """Let several drones search together; exit with 1 unless they have found all animals."""
+    """Let one drone or several search by themselves; exit with 1 unless all are found."""
     out = sys.stderr if json_summary else sys.stdout
-    summary = TogetherDemo(
-        drones=drones,
-        autopilot=autopilot,
-        scenario=world,
-        limit_s=limit_s,
-        flight_dir=flight_dir,
-        say=lambda line: print(line, file=out, flush=True),
-    ).run()
+    say = partial(print, file=out, flush=True)
+    summary: SearchSummary | TogetherSummary
+    if drones > 1:
+        summary = TogetherDemo(
+            drones=drones,
+            scenario=world,
+            limit_s=limit_s,
+            flight_dir=flight_dir,
+            say=say,
+            autopilot=autopilot,
+        ).run()
+    else:
+        summary = SearchDemo(
+            scenario=world,
+            limit_s=limit_s,
+            flight_dir=flight_dir,
+            say=say,
+            autopilot=autopilot,
+        ).run()
     if json_summary:
         print_json(summary)
     else:
-        screen = Console()
-        for number, one in summary.drones.items():
-            screen.print(f"[bold]drone {number}[/bold]", one.table())
-            screen.print(f"flight: {one.flight_directory}", soft_wrap=True)
-        screen.print(
-            f"{len(summary.found)} found, after {summary.duration_s:.0f} s; "
-            f"never less than {summary.apart_m:.0f} m apart"
-        )
+        _print_search(summary)
     if not summary.complete:
         sys.exit(1)
+
+
+def _print_search(summary: SearchSummary | TogetherSummary) -> None:
+    screen = Console()
+    if isinstance(summary, SearchSummary):
+        screen.print(summary.table())
+        cpu, memory = summary.guide_cpu_percent, summary.guide_memory_mb
+        screen.print(f"guide: {cpu:.1f} % of a core, {memory:.0f} MB")
+        screen.print(f"flight: {summary.flight_directory}", soft_wrap=True)
+        return
+    for number, one in summary.drones.items():
+        screen.print(f"[bold]drone {number}[/bold]", one.table())
+        screen.print(f"flight: {one.flight_directory}", soft_wrap=True)
+    screen.print(
+        f"{len(summary.found)} found, after {summary.duration_s:.0f} s; "
+        f"never less than {summary.apart_m:.0f} m apart"
+    )
 
 
 def _print_domain(domain: int) -> None:
