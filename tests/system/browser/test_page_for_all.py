@@ -76,6 +76,7 @@ def states(page: Page) -> Iterator[str]:
         if view == "flights":
             page.click("#season-show")
             expect(page.locator("[data-animal]")).to_have_count(1)
+            expect(page.locator(".tick").nth(1)).to_be_visible()
             for tick in page.locator(".tick").all():
                 tick.check()
             page.click("#flights-compare")
@@ -132,6 +133,7 @@ def motions(page: Page) -> Iterator[str]:
     """Go through what a drone can be asked to fly."""
     page.click("#tab-fly")
     page.click("#show-move")
+    expect(page.locator(".kind").nth(1)).to_be_visible()
     for kind in page.locator(".kind").all():
         kind.click()
         yield f"move: {kind.inner_text()}"
