@@ -253,3 +253,33 @@ def test_a_turn_at_our_target_by_another_is_seen_though_a_turn_was_going_on(
     flown.run(2.0)
     assert flown.authority.standing is Standing.OUT
     assert len(flown.commands) == sent
+
+
+@pytest.mark.parametrize("by_deg", [-12.0, 12.0])
+@pytest.mark.parametrize("away_m", [0.3, 1.0, 1.5, 1.8, 2.3, 3.0, 4.0, 5.5])
+def test_a_turn_by_another_before_our_corner_is_seen(away_m: float, by_deg: float) -> None:
+    """The drone looks to the corner, and brakes; the survey's next leg is not commanded."""
+    flown = Flown("px4", frame=Frame(speed_m_s=5.0, gust_m=0.02))
+    flown.run(1.2)
+    corners = ((60.0, 0.0), (60.0, 60.0), (0.0, 60.0))
+    places = tuple(flown.place(*one) for one in corners)
+    flown.order("survey", places=places, spacing_m=20.0, height_m=40.0)
+    vehicle = flown.vehicle
+
+    def arrives() -> bool:
+        target, (north_m, east_m) = vehicle.target, vehicle.body.place_m
+        if target is None:
+            return False
+        left_m = math.hypot(target.north_m - north_m, target.east_m - east_m)
+        return left_m < away_m and math.hypot(*vehicle.body.velocity_m_s) > 0.1
+
+    flown.run(5.0)
+    flown.run(60.0, until=arrives)
+    (_, last), setpoint = flown.commands[-1], target_message(vehicle, 0)
+    assert setpoint is not None
+    assert isinstance(last, dialect.CommandInt)
+    flown._reposition(x=last.x, y=last.y, z=last.z, param4=setpoint.yaw + math.radians(by_deg))
+    sent = len(flown.commands)
+    flown.run(20.0)
+    assert flown.authority.reason == OTHERS_TURN
+    assert len(flown.commands) == sent

@@ -289,15 +289,20 @@ class OrderWatch:
 
 
 def _setpoint_turns(motion: Commanded, vehicle: ObservedVehicle) -> bool:
-    """True if the heading setpoint turns although the drone has the commanded heading.
+    """True if the heading setpoint turns although the drone needs no other heading.
 
-    Another station then has begun a turn, which a further command would undo.
+    It has the commanded heading, or is so near its target that PX4 keeps the heading. Another
+    station may then have begun a turn, which a further command would undo.
     """
-    wanted_deg = None if motion.yaw is None else motion.yaw.wanted_deg
     target, seen = vehicle.target, vehicle.position
-    if wanted_deg is None or target is None or target.yaw_rate_deg_s is None:
+    if target is None or target.yaw_rate_deg_s is None or motion.yaw is None:
         return False
     if seen is None or seen.yaw_deg is None:
         return False
-    there = abs(wrap_degrees_180(wanted_deg - seen.yaw_deg)) <= SAFETY.turn_done_deg
+    wanted_deg = motion.yaw.wanted_deg
+    if wanted_deg is not None:
+        there = abs(wrap_degrees_180(wanted_deg - seen.yaw_deg)) <= SAFETY.turn_done_deg
+    else:
+        wish = motion.wish
+        there = isinstance(wish, FlyThere) and seen.way_to(wish)[1] < SAFETY.frozen_m
     return there and abs(target.yaw_rate_deg_s) > SAFETY.setpoint_rests_deg_s

@@ -44,6 +44,8 @@ class YawWatch:
     _moved_s: float = 0.0
     _turns: bool = False
     _settles: bool = False
+    _stopping: bool = False
+    """True from the arrival near the target until the heading setpoint rests."""
     _on_deg: float = 0.0
     """Angle by which the heading setpoint has continued an earlier turn since `_turn_s` [°]."""
     _ended: bool = False
@@ -51,6 +53,8 @@ class YawWatch:
     """Signed angle from the heading to its expected value at the last report [°]."""
     _step_deg: float = 0.0
     """Change of the heading between the last two reports [°]."""
+    _aim_step_deg: float = 0.0
+    """Change of the expected heading between the last two reports [°]."""
     _courses: deque[tuple[float, float, float]] = field(default_factory=deque)
     """Times [s], headings and courses over ground [°] of the last `SAFETY.course_follow_s`."""
     _turn_s: float = field(init=False)
@@ -85,12 +89,16 @@ class YawWatch:
         course_deg: float | None = None,
     ) -> str | None:
         """Add a heading; return a text on its deviation from course or target, or None."""
-        step = wrap_degrees_180(yaw_deg - self.yaw_deg)
-        self.yaw_deg = yaw_deg
+        before_deg, self.yaw_deg = self.yaw_deg, yaw_deg
+        step = wrap_degrees_180(yaw_deg - before_deg)
         if self.turn_deg is not None:
             return self._turning(time_s, step)
-        aim, slack = self._aim(yaw_deg, step, bearing_deg, away_m)
-        moved = 0.0 if self._aim_deg is None else abs(wrap_degrees_180(aim - self._aim_deg))
+        aim, slack = self._aim(time_s, step, bearing_deg, away_m)
+        aimed = aim if self._aim_deg is None else self._aim_deg
+        self._aim_step_deg = wrap_degrees_180(aim - aimed)
+        moved = abs(self._aim_step_deg)
+        from_aim = abs(wrap_degrees_180(aimed - before_deg))
+        receded = max(0.0, abs(wrap_degrees_180(aim - before_deg)) - from_aim)
         off = abs(wrap_degrees_180(aim - yaw_deg))
         if self._aim_deg is None and self.wanted_deg is None:
             self._first_deg = self._best_deg = off
@@ -98,10 +106,10 @@ class YawWatch:
         self._pass_aim(time_s, wrap_degrees_180(aim - yaw_deg), step)
         # Also where the aim moves away from the heading that is not another's turn.
         self._align(time_s, off)
-        most = self._best_deg + moved + slack + self._tolerance_deg
-        if off < self._best_deg + moved - 1.0 or moved > 1.0 or not self._moved_s:
+        most = self._best_deg + receded + slack + self._tolerance_deg
+        if off < self._best_deg + receded - 1.0 or moved > 1.0 or not self._moved_s:
             self._moved_s = time_s
-        self._best_deg = min(self._best_deg + moved, off)
+        self._best_deg = min(self._best_deg + receded, off)
         frozen = self.wanted_deg is None and away_m < SAFETY.frozen_m
         there = off <= slack + self._tolerance_deg or frozen
         self._turns |= not there and off < self._first_deg - SAFETY.turn_begun_deg
@@ -167,24 +175,37 @@ class YawWatch:
         if (
             self.exact
             and self.wanted_deg is None  # a commanded heading comes to meet nothing
+            and not self._near
             and passes
             and gap_s > 0.0
             and abs(turned_deg) > SAFETY.settled_deg
             and turned_deg * step_deg > 0.0
         ):
-            self.turning_deg_s = max(turned_deg, step_deg, key=abs) / gap_s
-            self._turn_s, self._on_deg, self._ended = time_s, 0.0, False
+            self._may_stop(time_s, max(turned_deg, step_deg, key=abs) / gap_s)
+
+    def _rate_towards_aim(self, time_s: float, step_deg: float) -> float:
+        """Turn rate [°/s] at which the setpoint turns to its aim, or, past it, with its aim."""
+        turned_deg = max(step_deg, self._step_deg, key=abs)
+        if turned_deg * self._side_deg <= 0.0:
+            together = turned_deg * self._aim_step_deg > 0.0
+            turned_deg = self._aim_step_deg if together else 0.0
+        return turned_deg / max(time_s - self._seen_s, SAFETY.sample_s)
+
+    def _may_stop(self, time_s: float, turning_deg_s: float) -> None:
+        """Allow a setpoint that turns at a rate [°/s] the angle that it needs to stop."""
+        self.turning_deg_s = turning_deg_s
+        self._turn_s, self._on_deg, self._ended = time_s, 0.0, False
 
     @property
     def _turns_on(self) -> bool:
-        """True while the setpoint completes a turn that began before the command."""
+        """True while the setpoint completes a turn that began before it may not turn."""
         longest = _setpoint_turns_on_deg(self.turning_deg_s)
         return bool(longest) and not self._ended
 
     def _turned_on_deg(self, time_s: float, step_deg: float, off_deg: float) -> float:
         """Largest angle by which an earlier turn may still lead away from the aim [°].
 
-        A setpoint first completes a turn that began before the command.
+        A setpoint first completes a turn that began before the command, or near the target.
         """
         if not self.exact:
             return _turns_on_deg(self.turning_deg_s)
@@ -202,18 +223,27 @@ class YawWatch:
         return longest
 
     def _aim(
-        self, yaw_deg: float, step_deg: float, bearing_deg: float | None, away_m: float
+        self, time_s: float, step_deg: float, bearing_deg: float | None, away_m: float
     ) -> tuple[float, float]:
         """Expected heading (commanded, bearing or unchanged) and its uncertainty [°]."""
+        yaw_deg = self.yaw_deg
         if self.wanted_deg is not None:
             return self.wanted_deg, 0.0
         was_near = self._near
-        self._near = bearing_deg is None or away_m < SAFETY.heading_stays_m
+        stays_m = SAFETY.setpoint_stays_m if self.exact else SAFETY.heading_stays_m
+        self._near = bearing_deg is None or away_m < stays_m
         if not self._near and bearing_deg is not None:
             return bearing_deg, degrees(atan(SAFETY.bearing_place_error_m / away_m))
+        if self.exact and not was_near and self._aim_deg is not None:
+            self._may_stop(time_s, self._rate_towards_aim(time_s, step_deg))
+            self._stopping = True
+            return yaw_deg, 0.0
+        if self._stopping and self._ended:
+            self._stopping = False
+            return yaw_deg, 0.0
         # A turn that is not over yet comes to its end first.
         settles = not was_near or (self._settles and abs(step_deg) > SAFETY.settled_deg)
-        self._settles = settles and not self._aligned
+        self._settles = settles and not self._aligned and not self.exact
         if not was_near and self._aligned:
             return yaw_deg, 0.0
         if self._aim_deg is None or self._settles:
