@@ -12,7 +12,7 @@ class BandTuning:
     """Constants for searching the columns of a band, and estimating its noise."""
 
     noise_batches: int = 3
-    """Number of batches between updates of the noise estimate; a call costs more than data."""
+    """Number of batches between updates of the noise estimate; each update costs time."""
     least_noise_s: float = 0.35
     """Minimum duration of samples used to estimate the noise [s]."""
     least_clean: float = 0.2
@@ -60,7 +60,7 @@ class JudgeTuning:
     """Distance within which a strong pulse's maximum is searched [bins]: cells at their limit
     hide it. One group in twenty of 50 dB was measured on the flank, 6 dB low."""
     crossing_widths: float = 0.5
-    """Excess over the tag's interval bound up to which others are tried [pulse widths]."""
+    """Excess over the tag's interval bound up to which intervals are tried [pulse widths]."""
     crossing_lead: float = 10.0
     """Lead in power at which another interval is accepted [noise powers]. A tag at its bound
     stays below: an interval 0.375 ms beyond loses more power than noise adds."""
@@ -269,7 +269,7 @@ class SenderTuning:
     interval_sigmas: float = 2.5
     """Tolerance of a train's interval beyond a tag's bound [standard deviations]."""
     bound_sigmas: float = 3.0
-    """Declared bound of a tag's interval or frequency [standard deviations]."""
+    """Number of standard deviations in a tag's declared bound of interval or frequency."""
     most_miss: float = 30.0
     """Limit on the squared deviation of a train's frequency from a tag's [variances]."""
     stay_log: float = 1.0

@@ -265,7 +265,7 @@ def _poses(facts: FlightFacts) -> Finding:
             f"the last position is {age_s:.0f} s old",
             "Check the telemetry radio and the autopilot's stream rates",
         )
-    return passed(what, "fresh")
+    return passed(what, "positions arrive")
 
 
 def _tags(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:

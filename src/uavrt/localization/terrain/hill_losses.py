@@ -117,7 +117,7 @@ class HillLosses:
         return other
 
     def with_limitations(self, *limitations: str) -> "HillLosses":
-        """Copy with further limitations."""
+        """Copy with further limitations of the ground model."""
         other = copy(self)
         other.limitations = (*self.limitations, *limitations)
         return other
@@ -221,7 +221,7 @@ class LossesFrom:
     maps: NDArray[np.float32]
     """(lattice, rows, columns) loss from each lattice point to the ground squares [dB]."""
     which: NDArray[np.intp]
-    """(n,) index of the lattice point for each drone position."""
+    """(n,) index of the lattice point (first axis of `maps`) nearest to each drone position."""
     west_m: float
     south_m: float
     cell_m: float

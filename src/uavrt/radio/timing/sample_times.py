@@ -121,7 +121,7 @@ class TimeKeeper:
 
     @property
     def started(self) -> bool:
-        """True after the first arrival."""
+        """True after the first arrival of samples."""
         return self._start_ns is not None
 
     @property

@@ -101,7 +101,7 @@ class Airframe:
 
     @property
     def battery_percent(self) -> float:
-        """Remaining charge [%]."""
+        """Remaining charge of the battery [%]."""
         return max(0.0, 100.0 * (1.0 - self.used_wh / self.frame.battery_wh))
 
     @property

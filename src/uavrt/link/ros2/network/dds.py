@@ -380,7 +380,7 @@ class Participant:
     # ---------------------------------------------------------------- receiving
 
     def _read(self) -> None:
-        """Read messages until the end; runs in the only thread that reads."""
+        """Read DDS messages until the participant is closed, in the only reading thread."""
         while not self._closing.is_set():
             try:
                 if self._in_order or self._waitset.wait(duration(milliseconds=200)):

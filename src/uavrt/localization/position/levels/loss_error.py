@@ -84,7 +84,7 @@ class LossError:
         )
 
     def learnt(self, doubtful: _Floats, moved: _Floats, shrunk: _Floats) -> "LossError":
-        """Distribution after a pulse with a slope (`moved`) and curvature of log-likelihood."""
+        """Distribution after a pulse, by slope (`moved`) and curvature of its likelihood."""
         with_pulse = self.with_level_db - doubtful * self.variance
         return replace(
             self,

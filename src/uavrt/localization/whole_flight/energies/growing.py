@@ -57,7 +57,7 @@ class GrowingEnergies:
 
     @property
     def length_s(self) -> float:
-        """Duration measured so far [s]."""
+        """Duration of the flight measured so far [s]."""
         return len(self._parts) * self._block * self._slot / self._rate_hz
 
     def take(
