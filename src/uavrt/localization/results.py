@@ -127,7 +127,7 @@ class TrackPoint:
     """Position of a moving tag at one time, estimated from all data of the flight."""
 
     time_ns: int
-    """UTC [ns]; if unknown, time since the first pulse."""
+    """Time of the point [ns, UTC]; if UTC is unknown, since the first pulse."""
     latitude_deg: float
     longitude_deg: float
     radius50_m: float

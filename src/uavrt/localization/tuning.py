@@ -75,7 +75,7 @@ class FlightTuning:
     one_flight_s: float = 7200.0
     """Longest span of bearings for which a tag may move [s]; longer: assumed to rest."""
     other_tag_hz: float = 10_000.0
-    """Frequency difference above which one number means two tags [Hz]; drift is less."""
+    """Frequency difference above which one tag number means two tags [Hz]; drift is less."""
     least_turns: int = 3
     """Minimum number of whole turns from which an antenna's pattern is learned."""
     learning_pulses: int = 12

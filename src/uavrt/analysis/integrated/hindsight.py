@@ -102,7 +102,7 @@ def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
 
 
 def slots_of(result: IntegratedTag) -> SlotEvidence:
-    """Masks of a train's expected pulses: those sent at its rate, those above the noise."""
+    """Two masks of a train's expected pulses: sent at its rate, and above the noise."""
     rates = len(result.tag.pulse_intervals_s)
     heard = HeardTrain.among(result.energies, result.pulses, result.places, rates=rates)
     places = result.places

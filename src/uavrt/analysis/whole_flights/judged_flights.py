@@ -179,7 +179,7 @@ def integrate_flight(
 def _window_held(
     tag: Tag, window_hz: float, center_hz: float, rate_hz: float
 ) -> tuple[float, tuple[str, ...]]:
-    """Half-width searched around a tag's frequency [Hz], and a sentence if less than asked."""
+    """Half-width searched around a tag [Hz], and a sentence if less than requested."""
     held_hz = max(0.0, 0.5 * rate_hz - abs(tag.frequency_hz - center_hz))
     if window_hz <= held_hz:
         return window_hz, ()

@@ -92,7 +92,7 @@ class LimitTuning:
     per_cell: float = 60.0
     """Number of independent sums per time-frequency cell of a pulse width by its inverse."""
     per_interval: float = 1.0
-    """Number of independent intervals tried per pulse width of the last burst's uncertainty."""
+    """Number of independent intervals tried per pulse width of the last burst's time error."""
     per_refinement: float = 14.0
     """Number of independent sums that the refinement of one sum of bursts tries."""
     expected_false: float = 1e-6

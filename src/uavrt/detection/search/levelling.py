@@ -210,7 +210,7 @@ class Leveller:
         self._average()
 
     def _nearly_steady(self, both: NDArray[np.float32]) -> bool:
-        """True if noise levels are so near the newest that the limits on cells stay valid."""
+        """True if noise levels are so near the newest that cells need no new limits."""
         pieces = both.shape[1] // LEVEL.piece_slots
         some = both[:, both.shape[1] - pieces * LEVEL.piece_slots :]
         common = self._common(some).reshape(pieces, LEVEL.piece_slots).mean(axis=1)

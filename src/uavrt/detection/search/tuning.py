@@ -11,7 +11,7 @@ class SpectrogramTuning:
     """Constants of the spectrogram of a narrow band."""
 
     blas_product: int = 200_000
-    """Maximum size of matrix product for one OpenBLAS thread; two may take 50 times as long."""
+    """Maximum multiplications in a product for one OpenBLAS thread; two may take 50 times."""
     least_window: int = 24
     """Minimum length of a pulse after decimation [samples]; below it the hop is too coarse."""
     stopband_db: float = 55.0
@@ -105,7 +105,7 @@ class NoiseLevelTuning:
     learnt_slots: int = 40
     """Number of slots (half pulses) of noise level 1 assumed before the first slot."""
     steady_ratio: float = 0.5
-    """Minimum ratio of lowest to highest noise level for which the limits on cells hold."""
+    """Minimum ratio of lowest to highest noise level that needs no new limits on cells."""
     least_level: float = 1e-9
     """Minimum noise level [noise powers]; avoids division by zero if samples are zero."""
 

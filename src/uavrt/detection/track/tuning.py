@@ -248,7 +248,7 @@ class GhostTuning:
     edge_widths: float = 0.75
     """Maximum time between a pulse's start and its edge detected as a pulse [pulse widths]."""
     edge_share: float = 0.6
-    """Minimum share of a train's pulses at another train's edges, if it consists of these."""
+    """Minimum share of pulses at another train's edges in a train that consists of edges."""
     rounding_ns: int = 1000
     """Maximum rounding error of present-day times as floating-point numbers [ns]."""
     coincident_share: float = 0.9

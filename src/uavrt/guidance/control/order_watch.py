@@ -34,7 +34,7 @@ class JumpWatch:
 
     before: PositionSeen
     jumped_m: float = 0.0
-    """Sum of changes of the altitude above sea level that the height above home lacked [m]."""
+    """Sum of changes of altitude above sea level that the height over home did not show [m]."""
 
     def see(self, seen: PositionSeen) -> str | None:
         """Text on a position or altitude that jumped since the last report; None without."""

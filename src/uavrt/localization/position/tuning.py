@@ -48,7 +48,7 @@ class GridTuning:
     map_reach: int = 10
     """Reach of a cell's normal law above which whole rows of a map are computed [map cells]."""
     survey_first_cells: int = 28
-    """Cells along the longer side of a power survey's grid before any is quartered."""
+    """Number of cells along the longer side of a survey's grid before any is quartered."""
     survey_held: float = 2e-3
     """Probability at which a power survey's cells are quartered; less changes no circle."""
     survey_growth: float = 2.0
@@ -205,9 +205,9 @@ class SurveyTuning:
     """Maximum standard deviation assumed for an error of the height above the tag, as a share
     of that height. With a larger one, an obstacle's loss is taken for a height error."""
     far_wrong_share: float = 0.1
-    """Prior share of surveys whose stated height above the tag is wrong by far more."""
+    """Prior share of surveys whose stated height above the tag is grossly wrong."""
     far_wrong_sigmas: float = 4.0
-    """Ratio of the standard deviation of far greater height errors to the usual one."""
+    """Ratio of the standard deviation of gross height errors to that of usual ones."""
     shifts_m: tuple[float, ...] = (-30.0, -18.0, -9.0, 0.0, 9.0, 18.0, 28.0, 40.0)
     """Candidate errors of the stated height above the tag [m]."""
     least_height_m: float = 3.0

@@ -55,7 +55,7 @@ _FLOOR_S: Final = 0.002
 """Minimum lateness of arrivals above jitter that shows a loss [s]; clock drift is smaller."""
 _LEVEL_S: Final = 0.006
 _LEVEL_SLOPE: Final = 0.06
-"""Rise of the lateness [s/s] above which a program is falling behind and nothing is lost."""
+"""Rise of arrivals' lateness [s/s] above which the radio program falls behind: no loss."""
 _CLIMB_S: Final = 0.35
 _LEVEL_AFTER_CLIMB_S: Final = 1.5
 _SUSPECT_S: Final = 0.008

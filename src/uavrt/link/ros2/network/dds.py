@@ -441,7 +441,7 @@ class Participant:
             self._senders.add_writer(handle, key, writer.topic_name)
 
     def _announced(self, reader: Any) -> Iterator[Any]:
-        """Yield announcements singly: one name that is not UTF-8 loses all taken with it."""
+        """Yield announcements one by one: in a batch, one name that is not UTF-8 loses all."""
         for _ in range(ANNOUNCED_LIMIT):
             try:
                 samples = reader.take(1)

@@ -32,7 +32,7 @@ def doubtful_db(lost_db: _Floats) -> _Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LossError:
-    """Normal distribution of the lasting error, if the tag is at each position.
+    """Normal distribution of the lasting error of levels, for each possible tag position.
 
     Behind hills it is relative to the losses, else in standard deviations of the shadowing.
     """

@@ -21,7 +21,7 @@ from uavrt.localization.whole_flight.tuning import ENERGY
 
 
 class GrowingEnergies:
-    """Convert a channel's samples in flight to all slot energies so far."""
+    """Converts a channel's samples, as they arrive in flight, to energies of all slots."""
 
     def __init__(
         self,
