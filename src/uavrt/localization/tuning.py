@@ -73,7 +73,7 @@ class FlightTuning:
     in_progress_ns: int = 10_000_000_000
     """Time before the last pose within which a turn may still be in progress [ns]."""
     one_flight_s: float = 7200.0
-    """Longest span of bearings for which a tag may move [s]; longer: assumed to rest."""
+    """Longest span of bearings in which a tag may move [s]; over a longer one it rests."""
     other_tag_hz: float = 10_000.0
     """Frequency difference above which one tag number means two tags [Hz]; drift is less."""
     least_turns: int = 3

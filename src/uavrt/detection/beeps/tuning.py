@@ -150,7 +150,7 @@ class NamingTuning:
     gap_pulses: int = 10
     """Minimum number of pulses for missing samples to be detected."""
     gap_share: float = 0.7
-    """Minimum share of pulse-to-pulse times just below the interval, for missing samples."""
+    """Minimum share of pulse-to-pulse times below the interval that shows missing samples."""
     most_missing_share: float = 0.4
     """Maximum share of a pulse interval that may be missing samples."""
     least_gap_spread_s: float = 0.02

@@ -154,7 +154,7 @@ class ThresholdTuning:
     nine_of_ten: float = 1.2816
     """Quantile 0.9 of the normal distribution [standard deviations], for p = 0.9."""
     least_begun: float = 0.25
-    """Minimum time for a group's start, as a share of the interval; longer up to K = 40."""
+    """Minimum time in which a group may begin [decision intervals]; more up to K = 40."""
     first_share: float = 0.8
     """Share of groups that lie within the samples of the first decision, calibrated."""
     noise_error: float = 0.033
