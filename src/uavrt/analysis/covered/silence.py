@@ -137,7 +137,7 @@ class ListenedFlight:
         of_track = directory.is_file()
         try:
             if of_track:
-                raise RecordingError("a track has no noise measurements")
+                raise RecordingError("a vehicle's track has no noise measurements")
             noise = flight_noise_of(directory, flight)
             said = f"+{noise.median_db:.1f} dB in the air over {noise.quiet}"
         except (RecordingError, FormatError) as error:

@@ -141,7 +141,7 @@ def integrate_flight(
             raise RecordingError(
                 f"the recording holds {seconds:.0f} s, "
                 f"less than {MODEL.least_pulses} intervals of tag {tag.tag_id}",
-                remedy="Use uavrt detect for so short a recording",
+                remedy="Use uavrt detect for short recordings",
             )
         if not samples.any():
             raise RecordingError(
@@ -264,7 +264,7 @@ def assumed_in_words(searched: SearchedFor) -> tuple[str, ...]:
         return ()
     return (
         f"antenna not specified: {searched.antenna} assumed; "
-        "with another, pulses have other weights (give --antenna)",
+        "another antenna gives pulses other weights (give --antenna)",
     )
 
 

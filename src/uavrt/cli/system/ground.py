@@ -322,6 +322,6 @@ def _refuse_unused(**given: bool) -> None:
     unused = [f"--{name.replace('_', '-')}" for name, is_given in given.items() if is_given]
     if unused:
         raise ConfigError(
-            f"without a page there is no use for {', '.join(unused)}",
+            f"only a page can use {', '.join(unused)}",
             remedy="Add --page, or leave out --headless, --tags, --start and --json",
         )

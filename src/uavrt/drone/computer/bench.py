@@ -318,7 +318,7 @@ def _battery(facts: FlightFacts) -> Finding:
             "Set up the autopilot's battery monitor (BATT_MONITOR, BAT1_SOURCE)",
         )
     if percent < BATTERY_PERCENT:
-        return failed(what, f"{percent:.0f} % left", "Charge it, or use a full one")
+        return failed(what, f"{percent:.0f} % left", "Charge the battery, or use a full one")
     if facts.battery_v is None:
         return passed(what, f"{percent:.0f} % left")
     return passed(what, f"{percent:.0f} % left, {facts.battery_v:.1f} V")
