@@ -95,7 +95,7 @@ class PositionGrid:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ellipse:
-    """Ellipse that holds a tag with 95 % probability under a normal law."""
+    """Ellipse that holds a tag with 95 % probability if its error is normal."""
 
     semi_major_m: float
     semi_minor_m: float

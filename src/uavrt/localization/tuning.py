@@ -19,7 +19,7 @@ class PowerLawTuning:
     outlier_share: float = 0.01
     """Prior share of pulses with arbitrary power, by interference or a turn of the animal."""
     gaussian_from: float = 1000.0
-    """Power over noise above which its law is Gaussian in decibels to 1 %: 30 dB."""
+    """Power over noise above which it is distributed normally in decibels to 1 %: 30 dB."""
     least_density: float = 1e-300
     """Lower limit of a pulse's probability density, so that its logarithm is finite."""
 

@@ -84,7 +84,7 @@ class SilentMap:
 
     @property
     def heard(self) -> bool:
-        """True if the tag was or may have been received, so that silence is no evidence."""
+        """True if the tag was or may have been received, so that silence is not evidence."""
         return self.heard_pulses > 0 or self.in_hindsight or self.ambiguous
 
     @property

@@ -61,7 +61,7 @@ def save_integrated(
 def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
     """Pulses of a tag found by whole-flight analysis, without those detected in flight.
 
-    Listed are expected pulses whose energy noise alone reaches in at most one of twenty.
+    Listed are expected pulses whose energy noise alone reaches in at most one case of twenty.
     Score, group and noise density are unknown.
     """
     if not result.found:

@@ -164,7 +164,7 @@ class ListeningTuning:
     """Times and limits for searching a stream for unlisted senders."""
 
     tags_band_s: tuple[float, float, float] = (60.0, 20.0, 90.0)
-    """Time searched in the tags' band of a recording, at first and per period; period [s]."""
+    """Search times in a recording's tag band: at first, per period; length of a period [s]."""
     tags_band_live_s: tuple[float, float, float] = (60.0, 90.0, 90.0)
     """Time searched in the tags' band of a live stream, at first and per period; period [s]."""
     wide_hz: float = 800e3

@@ -207,7 +207,7 @@ class ForeignTuning:
     memory_s: float = 300.0
     """Time over which the rate of unknown senders' bursts is averaged [s]."""
     start_s: float = 10.0
-    """Time added to the time since the start [s], so that one early burst is no high rate."""
+    """Time added to the time since the start [s]: one early burst is then not a high rate."""
     weakest_energy: float = 10.0
     """Minimum energy of each of three pulses of an unknown sender's burst [noise energies]."""
     sure_energy: float = 14.0

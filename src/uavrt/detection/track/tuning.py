@@ -48,7 +48,7 @@ class JudgeTuning:
     lobe_ratio: float = 3.0
     """Minimum ratio of a signal's power to that of a pulse in its spectral side lobe."""
     weak_power: float = 4.0
-    """Power below which a pulse's surroundings are no evidence against it [noise powers]."""
+    """Power below which a pulse's surroundings do not count against it [noise powers]."""
     loud_power: float = 8.0
     """Minimum power of a pulse that is tested for being an impulse [noise powers]."""
     most_flanks: float = 6.0
@@ -154,7 +154,7 @@ class FollowTuning:
     most_missed: int = 10
     """Maximum number of consecutive missed pulses of a track; more end it."""
     first_trust: float = 3.0
-    """Log odds of being a tag of a track just confirmed; three missing pulses end it."""
+    """Log odds that a track just confirmed is a tag; three missing pulses end it."""
     most_trust: float = 15.0
     """Maximum log odds of a track; ten missing pulses end the track, as `most_missed`."""
     trust_lost: float = 1.4

@@ -57,7 +57,7 @@ class RcWatch:
 
 
 def _switched(channels: list[int]) -> str | None:
-    """Text on the first of the moved RC channels, with a remedy if it is no switch; or None."""
+    """Text on the first moved RC channel, with a remedy if it is not a switch; or None."""
     if not channels:
         return None
     unless = "(guidance.unwatched_channels leaves it out)"

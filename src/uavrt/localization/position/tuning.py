@@ -44,9 +44,9 @@ class GridTuning:
     map_cells: int = 100
     """Number of cells along the longer side of the probability map of a position."""
     map_sigmas: float = 8.0
-    """Reach of a cell's normal law in a position's map [standard deviations]: all but 1e-14."""
+    """Extent of a cell's normal distribution in a position's map [standard deviations]."""
     map_reach: int = 10
-    """Reach of a cell's normal law above which whole rows of a map are computed [map cells]."""
+    """Reach of a cell's normal density above which a map is computed by rows [map cells]."""
     survey_first_cells: int = 28
     """Number of cells along the longer side of a survey's grid before any is quartered."""
     survey_held: float = 2e-3
@@ -58,7 +58,7 @@ class GridTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BearingFixTuning:
-    """Constants for positions from bearings: their error law, and Lenth's estimators."""
+    """Constants for positions from bearings: their error model, and Lenth's estimators."""
 
     step_deg: float = 0.25
     """Step in bearing of the tables of a bearing's probability [°]."""
@@ -110,7 +110,7 @@ class CommonErrorTuning:
     rounds: int = 25
     """Maximum number of iterations of a position's fit to bearings with outliers."""
     loose_rounds: int = 8
-    """First iterations of the fit to bearings in which larger errors are tolerated."""
+    """Number of first iterations of the fit to bearings that tolerate larger errors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -175,7 +175,7 @@ class PowerTuning:
     """Largest correlation of neighbouring pulses' errors inferred from stretch means."""
 
     hill_error: float = 0.25
-    """Relative standard deviation of a loss behind hills: coarse map, trees, one edge."""
+    """Relative standard deviation of the loss computed behind hills (coarse map, trees)."""
     hill_factors: tuple[tuple[float, float], ...] = (
         (0.65, 1.0 / 6.0),
         (1.0, 2.0 / 3.0),
@@ -261,7 +261,7 @@ class SurveyTuning:
     least_db: float = 0.05
     """Minimum residual scatter of pulse powers in the robust fit [dB]: their resolution."""
     freedom: float = 3.0
-    """Degrees of freedom of Student's law for powers in the robust fit."""
+    """Degrees of freedom of Student's t for powers in the robust fit."""
     rounds: int = 4
     """Number of iterations of the robust fit to powers."""
 
@@ -310,7 +310,7 @@ class LevelTuning:
     least_share: float = 1e-30
     """Minimum probability of a pulse or a miss by chance, which keeps logarithms finite."""
     pattern_steps: int = 4096
-    """Number of steps of a pattern's table over the cosine off boresight: up to 1.8°."""
+    """Number of steps of a pattern's table, over the cosine of the angle off boresight."""
     tail_step: float = 0.005
     """Step of the table of the normal distribution's tail [standard deviations]."""
     tail_sigmas: float = 12.0

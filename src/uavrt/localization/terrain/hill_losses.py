@@ -227,7 +227,7 @@ class LossesFrom:
     cell_m: float
 
     def __call__(self, east_m: _Floats, north_m: _Floats) -> NDArray[np.float32]:
-        """(places, n) losses to tag positions (places,) [dB]."""
+        """(places, n) losses from the n drone positions to tag positions (places,) [dB]."""
         lattice = np.arange(len(self.maps))[np.newaxis]
         each = self.between(lattice, east_m[:, np.newaxis], north_m[:, np.newaxis])
         return np.asarray(each[:, self.which])

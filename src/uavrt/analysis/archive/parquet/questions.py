@@ -127,7 +127,8 @@ def in_archive(
         rows, size_bytes = connection.sql(size).fetchall()[0]
         if rows > size_bytes:  # a batch writes the path of each
             raise FormatError(
-                f"{archive / RECORDINGS} is damaged: {rows:,} rows without columns"
+                f"{archive / RECORDINGS} is damaged: {rows:,} rows without columns; run the "
+                "same uavrt batch again with --verify"
             )
         return query(connection)
 
