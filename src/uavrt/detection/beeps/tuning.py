@@ -84,7 +84,7 @@ class TrainTuning:
     renewing_ratio: float = 3.0
     """Minimum ratio of new to old pulses at one frequency for it to be searched again."""
     renewing_share: float = 0.125
-    """Maximum new pulses outside the known trains to keep these [share of the old pulses]."""
+    """New pulses outside known trains, as a share of the old pulses, up to which these stay."""
     most_intervals: int = 8
     """Maximum number of intervals found among the pulses of one frequency."""
     strays: int = 2

@@ -77,7 +77,7 @@ class OrderWatch:
     motion: Commanded | None = None
     own_mode_seen: bool = False
     in_air_s: float | None = None
-    """Time since a vehicle is reported in the air before its take-off command [s], or None."""
+    """Time of the first report of a vehicle in the air before its take-off [s], or None."""
     jumps: JumpWatch = field(init=False)
 
     def __post_init__(self) -> None:

@@ -122,7 +122,7 @@ class ObserverTuning:
     shares: tuple[float, float, int] = (0.02, 0.6, 14)
     """Least, largest, number of trial shifts common to bearings, as shares of the distance."""
     metres: tuple[float, float, int] = (5.0, 220.0, 15)
-    """Least, largest, number of trial shifts common to bearings, equal at all distances [m]."""
+    """Smallest and largest trial shift common to bearings at any distance [m]; their number."""
     outlier_share: float = 0.05
     """Prior share of a person's bearings in test trials that are unrelated to the tag."""
     reach: float = 2.0
