@@ -172,7 +172,7 @@ class ListeningTuning:
     wide_live_s: float = 30.0
     """Maximum time searched per period in the tags' band, where it is wide [s]."""
     whole_band_s: tuple[float, float, float] = (20.0, 20.0, 300.0)
-    """Time searched in the radio's wider band, at first and per period; period [s]."""
+    """Search times in the radio's wider band: at first, per period; length of a period [s]."""
     whole_band_live_s: tuple[float, float, float] = (40.0, 20.0, 540.0)
     """Time searched in the wider band of a live stream, at first and per period; period [s].
     In 40 s of pulses of 15 dB every 2 s, at least `live_pulses` are found."""

@@ -120,7 +120,7 @@ class ObserverTuning:
     heading_sigma_deg: float = 5.0
     """Prior standard deviation of a person's mean bearing error [°]; crews had -6° to +8°."""
     shares: tuple[float, float, int] = (0.02, 0.6, 14)
-    """Least, largest, number of trial shifts common to bearings, as shares of the distance."""
+    """Smallest and largest trial shift common to bearings [share of distance]; their number."""
     metres: tuple[float, float, int] = (5.0, 220.0, 15)
     """Smallest and largest trial shift common to bearings at any distance [m]; their number."""
     outlier_share: float = 0.05
@@ -130,7 +130,7 @@ class ObserverTuning:
     points: int = 41
     """Number of shifts common to bearings examined in each of two directions."""
     scatters_deg: tuple[float, float, int] = (1.0, 30.0, 13)
-    """Least, largest and number of trial standard deviations of a person's bearings [°]."""
+    """Smallest and largest trial scatter of a person's bearings [°]; number of trials."""
     headings_deg: tuple[float, float, int] = (-20.0, 20.0, 33)
     """Least, largest and number of trial mean errors of a person's bearings [°]."""
 
