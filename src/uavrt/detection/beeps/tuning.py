@@ -164,15 +164,15 @@ class ListeningTuning:
     """Times and limits for searching a stream for unlisted senders."""
 
     tags_band_s: tuple[float, float, float] = (60.0, 20.0, 90.0)
-    """Search times in a recording's tag band: at first, per period; length of a period [s]."""
+    """Search times in a recording's tag band: at first, per period; period length [s]."""
     tags_band_live_s: tuple[float, float, float] = (60.0, 90.0, 90.0)
-    """Time searched in the tags' band of a live stream, at first and per period; period [s]."""
+    """Search times in a live stream's tag band: at first, per period; period length [s]."""
     wide_hz: float = 800e3
     """Sample rate above which the tags' band is too expensive to be searched always [Hz]."""
     wide_live_s: float = 30.0
     """Maximum time searched per period in the tags' band, where it is wide [s]."""
     whole_band_s: tuple[float, float, float] = (20.0, 20.0, 300.0)
-    """Search times in the radio's wider band: at first, per period; length of a period [s]."""
+    """Search times in the radio's wider band: at first, per period; period length [s]."""
     whole_band_live_s: tuple[float, float, float] = (40.0, 20.0, 540.0)
     """Time searched in the wider band of a live stream, at first and per period; period [s].
     In 40 s of pulses of 15 dB every 2 s, at least `live_pulses` are found."""
