@@ -73,7 +73,7 @@ def read_season(directory: Path) -> Season:
     if not outlines:
         raise FormatError(
             f"there is no flight that can be read below {directory}",
-            remedy="Name the folder that holds them",
+            remedy="Name the folder that contains flights",
         )
     flights = without_copies(outlines)
     minutes = sum(_minutes(one) for one in flights)

@@ -44,6 +44,6 @@ def read_text(path: Path, limit: Limit) -> str:
         ) from None
     if not text.strip():
         raise FormatError(
-            f"{path} is empty", remedy="Check its name, and that it was copied whole"
+            f"{path} is empty", remedy="Check its name, and whether the copy is complete"
         )
     return text

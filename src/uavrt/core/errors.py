@@ -127,7 +127,7 @@ class RadioGarbled(RadioError):
 
 
 class LinkError(UavrtError):
-    """A MAVLink link cannot be opened or broke."""
+    """A MAVLink link cannot be opened or has failed."""
 
 
 class TunnelError(UavrtError):
@@ -156,7 +156,7 @@ class RecordingError(UavrtError):
 
 
 class StoreError(RecordingError):
-    """An object store does not answer or ends in the middle; trying again may help."""
+    """An object store does not answer or breaks off a transfer; trying again may help."""
 
 
 @contextmanager

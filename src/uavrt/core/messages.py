@@ -251,7 +251,7 @@ class Beep:
     """Difference of the sender's frequency from that listed for each tag in `tag_ids` [Hz]."""
     image_of_hz: float | None = None
     reason: str = ""
-    """Reason why the sender may be no animal, or what else it may mean."""
+    """Reason why the sender may not be an animal, or what else it may mean."""
 
     def __post_init__(self) -> None:
         """Raise `ValueError` for impossible values; they may come from radio or files."""

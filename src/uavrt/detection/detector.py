@@ -198,7 +198,7 @@ class PulseDetector:
     def next_step(self, length: int) -> int | None:
         """Index up to which to search after a block of `length`; None: wait for more samples.
 
-        It does not wait if another block of the longest recent length would make it late.
+        It is not None if another block of the usual length would make the search late.
         """
         fresh = self._buffer.end - self._clean - self._cleaner.margin
         if not length or fresh <= self._patience - self._longest.length:

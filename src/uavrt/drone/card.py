@@ -129,7 +129,7 @@ def clock_fault() -> str | None:
     """Text on a fault of this computer's clock or its battery; None if there is none."""
     if clock_is_lost():
         seconds = wall_ns() // NANOSECONDS_PER_SECOND
-        return time.strftime("believes it is %Y-%m-%d %H:%M UTC", time.gmtime(seconds))
+        return time.strftime("shows %Y-%m-%d %H:%M UTC", time.gmtime(seconds))
     off_s = battery_clock_off_s()
     if off_s is not None and abs(off_s) > BATTERY_CLOCK_OFF_S:
         way = "ahead" if off_s > 0 else "behind"

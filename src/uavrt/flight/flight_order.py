@@ -37,7 +37,7 @@ def note_flight(flight: Path) -> None:
 
 
 def flown_name(name: str) -> str:
-    """Name of the flight that a directory copies; the directory's own name if it is no copy.
+    """Name of the flight that a directory copies; the directory's own name if it is not a copy.
 
     >>> flown_name("flight_log_2026-05-01_08-15-00_ground_2")
     'flight_log_2026-05-01_08-15-00'

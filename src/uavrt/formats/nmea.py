@@ -106,7 +106,7 @@ def _number(field: tuple[str, ...], least: float, most: float) -> float | None:
 
 
 def fields_of(line: str) -> list[str]:
-    """Split a sentence into fields; ``[""]`` if it is no sentence or its checksum is wrong."""
+    """Split a sentence into fields; ``[""]`` if it is invalid or its checksum is wrong."""
     start = line.find("$")
     body, star, checksum = line[start + 1 :].strip().partition("*")
     if start < 0 or not body:

@@ -8,7 +8,7 @@ from uavrt.planning.drone_model.energy import EnergyModel
 
 
 def energy_of(hover_w: float | None) -> EnergyModel:
-    """Prior estimate of the power of flight; `hover_w`: hover power [W]; None: unknown."""
+    """Prior estimate of the flight power; `hover_w`: hover power [W]; None: unknown."""
     if hover_w is None:
         return EnergyModel(scale_sigma=SEARCH_RULES.unknown_sigma)
     return EnergyModel(
@@ -20,7 +20,7 @@ def energy_of(hover_w: float | None) -> EnergyModel:
 
 
 class EnergyLearning:
-    """Estimate of one drone's power of flight, updated if the battery's capacity is known."""
+    """Estimate of one drone's flight power, updated if the battery's capacity is known."""
 
     def __init__(self, hover_w: float | None, battery_wh: float | None) -> None:
         self.energy = energy_of(hover_w)

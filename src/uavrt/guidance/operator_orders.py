@@ -54,4 +54,4 @@ class VehicleNow(VehicleSeen):
     wind: "Wind | None" = None
     """Wind reported by the autopilot; None: not reported."""
     energy: "EnergyModel | None" = None
-    """Learned power of flight; None: computed from the hover power in the settings."""
+    """Learned flight power; None: computed from the hover power in the settings."""

@@ -62,7 +62,7 @@ class SafetyLimits:
     lowest_height_m: float = 20.0
     """Lowest commanded height above ground [m], unless the settings have another."""
     gust_below_m: float = 1.0
-    """Tolerance of height limits in plans [m]: gusts may lower a hovering drone so far."""
+    """Tolerance of height limits in plans [m], as gusts may lower a hovering drone."""
     margin_m: float = 5.0
     """Distance of paths from outlines of people and buildings [m], for gusts and bends."""
     calm_share: float = 0.9

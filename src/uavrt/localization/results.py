@@ -95,7 +95,7 @@ class PositionGrid:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ellipse:
-    """Ellipse that holds a tag with 95 % probability under a normal law."""
+    """Ellipse that holds a tag with 95 % probability if its error is normal."""
 
     semi_major_m: float
     semi_minor_m: float
@@ -127,7 +127,7 @@ class TrackPoint:
     """Position of a moving tag at one time, estimated from all data of the flight."""
 
     time_ns: int
-    """UTC [ns]; if unknown, time since the first pulse."""
+    """Time of the point [ns, UTC]; if UTC is unknown, since the first pulse."""
     latitude_deg: float
     longitude_deg: float
     radius50_m: float

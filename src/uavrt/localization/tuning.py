@@ -19,7 +19,7 @@ class PowerLawTuning:
     outlier_share: float = 0.01
     """Prior share of pulses with arbitrary power, by interference or a turn of the animal."""
     gaussian_from: float = 1000.0
-    """Power over noise above which its law is Gaussian in decibels to 1 %: 30 dB."""
+    """Power over noise above which it is distributed normally in decibels to 1 %: 30 dB."""
     least_density: float = 1e-300
     """Lower limit of a pulse's probability density, so that its logarithm is finite."""
 
@@ -73,9 +73,9 @@ class FlightTuning:
     in_progress_ns: int = 10_000_000_000
     """Time before the last pose within which a turn may still be in progress [ns]."""
     one_flight_s: float = 7200.0
-    """Longest span of bearings for which a tag may move [s]; longer: assumed to rest."""
+    """Longest span of bearings in which a tag may move [s]; over a longer one it rests."""
     other_tag_hz: float = 10_000.0
-    """Frequency difference above which one number means two tags [Hz]; drift is less."""
+    """Frequency difference above which one tag number means two tags [Hz]; drift is less."""
     least_turns: int = 3
     """Minimum number of whole turns from which an antenna's pattern is learned."""
     learning_pulses: int = 12

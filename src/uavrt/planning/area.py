@@ -252,7 +252,7 @@ class SearchArea:
 
     search: Polygon
     fence: Polygon | None = None
-    """Fence that the drone must stay inside; None is no limit."""
+    """Fence that the drone must stay inside; None means no limit."""
     excluded: tuple[Circle | Polygon, ...] = ()
     """Excluded areas that the drone must not enter."""
     within: tuple[Circle | Polygon, ...] = ()

@@ -127,7 +127,7 @@ class Interferer:
         return self._density
 
     def heard(self, heard: Listening, log_probability: float) -> None:
-        """Update with a received pulse and its log-density from the tag and other sources."""
+        """Update with a received pulse, given its log-density by the tag and other sources."""
         others = self._missed * self.probability * self._density
         chance = self._chance * false_pulse_density(heard)
         tags = max(float(np.exp(log_probability)) - others, chance)
@@ -135,7 +135,7 @@ class Interferer:
         self.tracker.listen(heard, elsewhere=max(tags / self._missed - chance, 0.0))
 
     def missed(self, heard: Listening) -> None:
-        """Update with a missed pulse."""
+        """Update the interferer's belief with a missed pulse."""
         self._add(self.tracker.listen(heard).log_probability)
 
     def _add(self, nats: float) -> None:

@@ -25,7 +25,7 @@ class _Sharing:
     existence: float = 0.95
     """Smallest probability of existence at which a tag's path loss exponent informs others."""
     news: float = 1.25
-    """Growth of the precision of a tag's path loss exponent at which it is sent [ratio]."""
+    """Growth of a path loss exponent's precision at which tags share it again [ratio]."""
     placed_m: float = 50.0
     """Largest rms position spread at which a tag counts as located [m]."""
     most_precision: float = 1.0 / 0.1**2

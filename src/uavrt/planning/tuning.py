@@ -26,7 +26,7 @@ class PlanningTuning:
     stay_s: float = 6.0
     """Time at each tag of a round over all tags [s]: a turn towards it and its last pulses."""
     located_share: float = 0.5
-    """Largest position spread of a tag for one drone alone [share of the area's width]."""
+    """Largest position spread of a tag that one drone seeks alone [share of area's width]."""
 
     scale_drift: float = 0.03
     """Standard deviation added per update to the ratio of used to modelled power (wind)."""

@@ -37,7 +37,8 @@ def check_device(settings: RadioSettings) -> str:
                 block = source.read(timeout_s=0.5)
             except EOFError:
                 raise RadioStopped(
-                    f"{title}: the samples have ended", remedy="Start what sends them again"
+                    f"{title}: the samples have ended",
+                    remedy="Restart the program that sends the samples",
                 ) from None
             if block is not None:
                 check.look(block)

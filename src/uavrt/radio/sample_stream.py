@@ -190,7 +190,7 @@ class StreamSource(LiveSource):
 
 
 def _enlarge_pipe(descriptor: int) -> int:
-    """Make a pipe as large as allowed; return its size [bytes], 0 if it is no pipe."""
+    """Make a pipe as large as allowed; return its size [bytes], 0 if it is not a pipe."""
     import fcntl  # here: recordings are read where there is none
 
     with os_errors_as(RadioError, f"cannot read descriptor {descriptor}"):

@@ -6,8 +6,8 @@ from uavrt.core.errors import RadioGarbled, RadioStalled
 from uavrt.core.messages import IQBlock
 
 FULL_SCALE_POWER = 4.0
-"""Mean power of a block above which the data are no signal. Full scale is 1 in I and in Q, so a
-full-scale square wave has 2; random bytes read as floats have 10⁷⁶."""
+"""Mean power of a block above which the data are not a signal. Full scale is 1 in I and in Q,
+so a full-scale square wave has 2; random bytes read as floats have 10⁷⁶."""
 DEAD_S = 1.0
 """Duration of exact zeros that shows a dead radio [s]; noise is at least one converter step."""
 
@@ -20,7 +20,7 @@ class SampleCheck:
         self._dead_s = 0.0
 
     def look(self, block: IQBlock) -> None:
-        """Raise `RadioGarbled` if a block is no signal, `RadioStalled` after 1 s of zeros."""
+        """Raise `RadioGarbled` if values are absurd, `RadioStalled` after 1 s of zeros."""
         values = block.samples.view(np.float32)
         if values.size == 0:
             return

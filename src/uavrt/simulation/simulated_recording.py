@@ -33,7 +33,7 @@ TELEMETRY_COLUMNS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedRecording:
-    """Paths of all files written."""
+    """Paths of all files written for one simulated recording."""
 
     data: Path
     metadata: Path

@@ -233,7 +233,7 @@ def test_a_whole_flight_is_flown_through_the_page(
 
     # Samples as they are, and the drone's own settings.
     page.click("#act-capture")
-    expect(page.locator("#chip-state")).to_have_text("Capturing", timeout=WAIT_MS)
+    expect(page.locator("#chip-state")).to_have_text("Recording raw data", timeout=WAIT_MS)
     expect(page.locator("#chip-state")).to_have_text("Ready", timeout=WAIT_MS)
     assert list(tmp_path.glob("drone1/flights/*/iq/*.sigmf-meta"))
     page.click("#tab-setup")

@@ -107,4 +107,4 @@ def test_a_mast_among_bearings_without_strengths_is_left_out_with_that_reason(
     mast = as_log(tmp_path / "mast.jsonl", still(flown(threshold_db=-20.0).pulse_poses))
     (found,) = read_positions(mast, by_hand(tmp_path / "noted.csv"))
     (listener,) = some(found.position).listeners
-    assert listener.endswith("not used: no bearing has a strength")
+    assert listener.endswith("not used: no bearing has a signal strength")

@@ -62,7 +62,7 @@ def test_recordings_that_do_not_say_enough_are_told_by_columns(
     said = capsys.readouterr().err
     for text in (
         "Give sample_rate_hz (in --manifest)",
-        "Name its format (in --manifest)",
+        "Give its format (in --manifest)",
         "give format, sample_rate_hz and center_frequency_hz for ",
     ):
         assert text in said
@@ -75,5 +75,5 @@ def test_the_tables_say_it_as_the_command_does(tmp_path: Path) -> None:
         find_recordings([tmp_path]), TagSource(tags=TAGS), tmp_path / "out", BatchSettings()
     )
     assert [row.fault for row in summary.rows] == [
-        f"{tmp_path / 'b.wav'} is not a WAV file. Name its format (in --manifest)"
+        f"{tmp_path / 'b.wav'} is not a WAV file. Give its format (in --manifest)"
     ]

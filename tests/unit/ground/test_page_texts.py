@@ -464,8 +464,8 @@ def test_a_longer_error_is_not_taken_for_a_shorter_one() -> None:
     assert in_german("there is no modem") == ("modem gibt es nicht", [])
     fault = "there is no flight that can be read below /home/lynx and co"
     lies = "unter /home/lynx and co liegt kein lesbarer Flug"
-    words, left = in_german(f"{fault}. Name the folder that holds them")
-    assert words == f"{lies}. Den Ordner angeben, in dem sie liegen"
+    words, left = in_german(f"{fault}. Name the folder that contains flights")
+    assert words == f"{lies}. Den Ordner angeben, in dem Flüge liegen"
     assert left == ["/home/lynx and co"]
 
 

@@ -186,8 +186,8 @@ def test_silence_names_the_noise_that_it_is_told_by(
     said = " ".join(capsys.readouterr().out.split())
     assert "not found" in said
     assert (
-        "the map: noise of the drone: unknown, only the radio's own is used: a track has no "
-        "noise measurements" in said
+        "the map: noise of the drone: unknown, only the radio's own is used: "
+        "a vehicle's track has no noise measurements" in said
     )
 
 

@@ -84,7 +84,7 @@ class SilentMap:
 
     @property
     def heard(self) -> bool:
-        """True if the tag was or may have been received, so that silence is no evidence."""
+        """True if the tag was or may have been received, so that silence is not evidence."""
         return self.heard_pulses > 0 or self.in_hindsight or self.ambiguous
 
     @property
@@ -137,7 +137,7 @@ class ListenedFlight:
         of_track = directory.is_file()
         try:
             if of_track:
-                raise RecordingError("a track has no noise measurements")
+                raise RecordingError("a vehicle's track has no noise measurements")
             noise = flight_noise_of(directory, flight)
             said = f"+{noise.median_db:.1f} dB in the air over {noise.quiet}"
         except (RecordingError, FormatError) as error:

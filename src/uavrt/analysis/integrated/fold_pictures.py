@@ -44,7 +44,7 @@ def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> li
 def fold_of(one: IntegratedTag) -> FlightFold:
     """Sum pulse energies by phase in the tag's interval, limited and weighted as in the search.
 
-    The search excludes pulses that are strong enough to be detected singly. The fold includes
+    The search excludes pulses that are strong enough to be detected alone. The fold includes
     them with a limited energy, as in `train_pulses`.
     """
     energies, pulses = one.energies, one.pulses

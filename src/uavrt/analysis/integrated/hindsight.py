@@ -61,7 +61,7 @@ def save_integrated(
 def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
     """Pulses of a tag found by whole-flight analysis, without those detected in flight.
 
-    Listed are expected pulses whose energy noise alone reaches in at most one of twenty.
+    Listed are expected pulses whose energy noise alone reaches in at most one case of twenty.
     Score, group and noise density are unknown.
     """
     if not result.found:
@@ -102,7 +102,7 @@ def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
 
 
 def slots_of(result: IntegratedTag) -> SlotEvidence:
-    """Masks of a train's expected pulses: those sent at its rate, those above the noise."""
+    """Two masks of a train's expected pulses: sent at its rate, and above the noise."""
     rates = len(result.tag.pulse_intervals_s)
     heard = HeardTrain.among(result.energies, result.pulses, result.places, rates=rates)
     places = result.places

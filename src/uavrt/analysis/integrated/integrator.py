@@ -168,7 +168,7 @@ class Integration:
                     log.warning("tag left out of the search", tag=tag.tag_id, reason=str(error))
                 self.fault = str(error)
             except Exception as error:  # ours: other tags are judged all the same
-                log.exception("whole-flight search of a tag failed; other tags go on")
+                log.exception("whole-flight search of a tag failed; other tags continue")
                 self.fault = f"tag {tag.tag_id} cannot be searched: {error}"
             self._done.put((flight, tag, result, cpu_s() - began_s))
 

@@ -1,6 +1,6 @@
 """Find coded tags in a recording: bursts of pulses that repeat with the same gaps.
 
-Pulses are detected singly, since a tag to be measured is near. Pulses within a quarter of a
+Each pulse is detected alone, since a tag to be measured is near. Pulses within a quarter of a
 second are a burst. Bursts with equal gaps are one tag, and their times give the burst interval.
 """
 

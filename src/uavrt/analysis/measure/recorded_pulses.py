@@ -204,7 +204,7 @@ class Searched:
 
 @dataclass(slots=True)
 class DetectionSummary:
-    """Counters of one detection run."""
+    """Counters of one detection run over a source of samples."""
 
     samples: int = 0
     samples_lost: int = 0

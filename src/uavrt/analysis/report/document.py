@@ -186,7 +186,7 @@ class _Writer:
         self._figure, self._top = new_figure(*A4_IN), _TOP
 
     def end_page(self) -> None:
-        """Number and save the page."""
+        """Print the page's number, and save the page to the PDF."""
         self._number += 1
         figure = self._figure
         figure.text(_RIGHT, 0.025, str(self._number), ha="right", color=SOFT, size=8)

@@ -35,7 +35,7 @@ STYLES: Final[dict[DetectionStatus, tuple[str, str, str]]] = {
 CIRCLED: Final = 40
 """Maximum number of pulses that are circled in a waterfall; more would hide the picture."""
 TICKED: Final = 400
-"""Maximum number of pulses that are ticked singly above a waterfall; more would touch."""
+"""Maximum number of pulses with a tick each above a waterfall; more ticks would touch."""
 RASTER_ROWS: Final = 700
 LEAST_DB: Final = 6.0
 LEAST_HZ: Final = 20.0

@@ -370,8 +370,8 @@ class _Common:
             raise self._no_overlap(times_s, remedy)
         if most < max(_LEAST_PULSES, _LEAST_SHARE * len(times_s)):
             raise UsageError(
-                f"the track covers {most} of {len(times_s)} pulses at the most, however the "
-                "clocks are set: too few to find their offset",
+                f"the track covers {most} of {len(times_s)} pulses, whatever the clock "
+                "offset: too few to find it",
                 remedy=remedy,
             )
         self._least_covered = math.ceil((1.0 - _MOST_LOST) * most)

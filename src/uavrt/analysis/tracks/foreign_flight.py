@@ -28,7 +28,7 @@ def flight_of_track(
     poses = _poses(track.shifted(ns_from_s(offset_s)), yaw_offset_deg)
     if not poses:
         raise UsageError(
-            f"{name} never has both a position and a heading", remedy="Give another log"
+            f"{name} has no time with both a position and a heading", remedy="Give another log"
         )
     return Flight(
         info=FlightInfo(

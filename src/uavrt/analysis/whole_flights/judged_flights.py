@@ -141,7 +141,7 @@ def integrate_flight(
             raise RecordingError(
                 f"the recording holds {seconds:.0f} s, "
                 f"less than {MODEL.least_pulses} intervals of tag {tag.tag_id}",
-                remedy="Use uavrt detect for so short a recording",
+                remedy="Use uavrt detect for short recordings",
             )
         if not samples.any():
             raise RecordingError(
@@ -179,7 +179,7 @@ def integrate_flight(
 def _window_held(
     tag: Tag, window_hz: float, center_hz: float, rate_hz: float
 ) -> tuple[float, tuple[str, ...]]:
-    """Half-width searched around a tag's frequency [Hz], and a sentence if less than asked."""
+    """Half-width searched around a tag [Hz], and a sentence if less than requested."""
     held_hz = max(0.0, 0.5 * rate_hz - abs(tag.frequency_hz - center_hz))
     if window_hz <= held_hz:
         return window_hz, ()
@@ -264,7 +264,7 @@ def assumed_in_words(searched: SearchedFor) -> tuple[str, ...]:
         return ()
     return (
         f"antenna not specified: {searched.antenna} assumed; "
-        "with another, pulses have other weights (give --antenna)",
+        "another antenna gives pulses other weights (give --antenna)",
     )
 
 

@@ -187,7 +187,7 @@ class _View:
         chance: float,
         flights: int,
     ) -> IntegratedTag:
-        """Result of one flight for a tag that several detected together; sure if p ≥ 0.9."""
+        """Result of one flight for a tag shown by all; sure if its train has p ≥ 0.9."""
         if common is None:
             place = place_belief([replace(heard, log_trains=None)])
             odds = train_evidence(heard) - (heard.log_trains or 0.0)

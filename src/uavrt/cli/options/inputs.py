@@ -20,7 +20,7 @@ def require_content(paths: Sequence[Path]) -> None:
     empty = [path for path in paths if path.is_file() and _is_empty(path)]
     if empty and len(empty) == len(paths):
         raise UsageError(
-            f"{empty[0]} is empty", remedy="Check its name, and that it was copied whole"
+            f"{empty[0]} is empty", remedy="Check its name, and whether the copy is complete"
         )
 
 

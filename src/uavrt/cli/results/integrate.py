@@ -380,7 +380,7 @@ def _check_unused_options(opened: dict[str, Any]) -> None:
 def _silent(
     asked: _Options, flight: "Flight", results: "list[IntegratedTag]"
 ) -> "dict[int, SilentMap]":
-    """By tag id: map of where a tag not found would have been detected; prints problems."""
+    """Map, by tag id, where each tag not found would have been detected; print any problem."""
     from uavrt.analysis.covered.silence import silent_maps
     from uavrt.analysis.integrated.hindsight import verdict_of
 

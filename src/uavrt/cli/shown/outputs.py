@@ -17,7 +17,7 @@ def print_json(value: object, *, indent: int = 0) -> None:
 def keep_inputs(output: str | Path, inputs: Iterable[str | Path | None]) -> None:
     """Raise `ConfigError` if an output is one of the inputs, which opening would empty.
 
-    For a SigMF recording, both of its files are protected. Inputs that are no paths are
+    For a SigMF recording, both of its files are protected. Inputs that are not paths are
     skipped.
     """
     target = Path(output)

@@ -22,7 +22,7 @@ class AddBar(Protocol):
 
 @contextmanager
 def progress_bars() -> Iterator[AddBar]:
-    """Show bars that vanish at the end; no bars if the error output is no terminal."""
+    """Show bars that vanish at the end; no bars if the error output is not a terminal."""
     if not sys.stderr.isatty():
         yield lambda _what, _total=None: lambda _done, _total=None: None
         return

@@ -338,7 +338,7 @@ def _pulse_output(name: str, *, bursts: bool) -> Iterator[Write]:
 
 @contextmanager
 def _naming_faults(name: str) -> Iterator[None]:
-    """Report which output could not be written; a closed pipe (``| head``) is no error."""
+    """Report which output could not be written; a closed pipe (``| head``) is not an error."""
     try:
         yield
     except BrokenPipeError:

@@ -111,8 +111,8 @@ def ground(
         mast or a person with a receiver, on the same links. Repeat it for several. Each has a
         page of its own, linked from the first, and tags are located from the pulses of all.
     my_place
-        GPS receiver of this computer, for the page: serial:///dev/ttyACM0, with :4800 and the
-        like after it where it is not 9600 baud; udpin://127.0.0.1:10110; tcp://HOST:2947. It
+        GPS receiver of this computer, for the page: serial:///dev/ttyACM0, or with its baud
+        rate if not 9600 (…0:4800); udpin://127.0.0.1:10110; tcp://HOST:2947. It
         must send NMEA. "" forgets the saved one.
     dem
         Elevation file (SRTM .hgt or GeoTIFF) or a folder of them, for the page's positions,
@@ -322,6 +322,6 @@ def _refuse_unused(**given: bool) -> None:
     unused = [f"--{name.replace('_', '-')}" for name, is_given in given.items() if is_given]
     if unused:
         raise ConfigError(
-            f"without a page there is no use for {', '.join(unused)}",
+            f"only a page can use {', '.join(unused)}",
             remedy="Add --page, or leave out --headless, --tags, --start and --json",
         )

@@ -79,7 +79,7 @@ def _connect(path: Path) -> StatusReader:
     except (UavrtError, PermissionError) as error:
         raise UavrtError(
             f"no running system answers at {path}",
-            remedy="Start it with `uavrt run`, give its --config, or be the user it runs as",
+            remedy="Start it with `uavrt run`, give its --config, or use its user account",
         ) from error
 
 

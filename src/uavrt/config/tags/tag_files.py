@@ -110,7 +110,7 @@ def check_tag_file_name(path: str | os.PathLike[str]) -> None:
     if target.name.lower() == "detectorconfig.txt":
         raise ConfigError(
             f"uavrt does not write {target}, the original detector's file",
-            remedy="Write .toml or TagInfo.txt; a flight directory holds one for each tag",
+            remedy="Write .toml or TagInfo.txt; a flight has such a file for each tag",
         )
     if target.suffix.lower() not in (".toml", ".txt"):
         raise ConfigError(

@@ -86,7 +86,7 @@ class DiskThread:
                 settle()
 
         if not self(job, then):
-            raise RecordingError("the disk does not answer", remedy="Check or replace it")
+            raise RecordingError("the disk does not answer", remedy="Check or replace the disk")
         return await result
 
     async def finish(self, within_s: float = FINISH_S) -> None:

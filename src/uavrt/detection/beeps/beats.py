@@ -134,7 +134,7 @@ def _jitter_s(beat: Beat) -> float:
 
 
 def _merit(beat: Beat) -> float:
-    """Pulses of a beat minus half its missing ones, so half the true interval scores less."""
+    """Number of a beat's pulses minus half the missing ones: half the interval scores less."""
     steps = int(beat.numbers[-1]) + 1
     return beat.numbers.size - 0.5 * max(0, steps - beat.numbers.size)
 

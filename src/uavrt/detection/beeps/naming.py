@@ -191,7 +191,7 @@ def _fits(interval_s: float, tag: Tag, train: Train, ratios: Sequence[float] = (
 
 
 def _rates(train: Train) -> Iterator[float]:
-    """Pulse intervals of a train [s], the one with most pulses first; none uncertain."""
+    """Reliably measured pulse intervals of a train [s], the one with most pulses first."""
     yield train.interval_s
     for one in train.beats:
         places = int(one.beat.numbers[-1]) + 1

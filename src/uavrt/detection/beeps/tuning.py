@@ -84,7 +84,7 @@ class TrainTuning:
     renewing_ratio: float = 3.0
     """Minimum ratio of new to old pulses at one frequency for it to be searched again."""
     renewing_share: float = 0.125
-    """Maximum new pulses outside the known trains to keep these [share of the old pulses]."""
+    """New pulses outside known trains, as a share of the old pulses, up to which these stay."""
     most_intervals: int = 8
     """Maximum number of intervals found among the pulses of one frequency."""
     strays: int = 2
@@ -150,7 +150,7 @@ class NamingTuning:
     gap_pulses: int = 10
     """Minimum number of pulses for missing samples to be detected."""
     gap_share: float = 0.7
-    """Minimum share of pulse-to-pulse times just below the interval, for missing samples."""
+    """Minimum share of pulse-to-pulse times below the interval that shows missing samples."""
     most_missing_share: float = 0.4
     """Maximum share of a pulse interval that may be missing samples."""
     least_gap_spread_s: float = 0.02
@@ -164,15 +164,15 @@ class ListeningTuning:
     """Times and limits for searching a stream for unlisted senders."""
 
     tags_band_s: tuple[float, float, float] = (60.0, 20.0, 90.0)
-    """Time searched in the tags' band of a recording, at first and per period; period [s]."""
+    """Search times in a recording's tag band: at first, per period; period length [s]."""
     tags_band_live_s: tuple[float, float, float] = (60.0, 90.0, 90.0)
-    """Time searched in the tags' band of a live stream, at first and per period; period [s]."""
+    """Search times in a live stream's tag band: at first, per period; period length [s]."""
     wide_hz: float = 800e3
     """Sample rate above which the tags' band is too expensive to be searched always [Hz]."""
     wide_live_s: float = 30.0
     """Maximum time searched per period in the tags' band, where it is wide [s]."""
     whole_band_s: tuple[float, float, float] = (20.0, 20.0, 300.0)
-    """Time searched in the radio's wider band, at first and per period; period [s]."""
+    """Search times in the radio's wider band: at first, per period; period length [s]."""
     whole_band_live_s: tuple[float, float, float] = (40.0, 20.0, 540.0)
     """Time searched in the wider band of a live stream, at first and per period; period [s].
     In 40 s of pulses of 15 dB every 2 s, at least `live_pulses` are found."""

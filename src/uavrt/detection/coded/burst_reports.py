@@ -173,7 +173,7 @@ def _energies(cells: Cells, row: int, places: NDArray[np.float64]) -> NDArray[np
 def _frequency(
     cells: Cells, row: int, columns: NDArray[np.intp], width_s: float
 ) -> tuple[float, float]:
-    """Burst's frequency from the channel's centre [Hz]; factor for energy lost between rows."""
+    """Frequency of a burst in the channel [Hz], and factor for energy lost between rows."""
     rows = len(cells.offsets_hz)
     if rows < 3:
         return float(cells.offsets_hz[row]), 1.0

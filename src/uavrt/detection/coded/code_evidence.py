@@ -84,7 +84,7 @@ def evidence(
 
 
 def evidence_in_step(alone: NDArray[np.float64], usable: NDArray[np.bool_]) -> float:
-    """Log-likelihood ratio of a listed to one unlisted code, for bursts at its interval."""
+    """Log-likelihood ratio of a listed code to an unlisted one, for bursts in its rhythm."""
     places = alone.sum(axis=0)[usable.any(axis=0)]
     return float(places.min()) - (len(places) - 1) * math.log(LIKELIHOOD.coincidence)
 

@@ -69,7 +69,7 @@ def measure(
     *,
     prior: float = 0.0,
 ) -> list[Burst]:
-    """Measure possible bursts (seeds) in the recent cells; drop those that are no burst."""
+    """Measure possible bursts (seeds) in the recent cells; drop those that are not bursts."""
     if not len(seeds):
         return []
     seeds = _centred(cells, book, seeds)

@@ -15,7 +15,7 @@ from uavrt.detection.coded.tuning import LIMITS
 
 @lru_cache(maxsize=256)
 def limit(pulses: int, tests_per_hour: float, false_per_hour: float) -> float:
-    """Sum of cells that noise reaches at a given hourly rate [noise energies]."""
+    """Sum of cell energies that noise reaches at a given hourly rate [noise energies]."""
     return float(special.gammainccinv(pulses, min(0.5, false_per_hour / tests_per_hour)))
 
 

@@ -63,7 +63,7 @@ def refine(
 def _prefix(
     cells: Cells, row: int, firsts: NDArray[np.int64]
 ) -> tuple[NDArray[np.bool_], NDArray[np.complex128]]:
-    """Mark stored pulses; make sample sums of shape (frequencies, bursts, pulses, n + 1)."""
+    """Stored pulses, and running sums of samples: (frequencies, bursts, pulses, n + 1)."""
     count = 2 * REFINE.margin_columns * cells.hop + cells.length + 1
     first = (firsts - cells.base) * cells.hop
     within = (first >= 0) & (first + count <= (cells.end - cells.base) * cells.hop)

@@ -16,9 +16,9 @@ class CellTuning:
     columns_per_pulse: float = 9.0
     """Number of spectrogram columns (time steps) per pulse width."""
     noise_pieces: int = 25
-    """Number of pieces of samples whose median powers give the noise level: 10 s."""
+    """Number of stretches of samples, 10 s in all, whose median powers give the noise level."""
     least_rise: float = 0.85
-    """Minimum noise level as a share of the newest estimate; rising noise is then no burst."""
+    """Minimum noise level over the newest estimate; a rise of the noise is then no burst."""
     kept_s: float = 130.0
     """Duration for which spectrogram cells are stored, to sum several bursts [s]."""
     step_s: float = 0.4
@@ -90,9 +90,9 @@ class LimitTuning:
     share_of_one: float = 0.4
     share_of_three: float = 0.2
     per_cell: float = 60.0
-    """Independent sums of pulses per time-frequency cell of pulse width × 1 / pulse width."""
+    """Number of independent sums per time-frequency cell of a pulse width by its inverse."""
     per_interval: float = 1.0
-    """Number of independent intervals tried per pulse width of the last burst's uncertainty."""
+    """Number of independent intervals tried per pulse width of the last burst's time error."""
     per_refinement: float = 14.0
     """Number of independent sums that the refinement of one sum of bursts tries."""
     expected_false: float = 1e-6
@@ -132,7 +132,7 @@ class ShapeTuning:
     """Constants that decide if the pulses of a sum are a burst."""
 
     pool_columns: int = 1
-    """Distance from a pulse's expected column at which its largest cell counts [columns]."""
+    """Distance from a pulse's expected column within which its peak counts [columns]."""
     leak_amplitude: float = 0.35
     """Maximum amplitude that may be leakage, relative to the strongest at any frequency."""
     loud_energy: float = 20.0
@@ -207,7 +207,7 @@ class ForeignTuning:
     memory_s: float = 300.0
     """Time over which the rate of unknown senders' bursts is averaged [s]."""
     start_s: float = 10.0
-    """Time added to the time since the start [s], so that one early burst is no high rate."""
+    """Time added to the time since the start [s]: one early burst is then not a high rate."""
     weakest_energy: float = 10.0
     """Minimum energy of each of three pulses of an unknown sender's burst [noise energies]."""
     sure_energy: float = 14.0

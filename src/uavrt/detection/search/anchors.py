@@ -257,7 +257,7 @@ class _Tested:
 def search_together(
     searches: Sequence[AnchorSearch], power: NDArray[np.float32], noise: NDArray[np.float32]
 ) -> list[list[Candidate]]:
-    """Add columns to several alike searches; return the candidates of each, best first."""
+    """Add columns to searches of equal settings; return the candidates of each, best first."""
     if kernels() is not None:
         return [
             _search_by_kernel(search, columns, level)

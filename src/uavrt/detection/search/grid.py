@@ -62,7 +62,7 @@ class Grid:
 
     @property
     def hop_s(self) -> float:
-        """Time between two columns [s]."""
+        """Time between two spectrogram columns [s]."""
         return self.hop / self.sample_rate_hz
 
     @property
@@ -251,7 +251,7 @@ class Spectrogram:
         return band.reshape(-1)
 
     def _turned(self, row: int, count: int) -> NDArray[np.complex64]:
-        """Factors (count, 1) that shift the tag to 0 Hz, by `OUTPUTS_PER_ROW` samples each."""
+        """Phase factors (count, 1) that shift the tag to 0 Hz, one per `OUTPUTS_PER_ROW`."""
         grid = self.grid
         turns = grid.turn_hz * OUTPUTS_PER_ROW * grid.decimation / grid.sample_rate_hz
         if count > len(self._turns):

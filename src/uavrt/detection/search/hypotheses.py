@@ -111,7 +111,7 @@ class RateSearch(ABC):
 
     @property
     def steady(self) -> bool:
-        """True once `first_threshold` no longer applies."""
+        """True once the start's threshold, `first_threshold`, no longer applies."""
         return self.threshold == self._steady_threshold
 
     def begin_at(self, column: int) -> None:

@@ -28,7 +28,7 @@ _MEAN = 1.0 - math.exp(-LEVEL.most_power)
 
 @dataclass(slots=True)
 class _Stretch:
-    """Noise levels of consecutive columns."""
+    """Noise levels of consecutive spectrogram columns."""
 
     first: int
     common: NDArray[np.float32]
@@ -51,7 +51,7 @@ class _Followed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Levels:
-    """Noise levels of several slots."""
+    """Noise levels of several time slots, each half a pulse long."""
 
     common: NDArray[np.float32]
     margin: NDArray[np.float32]
@@ -68,7 +68,7 @@ class _LevelRecord:
         self._stretches: list[_Stretch] = []
 
     def at(self, row: float, column: float) -> float:
-        """Level at a row and a column; 1.0 before the first record."""
+        """Noise level at a frequency row and a column; 1.0 before the first record."""
         for stretch in reversed(self._stretches):
             if column >= stretch.first:
                 slot = min(int((column - stretch.first) / SLOT), len(stretch.common) - 1)
@@ -82,14 +82,14 @@ class _LevelRecord:
     def note(
         self, first: int, common: NDArray[np.float32], bands: NDArray[np.float32] | None
     ) -> None:
-        """Add the levels of the columns from `first` on."""
+        """Add the noise levels of the spectrogram columns from `first` on."""
         self._stretches.append(_Stretch(first, common, bands))
         last = first + SLOT * len(common)
         while len(self._stretches) > 1 and self._stretches[1].first < last - self._keep:
             del self._stretches[0]
 
     def correct(self, measured: NDArray[np.float32], past: int) -> None:
-        """Replace levels of slots that may have been a pulse by later estimates."""
+        """Replace the noise levels of slots that may have held a pulse by later estimates."""
         if self._stretches:
             before = self._stretches[-1].common
             upto = min(LEVEL.beside_slots[1], past, len(before))
@@ -130,7 +130,7 @@ class Leveller:
 
     @property
     def rows_now(self) -> NDArray[np.float32]:
-        """(rows,) level of each row, averaged since its last change."""
+        """(rows,) noise level of each frequency row, averaged since its last change."""
         return self._usual[self.band_of]
 
     def level(
@@ -140,7 +140,7 @@ class Leveller:
         first: int,
         whole: NDArray[np.bool_] | None = None,
     ) -> None:
-        """Divide new columns (rows, columns) by their level in place; `first`: their index."""
+        """Divide new columns (rows, columns) by their noise in place; `first`: their index."""
         level_together([self], power[np.newaxis], [noise], [first], [whole])
 
     def _keep_steady(
@@ -210,7 +210,7 @@ class Leveller:
         self._average()
 
     def _nearly_steady(self, both: NDArray[np.float32]) -> bool:
-        """True if noise levels are so near the newest that the limits on cells stay valid."""
+        """True if noise levels are so near the newest that cells need no new limits."""
         pieces = both.shape[1] // LEVEL.piece_slots
         some = both[:, both.shape[1] - pieces * LEVEL.piece_slots :]
         common = self._common(some).reshape(pieces, LEVEL.piece_slots).mean(axis=1)
@@ -301,7 +301,7 @@ class Leveller:
         weights: NDArray[np.float32],
         past: int,
     ) -> _Levels:
-        """Noise level of each slot, and of each band from slot `past` on."""
+        """Noise level of each time slot; from slot `past` on, also of each frequency band."""
         scale = math.sqrt(LEVEL.slot_variance / self._bins)
         back, begin, least = _longest(common, weights, scale)
         ahead, end, _ = _longest(common[::-1], weights[::-1], scale)
@@ -401,7 +401,7 @@ def _agreed(
     scale: float,
     total: NDArray[np.float64],
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Limits of the stretch around each slot: past and future if alike, else the higher."""
+    """Slots averaged for each slot: on both sides if the levels agree, else the higher side."""
     at = np.arange(len(back))
     seen, coming = total[at + 1] - total[begin], total[end] - total[at]
     error = np.sqrt(1.0 / np.maximum(seen, 1e-9) + 1.0 / np.maximum(coming, 1e-9))

@@ -124,7 +124,7 @@ class RowNoise:
         self._seen_s, self._settled_s = other._seen_s, other._settled_s
 
     def update(self, power: NDArray[np.float32]) -> None:
-        """Update the noise with new columns, shape (columns, rows)."""
+        """Update the noise estimate with the power of new columns (columns, rows)."""
         if self._long is not None and len(power):
             update_together([self], power[np.newaxis])
 
@@ -188,7 +188,7 @@ class RowNoise:
         return 1.13 / math.sqrt(max(self._independent_per_s * seconds, 1.0))
 
     def _shaped(self, smooth: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
-        """Estimate the noise of a sloped spectrum: for each row, from medians of rows near."""
+        """Estimate the noise of a sloped spectrum: each row by medians of nearby rows."""
         assert self._long is not None
         straight = self._straight(smooth, reach) if self._seen_s < NOISE.young_s else None
         if straight is not None:

@@ -279,7 +279,7 @@ class Refiner:
 
     @contextmanager
     def without(self, pulses: Sequence[Measured]) -> Iterator[None]:
-        """Remove known pulses from the samples within this context, as best fitted.
+        """Context in which known pulses, as best fitted, are removed from the samples.
 
         Each is subtracted with the best-fitting amplitude at its time and frequency. A start
         off by half a sample leaves 4e-5 of a 20 ms pulse at 3750 S/s.

@@ -11,7 +11,7 @@ class SpectrogramTuning:
     """Constants of the spectrogram of a narrow band."""
 
     blas_product: int = 200_000
-    """Maximum size of matrix product for one OpenBLAS thread; two may take 50 times as long."""
+    """Maximum multiplications in a product for one OpenBLAS thread; two may take 50 times."""
     least_window: int = 24
     """Minimum length of a pulse after decimation [samples]; below it the hop is too coarse."""
     stopband_db: float = 55.0
@@ -29,7 +29,7 @@ class NoiseTuning:
     excluded_ratio: float = 4.0
     """Power above which a cell does not count as noise [noise powers]: 1.8 % of noise cells."""
     step_gain: float = 1.31
-    """Factor on a step of the noise power's iteration: inverse of one minus its slope."""
+    """Factor that speeds up the noise power's iteration: 1 / (1 - slope of the iteration)."""
     long_s: float = 20.0
     """Time constant of the slow estimate of the noise power [s]."""
     short_s: float = 1.0
@@ -41,7 +41,7 @@ class NoiseTuning:
     young_s: float = 8.0
     """Duration at the start in which the noise is averaged over `young_reach` rows [s]."""
     young_reach: int = 24
-    """Rows averaged on each side at the start; 5 % noise error doubles the false alarms."""
+    """Number of rows averaged on each side at first; 5 % error doubles the false alarms."""
     reach: int = 8
     """Number of rows on each side, two bins, used to estimate a row's broadband noise."""
     flat_ratio: float = 1.2
@@ -71,7 +71,7 @@ class NoiseLevelTuning:
     past_slots: int = 80
     """Number of past slots of half a pulse, from which noise levels are estimated."""
     stretches: tuple[int, ...] = (6, 10, 16, 26, 42, 80)
-    """Slots (half pulses) over which a noise level is averaged; the shortest locates steps."""
+    """Numbers of slots (half pulses) over which noise is averaged; the least locates steps."""
     most_splits: int = 4
     """Maximum number of divisions of the bands into groups of different noise levels."""
     split_log: float = 6.5
@@ -95,7 +95,7 @@ class NoiseLevelTuning:
     median_slots: int = 11
     """Number of slots (half pulses) in the running median that limits a band's cells."""
     newest_slots: int = 10
-    """Number of newest half-pulse slots raised to the lower bound of recent noise means."""
+    """Number of newest half-pulse slots with at least the lower bound of recent noise means."""
     most_margin: float = 0.3
     """Maximum share added to an uncertain noise level for the search."""
     same_share: float = 0.12
@@ -105,7 +105,7 @@ class NoiseLevelTuning:
     learnt_slots: int = 40
     """Number of slots (half pulses) of noise level 1 assumed before the first slot."""
     steady_ratio: float = 0.5
-    """Minimum ratio of lowest to highest noise level for which the limits on cells hold."""
+    """Minimum ratio of lowest to highest noise level that needs no new limits on cells."""
     least_level: float = 1e-9
     """Minimum noise level [noise powers]; avoids division by zero if samples are zero."""
 
@@ -154,7 +154,7 @@ class ThresholdTuning:
     nine_of_ten: float = 1.2816
     """Quantile 0.9 of the normal distribution [standard deviations], for p = 0.9."""
     least_begun: float = 0.25
-    """Minimum share of the interval in which a group can begin; it is larger up to K = 40."""
+    """Minimum time in which a group may begin [decision intervals]; more up to K = 40."""
     first_share: float = 0.8
     """Share of groups that lie within the samples of the first decision, calibrated."""
     noise_error: float = 0.033
@@ -228,7 +228,7 @@ class EvidenceTuning:
     tested_k: int = 3
     """Number of pulses K of the groups whose likelihood is tested."""
     factor_log: float = -3.7
-    """Term of the minimum log-likelihood ratio, from noise groups counted at K = 3."""
+    """Constant of the minimum log-likelihood ratio, from noise groups counted at K = 3."""
     slope: float = 1.2
     """Factor on the log of the false-alarm probability in the minimum log-likelihood ratio."""
 

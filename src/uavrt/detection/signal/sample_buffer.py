@@ -79,7 +79,7 @@ class SampleBuffer:
 
     @property
     def empty(self) -> bool:
-        """True before the first block."""
+        """True before the first block has been added to the buffer."""
         return not self._stamp_index
 
     @property

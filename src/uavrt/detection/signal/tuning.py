@@ -93,7 +93,7 @@ class WhiteningTuning:
     most_weight: float = 6.0
     """Limit on a window's power in the average [noise densities]; it may hold a pulse."""
     rise_ratio: float = 2.2
-    """Ratio of the newest median to the average noise density above which it replaces this."""
+    """Ratio of newest median to average noise density above which the average restarts."""
     suppressed_ratio: float = 10.0
     """Ratio of a noise density to the tag band's above which the filter divides by its square
     root. A neighbour at this ratio has the inverse ratio after the filter."""

@@ -58,7 +58,7 @@ class Follower:
         floor: float,
         around: Callable[[Track, Measured], BurstRates],
     ) -> None:
-        """Follow tracks up to sample `upto`; drop ended ones. `settle` follows each pulse."""
+        """Follow tracks up to sample `upto`; drop ended ones. Call `settle` after each."""
         self._tracks = tracks
         self._around = around
         if not tracks:

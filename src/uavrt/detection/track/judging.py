@@ -70,7 +70,7 @@ class Judge:
     def measure(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> list[tuple[int, Measured]] | None:
-        """Measure a candidate's pulses and return them with their numbers among the K."""
+        """Measure a candidate's pulses, each with its number among the K; or None."""
         grid = self._grid
         starts = np.array([grid.start(column) for column in candidate.columns])
         half = (search.reach + 1) * grid.hop

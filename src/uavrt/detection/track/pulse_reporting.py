@@ -135,7 +135,7 @@ class Reporter:
         del self._reports[:-3600]
 
     def _place(self, track: Track) -> None:
-        """Choose a track's frequency among its aliases, first and after crossing an edge."""
+        """Choose a track's frequency among its aliases; again after it crosses an edge."""
         place_hz = in_channel_hz(
             track.steady_hz,
             nominal_hz=self._tag.frequency_hz - self._center_hz,

@@ -12,7 +12,7 @@ class BandTuning:
     """Constants for searching the columns of a band, and estimating its noise."""
 
     noise_batches: int = 3
-    """Number of batches between updates of the noise estimate; a call costs more than data."""
+    """Number of batches between updates of the noise estimate; each update costs time."""
     least_noise_s: float = 0.35
     """Minimum duration of samples used to estimate the noise [s]."""
     least_clean: float = 0.2
@@ -48,7 +48,7 @@ class JudgeTuning:
     lobe_ratio: float = 3.0
     """Minimum ratio of a signal's power to that of a pulse in its spectral side lobe."""
     weak_power: float = 4.0
-    """Power below which a pulse's surroundings are no evidence against it [noise powers]."""
+    """Power below which a pulse's surroundings do not count against it [noise powers]."""
     loud_power: float = 8.0
     """Minimum power of a pulse that is tested for being an impulse [noise powers]."""
     most_flanks: float = 6.0
@@ -60,7 +60,7 @@ class JudgeTuning:
     """Distance within which a strong pulse's maximum is searched [bins]: cells at their limit
     hide it. One group in twenty of 50 dB was measured on the flank, 6 dB low."""
     crossing_widths: float = 0.5
-    """Excess over the tag's interval bound up to which others are tried [pulse widths]."""
+    """Excess over the tag's interval bound up to which intervals are tried [pulse widths]."""
     crossing_lead: float = 10.0
     """Lead in power at which another interval is accepted [noise powers]. A tag at its bound
     stays below: an interval 0.375 ms beyond loses more power than noise adds."""
@@ -154,7 +154,7 @@ class FollowTuning:
     most_missed: int = 10
     """Maximum number of consecutive missed pulses of a track; more end it."""
     first_trust: float = 3.0
-    """Log odds of being a tag of a track just confirmed; three missing pulses end it."""
+    """Log odds that a track just confirmed is a tag; three missing pulses end it."""
     most_trust: float = 15.0
     """Maximum log odds of a track; ten missing pulses end the track, as `most_missed`."""
     trust_lost: float = 1.4
@@ -248,7 +248,7 @@ class GhostTuning:
     edge_widths: float = 0.75
     """Maximum time between a pulse's start and its edge detected as a pulse [pulse widths]."""
     edge_share: float = 0.6
-    """Minimum share of a train's pulses at another train's edges, if it consists of these."""
+    """Minimum share of pulses at another train's edges in a train that consists of edges."""
     rounding_ns: int = 1000
     """Maximum rounding error of present-day times as floating-point numbers [ns]."""
     coincident_share: float = 0.9
@@ -269,7 +269,7 @@ class SenderTuning:
     interval_sigmas: float = 2.5
     """Tolerance of a train's interval beyond a tag's bound [standard deviations]."""
     bound_sigmas: float = 3.0
-    """Declared bound of a tag's interval or frequency [standard deviations]."""
+    """Number of standard deviations in a tag's declared bound of interval or frequency."""
     most_miss: float = 30.0
     """Limit on the squared deviation of a train's frequency from a tag's [variances]."""
     stay_log: float = 1.0

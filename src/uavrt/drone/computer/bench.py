@@ -265,7 +265,7 @@ def _poses(facts: FlightFacts) -> Finding:
             f"the last position is {age_s:.0f} s old",
             "Check the telemetry radio and the autopilot's stream rates",
         )
-    return passed(what, "fresh")
+    return passed(what, "positions arrive")
 
 
 def _tags(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
@@ -318,7 +318,7 @@ def _battery(facts: FlightFacts) -> Finding:
             "Set up the autopilot's battery monitor (BATT_MONITOR, BAT1_SOURCE)",
         )
     if percent < BATTERY_PERCENT:
-        return failed(what, f"{percent:.0f} % left", "Charge it, or use a full one")
+        return failed(what, f"{percent:.0f} % left", "Charge the battery, or use a full one")
     if facts.battery_v is None:
         return passed(what, f"{percent:.0f} % left")
     return passed(what, f"{percent:.0f} % left, {facts.battery_v:.1f} V")

@@ -90,7 +90,7 @@ def check_permissions(settings: Settings) -> Finding:
                 f"{port} cannot be opened by this user",
                 'sudo usermod -a -G dialout "$USER", then log in again',
             )
-    text = f"groups {', '.join(_groups())}" if os.geteuid() else "all, as root"
+    text = f"groups {', '.join(_groups())}" if os.geteuid() else "all groups, as root"
     return passed("permissions", text)
 
 
@@ -220,7 +220,7 @@ def check_card(settings: Settings) -> Finding:
     if card.written_gb is not None:
         text += f" · {card.written_gb:,.0f} GB written so far"
     if card.life_used_tenths is not None:
-        text += f" · {10 * card.life_used_tenths} % of its life used"
+        text += f" · {10 * card.life_used_tenths} % of the card's life used"
     faults = card.faults()
     return judged(what, not faults, " · ".join([text, *faults]), NEW_CARD)
 

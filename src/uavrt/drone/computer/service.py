@@ -175,7 +175,7 @@ def check_plan(plan: ServicePlan, root: Path = Path("/")) -> None:
     for path in (*program, plan.directory, plan.config, *plan.writable):
         if path is not None and any(path.is_relative_to(place) for place in _TEMPORARY):
             raise UsageError(
-                f"{path} is in a directory that the service does not see and that is emptied "
+                f"{path} is in a directory that the service cannot see and that is emptied "
                 "at boot",
                 remedy="Use one in /var/lib, /opt or /home",
             )

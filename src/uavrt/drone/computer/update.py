@@ -94,7 +94,7 @@ def install_beside(
         shutil.rmtree(made, ignore_errors=True)
         if isinstance(error, OSError):
             text = f"the new version cannot be written: {error.strerror or error}"
-            raise UsageError(text, remedy="Make room, and check the disk") from error
+            raise UsageError(text, remedy="Free disk space, and check the disk") from error
         raise
     return made
 

@@ -159,7 +159,7 @@ class PulseDatagramSender:
         self._found_ns[pulse.tag_id] = begin_ns, end_ns
 
     def close(self) -> None:
-        """Close the UDP socket."""
+        """Close the UDP socket for pulse datagrams."""
         self._socket.close()
 
     def _send(self, record: PulseRecord) -> None:

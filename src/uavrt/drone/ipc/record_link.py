@@ -48,7 +48,7 @@ class ChildLink:
         self._unsent = bytearray()
         self._gone = False
         self.refused = 0
-        """Number of lines received from the supervisor that were no records."""
+        """Number of lines received from the supervisor that were not records."""
         self.lines = 0
         """Number of lines that `receive` has returned or refused since the start."""
 

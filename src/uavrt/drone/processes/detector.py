@@ -62,7 +62,7 @@ class DetectorBank:
         self._watch = HangWatch(lambda: self._group.last_searched)
         self._clipped = ClippedTimes()
         self._clipped_ns: tuple[tuple[int, int], ...] = ()
-        """Clipped times of the last block, equal for all channels of a radio block [ns]."""
+        """Times with clipped samples in the last block [ns], equal for all its channels."""
         self._faults: Counter[int] = Counter()
         self._searched_alone: frozenset[int] = frozenset()
         self.left_out: dict[int, Tag] = {}

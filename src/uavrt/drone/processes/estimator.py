@@ -135,7 +135,7 @@ def main() -> None:
         try:
             estimation = Estimation(frame)
         except UsageError as error:
-            log.error("bearings off in this flight", reason=str(error))
+            log.error("no bearings are computed in this flight", reason=str(error))
             frame.notify(4, f"no bearings on the drone: {error.message}")
             frame.idle(error.message)
             return

@@ -236,7 +236,7 @@ class Guide:
         self._in_background, self._make_planner = in_background, planner
         guidance = frame.assignment.settings.guidance
         self._energy_learning = EnergyLearning(guidance.hover_w, guidance.battery_wh)
-        """Estimate of the power of flight, learned from the battery over all orders."""
+        """Estimate of the flight power, learned from the battery over all orders."""
         self._vehicle: VehicleReport | None = None
         self._fence: VehicleFence | None = None
         self._pilot: Pilot | None = None

@@ -51,7 +51,7 @@ class FlightDatabase:
         """Number of records dropped as SQLite cannot store them, such as huge integers."""
 
     def connected(self) -> sqlite3.Connection:
-        """Database connection, opened if necessary."""
+        """Connection to the database, opened if necessary."""
         if self._open is None:
             database = sqlite3.connect(
                 self._layout.database, isolation_level=None, timeout=2.0, cached_statements=16

@@ -167,7 +167,7 @@ def read_detector_config(path: str | os.PathLike[str]) -> DetectorConfig:
         )
     except KeyError as error:
         raise FormatError(
-            f"{name} has no {error.args[0]}", remedy="A detectorConfig.txt needs it"
+            f"{name} has no {error.args[0]}", remedy="Add it: detectorConfig.txt needs it"
         ) from None
     except (ValueError, OverflowError) as error:
         raise FormatError(

@@ -116,7 +116,7 @@ def read_gpx(path: Path) -> VehicleTrack:
             places += [] if found is None else [found]
     except (ET.ParseError, ValueError, OverflowError) as error:
         raise FormatError(
-            f"{path} is not a GPX file: {error}", remedy="Give a GPX track"
+            f"{path} is not a GPX file: {error}", remedy="Give a GPX file"
         ) from error
     if len(astray) > len(places):
         at, fault = astray[0]

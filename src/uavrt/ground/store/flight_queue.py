@@ -69,7 +69,7 @@ class FlightQueue:
 
     @property
     def progress(self) -> tuple[int, int]:
-        """Number of accepted pulses and pulse times of bursts, and of the durable ones."""
+        """Numbers of accepted items, pulses or bursts' pulse times, and of those on disk."""
         return self._taken, self._durable
 
     @property

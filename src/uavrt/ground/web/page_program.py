@@ -44,7 +44,7 @@ class PageStation(Station):
         self._served = settings.server
 
     async def run(self) -> None:
-        """Serve until `stop`; raises `LinkError`."""
+        """Serve the vehicles and the page until `stop`; raises `LinkError`."""
         settings = self._served
         if settings.host not in ("127.0.0.1", "::1", "localhost") and not settings.password:
             raise ConfigError(

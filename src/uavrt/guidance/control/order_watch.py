@@ -34,7 +34,7 @@ class JumpWatch:
 
     before: PositionSeen
     jumped_m: float = 0.0
-    """Sum of changes of the altitude above sea level that the height above home lacked [m]."""
+    """Sum of changes of altitude above sea level that the height over home did not show [m]."""
 
     def see(self, seen: PositionSeen) -> str | None:
         """Text on a position or altitude that jumped since the last report; None without."""
@@ -77,7 +77,7 @@ class OrderWatch:
     motion: Commanded | None = None
     own_mode_seen: bool = False
     in_air_s: float | None = None
-    """Time since a vehicle is reported in the air before its take-off command [s], or None."""
+    """Time of the first report of a vehicle in the air before its take-off [s], or None."""
     jumps: JumpWatch = field(init=False)
 
     def __post_init__(self) -> None:

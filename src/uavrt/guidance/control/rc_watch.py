@@ -39,7 +39,7 @@ class RcWatch:
         return _switched(again)
 
     def sure(self, now_s: float) -> str | None:
-        """Text on a switch that moved 0.1 s ago, if no later message denies it; else None."""
+        """Text on a switch that has been off its first position for 0.1 s; else None."""
         since_s = self._off_since_s.items()
         return _switched(
             [one for one, at_s in since_s if now_s - at_s >= SAFETY.switch_moved_s]
@@ -57,7 +57,7 @@ class RcWatch:
 
 
 def _switched(channels: list[int]) -> str | None:
-    """Text on the first of the moved RC channels, with a remedy if it is no switch; or None."""
+    """Text on the first moved RC channel, with a remedy if it is not a switch; or None."""
     if not channels:
         return None
     unless = "(guidance.unwatched_channels leaves it out)"

@@ -84,7 +84,7 @@ class _Outline:
 
 @contextmanager
 def in_words(what: str, remedy: str) -> Iterator[None]:
-    """Context that converts errors in a file's text to `FormatError`: `what`, the reason."""
+    """Context that converts parsing errors to `FormatError`, whose text begins with `what`."""
     try:
         yield
     except (

@@ -48,7 +48,7 @@ class Choice:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Course:
-    """Goal of the last decision."""
+    """Place to which the last search decision sends the drone."""
 
     goal_m: tuple[float, float] | None = None
     """Coordinates (east, north) of the place to fly to [m]; None if the drone stays."""

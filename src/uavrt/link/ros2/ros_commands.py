@@ -162,7 +162,7 @@ class RosCommands:
         )
 
     def _refuse_part(self, topic: str, order: DiagnosticArray) -> None:
-        """Refuse to start or stop one component alone, as shown in its own status."""
+        """Refuse to start or stop one component alone, in a message on its status topic."""
         component = topic.removeprefix("control_").removesuffix("_subprocess")
         reason = "not alone: publish to control_start_subprocess or control_stop_subprocess"
         first = order.status[0] if order.status else DiagnosticStatus()

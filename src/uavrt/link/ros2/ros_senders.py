@@ -53,7 +53,7 @@ class Arrival:
 
 
 class Senders:
-    """Publishers that are present or have just left."""
+    """Table of the DDS publishers on the network, also of those that have just left."""
 
     def __init__(self) -> None:
         self._marked: _Newest[str, bool] = _Newest()

@@ -155,7 +155,7 @@ class Exchange:
         return self._fixed or self._heard
 
     def refuse(self, payload: bytes, reason: str, asker: Ids) -> Answer | None:
-        """Make the acknowledgement that refuses a payload unread; None if it is no command."""
+        """Make the acknowledgement that refuses an unread payload; None if not a command."""
         self.counters["commands_not_allowed"] += 1
         return self._refusal(payload, reason, asker)
 

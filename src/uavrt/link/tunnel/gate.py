@@ -254,7 +254,7 @@ class Sealer:
 
 @dataclass(slots=True)
 class _Announced:
-    """An announced session, which may come from a recording."""
+    """An announced session, which may be replayed from a recording."""
 
     heard_s: float = -inf
     asked: int = 0

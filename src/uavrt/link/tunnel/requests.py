@@ -34,7 +34,7 @@ class RequestCache:
     def repeated(
         self, asker: Asker, request_id: int, payload: bytes, now_s: float
     ) -> bytes | bool:
-        """Recognise a repetition: its acknowledgement, True in progress, False if new."""
+        """Acknowledgement of a repeated request; True while it is handled, False if new."""
         if request_id == 0:
             return False  # never kept
         key = (asker, request_id)

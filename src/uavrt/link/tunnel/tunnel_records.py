@@ -169,7 +169,7 @@ def pulse_to_wire(
 
 
 def search_report_to_wire(report: SearchReport) -> PulseG1:
-    """Convert a search report to "searched, nothing found" (status 3); G0 has no such text."""
+    """Convert a search report to "searched, nothing found" (status 3), missing in G0."""
     share, weakest_db = report.usable_share, report.weakest_enr_db
     return PulseG1(
         tag_id=report.tag_id,

@@ -46,7 +46,7 @@ class Series(Generic[S]):
         return self._count
 
     def add(self, sample: S) -> bool:
-        """Append a sample; False if late. `OverflowError`: clock reset; clear, add again."""
+        """Append a sample; False if it is late. Raises `OverflowError` after a clock reset."""
         time_ns = sample.time_ns
         if self._count:
             fall_ns = self._times[self._count - 1] - time_ns
@@ -68,7 +68,7 @@ class Series(Generic[S]):
         self._values[: 4 * self._count] = self._values[4 * surplus :]
 
     def clear(self) -> None:
-        """Remove all samples."""
+        """Remove all samples from the buffer."""
         self._count = 0
 
     def _sample(self, index: int) -> S:

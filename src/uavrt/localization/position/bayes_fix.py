@@ -84,7 +84,7 @@ class Cells:
         return shifted_m(float(np.interp(share, held, spread[order], left=0.0)), share, sigma_m)
 
     def ellipse(self, sigma_m: float, share: float = 0.95) -> Ellipse:
-        """Ellipse by covariance of the posterior and of a shared error, as for a normal law."""
+        """Ellipse by covariance of the posterior and of a shared error, as if normal."""
         x, y = self.mean()
         centred = np.stack([self.east_m - x, self.north_m - y])
         covariance = (centred * self.probability) @ centred.T
@@ -134,7 +134,7 @@ class Cells:
 
 
 def ellipse_of(covariance_m2: _Floats, share: float = 0.95) -> Ellipse:
-    """Ellipse that holds a given probability of a normal law, from its (2, 2) covariance."""
+    """Ellipse that holds a probability of a normal distribution, from its (2, 2) covariance."""
     values, vectors = np.linalg.eigh(covariance_m2)
     scale = -2.0 * np.log(1.0 - share)
     minor, major = np.sqrt(np.maximum(values, 0.0) * scale)
@@ -147,7 +147,7 @@ def ellipse_of(covariance_m2: _Floats, share: float = 0.95) -> Ellipse:
 
 
 def normal_radius_m(covariance_m2: _Floats, share: float) -> float:
-    """Radius of the centred circle that holds a given probability of a normal law [m]."""
+    """Radius of the centred circle that holds a probability of a normal distribution [m]."""
     angle = np.radians(np.arange(0.5, 360.0))
     across = np.stack([np.cos(angle), np.sin(angle)])
     q = np.einsum("ia,ij,ja->a", across, np.linalg.inv(covariance_m2), across)
@@ -163,7 +163,7 @@ def normal_radius_m(covariance_m2: _Floats, share: float) -> float:
 def shifted_m(radius_m: float, share: float, sigma_m: float = FLIGHT.place_sigma_m) -> float:
     """Radius that still holds its share if all positions may be shifted together [m].
 
-    The radii add as squares, which is exact for round normal laws.
+    The radii add as squares, which is exact for round normal distributions.
     """
     return float(np.hypot(radius_m, sigma_m * np.sqrt(-2.0 * np.log(1.0 - share))))
 
@@ -324,7 +324,7 @@ def _even_axes(
 def _near(
     axis: _Floats, centres: _Floats, sigma_m: float, reach: int | None
 ) -> tuple[NDArray[np.intp], _Floats]:
-    """Points of an even axis near each centre (n, k), and a normal law's density there.
+    """Points of an even axis near each centre (n, k), and a normal density there.
 
     `reach`: number of points on each side; None: the whole axis, once for all centres (1, k).
     """

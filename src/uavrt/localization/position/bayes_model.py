@@ -163,7 +163,7 @@ def _power_evidence(powers: PowerTrack, model: Model, known: Known) -> SurveyEvi
 
 
 _HILLS_UNKNOWN = "losses behind hills are not computed for fixed receivers"
-_NO_LEVELS = "no bearing has a strength"
+_NO_LEVELS = "no bearing has a signal strength"
 
 
 def _usable_receivers(stations: Stations, model: Model) -> tuple[Strengths, ...]:

@@ -283,7 +283,7 @@ def _heading_error(
 
 
 def _doubts(model: Model, cells: Cells) -> Doubts | None:
-    """Heading error and outlier probabilities by the likeliest error law; None: no bearings."""
+    """Heading error and outlier probabilities by the likeliest model; None without bearings."""
     if not model.bearings:
         return None
     top = int(np.argmax(cells.log_density))

@@ -202,7 +202,7 @@ def _lenth(stations: Stations, method: str) -> Position:
 
 
 def _of_few(covariance_m2: _Floats | None, stations: int) -> _Floats | None:
-    """Covariance of Lenth's estimate, with the scatter over n - 2 bearings; None for two."""
+    """Covariance of Lenth's estimate, scaled by n / (n - 2) for n bearings; None for two."""
     if covariance_m2 is None or stations < 3:
         return None
     return covariance_m2 * (stations / (stations - 2))

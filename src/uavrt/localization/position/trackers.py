@@ -161,7 +161,7 @@ class Spread:
 
     @property
     def determinant_m4(self) -> float:
-        """Determinant of the covariance [m⁴]."""
+        """Determinant of the covariance of the tag's position [m⁴]."""
         return max(0.0, self.east_m2 * self.north_m2 - self.product_m2**2)
 
     @property

@@ -44,11 +44,11 @@ class GridTuning:
     map_cells: int = 100
     """Number of cells along the longer side of the probability map of a position."""
     map_sigmas: float = 8.0
-    """Reach of a cell's normal law in a position's map [standard deviations]: all but 1e-14."""
+    """Extent of a cell's normal distribution in a position's map [standard deviations]."""
     map_reach: int = 10
-    """Reach of a cell's normal law above which whole rows of a map are computed [map cells]."""
+    """Reach of a cell's normal density above which a map is computed by rows [map cells]."""
     survey_first_cells: int = 28
-    """Cells along the longer side of a power survey's grid before any is quartered."""
+    """Number of cells along the longer side of a survey's grid before any is quartered."""
     survey_held: float = 2e-3
     """Probability at which a power survey's cells are quartered; less changes no circle."""
     survey_growth: float = 2.0
@@ -58,7 +58,7 @@ class GridTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BearingFixTuning:
-    """Constants for positions from bearings: their error law, and Lenth's estimators."""
+    """Constants for positions from bearings: their error model, and Lenth's estimators."""
 
     step_deg: float = 0.25
     """Step in bearing of the tables of a bearing's probability [°]."""
@@ -110,7 +110,7 @@ class CommonErrorTuning:
     rounds: int = 25
     """Maximum number of iterations of a position's fit to bearings with outliers."""
     loose_rounds: int = 8
-    """First iterations of the fit to bearings in which larger errors are tolerated."""
+    """Number of first iterations of the fit to bearings that tolerate larger errors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,9 +120,9 @@ class ObserverTuning:
     heading_sigma_deg: float = 5.0
     """Prior standard deviation of a person's mean bearing error [°]; crews had -6° to +8°."""
     shares: tuple[float, float, int] = (0.02, 0.6, 14)
-    """Least, largest, number of trial shifts common to bearings, as shares of the distance."""
+    """Smallest and largest trial shift common to bearings [share of distance]; their number."""
     metres: tuple[float, float, int] = (5.0, 220.0, 15)
-    """Least, largest, number of trial shifts common to bearings, equal at all distances [m]."""
+    """Smallest and largest trial shift common to bearings at any distance [m]; their number."""
     outlier_share: float = 0.05
     """Prior share of a person's bearings in test trials that are unrelated to the tag."""
     reach: float = 2.0
@@ -130,7 +130,7 @@ class ObserverTuning:
     points: int = 41
     """Number of shifts common to bearings examined in each of two directions."""
     scatters_deg: tuple[float, float, int] = (1.0, 30.0, 13)
-    """Least, largest and number of trial standard deviations of a person's bearings [°]."""
+    """Smallest and largest trial scatter of a person's bearings [°]; number of trials."""
     headings_deg: tuple[float, float, int] = (-20.0, 20.0, 33)
     """Least, largest and number of trial mean errors of a person's bearings [°]."""
 
@@ -175,7 +175,7 @@ class PowerTuning:
     """Largest correlation of neighbouring pulses' errors inferred from stretch means."""
 
     hill_error: float = 0.25
-    """Relative standard deviation of a loss behind hills: coarse map, trees, one edge."""
+    """Relative standard deviation of the loss computed behind hills (coarse map, trees)."""
     hill_factors: tuple[tuple[float, float], ...] = (
         (0.65, 1.0 / 6.0),
         (1.0, 2.0 / 3.0),
@@ -205,9 +205,9 @@ class SurveyTuning:
     """Maximum standard deviation assumed for an error of the height above the tag, as a share
     of that height. With a larger one, an obstacle's loss is taken for a height error."""
     far_wrong_share: float = 0.1
-    """Prior share of surveys whose stated height above the tag is wrong by far more."""
+    """Prior share of surveys whose stated height above the tag is grossly wrong."""
     far_wrong_sigmas: float = 4.0
-    """Ratio of the standard deviation of far greater height errors to the usual one."""
+    """Ratio of the standard deviation of gross height errors to that of usual ones."""
     shifts_m: tuple[float, ...] = (-30.0, -18.0, -9.0, 0.0, 9.0, 18.0, 28.0, 40.0)
     """Candidate errors of the stated height above the tag [m]."""
     least_height_m: float = 3.0
@@ -261,7 +261,7 @@ class SurveyTuning:
     least_db: float = 0.05
     """Minimum residual scatter of pulse powers in the robust fit [dB]: their resolution."""
     freedom: float = 3.0
-    """Degrees of freedom of Student's law for powers in the robust fit."""
+    """Degrees of freedom of Student's t for powers in the robust fit."""
     rounds: int = 4
     """Number of iterations of the robust fit to powers."""
 
@@ -310,7 +310,7 @@ class LevelTuning:
     least_share: float = 1e-30
     """Minimum probability of a pulse or a miss by chance, which keeps logarithms finite."""
     pattern_steps: int = 4096
-    """Number of steps of a pattern's table over the cosine off boresight: up to 1.8°."""
+    """Number of steps of a pattern's table, over the cosine of the angle off boresight."""
     tail_step: float = 0.005
     """Step of the table of the normal distribution's tail [standard deviations]."""
     tail_sigmas: float = 12.0

@@ -117,7 +117,7 @@ class HillLosses:
         return other
 
     def with_limitations(self, *limitations: str) -> "HillLosses":
-        """Copy with further limitations."""
+        """Copy with further limitations of the ground model."""
         other = copy(self)
         other.limitations = (*self.limitations, *limitations)
         return other
@@ -221,13 +221,13 @@ class LossesFrom:
     maps: NDArray[np.float32]
     """(lattice, rows, columns) loss from each lattice point to the ground squares [dB]."""
     which: NDArray[np.intp]
-    """(n,) index of the lattice point for each drone position."""
+    """(n,) index of the lattice point (first axis of `maps`) nearest to each drone position."""
     west_m: float
     south_m: float
     cell_m: float
 
     def __call__(self, east_m: _Floats, north_m: _Floats) -> NDArray[np.float32]:
-        """(places, n) losses to tag positions (places,) [dB]."""
+        """(places, n) losses from the n drone positions to tag positions (places,) [dB]."""
         lattice = np.arange(len(self.maps))[np.newaxis]
         each = self.between(lattice, east_m[:, np.newaxis], north_m[:, np.newaxis])
         return np.asarray(each[:, self.which])

@@ -119,7 +119,7 @@ class HeardTrain:
         rates: int,
         log_trains: float | None = None,
     ) -> "HeardTrain":
-        """Train found in noise, with the statistics of the noise at its frequency."""
+        """Record of a found train, with the statistics of noise at its frequency."""
         row = int(np.argmin(np.abs(energies.offsets_hz - pulses.offset_hz)))
         quiet = energies.away_from(pulses.time_s)
         mean = energies.mean[row]

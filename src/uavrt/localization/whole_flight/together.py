@@ -59,7 +59,7 @@ class JointTrain:
     trains: tuple[FoldedTrain, ...]
     """Pulse train in each flight; its position is a row of that flight's gains."""
     log_trains: tuple[float, ...]
-    """Logarithm of the number of independent trains of which each flight's is the best."""
+    """Logarithm of the number of independent trains among which each flight's is the best."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

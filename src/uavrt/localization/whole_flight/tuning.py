@@ -175,7 +175,7 @@ class PlaceTuning:
     odd_fading_db: float = 6.0
     least_log: float = -30.0
     loud_factor: float = 6.0
-    """Factor on ln E, to which the energy E of a strong pulse in a slot is reduced."""
+    """Factor f in f · ln E, by which a strong pulse's energy E in a slot is replaced."""
     windows: tuple[float, float] = (0.8, 0.6)
     """Shares of a pulse's energy in its two best filter windows. With all energy in one, a
     passed tag seemed farther away."""

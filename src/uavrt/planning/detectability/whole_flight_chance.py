@@ -22,7 +22,7 @@ _Singles = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WholeFlightModel:
-    """Parameters of the prediction, in addition to those of the search over a whole flight."""
+    """Parameters for predicting if a whole-flight search finds a tag, beyond its own."""
 
     least_pulses: int = 12
     """Number of pulses that the ordinary detector sums; a shorter flight gains nothing."""

@@ -64,7 +64,7 @@ class SampleBytes(Protocol):
         """Fill memory from a position on; return the number of bytes, 0 at the end."""
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the file with the samples."""
 
 
 class _FileBytes:
@@ -192,7 +192,7 @@ class RecordingSource:
         return block
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the recording's file."""
         self._file.close()
 
     def _next_segment(self) -> None:

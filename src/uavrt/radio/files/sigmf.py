@@ -42,7 +42,7 @@ def sigmf_layout(
             meta_path, "has its samples elsewhere", "Use a .sigmf-meta with .sigmf-data"
         )
     if about.get("core:num_channels", 1) != 1:
-        raise _fault(meta_path, "has several channels", "Split it, one channel in each")
+        raise _fault(meta_path, "has several channels", "Split it into one file per channel")
     sample_format = sigmf_format(_text(about, "core:datatype", meta_path))
     scale = _number(about, SIGMF_FULL_SCALE, meta_path)
     if scale is not None:
@@ -165,7 +165,7 @@ def _captures(
 ) -> list[_Capture]:
     listed = meta.get("captures") or [{"core:sample_start": 0}]
     if not isinstance(listed, list) or not all(isinstance(item, dict) for item in listed):
-        raise _fault(path, "has captures that are not a list of tables", "Write it again")
+        raise _fault(path, "has captures that are not a list of tables", "Correct them")
     captures = []
     for item in listed:
         time_text = item.get("core:datetime")

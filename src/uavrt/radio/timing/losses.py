@@ -55,7 +55,7 @@ _FLOOR_S: Final = 0.002
 """Minimum lateness of arrivals above jitter that shows a loss [s]; clock drift is smaller."""
 _LEVEL_S: Final = 0.006
 _LEVEL_SLOPE: Final = 0.06
-"""Rise of the lateness [s/s] above which a program is falling behind and nothing is lost."""
+"""Rise of arrivals' lateness [s/s] above which the radio program falls behind: no loss."""
 _CLIMB_S: Final = 0.35
 _LEVEL_AFTER_CLIMB_S: Final = 1.5
 _SUSPECT_S: Final = 0.008
@@ -69,9 +69,9 @@ _SURE_SHARE: Final = 0.0008
 _SHARE_S: Final = 30.0
 _EARLY_CELLS: Final = 12
 _PACE_BIN_S: Final = 0.25
-"""Periods of which the smallest delay of arrivals is stored, for a source's speed [s]."""
+"""Period for which the smallest delay of arrivals is stored, for a source's speed [s]."""
 _UNSETTLED_BINS: Final = 2
-"""Number of newest periods ignored in a source's speed: a stall may still be made up."""
+"""Number of newest periods ignored in a source's speed, as a stall may still be caught up."""
 _PACE_SPANS: Final = ((5.0, 0.4), (10.0, 0.7))
 """Periods over which the speed is measured [s], and scatter below which the delays rise evenly.
 At 0.9 to 0.995 times real time the scatter is 0.1 to 0.5 and 0.1 to 0.9, also on a busy

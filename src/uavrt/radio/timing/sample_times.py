@@ -27,7 +27,7 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 from uavrt.radio.timing.losses import SLOWEST_RATE, Loss, LossFinder
 
 _BIN_S = 0.5
-"""Length of the periods of which the earliest arrival of samples is stored [s]."""
+"""Length of a period for which the earliest arrival of samples is stored [s]."""
 _BINS = 600
 """Number of stored periods of arrivals: 5 min, in which clocks are constant to below 1 ppm."""
 _FIT_BINS = 8
@@ -121,7 +121,7 @@ class TimeKeeper:
 
     @property
     def started(self) -> bool:
-        """True after the first arrival."""
+        """True after the first arrival of samples."""
         return self._start_ns is not None
 
     @property

@@ -40,7 +40,7 @@ def uniform(key: int, index: ArrayLike) -> NDArray[np.float64]:
 
 
 def normal(key: int, index: ArrayLike) -> NDArray[np.float64]:
-    """Standard normal numbers for an array of indices of a stream (Box & Muller 1958)."""
+    """Standard normal random numbers for an array of indices of a stream (Box & Muller)."""
     indices = np.asarray(index, dtype=np.int64)
     radius = np.sqrt(-2.0 * np.log1p(-uniform(key, 2 * indices)))
     result: NDArray[np.float64] = radius * np.cos(2 * np.pi * uniform(key, 2 * indices + 1))

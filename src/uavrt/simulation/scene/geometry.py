@@ -48,7 +48,7 @@ def unrotate(rotation: Quaternion, vector: Vector) -> Vector:
 
 
 def dot(first: Vector, second: Vector) -> float:
-    """Scalar product."""
+    """Scalar product of two vectors."""
     return first[0] * second[0] + first[1] * second[1] + first[2] * second[2]
 
 
@@ -68,12 +68,12 @@ def scale(vector: Vector, factor: float) -> Vector:
 
 
 def length(vector: Vector) -> float:
-    """Euclidean length."""
+    """Euclidean length of a vector."""
     return math.sqrt(dot(vector, vector))
 
 
 def cross(first: Vector, second: Vector) -> Vector:
-    """Vector product."""
+    """Vector product of two vectors."""
     return (
         first[1] * second[2] - first[2] * second[1],
         first[2] * second[0] - first[0] * second[2],

@@ -8,7 +8,7 @@ from uavrt.simulation.scene import geometry
 
 Flavour = Literal["px4", "ardupilot"]
 HOLD_HEADING_M = 2.0
-"""Distance to the target within which the drone keeps its heading [m], else faces it."""
+"""Distance to the target below which the drone keeps its heading [m]; farther it faces it."""
 LINE_TOLERANCE_M = 0.8
 """Distance off the flight line that PX4 tolerates until `HOLD_HEADING_M` from its end [m]."""
 VELOCITY_TIMEOUT_S = 3.0
@@ -101,7 +101,7 @@ class Airframe:
 
     @property
     def battery_percent(self) -> float:
-        """Remaining charge [%]."""
+        """Remaining charge of the battery [%]."""
         return max(0.0, 100.0 * (1.0 - self.used_wh / self.frame.battery_wh))
 
     @property

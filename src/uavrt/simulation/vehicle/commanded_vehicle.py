@@ -24,8 +24,8 @@ SLOWEST_NS: dict[str, dict[int, int]] = {
     "px4": {dialect.CurrentMode.ID: ns_from_s(0.5)},
     "ardupilot": {},
 }
-"""Fixed periods of messages by autopilot and message id [ns], whatever is requested: PX4 1.17's
-CURRENT_MODE."""
+"""Message periods that requests do not change [ns], by autopilot and message id: CURRENT_MODE
+of PX4 1.17."""
 FLOWN_IDS = frozenset(
     {
         dialect.GlobalPositionInt.ID,

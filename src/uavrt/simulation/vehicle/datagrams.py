@@ -77,7 +77,7 @@ class DatagramPort:
             return
 
     def close(self) -> None:
-        """Close the socket."""
+        """Close the UDP socket."""
         if self._socket is not None:
             asyncio.get_running_loop().remove_reader(self._socket)
             self._socket.close()

@@ -80,7 +80,7 @@ class AutopilotSettings:
     flavour: Flavour = "px4"
     system_id: int = 1
     unique_number: int = 0x75617672
-    """Hardware id in AUTOPILOT_VERSION."""
+    """Hardware id that the autopilot reports in AUTOPILOT_VERSION."""
     companion_port: int = 0
     """Local UDP port towards the companion computer; 0: any free one."""
     ground_port: int = 0
@@ -193,7 +193,7 @@ class FakeAutopilot:
                 side.port.open()
 
     def close(self) -> None:
-        """Close the ports."""
+        """Close the UDP ports of both links."""
         for side in (self.companion, self.ground):
             if side.port is not None:
                 side.port.close()

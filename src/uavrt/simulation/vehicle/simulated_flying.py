@@ -63,7 +63,7 @@ class GroundContact:
         return self.landed and not begin_s <= self.idle_s < end_s
 
     def touch_down(self) -> None:
-        """Register a landing."""
+        """Register that the vehicle has landed."""
         self.landed = True
 
     def wait(self) -> None:

@@ -86,7 +86,7 @@ def ask(archive: Path, question: str) -> "pa.Table":
         _make_views(connection, archive, question)
         answer = connection.sql(question)
         if answer is None:
-            raise UsageError("this is not an SQL query", remedy="Begin it with SELECT")
+            raise UsageError("this is not an SQL query", remedy="Begin the query with SELECT")
         return _in_utc(answer.to_arrow_table())
 
     return in_archive(archive, query)
@@ -127,7 +127,8 @@ def in_archive(
         rows, size_bytes = connection.sql(size).fetchall()[0]
         if rows > size_bytes:  # a batch writes the path of each
             raise FormatError(
-                f"{archive / RECORDINGS} is damaged: {rows:,} rows without columns"
+                f"{archive / RECORDINGS} is damaged: {rows:,} rows without columns; run the "
+                "same uavrt batch again with --verify"
             )
         return query(connection)
 

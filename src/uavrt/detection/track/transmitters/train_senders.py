@@ -113,7 +113,7 @@ class ConfirmedPulses:
         self._pulses: dict[int, tuple[float, float]] = {}
         """Absolute frequency [Hz] and power of each confirmed pulse, by its time [ns]."""
         self._times_ns = np.zeros(0, np.int64)
-        """Times of the pulses in `_pulses` [ns], as an array."""
+        """Times of the stored confirmed pulses [ns], as an array."""
         self._how = np.zeros((0, 2))
 
     def update(self, detectors: Iterable[FollowingDetector]) -> None:

@@ -12,7 +12,7 @@ LATE_TURNS = 2
 
 
 class StallWatch:
-    """Measures the pauses of a process that is running at `now_s`."""
+    """Measures pauses of this process, in which messages wait; `now_s`: present time."""
 
     def __init__(self, now_s: float) -> None:
         self._awake_s = now_s

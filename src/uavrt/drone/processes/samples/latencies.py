@@ -33,7 +33,7 @@ class Latencies:
         return min(step + 1, MOST_MS) * STEP_MS
 
     def counters(self) -> dict[str, float]:
-        """Median and 99th percentile, rounded up to 1 ms, for the health report."""
+        """Median and 99th percentile of the latencies, rounded up to 1 ms, for health."""
         median_ms, slow_ms = self.percentile_ms(50.0), self.percentile_ms(99.0)
         if median_ms is None or slow_ms is None:
             return {}

@@ -25,7 +25,7 @@ class WallClockWatch:
         return text
 
     def wrong_time_again(self, now_s: float) -> str | None:
-        """Warning of the flight's start, once more after `REPEAT_AFTER_S`; otherwise None."""
+        """Repeat the warning of a wrong date, once after `REPEAT_AFTER_S`; otherwise None."""
         if self._again_s is None or now_s < self._again_s:
             return None
         self._again_s = None

@@ -240,7 +240,7 @@ class Launcher:
 
     def _give_up(self, fault: str) -> None:
         """Mark the fork server as failed; `tend` will restart it."""
-        log.warning("process that forks others killed; it restarts", reason=fault)
+        log.warning("killed the process that forks the others; it restarts", reason=fault)
         self._ready = False
         self._fault = fault
         if self._process is not None:

@@ -56,7 +56,7 @@ class DroneContact:
         text = f"the drone did not answer command {number} in {waited_s:g} s"
         if self._drone_signs and self._signing is None:
             return LinkError(
-                f"{text}: it signs its frames and may accept only signed ones",
+                f"{text}: the drone signs its frames and may accept only signed ones",
                 remedy="Give the drone's key with --signing-key",
             )
         return LinkError(

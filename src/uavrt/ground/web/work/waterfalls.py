@@ -139,7 +139,7 @@ class LiveWaterfall:
         self.address: str | None = None
 
     async def listen(self, address: str) -> None:
-        """Receive at an address; an empty address ends it. Raises `UavrtError`."""
+        """Receive datagrams at an address; an empty one ends it. Raises `UavrtError`."""
         self.close()
         if not address:
             return

@@ -32,7 +32,7 @@ class Parser(Protocol):
         ...
 
     def reset(self) -> None:
-        """Drop an incomplete frame."""
+        """Drop the bytes of an incomplete frame."""
         ...
 
 

@@ -59,7 +59,7 @@ class TcpLink(Link):
         self._task = asyncio.get_running_loop().create_task(self._run(reader))
 
     async def close(self) -> None:
-        """Disconnect for good."""
+        """Disconnect from the server for good."""
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)

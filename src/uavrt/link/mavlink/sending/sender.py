@@ -87,7 +87,7 @@ class PacedSender:
         }
 
     async def run(self) -> None:
-        """Send messages until cancelled."""
+        """Send the queued messages until cancelled."""
         self._loop = asyncio.get_running_loop()
         try:
             self._pump()

@@ -380,7 +380,7 @@ class Participant:
     # ---------------------------------------------------------------- receiving
 
     def _read(self) -> None:
-        """Read messages until the end; runs in the only thread that reads."""
+        """Read DDS messages until the participant is closed, in the only reading thread."""
         while not self._closing.is_set():
             try:
                 if self._in_order or self._waitset.wait(duration(milliseconds=200)):
@@ -441,7 +441,7 @@ class Participant:
             self._senders.add_writer(handle, key, writer.topic_name)
 
     def _announced(self, reader: Any) -> Iterator[Any]:
-        """Yield announcements singly: one name that is not UTF-8 loses all taken with it."""
+        """Yield announcements one by one: in a batch, one name that is not UTF-8 loses all."""
         for _ in range(ANNOUNCED_LIMIT):
             try:
                 samples = reader.take(1)

@@ -85,7 +85,7 @@ def _make_encoder(message: type[RosMessage]) -> Encoder:
 
 
 def _flat_fields(message: type[RosMessage], prefix: str = "") -> Iterator[tuple[str, Field]]:
-    """Yield path and field of every field that is no nested message, at any depth."""
+    """Yield path and field of every field that is not a nested message, at any depth."""
     for entry in fields_of(message):
         path = prefix + entry.name
         if entry.message is not None and not entry.sequence:

@@ -118,15 +118,15 @@ class PulseMemory(Generic[T]):
             if store not in entry.stored_at and entry.inside is None:
                 entry.missing_at.add(store)
 
-    def send_none(self, store: int, *, made_up: bool) -> None:
-        """Send nothing more to a removed station; `made_up`: it never acknowledged a pulse."""
+    def send_none(self, store: int, *, acknowledges: bool) -> None:
+        """Send nothing more to a removed station; `acknowledges`: it acknowledged pulses."""
         for entry in list(self._entries.values()):
             entry.missing_at.discard(store)
             if entry.missing_at:
                 continue
             if entry.inside is not None:
                 self.forget(entry)  # when the store is back, the disk has it
-            elif entry.stored_at or (made_up and (entry.sends or not entry.live)):
+            elif entry.stored_at or (not acknowledges and (entry.sends or not entry.live)):
                 self._give_up(entry)
             elif entry.state == "sent" or entry.key in self._probes:
                 self._probes.pop(entry.key, None)
@@ -170,7 +170,7 @@ class PulseMemory(Generic[T]):
         return max(self._probed_ns, now_ns - PROBES * PROBE_NS) + PROBE_NS
 
     def forget(self, entry: Entry[T]) -> None:
-        """Remove a pulse from memory."""
+        """Remove a pulse from memory, so that it is not sent from there again."""
         if entry.state == "waiting" and self._probes.pop(entry.key, None) is None:
             place = bisect_left(self._waiting, (entry.time_ns, entry.key))
             if place < len(self._waiting) and self._waiting[place][1] == entry.key:

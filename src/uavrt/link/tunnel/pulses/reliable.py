@@ -134,7 +134,7 @@ class ReliableSender(Generic[T]):
             self.pulses.promote_probes(store)
 
     def settled(self) -> list[tuple[int, ItemKey]]:
-        """Since the last call: stations and bursts that count as delivered by the pulse alone.
+        """Stations and bursts that count, since the last call, as delivered by the pulse alone.
 
         A station of an older version never acknowledges a burst's single pulses.
         """
@@ -228,4 +228,4 @@ class ReliableSender(Generic[T]):
 
     def _drop_store(self, number: int, now_ns: int | None = None) -> None:
         gone = self.stores.remove(number, now_ns)
-        self.pulses.send_none(number, made_up=not gone.acknowledges)
+        self.pulses.send_none(number, acknowledges=gone.acknowledges)

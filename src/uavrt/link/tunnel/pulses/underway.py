@@ -65,7 +65,7 @@ class Underway(Generic[T]):
         self._sent: OrderedDict[EntryKey, Entry[T]] = OrderedDict()
         self._by_hash: dict[int, Entry[T]] = {}
         self._done: OrderedDict[int, Entry[T]] = OrderedDict()
-        """Finished pulses by the hashes of their payloads."""
+        """Pulses acknowledged or given up, by the hashes of their payloads."""
         self._order = 0
         self._trips = RoundTrips()
         self._unanswered_since_ns: int | None = None

@@ -55,7 +55,7 @@ class Fit:
     inlier: _Floats
     """(n,) probability that each bearing belongs to the tag."""
     misfit: float
-    """Probability that the bearings scatter at least this far under the explanation."""
+    """Probability that bearings scatter at least as far if this explanation is true."""
     log_evidence: float
 
     def middle_of(self, bearings: FlightBearings) -> tuple[float, float]:

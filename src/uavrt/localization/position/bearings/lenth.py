@@ -114,7 +114,7 @@ def repeated_median(rays: Rays, *, as_original: bool) -> PlanePosition | None:
 
 
 def concentration(cosine: float) -> float:
-    """Concentration kappa of a von Mises law from its mean cosine, by Lenth's formula."""
+    """Concentration kappa of a von Mises density from its mean cosine, by Lenth's formula."""
     c = min(max(cosine, 1e-3), 1.0 - 1e-12)
     inverse = 2.0 * (1.0 - c) + (1.0 - c) ** 2 * (0.48794 - 0.82905 * c - 1.3915 * c * c) / c
     return 1.0 / max(inverse, 1e-12)

@@ -105,7 +105,7 @@ class LevelEvidence:
         return gain
 
     def _score(self, x: _Floats, residual: _Floats, weight: _Floats, gain_db: float) -> _Floats:
-        """(places,) log-likelihood; tag power P, receivers' errors and n integrated out."""
+        """(places,) log-likelihood; power P, receivers' errors and path loss integrated out."""
         errors, listeners = self._errors, len(self._listeners)
         normal = np.einsum("pn,nj,nk->pjk", weight, errors, errors)
         normal[:, range(listeners), range(listeners)] += gain_db**-2.0

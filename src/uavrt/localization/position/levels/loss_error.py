@@ -32,7 +32,7 @@ def doubtful_db(lost_db: _Floats) -> _Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LossError:
-    """Normal distribution of the lasting error, if the tag is at each position.
+    """Normal distribution of the lasting error of levels, for each possible tag position.
 
     Behind hills it is relative to the losses, else in standard deviations of the shadowing.
     """
@@ -55,7 +55,7 @@ class LossError:
 
     @classmethod
     def of_columns(cls, law: LastingError | None, columns: _Floats) -> "LossError | None":
-        """Convert (n, 3) columns to a distribution; None without a law."""
+        """Convert (n, 3) columns to a distribution; None without a `law`."""
         if law is None:
             return None
         return cls(
@@ -84,7 +84,7 @@ class LossError:
         )
 
     def learnt(self, doubtful: _Floats, moved: _Floats, shrunk: _Floats) -> "LossError":
-        """Distribution after a pulse with a slope (`moved`) and curvature of log-likelihood."""
+        """Distribution after a pulse, by slope (`moved`) and curvature of its likelihood."""
         with_pulse = self.with_level_db - doubtful * self.variance
         return replace(
             self,

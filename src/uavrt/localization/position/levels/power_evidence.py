@@ -94,8 +94,8 @@ def fit_each(
 class PowerEvidence:
     """Log-likelihood of positions, given powers along a track.
 
-    `correlation`: of neighbouring pulses' fading, where pulses were missed; see
-    `correlation_at_best`. Without misses it is integrated out.
+            `correlation`: correlation of neighbouring pulses' fading, used if pulses were
+    missed; see `correlation_at_best`. Without misses the correlation is integrated out.
     """
 
     def __init__(

@@ -317,7 +317,7 @@ def _height_sigma_m(track: PowerTrack, sigma_m: float) -> float:
 
 
 def _log_prior_of_height(shifts_m: _Floats, sigma_m: float) -> _Floats:
-    """(n,) log-prior of errors of the stated height: a mixture of usual and far greater."""
+    """(n,) log-prior of errors of the stated height: a mixture of usual and gross errors."""
     usual = (1.0 - SURVEY.far_wrong_share) * _normal(shifts_m, sigma_m)
     far_wrong = SURVEY.far_wrong_share * _normal(shifts_m, SURVEY.far_wrong_sigmas * sigma_m)
     return np.asarray(np.log(usual + far_wrong))

@@ -21,7 +21,7 @@ from uavrt.localization.whole_flight.tuning import ENERGY
 
 
 class GrowingEnergies:
-    """Convert a channel's samples in flight to all slot energies so far."""
+    """Converts a channel's samples, as they arrive in flight, to energies of all slots."""
 
     def __init__(
         self,
@@ -57,7 +57,7 @@ class GrowingEnergies:
 
     @property
     def length_s(self) -> float:
-        """Duration measured so far [s]."""
+        """Duration of the flight measured so far [s]."""
         return len(self._parts) * self._block * self._slot / self._rate_hz
 
     def take(
