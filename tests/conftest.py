@@ -150,8 +150,7 @@ def launch(ros_domain: int) -> Iterator[Launch]:
 
     yield start
     for gateway in started:
-        if gateway.process.poll() is None:
-            gateway.close()
+        gateway.close()
 
 
 @pytest.fixture(scope="module")
