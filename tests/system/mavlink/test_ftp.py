@@ -114,7 +114,7 @@ async def test_mavproxy_lists_compares_and_reads(world: World, tmp_path: Path) -
             MAVPROXY_COMMANDS.format(local=local),
             tmp_path,
             done=lambda: local.exists() and local.stat().st_size == len(CONTENT),
-            patience_s=45.0,
+            patience_s=80.0,
         )
 
     async with world.flying():

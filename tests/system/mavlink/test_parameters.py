@@ -94,7 +94,7 @@ async def test_mavproxy_shows_and_sets_our_parameters(
             MAVPROXY_COMMANDS,
             tmp_path,
             done=lambda: values_of(world)["DET_FALSE_ALARM"] != 0.0,
-            patience_s=30.0,
+            patience_s=80.0,
         )
 
     async with world.flying(flavour=flavour):

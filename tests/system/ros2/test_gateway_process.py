@@ -361,7 +361,7 @@ def test_a_refused_command_is_told_with_its_reason(launch: Any, ros_peer: Any) -
     gateway.send(
         "command_reply", made.reply(command, message="no tags: send tags first", accepted=False)
     )
-    line = logs.newest()
+    line = logs.newest(lambda line: "refused" in line.msg)
     assert (line.level, line.msg) == (30, "start_detection refused: no tags: send tags first")
 
 
