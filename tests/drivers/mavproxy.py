@@ -57,8 +57,8 @@ def mavproxy(
         time.sleep(1.0)
     finally:
         program.terminate()
+        console.close()
         program.wait(30.0)
         reading.join()
-        console.close()
         output.close()
     return "".join(said)
