@@ -38,7 +38,7 @@ def test_programs_that_answer_slowly_one_after_the_other_end_within_one_limit(
         monkeypatch.setattr(program, "monotonic_s", lambda: monotonic_s() + late_s)
         return done
 
-    monkeypatch.setattr(program.subprocess, "run", slow)
+    monkeypatch.setattr(subprocess, "run", slow)
     begun_s = monotonic_s()
     with pytest.raises(RadioStalled, match="rtl_biast does not answer"):
         open_radio(RadioSettings(kind="rtlsdr", sample_rate_hz=250e3, serial="7"), 148e6)
