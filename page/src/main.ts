@@ -88,7 +88,7 @@ export function show(name: string): void {
   if (location.hash !== `#${name}`) history.replaceState(null, "", `#${name}`);
   showPlots(name === "plots");
   showLog(name === "log");
-  showCheck(name === "check");
+  void showCheck(name === "check");
   if (name === "flights") void all();
   if (name === "fly") mapView().resize();
 }

@@ -107,6 +107,8 @@ class Store {
   private due = new Set<Topic>();
   private offsetMs = 0;
   private liveFlight: string | null = null;
+  /** Estimates of the live flight, which come also while a past one is shown. */
+  private estimated: Estimates = { bearings: [], positions: [] };
   private waiting: PulseRecord[] | null = null;
   /** The newest of the requests for the live flight, and for a past one: earlier answers come too late. */
   private loading = 0;
@@ -247,10 +249,11 @@ class Store {
 
   // ---------------------------------------------------------------- past flights
 
-  async open(flightId: string): Promise<void> {
+  /** Load a past flight and show it; false where another was opened meanwhile. */
+  async open(flightId: string): Promise<boolean> {
     const ticket = ++this.opening;
     const { summary, pulses, track } = await flightOf(flightId);
-    if (ticket !== this.opening) return;
+    if (ticket !== this.opening) return false;
     this.review = summary;
     this.until = Infinity;
     // Chosen now and not by the list of tags, which would have all of it drawn once more.
@@ -269,6 +272,7 @@ class Store {
     this.emit("state");
     void this.loadEstimates(flightId, ticket);
     void this.loadHindsight(flightId, ticket);
+    return true;
   }
 
   /** Ask again what the whole flight that is shown said. */
@@ -311,6 +315,7 @@ class Store {
     this.emit("hindsight");
     this.compare(null);
     this.until = Infinity;
+    this.take(this.estimated);
     void this.loadLive();
   }
 
@@ -356,6 +361,7 @@ class Store {
         this.settings = hello.settings;
         this.log = hello.log;
         this.download = hello.download;
+        this.estimated = hello;
         if (!this.review) {
           this.take(hello);
           void this.loadLive();
@@ -414,7 +420,9 @@ class Store {
         break;
       case "estimates": {
         const record = message.record as Estimates & { flight_id: string };
-        if (!this.review && record.flight_id === this.state?.flight.flight_id) this.take(record);
+        if (record.flight_id !== this.state?.flight.flight_id) break;
+        this.estimated = record;
+        if (!this.review) this.take(record);
         break;
       }
     }

@@ -3,15 +3,22 @@
 import os
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+
+from some import some
+from until import until
+
+AGAIN_S = 20.0
+"""After which the commands are typed again: a busy MAVProxy may have lost one."""
 
 
 def mavproxy(
     port: int, commands: str, directory: Path, *, done: Callable[[], bool], patience_s: float
 ) -> str:
-    """Type commands, wait until what they ask is done; get all that MAVProxy said.
+    """Type commands until what they ask is done; get all that MAVProxy said.
 
     `port`: UDP port on the loopback where it listens.
     `commands`: a line each.
@@ -32,16 +39,26 @@ def mavproxy(
         cwd=directory,
         env=os.environ | {"MAVLINK20": "1", "HOME": str(directory)},
     )
-    assert program.stdin is not None
-    time.sleep(3.0)
-    for line in commands.splitlines():
-        program.stdin.write(line + "\n")
-        program.stdin.flush()
-        time.sleep(1.5)
+    console, output = some(program.stdin), some(program.stdout)
+    said: list[str] = []
+    reading = threading.Thread(target=lambda: said.extend(iter(lambda: output.read(1), "")))
+    reading.start()
     deadline_s = time.monotonic() + patience_s
-    while not done() and time.monotonic() < deadline_s:
-        time.sleep(0.2)
-    time.sleep(1.0)
-    program.terminate()
-    said, _ = program.communicate(timeout=10)
-    return said
+    try:
+        until(lambda: "Detected vehicle" in "".join(said), patience_s)
+        while not done() and time.monotonic() < deadline_s:
+            for line in commands.splitlines():
+                console.write(line + "\n")
+                console.flush()
+                time.sleep(1.5)
+            again_s = time.monotonic() + AGAIN_S
+            while not done() and time.monotonic() < min(again_s, deadline_s):
+                time.sleep(0.2)
+        time.sleep(1.0)
+    finally:
+        program.terminate()
+        console.close()
+        program.wait(30.0)
+        reading.join()
+        output.close()
+    return "".join(said)

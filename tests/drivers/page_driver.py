@@ -42,6 +42,16 @@ RUN_AXE = """(tags) => axe.run(document, { runOnly: tags }).then((found) =>
     [one.impact, one.id, one.nodes.map((node) => node.target.join(" ")).join(", ")]))"""
 VIDEO = os.environ.get("UAVRT_VIDEO")
 SCREENSHOTS = os.environ.get("UAVRT_SCREENSHOTS")
+KEEP_TOASTS = """() => {
+  window.toasts = [];
+  const take = (changes) => changes.forEach((change) => change.addedNodes.forEach((one) => {
+    if (one.matches?.(".toast")) window.toasts.push(one.textContent); }));
+  new MutationObserver(take).observe(document, { childList: true, subtree: true });
+}"""
+TAKE_TOAST = """(text) => {
+  const place = window.toasts.findIndex((one) => one.includes(text));
+  return place >= 0 && window.toasts.splice(0, place + 1).length > 0;
+}"""
 WAIT_MS = 60_000
 # Machines under load take their time; what is waited for comes at once on others.
 expect.set_options(timeout=WAIT_MS)
@@ -116,6 +126,7 @@ class Watched:
             viewport={"width": 1024, "height": 600}, accept_downloads=True, **context
         )
         self._context.set_default_timeout(WAIT_MS)
+        self._context.add_init_script(f"({KEEP_TOASTS})()")
         if plain_map:
             self._context.add_init_script("localStorage.setItem('plain', 'yes')")
         self.page: Page = self._context.new_page()
@@ -134,6 +145,10 @@ class Watched:
         else:
             self.errors.append(f"dialog: {dialog.message}")
             dialog.dismiss()
+
+    def toasted(self, text: str) -> None:
+        """Wait for a short message, which may be gone before a busy test looks for it."""
+        self.page.wait_for_function(TAKE_TOAST, arg=text)
 
     def film(self) -> None:
         """Begin to film, when a film is wanted: ``make video``."""
@@ -216,6 +231,12 @@ class Scene:
         """Start a drone that the station hears, or one at another port."""
         assert self.ground
         return self._make_drone(port or self.link_port, system_id, **world)
+
+    def commanding_and_looking_on(self, **context: Any) -> tuple[Watched, Watched]:
+        """Open the page twice; the first one commands."""
+        first = self.watch(**context)
+        first.page.wait_for_function("() => window.uavrt.store.state?.commander")
+        return first, self.watch(**context)
 
     def watch(self, address: str = "", **context: Any) -> Watched:
         """Open the page, in light colours unless others are asked for."""

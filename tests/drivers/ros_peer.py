@@ -255,9 +255,13 @@ class Listener:
         until(enough)
         return found
 
-    def newest(self) -> Any:
-        """Wait for something; the newest message."""
-        return self._peer.read(self.collect()[-1], self._topic)
+    def newest(self, wanted: Callable[[Any], bool] = lambda _: True) -> Any:
+        """Wait for something; the newest message, once it is as wanted."""
+
+        def read(cdr: bytes) -> Any:
+            return self._peer.read(cdr, self._topic)
+
+        return read(self.collect(lambda got: wanted(read(got[-1])))[-1])
 
 
 class _Raw:
@@ -318,7 +322,7 @@ class GatewayProcess:
         """Ask it to end; get its exit code."""
         self.process.terminate()
         try:
-            return self.process.wait(10.0)
+            return self.process.wait(30.0)
         finally:
             self.process.kill()
             self.process.wait()

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -38,13 +39,15 @@ def asked(
     for _ in range(300):
         try:
             with urllib.request.urlopen(
-                url if body is None else posted(url, body), timeout=10
+                url if body is None else posted(url, body), timeout=60
             ) as response:
                 answer = json.loads(response.read())
         except OSError as error:
             answer = None
-            if getattr(error, "code", 0) in (404, 405):
-                raise
+            if isinstance(error, urllib.error.HTTPError):
+                error.close()  # its socket
+                if error.code in (404, 405):
+                    raise
         if answer is not None and until(answer):
             return answer
         time.sleep(0.1)
@@ -82,7 +85,7 @@ def test_what_the_page_receives_lies_beside_the_drones_flight_under_its_name(
         asked(address, "state", lambda one: one["drone"]["state"] == "idle")
         put = posted(f"{address}api/tags", rows_from_tags(scenario.tags))
         put.method = "PUT"
-        urllib.request.urlopen(put, timeout=20).close()
+        urllib.request.urlopen(put, timeout=60).close()
         for command in ("send_tags", "start"):
             asked(address, f"commands/{command}", lambda one: one["accepted"], {})
         state = asked(address, "state", lambda one: one["drone"]["state"] == "detecting")
@@ -111,7 +114,7 @@ def test_the_page_of_the_companion_finds_its_drone_side_and_ends_with_it(
         assert state["connection"]["address"].startswith("udpout://127.0.0.1:")
         assert asked(address, "drone/flights", lambda one: isinstance(one, list), {}) == []
         wish = posted(f"{address}api/commands/set_parameter", {"name": "DET_K", "value": 4})
-        with urllib.request.urlopen(wish, timeout=20) as response:
+        with urllib.request.urlopen(wish, timeout=60) as response:
             assert json.loads(response.read())["accepted"]
         running.send_signal(signal.SIGTERM)
         assert running.wait(60) == 0

@@ -99,7 +99,7 @@ class Drone:
 
     def runs(self, version: str) -> bool:
         """Whether the service runs from a version, or does so soon."""
-        deadline_s = time.monotonic() + 10.0
+        deadline_s = time.monotonic() + 60.0
         while time.monotonic() < deadline_s:
             lines = self._log.read_text().splitlines()
             started = [json.loads(line) for line in lines if line.startswith(STARTED)]

@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import tarfile
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ import made
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from some import some
 from update_maker import (
     TINY,
     digest_below,
@@ -481,6 +481,25 @@ def test_after_a_cut_anywhere_a_whole_version_runs_and_the_trial_is_ended(
         assert {name for _, name in ended} == {"source"}
 
 
+STALLS = ("unpack_wheels", "rehearse", "exchange")
+STALLED = """
+import sys
+from uavrt.drone.computer import update
+
+def stall(*_arguments, **_options):
+    print("there", flush=True)
+    sys.stdin.read()
+
+_, moment, *words = sys.argv
+assert hasattr(update, moment)
+setattr(update, moment, stall)
+sys.argv = ["uavrt", *words]
+from uavrt.cli.app import run
+run()
+"""
+"""An update that stands still at a moment, until it is killed."""
+
+
 def test_killed_while_it_installs_it_leaves_the_present_version_and_can_be_repeated(
     maker: Maker, place: Installation, tmp_path: Path
 ) -> None:
@@ -490,16 +509,18 @@ def test_killed_while_it_installs_it_leaves_the_present_version_and_can_be_repea
     command = [sys.executable, "-m", "uavrt.cli", "update", str(path), "--prefix"]
     command += [str(place.prefix), "--restart", "true", "--hold-s", "0.1", "--patience-s", "1"]
     before = digest_below(place.current())
-    versions = place.prefix / "versions"
-    for more_s in (0.0, 0.7):
-        program = subprocess.Popen(
-            command, cwd=tmp_path, start_new_session=True, stdout=subprocess.DEVNULL
-        )
-        while len(list(versions.iterdir())) == 1 and program.poll() is None:
-            time.sleep(0.01)
-        time.sleep(more_s)
-        os.killpg(program.pid, signal.SIGKILL)
-        assert program.wait() == -signal.SIGKILL
+    for moment in STALLS:
+        stalled = [sys.executable, "-c", STALLED, moment, *command[3:]]
+        with subprocess.Popen(
+            stalled,
+            cwd=tmp_path,
+            start_new_session=True,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        ) as program:
+            assert b"there\n" in iter(some(program.stdout).readline, b""), moment
+            os.killpg(program.pid, signal.SIGKILL)
+        assert program.returncode == -signal.SIGKILL
         assert place.current().name == "source"
         assert digest_below(place.current()) == before
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)

@@ -17,6 +17,8 @@ const MOST_CORNERS = 20;
 
 let view: FlightMap;
 let asked = 0;
+/** The last outline that was judged: an older answer is not shown. */
+let judged = 0;
 let outline: LonLat[] = [];
 let drawing = false;
 let shown: SilenceMap | null = null;
@@ -162,6 +164,7 @@ function corner(at: LonLat): void {
 }
 
 function clear(): void {
+  judged += 1;
   outline = [];
   view.setMeasure([]);
   if (drawing) draw();
@@ -175,15 +178,15 @@ async function judge(): Promise<void> {
     say(by("absence-status"), t("after.map_first"));
     return;
   }
-  const ticket = asked;
+  const ticket = ++judged;
   try {
     const found = await send<Absence>("POST", `/flights/${encodeURIComponent(id)}/absence`, { ...question(), outline });
-    if (ticket !== asked) return;
+    if (ticket !== judged) return;
     say(
       by("absence-status"),
       t("after.not_here", { odds: verbatim(found.not_here > 0.9995 ? "> 0.999" : `= ${found.not_here.toFixed(3)}`), heard: percent(found.heard), prior: fixed(found.prior, 3) }),
     );
   } catch (error) {
-    if (ticket === asked) say(by("absence-status"), reasonOf(error));
+    if (ticket === judged) say(by("absence-status"), reasonOf(error));
   }
 }

@@ -60,10 +60,11 @@ function say(at: LonLat, measured: Words | ""): void {
     from = null;
     view.setMeasure([]);
   };
+  const mgrs = h("div", { id: "tap-mgrs", class: "note" });
   fill(
     box,
     place,
-    h("div", { id: "tap-mgrs", class: "note" }),
+    mgrs,
     measured ? h("div", { id: "tap-measured" }, measured) : null,
     here ? h("div", { id: "tap-drone", class: "note" }, t("tap.from_drone", { way: way(here.at, at) })) : null,
     me ? h("div", { id: "tap-me", class: "note" }, t("tap.from_me", { way: way(me, at) })) : null,
@@ -77,8 +78,7 @@ function say(at: LonLat, measured: Words | ""): void {
   );
   box.hidden = false;
   void get<Readout>(`/readout?latitude_deg=${at[1]}&longitude_deg=${at[0]}`).then((readout) => {
-    const line = document.getElementById("tap-mgrs");
-    if (line) line.textContent = readout.mgrs ?? readout.dms;
+    mgrs.textContent = readout.mgrs ?? readout.dms; // of this tap, whatever is tapped meanwhile
   }, () => undefined);
 }
 

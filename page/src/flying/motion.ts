@@ -58,6 +58,8 @@ let area: Place[] = [];
 let keepOut: KeepOut[] = [];
 let way: Place[] = [];
 let planTicket = 0;
+/** The last change of the area: one that was asked for before it is not taken. */
+let areaTicket = 0;
 let asking = false;
 
 /** The strip below the header: who flies and why, what is left, and *Take back*, in every view. */
@@ -246,13 +248,15 @@ function areaImport(): HTMLElement {
 }
 
 async function take(get: () => Promise<Area>, frame = false): Promise<void> {
+  const ticket = ++areaTicket;
   try {
     const got = await get();
+    if (ticket !== areaTicket) return;
     if (frame) keepOut = got.keep_out;
     setArea(got.places);
     if (frame) view.show(area.map(([lat, lon]) => [lon, lat]));
   } catch (error) {
-    say(by("move-fault"), reasonOf(error));
+    if (ticket === areaTicket) say(by("move-fault"), reasonOf(error));
   }
 }
 
@@ -262,6 +266,7 @@ function clearArea(): void {
 }
 
 function setArea(places: Place[]): void {
+  areaTicket += 1;
   area = places;
   if (!places.length && (kind === "survey" || kind === "search")) draw();
   drawShape();
@@ -331,6 +336,7 @@ function planned(pattern: string): Plan | null {
 // ------------------------------------------------------------------- ask, confirm, take back
 
 async function ask(): Promise<void> {
+  if (asking) return;
   if (store.looksOn()) {
     say(by("move-fault"), t("common.another_page_commands"));
     return;
@@ -390,7 +396,9 @@ async function upload(): Promise<void> {
   }
 }
 
+/** The offer that the operator has answered, and the one that is shown. */
 let left = 0;
+let offered = 0;
 
 function leave(): void {
   left = store.state?.motion?.offer?.order_id ?? 0;
@@ -412,6 +420,7 @@ async function confirm(): Promise<void> {
 }
 
 async function takeBack(): Promise<void> {
+  leave();
   const button = by("take-back");
   button.classList.add("busy");
   try {
@@ -473,6 +482,8 @@ function drawMotion(): void {
   say(by("motion-text"), fromServer(motion.text));
   drawEnergy();
   const offer = motion.offer && motion.offer.page === PAGE && motion.offer.order_id !== left ? motion.offer : null;
+  if (!motion.offer && offered && offered !== left) say(by("move-fault"), t("motion.offer_expired"));
+  offered = offer?.order_id ?? 0;
   by("offer").hidden = offer === null;
   by("move-form").hidden = offer !== null;
   const button = by("move-ask");

@@ -100,10 +100,15 @@ export function toAllBox(): HTMLElement {
   return box;
 }
 
+/** The last that was asked of all: an older answer is not shown over its own. */
+let asked = 0;
+
 async function askAll(name: string): Promise<void> {
   if (!(await mayCommand(name, () => undefined))) return;
+  const number = ++asked;
   try {
     const said = await send<Answers>("POST", `/vehicles/commands/${name}`, {}, {}, "");
+    if (number !== asked) return;
     const rows = said.answers.map((one) =>
       h(
         "li",

@@ -65,14 +65,12 @@ async function toggleLive(): Promise<void> {
   try {
     const answer = await send<{ address: string | null }>("POST", "/waterfall", { address: wanted });
     live = answer.address !== null;
+    asked = ""; // what was recorded is not waited for any longer
     stretches = [];
     store.waterfall = [];
     say(by("waterfall-note"), live ? t("waterfall.waiting", { address: verbatim(answer.address!) }) : "");
     by("waterfall-live").setAttribute("aria-pressed", String(live));
-    if (!live) {
-      asked = "";
-      await loadRecorded();
-    }
+    if (!live) await loadRecorded();
     draw();
   } catch (error) {
     say(by("waterfall-note"), reasonOf(error));
@@ -106,6 +104,7 @@ async function loadRecorded(): Promise<void> {
   const note = by("waterfall-note");
   try {
     const there = flight === null ? [] : await get<string[]>(`/flights/${encodeURIComponent(flight)}/recordings`);
+    if (mine !== asked) return;
     if (!there.length) {
       say(note, t("waterfall.no_samples"));
     } else if (store.selected !== null) {

@@ -1,9 +1,11 @@
 /** Two flights side by side, and both on the map. */
 
+import { reasonOf } from "../shared/api";
 import { by, fill, h } from "../shared/dom";
 import { dateTime, fixed, metres, span, UNKNOWN } from "../shared/format";
 import { distanceM } from "../shared/geo";
 import { t, verbatim } from "../shared/i18n";
+import { toast } from "../shared/notice";
 import { isPlaced, store, stored, type Stored } from "../store";
 import type { PositionRecord } from "../types";
 
@@ -14,15 +16,28 @@ interface TagFacts {
   fix: PositionRecord | undefined;
 }
 
+/** The last two that were asked for: an older answer is not shown. */
+let asked = 0;
+
 /** Load both and show them; the first is the one that the map shows in full. */
 export async function compare(first: string, second: string, go: (name: string) => void): Promise<void> {
   const holder = by("compare");
+  const number = ++asked;
   fill(holder, h("p", { class: "note" }, t("compare.reading")));
-  const [one, two] = await Promise.all([stored(first), stored(second)]);
+  const both = await Promise.all([stored(first), stored(second)]).catch((error: unknown) => {
+    if (number === asked) fill(holder);
+    toast(reasonOf(error), 3);
+  });
+  if (!both || number !== asked) return;
+  const [one, two] = both;
   const show = async () => {
-    await store.open(first);
-    store.compare(two);
-    go("fly");
+    try {
+      if (!(await store.open(first))) return;
+      store.compare(two);
+      go("fly");
+    } catch (error) {
+      toast(reasonOf(error), 3);
+    }
   };
   const named = new Map<number, string>();
   for (const row of [...one.summary.rows, ...two.summary.rows]) {

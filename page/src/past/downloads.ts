@@ -41,11 +41,16 @@ export function downloadSection(changed: () => void): HTMLElement {
   );
 }
 
+/** The last list that was asked for: an older one is not shown. */
+let asked = 0;
+
 async function list(): Promise<void> {
+  const number = ++asked;
   const holder = by("drone-flights");
   fill(holder, h("p", { class: "note" }, t("common.requesting_list")));
   try {
     const found = await send<Remote[]>("POST", "/drone/flights", {});
+    if (number !== asked) return;
     fill(
       holder,
       found.length ? null : h("p", { class: "empty" }, t("downloads.no_flight")),
@@ -60,7 +65,7 @@ async function list(): Promise<void> {
       ),
     );
   } catch (error) {
-    fill(holder, h("p", { class: "fault-line" }, reasonOf(error)));
+    if (number === asked) fill(holder, h("p", { class: "fault-line" }, reasonOf(error)));
   }
 }
 

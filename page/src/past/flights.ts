@@ -200,8 +200,7 @@ function starButton(flight: FlightSummary): HTMLElement {
 
 async function open(id: string): Promise<void> {
   try {
-    await store.open(id);
-    openView("fly");
+    if (await store.open(id)) openView("fly");
   } catch (error) {
     toast(reasonOf(error), 3);
   }
@@ -222,10 +221,5 @@ async function compareTicked(): Promise<void> {
     return;
   }
   const [first, second] = [...ticked].sort().reverse() as [string, string];
-  try {
-    await compare(first, second, openView);
-  } catch (error) {
-    say(by("compare"), "");
-    toast(reasonOf(error), 3);
-  }
+  await compare(first, second, openView);
 }

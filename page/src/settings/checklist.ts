@@ -20,7 +20,8 @@ const NAMES: Record<string, Words> = {
   clock: t("check.clock"),
 };
 
-let timer: number | undefined;
+/** The last time that the list was opened or left; what was asked before that is not shown. */
+let opened = 0;
 let drawn = "";
 
 export function buildCheck(): void {
@@ -37,15 +38,17 @@ export function buildCheck(): void {
   );
 }
 
-/** Ask while it is looked at. */
-export function showCheck(visible: boolean): void {
-  clearInterval(timer);
-  timer = visible ? setInterval(() => void ask(), AGAIN_MS) : undefined;
-  if (visible) void ask();
+/** Ask while it is looked at, again after each answer. */
+export async function showCheck(visible: boolean): Promise<void> {
+  const mine = ++opened;
+  while (visible && mine === opened) {
+    const found = await get<Finding[]>("/first-flight").catch(() => null);
+    if (mine === opened) draw(found);
+    await new Promise((done) => setTimeout(done, AGAIN_MS));
+  }
 }
 
-async function ask(): Promise<void> {
-  const found = await get<Finding[]>("/first-flight").catch(() => null);
+function draw(found: Finding[] | null): void {
   if (!found) {
     say(by("check-sum"), t("check.no_answer"));
     return;

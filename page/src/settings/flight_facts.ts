@@ -2,6 +2,7 @@
 
 import { get, reasonOf, send } from "../shared/api";
 import { by, h, say } from "../shared/dom";
+import { Queue } from "../shared/queue";
 import { t, type Words } from "../shared/i18n";
 
 interface Field {
@@ -20,7 +21,7 @@ const FIELDS: Field[] = [
 ];
 
 export function factsSection(): HTMLElement {
-  void get<Record<string, string>>("/facts").then(draw, complain);
+  void changes.add(() => get<Record<string, string>>("/facts")).then(draw, complain);
   return h(
     "section",
     { class: "block wide", "aria-labelledby": "h-facts" },
@@ -48,13 +49,11 @@ function input(key: string): HTMLInputElement {
   return by(`fact-${key}`) as HTMLInputElement;
 }
 
-/** Fields whose change is on its way, and the end of the last change: one is sent after the other. */
-const waiting = new Set<string>();
-let sent: Promise<void> = Promise.resolve();
+const changes = new Queue();
 
 function draw(facts: Record<string, string>): void {
   for (const { key } of FIELDS)
-    if (document.activeElement !== input(key) && !waiting.has(key)) input(key).value = facts[key] ?? "";
+    if (document.activeElement !== input(key) && !changes.waits(key)) input(key).value = facts[key] ?? "";
 }
 
 function complain(error: unknown): void {
@@ -63,16 +62,9 @@ function complain(error: unknown): void {
 
 function change(key: string): void {
   const { value } = input(key);
-  waiting.add(key);
-  sent = sent.then(async () => {
-    try {
-      const facts = await send<Record<string, string>>("PUT", "/facts", { [key]: value });
-      waiting.delete(key);
-      draw(facts);
-      say(by("fact-fault"), "");
-    } catch (error) {
-      waiting.delete(key);
-      complain(error);
-    }
-  });
+  const taken = changes.add(() => send<Record<string, string>>("PUT", "/facts", { [key]: value }), key);
+  void taken.then((facts) => {
+    draw(facts);
+    say(by("fact-fault"), "");
+  }, complain);
 }

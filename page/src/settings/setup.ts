@@ -7,6 +7,7 @@ import { droneSection } from "./drone";
 import { factsSection } from "./flight_facts";
 import { choose, fromServer, language, LANGUAGES, t, verbatim, type Words } from "../shared/i18n";
 import { toast } from "../shared/notice";
+import { Queue } from "../shared/queue";
 import { store } from "../store";
 import type { Choices, FieldFault, Settings, TagRow } from "../types";
 
@@ -67,12 +68,12 @@ export function buildSetup(): void {
           "div",
           { class: "toolbar" },
           h("h2", { id: "h-tags" }, t("common.tags")),
-          h("button", { id: "tag-add", onclick: () => addRow() }, t("setup.add_tag")),
+          h("button", { id: "tag-add", disabled: true, onclick: () => addRow() }, t("setup.add_tag")),
           h("select", { id: "tag-preset", "aria-label": t("setup.new_tags_like"), title: t("setup.new_tags_like") }, h("option", { value: "" }, t("setup.last_tag"))),
           importButton(),
           ...["tags.toml", "TagInfo.txt", "tags.csv"].map((name) => h("a", { class: "export", translate: "no", href: `${BASE}/api/tags/${name}`, download: name }, verbatim(name))),
           h("span", { id: "tag-state", class: "note", role: "status" }),
-          h("button", { id: "tag-save", class: "primary", onclick: () => void save() }, t("setup.save")),
+          h("button", { id: "tag-save", class: "primary", disabled: true, onclick: () => void save() }, t("setup.save")),
         ),
         h("div", { id: "tag-table", class: "table-wrap" }),
         h("p", { id: "tag-fault", class: "fault-line", role: "alert" }),
@@ -91,6 +92,8 @@ export function buildSetup(): void {
     ),
   );
   store.on(["tags"], () => {
+    // Rows that were typed before the table came would stand against it.
+    for (const id of ["tag-add", "tag-import", "tag-save"]) by(id).removeAttribute("disabled");
     if (changed) {
       drawConflict();
       return;
@@ -215,13 +218,14 @@ function flyBox(row: TagRow): HTMLElement {
       const without = () => [...notFlown().filter((one) => one !== id), ...(fly ? [] : [id])];
       if (leftOut) leftOut = without();
       // One after the other: each begins with what the one before has left.
-      else keeping = keeping.then(() => keepLeftOut(without()));
+      else void changes.add(() => keepLeftOut(without()));
     },
   });
   return h("label", { class: "touch" }, box);
 }
 
-let keeping: Promise<void> = Promise.resolve();
+/** Changes of the settings, and of the table. */
+const [changes, saving] = [new Queue(), new Queue()];
 
 /** The boxes as the tags are flown: another page may have changed that, or refused this one. */
 function drawFlown(): void {
@@ -270,7 +274,8 @@ async function check(): Promise<void> {
 }
 
 function drawConflict(): void {
-  by("tag-conflict").hidden = !changed || begun === store.tagsVersion;
+  // While it is saved, the new version may be this page's own.
+  by("tag-conflict").hidden = !changed || begun === store.tagsVersion || saving.waits("tags");
 }
 
 function takeTheirs(): void {
@@ -302,20 +307,26 @@ export function tagsSent(): boolean {
   return store.state?.tags_sent === true && !changed && begun === store.tagsVersion;
 }
 
-/** Keep what is typed; false where it has a fault, or another page was first. */
+/** Keep what is typed; false where it has a fault, another page was first, or more was typed meanwhile. */
 export async function save(): Promise<boolean> {
-  checking += 1;
+  const saved = await saving.add(keep, "tags");
+  drawConflict();
+  return saved;
+}
+
+async function keep(): Promise<boolean> {
+  const ticket = ++checking;
   try {
     const answer = await send<{ tags: TagRow[]; version: string }>("PUT", "/tags", rows, { "If-Match": `"${begun}"` });
-    rows = answer.tags;
     begun = answer.version;
+    if (ticket !== checking) return !changed;
+    rows = answer.tags;
     faults = [];
     changed = false;
     if (leftOut) await keepLeftOut(leftOut);
     leftOut = null;
     say(by("tag-state"), t("setup.saved"));
     draw();
-    drawConflict();
     return true;
   } catch (error) {
     if (error instanceof ApiError && error.faults.length) {
@@ -326,7 +337,6 @@ export async function save(): Promise<boolean> {
     } else if (error instanceof ApiError && error.status === 412) {
       store.tagsVersion = String(error.body.version);
       store.tags = error.body.tags as TagRow[];
-      drawConflict();
     } else toast(reasonOf(error), 3);
     return false;
   }
@@ -366,6 +376,7 @@ function importButton(): HTMLElement {
   const input = h("input", {
     id: "tag-import",
     type: "file",
+    disabled: true,
     multiple: true,
     accept: ".txt,.toml,.csv,.db,.yaml,.yml",
     onchange: () => void importFiles(input),
@@ -404,7 +415,7 @@ function connectionForm(): HTMLElement {
       },
     },
     h("label", {}, t("common.how"), h("select", { id: "link-kind", onchange: () => suggest() })),
-    h("label", {}, t("common.address"), h("input", { id: "link-address", autocomplete: "off", spellcheck: "false" })),
+    h("label", {}, t("common.address"), h("input", { id: "link-address", autocomplete: "off", spellcheck: "false", oninput: () => refused.add("link-address") })),
     h("label", { title: t("setup.my_place_hint") },
       t("setup.my_place"),
       h("input", {
@@ -412,7 +423,7 @@ function connectionForm(): HTMLElement {
         autocomplete: "off",
         spellcheck: "false",
         placeholder: t("setup.my_place_empty"),
-        onchange: () => void change({ my_place: value("set-my-place") }, "set-my-place"),
+        onchange: () => change({ my_place: value("set-my-place") }, "set-my-place"),
       }),
       h("span", { class: "fault", id: "set-my-place-fault" }),
     ),
@@ -423,11 +434,11 @@ function connectionForm(): HTMLElement {
         autocomplete: "off",
         spellcheck: "false",
         placeholder: t("setup.dem_empty"),
-        onchange: () => void change({ dem: value("set-dem") }, "set-dem"),
+        onchange: () => change({ dem: value("set-dem") }, "set-dem"),
       }),
       h("span", { class: "fault", id: "set-dem-fault" }),
     ),
-    h("label", {}, t("setup.generation"), h("select", { id: "set-generation", onchange: () => void change({ generation: value("set-generation") }) },
+    h("label", {}, t("setup.generation"), h("select", { id: "set-generation", onchange: () => change({ generation: value("set-generation") }, "set-generation") },
       h("option", { value: "G1" }, t("setup.generation_g1")),
       h("option", { value: "G0" }, t("setup.generation_g0")),
       h("option", { value: "G2v1" }, t("setup.generation_g2v1")),
@@ -463,12 +474,12 @@ function antennaForm(): HTMLElement {
       inputmode: "decimal",
       autocomplete: "off",
       "data-setting": key,
-      onchange: () => void change({ [key]: value(id) }, id),
+      onchange: () => change({ [key]: value(id) }, id),
     }), h("span", { class: "fault", id: `${id}-fault` }));
   return h(
     "form",
     { onsubmit: (event: Event) => event.preventDefault() },
-    h("label", {}, t("common.antenna"), h("select", { id: "set-antenna", onchange: () => void change({ antenna: value("set-antenna") }) })),
+    h("label", {}, t("common.antenna"), h("select", { id: "set-antenna", onchange: () => change({ antenna: value("set-antenna") }, "set-antenna") })),
     number("set-offset", t("setup.antenna_offset"), "antenna_offset_deg", t("setup.antenna_offset_hint")),
     number("set-heading-error", t("setup.heading_error"), "heading_error_deg", t("setup.heading_error_hint")),
     number("set-height-error", t("setup.height_error"), "height_error_m", t("setup.height_error_hint")),
@@ -478,7 +489,7 @@ function antennaForm(): HTMLElement {
       autocomplete: "off",
       maxlength: "40",
       "data-setting": "vehicle_name",
-      onchange: () => void change({ vehicle_name: value("set-vehicle-name") }, "set-vehicle-name"),
+      onchange: () => change({ vehicle_name: value("set-vehicle-name") }, "set-vehicle-name"),
     }), h("span", { class: "fault", id: "set-vehicle-name-fault" })),
     number("set-roaming", t("setup.roaming"), "roaming_m", t("setup.roaming_hint")),
     number("set-frequency", t("setup.radio_frequency"), "center_frequency_mhz", t("setup.radio_frequency_hint")),
@@ -489,33 +500,46 @@ function value(id: string): string {
   return (by(id) as HTMLInputElement | HTMLSelectElement).value;
 }
 
-/** Fields whose value was refused: they keep it, and the reason, until another is taken. */
+/** Fields whose value is not taken: refused, or not sent yet. They keep it, and the reason, until another is taken. */
 const refused = new Set<string>();
 
-async function change(values: Record<string, string>, id?: string): Promise<void> {
-  const fault = id ? document.getElementById(`${id}-fault`) : null;
-  try {
-    const cleaned = Object.fromEntries(Object.entries(values).map(([key, one]) => [key, one === "" ? null : one]));
-    for (const name of ["my_place", "dem"]) if (name in cleaned) cleaned[name] ??= "";
-    if ("antenna_offset_deg" in cleaned && cleaned.antenna_offset_deg === null) cleaned.antenna_offset_deg = "0";
-    await send("PUT", "/settings", cleaned);
-    if (fault) say(fault, "");
-    if (id) refused.delete(id);
-  } catch (error) {
-    const text = reasonOf(error);
-    if (fault) say(fault, text);
-    else toast(text, 3);
-    if (fault && id) refused.add(id);
-  }
+function change(values: Record<string, string>, id: string): void {
+  const [fault, before] = [document.getElementById(`${id}-fault`), store.settings];
+  const cleaned: Record<string, string | null> = Object.fromEntries(Object.entries(values).map(([key, one]) => [key, one === "" ? null : one]));
+  for (const name of ["my_place", "dem"]) if (name in cleaned) cleaned[name] ??= "";
+  if ("antenna_offset_deg" in cleaned) cleaned.antenna_offset_deg ??= "0";
+  void changes
+    .add(() => send("PUT", "/settings", cleaned), id)
+    .then(
+      () => {
+        if (fault) say(fault, "");
+        refused.delete(id);
+      },
+      (error: unknown) => {
+        const text = reasonOf(error);
+        if (fault) say(fault, text);
+        else toast(text, 3);
+        if (fault) refused.add(id);
+        else drawSettings();
+      },
+    )
+    .then(() => {
+      if (store.settings !== before) drawSettings(); // it came before the answer
+    });
 }
 
+/** What the last press of Connect has come to, until the drone is there. */
+let pressed: Words | "" = "";
+
 async function connect(open: boolean): Promise<void> {
-  say(by("link-state"), open ? t("setup.connecting") : "");
+  pressed = open ? t("setup.connecting") : "";
+  drawConnection();
   try {
     await send("POST", "/connection", { address: open ? value("link-address") : "" });
+    pressed = "";
+    if (open) refused.delete("link-address");
   } catch (error) {
-    say(by("link-state"), reasonOf(error));
-    return;
+    pressed = reasonOf(error);
   }
   drawConnection();
 }
@@ -537,7 +561,9 @@ function offer(): void {
 
 function suggest(): void {
   const chosen = value("link-kind");
-  if (chosen) (by("link-address") as HTMLInputElement).value = chosen;
+  if (!chosen) return;
+  refused.add("link-address");
+  (by("link-address") as HTMLInputElement).value = chosen;
 }
 
 function drawSettings(): void {
@@ -545,7 +571,7 @@ function drawSettings(): void {
   if (!settings) return;
   const put = (id: string, text: string) => {
     const input = by(id) as HTMLInputElement;
-    if (document.activeElement !== input && !refused.has(id)) input.value = text;
+    if (document.activeElement !== input && !refused.has(id) && !changes.waits(id)) input.value = text;
   };
   put("link-address", settings.address);
   put("set-my-place", settings.my_place);
@@ -565,7 +591,8 @@ function drawConnection(): void {
   const state = store.state;
   if (!state) return;
   const text = state.connection.error ? t("setup.connection_failed") : (state.connection.open ? (state.drone.present ? t("setup.drone_connected") : t("setup.no_contact_yet")) : t("setup.not_connected"));
-  say(by("link-state"), text);
+  if (state.drone.present) pressed = "";
+  say(by("link-state"), pressed || text);
   const me = state.me;
   const heard = me?.latitude_deg === null ? (me.error ? fromServer(me.error) : t("setup.no_position_yet")) : "";
   if (document.activeElement !== by("set-my-place") && !refused.has("set-my-place")) say(by("set-my-place-fault"), heard);

@@ -109,7 +109,7 @@ function draw(): void {
         },
         onsubmit: (event: Event) => {
           event.preventDefault();
-          void next();
+          void alone(next);
         },
       },
       h("p", { class: "note" }, step.about),
@@ -121,8 +121,8 @@ function draw(): void {
         {},
         h("button", { id: "wizard-later", type: "button", onclick: () => dialog.close() }, t("common.later")),
         h("span", { class: "gap" }),
-        at > 0 ? h("button", { id: "wizard-back", type: "button", onclick: () => go(at - 1) }, t("wizard.back")) : null,
-        step.test ? h("button", { id: "wizard-test", type: "button", onclick: () => void test() }, step.test) : null,
+        at > 0 ? h("button", { id: "wizard-back", type: "button", onclick: () => void alone(() => go(at - 1)) }, t("wizard.back")) : null,
+        step.test ? h("button", { id: "wizard-test", type: "button", onclick: () => void alone(test) }, step.test) : null,
         h("button", { id: "wizard-next", class: "primary" }, at === STEPS.length - 1 ? t("wizard.finish") : t("wizard.next")),
       ),
     ),
@@ -223,6 +223,17 @@ function forgetTest(): void {
   if (element) say(element, at === STEPS.length - 1 ? t("wizard.finish") : t("wizard.next"));
 }
 
+/** One press at a time: a second one while the server answers the first must not skip a step. */
+async function alone(press: () => unknown): Promise<void> {
+  if (busy) return;
+  busy = true;
+  try {
+    await press();
+  } finally {
+    busy = false;
+  }
+}
+
 /** Have the server judge and write the step; false where something is wrong. */
 async function keep(): Promise<boolean> {
   for (const one of dialog.querySelectorAll(".fault")) say(one, "");
@@ -253,8 +264,7 @@ function showFault(error: unknown): void {
 
 /** Try what the step has set; true where it is well. */
 async function test(): Promise<boolean> {
-  if (busy || !(await keep())) return false;
-  busy = true;
+  if (!(await keep())) return false;
   const list = dialog.querySelector("#wizard-found")!;
   const button = dialog.querySelector<HTMLButtonElement>("#wizard-test")!;
   fill(list, h("li", { class: "note" }, t("wizard.listening")));
@@ -271,7 +281,6 @@ async function test(): Promise<boolean> {
     showFault(error);
     return false;
   } finally {
-    busy = false;
     button.removeAttribute("aria-busy");
   }
 }
@@ -287,7 +296,6 @@ function row(one: Finding): HTMLElement {
 }
 
 async function next(): Promise<void> {
-  if (busy) return;
   const step = STEPS[at]!;
   if (step.test && tested !== JSON.stringify(typed())) {
     if (!(await test())) return;

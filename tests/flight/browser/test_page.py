@@ -7,7 +7,9 @@ a directory, each view is saved there as a picture (``make screenshots``).
 import json
 import re
 import socket
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
@@ -27,6 +29,7 @@ from uavrt.core.commands import Generation
 from uavrt.flight.reading.flight_reader import read_flight
 from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.frame import FrameWriter
+from uavrt.link.mavlink.message import Message
 from uavrt.link.tunnel.own_messages.live_bearing import BEARING_TYPE, encode_bearing
 from uavrt.simulation.demo.demo_programs import free_udp_port
 from uavrt.simulation.scene.demo_world import demo_scenario
@@ -321,21 +324,37 @@ def test_the_drones_own_bearing_is_marked_and_every_generation_can_be_chosen(
     )
     payload = encode_bearing(bearing)
     tunnel = made.tunnel(BEARING_TYPE, payload)
-    writer = FrameWriter(1, 191)
     page.evaluate("() => window.uavrt.store.select(2)")
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.connect(("127.0.0.1", port))
-        sock.send(writer.encode(heartbeat()))
+    with present(port) as say:
         expect(page.locator("#chip-state")).to_have_text("Drone connected")
-        sock.send(writer.encode(tunnel))
+        say(tunnel)
     expect(page.locator("#legend-on-board")).to_be_visible()
     mark = page.locator(".on-board")
     expect(mark).to_have_attribute("aria-label", re.compile("42 degrees.*on the drone"))
 
 
-def heartbeat() -> dialect.Heartbeat:
-    """The drone's component 191 is there."""
-    return made.heartbeat()
+@contextmanager
+def present(port: int) -> Iterator[Callable[[Message], None]]:
+    """The drone's component 191 is there, beats, and says what it is given."""
+    writer, over, one_at_a_time = FrameWriter(1, 191), threading.Event(), threading.Lock()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.connect(("127.0.0.1", port))
+
+        def say(message: Message) -> None:
+            with one_at_a_time:
+                sock.send(writer.encode(message))
+
+        def beat() -> None:
+            while not over.wait(0.3):
+                say(made.heartbeat())
+
+        beating = threading.Thread(target=beat)
+        beating.start()
+        try:
+            yield say
+        finally:
+            over.set()
+            beating.join()
 
 
 def test_names_and_texts_are_never_markup_and_maps_come_from_the_folder(
@@ -359,13 +378,10 @@ def test_names_and_texts_are_never_markup_and_maps_come_from_the_folder(
     expect(page.locator("#tag-state")).to_have_text("saved")
     page.click("#tab-fly")
     expect(page.locator(".tag-name")).to_have_text(f"2 {evil}")
-    writer = FrameWriter(1, 191)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.connect(("127.0.0.1", port))
-        sock.send(writer.encode(heartbeat()))
+    with present(port) as say:
         expect(page.locator("#chip-state")).to_have_text("Drone connected")
-        sock.send(writer.encode(dialect.Statustext(severity=3, text=evil)))
-    expect(page.locator(".toast.warning").last).to_contain_text(evil)
+        say(dialect.Statustext(severity=3, text=evil))
+        watched.toasted(evil)
     page.click("#tab-log")
     expect(page.locator(".log-said").first).to_have_text(evil)
     assert page.locator("#main img").count() == 0

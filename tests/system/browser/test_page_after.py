@@ -8,6 +8,7 @@ import pytest
 from page_driver import Scene, colour_at, open_flight
 from past_flight import PLANE, TAG, write_flight
 from playwright.sync_api import expect
+from until import until
 
 from uavrt.flight.integrated import (
     FlightFold,
@@ -134,8 +135,8 @@ def test_after_the_landing_the_page_tells_of_hindsight_and_of_silence(scene: Sce
     absence = page.locator("#absence-status")
     expect(absence).to_contain_text(re.compile(r"this area: p [=>] 0\.\d{3}"))
     at = (round(box["x"] + 0.3 * box["width"]), round(box["y"] + 0.3 * box["height"]))
-    page.wait_for_timeout(500)
-    assert colour_at(page, *at)[0] < 200, "bare ground is #eef2f3: the map lies on it"
+    # Bare ground is #eef2f3: the map lies on it.
+    until(lambda: colour_at(page, *at)[0] < 200)
     watched.picture("silence")
 
     # A tag that was heard is not judged by silence.

@@ -55,9 +55,10 @@ def test_all_vehicles_are_started_and_stopped_and_each_answer_is_shown(
     page.click('.serve-vehicle[data-vehicle="2"]')
     expect(page.locator("#to-all")).to_be_visible()
     first.state = SystemState.HAS_TAGS
-    expect(page.locator('.chip.vehicle[data-vehicle="2"]')).to_have_attribute(
-        "title", "vehicle 2: Idle, 0 pulses"
-    )
+    for number, state in ((1, "Ready"), (2, "Idle")):
+        expect(page.locator(f'.chip.vehicle[data-vehicle="{number}"]')).to_have_attribute(
+            "title", f"vehicle {number}: {state}, 0 pulses"
+        )
     page.click("#all-start")
     answers = page.locator("#all-answers li")
     expect(answers).to_have_count(2)

@@ -13,6 +13,7 @@ from page_driver import WAIT_MS, Scene, Watched, open_flight, type_tags, write_m
 from past_flight import write_flight
 from playwright.sync_api import Page, expect
 from some import some
+from until import until
 from willing_drone import WillingDrone
 
 from uavrt.core.commands import SystemState
@@ -87,20 +88,22 @@ class Hand:
 
 def pins_are_seen(page: Page) -> None:
     """All positions, and the turns, lie in the frame and not below a box over the map."""
-    page.wait_for_timeout(500)
-    frame = page.locator("#map").bounding_box()
-    walk = page.locator("#walk").bounding_box()
-    replay = page.locator("#replay").bounding_box()
-    assert frame is not None
-    assert walk is not None
-    assert replay is not None
+    frame, walk, replay = (
+        some(page.locator(name).bounding_box()) for name in ("#map", "#walk", "#replay")
+    )
     # All in one moment: the plain map draws its marks anew once a second.
     marks = "[...document.querySelectorAll('.fix-pin, .drone-marker')]"
-    found = page.evaluate(f"{marks}.map((one) => one.getBoundingClientRect().toJSON())")
-    assert len(found) == 2
-    for place in found:
-        assert frame["x"] < place["x"] < frame["x"] + frame["width"] - place["width"]
-        assert walk["y"] + walk["height"] < place["y"] < replay["y"] - place["height"]
+
+    def seen() -> bool:
+        """The map may still move there."""
+        found = page.evaluate(f"{marks}.map((one) => one.getBoundingClientRect().toJSON())")
+        return len(found) == 2 and all(
+            frame["x"] < place["x"] < frame["x"] + frame["width"] - place["width"]
+            and walk["y"] + walk["height"] < place["y"] < replay["y"] - place["height"]
+            for place in found
+        )
+
+    until(seen)
 
 
 def with_a_past_flight(scene: Scene) -> tuple[str, WillingDrone, Watched]:
@@ -142,7 +145,7 @@ def test_each_task_of_the_manual_takes_the_clicks_it_says_and_at_most_three(
     expect(page.locator("#tag-state")).to_have_text("saved")
     took["enter a tag"] = hand.took()
     hand.give("#tag-import", tags, makers)
-    expect(page.locator(".toast").last).to_contain_text("left out of this flight: 6")
+    watched.toasted("left out of this flight: 6")
     hand.click("#tag-save")
     expect(page.locator("#tag-state")).to_have_text("saved")
     assert page.locator(".fly-tag").evaluate_all("all => all.map(one => one.checked)") == [
@@ -346,7 +349,7 @@ def send_place(port: int, ended: threading.Event) -> None:
 
 
 def test_two_pages_one_commander_and_no_lost_tags(scene: Scene) -> None:
-    first, second = (scene.watch() for _ in range(2))
+    first, second = scene.commanding_and_looking_on()
     expect(second.page.locator("#take-command")).to_be_visible()
     expect(first.page.locator("#take-command")).to_be_hidden()
     expect(second.page.locator("#act-reason")).to_have_text(
@@ -381,6 +384,7 @@ def test_two_pages_one_commander_and_no_lost_tags(scene: Scene) -> None:
 def test_a_tab_made_from_the_page_that_commands_looks_on(scene: Scene) -> None:
     """The browser copies what the tab has stored, as it does for *Duplicate tab*."""
     first = scene.watch()
+    first.page.wait_for_function("() => window.uavrt.store.state?.commander")
     expect(first.page.locator("#take-command")).to_be_hidden()
     with first.page.expect_popup() as opened:
         first.page.evaluate("() => void window.open(location.href)")
@@ -414,13 +418,14 @@ def test_what_is_typed_is_neither_passed_over_by_a_start_nor_lost_by_a_reload(
     interval.fill("1333")
     page.click("#tab-fly")
     page.click("#act-start")
-    expect(page.locator(".toast").last).to_contain_text("Send the tags first")
+    watched.toasted("Send the tags first")
     expect(page.locator("#view-setup")).to_be_visible()
     assert drone.state == drone.state.HAS_TAGS
     assert watched.errors == []
 
     page.evaluate("() => location.reload()")
-    page.wait_for_timeout(500)
+    while not watched.errors:
+        page.wait_for_timeout(50)
     assert watched.errors == ["dialog: "], "the browser asks, and the test stays"
     watched.errors.clear()
     expect(interval).to_have_value("1333")
@@ -474,15 +479,15 @@ def test_keys_that_do_something_need_shift_which_caps_lock_is_not(scene: Scene) 
     page.wait_for_selector(".fix")
     page.locator("#map canvas").first.click(position={"x": 450, "y": 380})
     page.click("#tap-mark")
-    expect(page.locator(".toast").last).to_contain_text("This is a past flight")
+    watched.toasted("This is a past flight")
     page.evaluate("() => Object.defineProperty(navigator, 'clipboard', { value: undefined })")
     page.click("#walk-copy")
-    expect(page.locator(".toast").last).to_contain_text("does not allow copying")
+    watched.toasted("does not allow copying")
 
 
 def test_tags_are_left_out_one_after_the_other_and_every_page_shows_it(scene: Scene) -> None:
     write_two_tags(scene.here)
-    first, second = (scene.watch() for _ in range(2))
+    first, second = scene.commanding_and_looking_on()
     for watched in (first, second):
         watched.page.click("#tab-setup")
     held: list[Any] = []
@@ -501,10 +506,11 @@ def test_tags_are_left_out_one_after_the_other_and_every_page_shows_it(scene: Sc
             "() => window.uavrt.store.settings.left_out.join() === '2,4'"
         )
         watched.page.wait_for_timeout(200)
-        assert watched.page.locator(".fly-tag").evaluate_all(seen) == [False, False]
+        for place in (0, 1):
+            expect(watched.page.locator(".fly-tag").nth(place)).not_to_be_checked()
     # A page that looks on changes nothing, and does not look as if it had.
     second.page.locator(".fly-tag").nth(0).click()
-    expect(second.page.locator(".toast").last).to_contain_text("Take command first")
+    second.toasted("Take command first")
     assert second.page.locator(".fly-tag").evaluate_all(seen) == [False, False]
 
 
@@ -515,7 +521,7 @@ def test_the_header_of_a_second_screen_with_two_vehicles_can_be_read(
     scene.start("--vehicle", "2")
     for number in (1, 2):
         scene.drone(system_id=number).state = SystemState.DETECTING
-    _, second = (scene.watch(locale=language) for _ in range(2))
+    _, second = scene.commanding_and_looking_on(locale=language)
     page = second.page
     expect(page.locator("#take-command")).to_be_visible()
     expect(page.locator(".chip.vehicle")).to_have_count(2)

@@ -20,6 +20,13 @@ from until import until
 from uavrt.simulation.demo.demo_programs import free_udp_port
 
 pytestmark = pytest.mark.timeout(240)
+KEEP_PROGRESS = """() => {
+  const said = document.querySelector("#download-text");
+  window.progress = [];
+  new MutationObserver(() => window.progress.push(said.textContent))
+    .observe(said, { childList: true });
+}"""
+"""A busy test may look when all is there already."""
 
 
 def exported(page: Page, row: str, name: str) -> bytes:
@@ -161,8 +168,9 @@ def test_flights_are_fetched_compared_and_exported(scene: Scene) -> None:
         page.click("#drone-list")
         expect(page.locator(".remote")).to_have_count(1, timeout=WAIT_MS)
         page.check("#drone-samples")
+        page.evaluate(KEEP_PROGRESS)
         page.click(f'[data-remote="{remote}"] .fetch')
-        expect(page.locator("#download-text")).to_contain_text(" of ", timeout=WAIT_MS)
+        page.wait_for_function("() => window.progress.some((one) => one.includes(' of '))")
         watched.picture("download")
         expect(page.locator("#download-text")).to_contain_text(
             "downloaded", timeout=2 * WAIT_MS
@@ -221,7 +229,7 @@ def test_a_vector_map_of_the_folder_is_drawn(scene: Scene) -> None:
     )
     water = (0xC3, 0xDB, 0xE6)
     places = [(430, 330), (560, 430), (850, 260)]
-    assert any(colour_at(page, *place) == water for place in places)
+    until(lambda: any(colour_at(page, *place) == water for place in places))
     page.click(".layers summary")
     expect(page.locator("#basemap option")).to_have_count(3)
     expect(page.locator("#basemap option", has_text="broken")).to_be_disabled()

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from page_driver import Scene, open_flight
 from playwright.sync_api import Page, expect
+from some import some
+from until import until
 
 from uavrt.analysis.estimates.positions import read_positions
 from uavrt.core.clock import Clock
@@ -98,16 +100,20 @@ def test_the_strength_of_each_height_is_seen_by_itself(scene: Scene) -> None:
     # 0.9 of the height away from the tag: another place for each.
     assert low_m < 45.0
     assert 50.0 < strongest_m(page) < 110.0
-    above, beside = shown_at(page, EAST_M, NORTH_M), shown_at(page, EAST_M, NORTH_M - 80.0)
-    assert above[3] == beside[3] > 0
-    assert above[1] < beside[1] - 10  # weaker is less green: it hears nothing straight below
+
+    def weaker_above() -> bool:
+        """Less green: it hears nothing straight below."""
+        above, beside = (shown_at(page, EAST_M, NORTH_M - south) for south in (0.0, 80.0))
+        return above[3] == beside[3] > 0 and above[1] < beside[1] - 10
+
+    until(weaker_above)
     watched.picture("strength")
     page.select_option("#heights", "")
     page.wait_for_function("() => window.uavrt.store.heights === null")
     # On a phone the position takes one line of the map until it is pressed.
     page.set_viewport_size({"width": 390, "height": 844})
     card = page.locator("#walk")
-    assert (card.bounding_box() or {"height": 0.0})["height"] <= 60.0
+    until(lambda: some(card.bounding_box())["height"] <= 60.0)
     expect(page.locator("#walk-place")).to_be_visible()
     expect(page.locator("#walk-way")).to_be_hidden()
     page.click("#walk-unfold")

@@ -6,14 +6,17 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 from command_line import launched, started, uavrt
+from in_real_time import in_real_time
 from some import some
+from udp_queue import waiting_bytes
+from until import until
 
 from uavrt.dsp.filters import compatible_bank_taps
 from uavrt.radio.channels.channel_datagram import channel_port, decode_channel_datagram
@@ -30,9 +33,12 @@ import sys
 sys.stdout.buffer.write(open({recording!r}, "rb").read())
 """
 CSDR = """
-import sys, time
+import os, sys, time
 import numpy as np
 from scipy.signal import firwin, upfirdn
+sys.path.insert(0, os.environ["DRIVERS"])
+from udp_queue import waiting_bytes
+port = int(os.environ["CHANNELIZER_PORT"])
 assert sys.argv[1:] == ["fir_decimate_cc", "8", "0.05", "HAMMING"], sys.argv
 data = np.frombuffer(sys.stdin.buffer.read(), np.complex64)
 taps = firwin(81, 1 / 8, window="hamming")
@@ -42,6 +48,8 @@ began = time.monotonic()
 for start in range(0, len(out), 16312):  # 2039 samples, as csdr writes
     # At the radio's pace; after a pause of a busy computer all that waited comes at once.
     time.sleep(max(began + start / 3e6 - time.monotonic(), 0.0))
+    while waiting_bytes(port) > 60_000:  # a datagram more would be lost: the radio has room
+        time.sleep(0.005)
     sys.stdout.buffer.write(out[start : start + 16312])
     sys.stdout.buffer.flush()
 """
@@ -93,7 +101,7 @@ def channelizer(*arguments: str) -> subprocess.Popen[str]:
 
 def stopped(process: subprocess.Popen[str]) -> str:
     process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=30)
+    _, said = process.communicate(timeout=60)
     assert process.returncode == 128 + signal.SIGINT
     return said
 
@@ -114,7 +122,8 @@ def frequency_hz(samples: np.ndarray, rate_hz: float) -> float:
     return float(np.fft.fftfreq(1 << 16, 1 / rate_hz)[np.argmax(spectrum)])
 
 
-def run_the_thesis(directory: Path, recording: Path, port: int, netcat: Path | None) -> None:
+@contextmanager
+def thesis(directory: Path, recording: Path, port: int, netcat: Path | None) -> Iterator[None]:
     """The pipe of §4.5.4: airspy_rx | csdr fir_decimate_cc 8 0.05 HAMMING | netcat -u …"""
     commands = []
     for name, text, arguments in (
@@ -127,7 +136,8 @@ def run_the_thesis(directory: Path, recording: Path, port: int, netcat: Path | N
         commands.append([sys.executable, str(script), *arguments.split()])
     if netcat is not None:
         commands[2] = [str(netcat), "-u", "localhost", str(port)]
-    environment = dict(os.environ, OPENBLAS_NUM_THREADS="1")
+    environment = dict(os.environ, OPENBLAS_NUM_THREADS="1", CHANNELIZER_PORT=str(port))
+    environment["DRIVERS"] = str(Path(waiting_bytes.__code__.co_filename).parent)
     processes: list[subprocess.Popen[bytes]] = []
     for command in commands:
         before = processes[-1].stdout if processes else subprocess.DEVNULL
@@ -137,11 +147,12 @@ def run_the_thesis(directory: Path, recording: Path, port: int, netcat: Path | N
     for process in processes[:2]:
         some(process.stdout).close()  # ours; the next program has its own
         process.wait(timeout=60)
-    time.sleep(0.5)
+    yield
     processes[2].terminate()  # netcat waits for answers until it is ended
     processes[2].communicate(timeout=60)
 
 
+@in_real_time
 @pytest.mark.parametrize("kind", ["cutting anywhere", "installed"])
 def test_the_pipe_of_the_thesis_ends_in_the_channels_of_the_original(
     tmp_path: Path, recording: Path, listeners: dict[int, list[socket.socket]], kind: str
@@ -153,12 +164,19 @@ def test_the_pipe_of_the_thesis_ends_in_the_channels_of_the_original(
     listeners[-46] = listen("127.0.0.1", channel_port(45, second=True))
     port = free_udp_port()
     process = channelizer(f"udp://localhost:{port}", "--channels", "1,-46,100")
+    frames: dict[int, list[tuple[int, np.ndarray]]] = {number: [] for number in listeners}
+
+    def all_came() -> bool:
+        for number, sockets in listeners.items():
+            frames[number] += frames_at(sockets)
+        return all(len(found) >= 5 for found in frames.values())
+
     try:
-        run_the_thesis(tmp_path, recording, port, netcat)
-        time.sleep(0.5)
+        with thesis(tmp_path, recording, port, netcat):
+            until(lambda: all_came() and not waiting_bytes(port))
     finally:
         said = stopped(process)
-    frames = {number: frames_at(sockets) for number, sockets in listeners.items()}
+    all_came()
     # 1.5 s make 5625 samples in a channel, 5 whole frames.
     assert {number: len(found) for number, found in frames.items()} == dict.fromkeys(frames, 5)
     assert " 0 lost" in said

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from in_real_time import in_real_time
 from some import some
 from until import until
 
@@ -106,6 +107,7 @@ def test_pulses_of_a_foreign_generator_are_found_through_a_pipe(
     assert b"tag 7" in err
 
 
+@in_real_time
 def test_a_live_stream_gives_times_of_the_clock_and_pulses_as_they_come(tmp_path: Path) -> None:
     rate, seconds = 250_000, 8.0
     child = detect(
@@ -134,6 +136,7 @@ def test_a_live_stream_gives_times_of_the_clock_and_pulses_as_they_come(tmp_path
         child.stdin.write(data)
         child.stdin.flush()
         late_s = max(late_s, (time.time_ns() - began_ns) / 1e9 - number * 0.1)
+    until(lambda: came)  # the stream has not ended: nothing waits for that
     child.stdin.close()
     listener.join(60)
     assert child.wait(60) == 0
@@ -142,8 +145,6 @@ def test_a_live_stream_gives_times_of_the_clock_and_pulses_as_they_come(tmp_path
     # Samples arrive up to a write (0.1 s) after they were due; nothing else is between.
     # The stream's clock can only be as steady as the writes of this test.
     check(pulses, seconds, began_ns, 0.15, steady_s=0.004 + late_s)
-    # The first group is complete after 2 s; it must not wait for the end of the stream.
-    assert came[0] < began_ns + 6.5e9
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -164,7 +165,7 @@ def test_a_signal_ends_a_stream_with_all_pulses_so_far_written(
     until(lambda: output.exists() and output.read_text().count("\n") >= 12)
     child.send_signal(number)
     # The pipe stays open: it must end by the signal, not by the end of its input.
-    assert child.wait(30) == 128 + number
+    assert child.wait(60) == 128 + number
     child.stdin.close()
     assert child.stderr is not None
     err = child.stderr.read()

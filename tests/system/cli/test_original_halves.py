@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import started
+from udp_queue import waiting_bytes
+from until import until
 
 from uavrt.drone.ipc.pulse_datagram import PulseRecord
 from uavrt.radio.channels.channel_datagram import SAMPLES, encode_channel_datagram
@@ -62,6 +64,7 @@ def send_frames(samples: np.ndarray, port: int, *, lost: set[int], swapped: set[
         order[at], order[at + 1] = order[at + 1], order[at]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         for n in order:
+            until(lambda: waiting_bytes(port) < 60_000)  # a datagram more would be lost
             sock.sendto(frames[n], ("127.0.0.1", port))
             time.sleep(0.027)
 
@@ -109,7 +112,7 @@ def test_a_channel_of_the_original_gives_its_pulse_records(tmp_path: Path, mode:
         try:
             wait_for_port(port)
             send_frames(beeping_channel(30.0), port, lost={40}, swapped={60, 80})
-            time.sleep(2.0)
+            until(lambda: not waiting_bytes(port))
         finally:
             said = ended(process)
         controller.setblocking(False)

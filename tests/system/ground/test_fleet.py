@@ -32,10 +32,14 @@ TAGS = [
 def both(served: Any) -> Iterator[tuple[Drone, Drone]]:
     """Vehicle 1, which the page takes, and vehicle 2."""
     one, two = Drone(served.mavlink_port), Drone(served.mavlink_port, system=2)
+
+    def others(state: dict[str, Any]) -> list[int]:
+        two.heartbeat(SystemState.IDLE)  # again and again: a silent vehicle is not listed
+        return list(state["drone"]["others"])
+
     one.heartbeat(SystemState.IDLE)
     until(served, lambda state: state["drone"]["system_id"] == 1)
-    two.heartbeat(SystemState.IDLE)
-    until(served, lambda state: state["drone"]["others"] == [2])
+    until(served, lambda state: others(state) == [2])
     yield one, two
     one.close()
     two.close()

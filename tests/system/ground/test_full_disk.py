@@ -9,7 +9,6 @@ that is really full; elsewhere the kernel lets no file grow (RLIMIT_FSIZE).
 import os
 import shutil
 import subprocess
-import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -90,12 +89,9 @@ def test_all_that_is_acknowledged_is_stored_and_the_rest_when_it_comes_again(
         pid = stations.start(kind, port, place)
         drone.detect()
         assert drone.run(AGAIN_S, drone.all_acknowledged), "it listens"
-        full_s = time.monotonic() + random.uniform(0.0, STREAM_S)
-        end_s = full_s + random.uniform(0.0, STREAM_S)
-        full = False
-        while time.monotonic() < end_s:
-            if not full and time.monotonic() >= full_s:
-                full = True
+        full_at, after = (round(random.uniform(0.0, STREAM_S) / GAP_S) for _ in range(2))
+        for step in range(full_at + after + 1):
+            if step == full_at:
                 if small_disk is None:
                     stop_growth(place, pid, random)
                 else:

@@ -183,10 +183,10 @@ def test_pulses_are_kept_when_nobody_reads_the_terminal_any_more(tmp_path: Path)
         time.sleep(0.02)
 
     def pulses() -> int:
-        with urllib.request.urlopen(f"{address}api/state", timeout=10) as answer:
+        with urllib.request.urlopen(f"{address}api/state", timeout=60) as answer:
             return int(json.load(answer)["flight"]["pulses"])
 
     wait_until(lambda: pulses() == 20)
     station.terminate()
-    assert station.wait(20.0) == 0
+    assert station.wait(60.0) == 0
     drone.close()

@@ -130,7 +130,7 @@ def test_listeners_get_the_live_channel(served: Any) -> None:
                     return message
 
     async def bounded() -> dict[str, Any]:
-        return await asyncio.wait_for(listen(), 20.0)
+        return await asyncio.wait_for(listen(), 60.0)
 
     assert asyncio.run(bounded())["record"]["columns"] > 0
     assert served.ask("POST", "/api/waterfall", {"address": ""}).json == {"address": None}

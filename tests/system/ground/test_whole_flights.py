@@ -1,11 +1,11 @@
 """What the page's server does with whole flights: it has them judged, and draws their folds."""
 
 import base64
-import time
 from pathlib import Path
 from typing import Any
 
 import made
+from until import until
 
 from uavrt.core.clock import Clock
 from uavrt.flight.integrated import FlightFold, IntegratedVerdict, write_integrated
@@ -27,12 +27,13 @@ def test_a_flight_without_samples_cannot_be_judged_and_the_page_is_told_why(
 ) -> None:
     flight_id = flown(served.directory)
     path = f"/api/flights/{flight_id}/integrate"
-    for _ in range(200):
+
+    def judged() -> Any:
         answer = served.ask("POST", path, {})
         assert answer.status == 200
-        if answer.json["state"] != "working":
-            break
-        time.sleep(0.05)
+        return answer if answer.json["state"] != "working" else None
+
+    answer = until(judged, 60.0)
     assert answer.json["state"] == "failed"
     assert "holds no samples" in answer.json["error"]
     assert "fetch them" in answer.json["error"]

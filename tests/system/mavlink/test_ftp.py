@@ -61,7 +61,7 @@ async def test_pymavlinks_client_lists_and_reads(world: World, tmp_path: Path) -
     local = tmp_path / "got.bin"
 
     def client() -> str:
-        finished = python("-c", PYMAVLINK_CLIENT, str(world.ground_port), local, timeout=90)
+        finished = python("-c", PYMAVLINK_CLIENT, str(world.ground_port), local, timeout=110)
         return finished.stdout + finished.stderr
 
     async with world.flying():
@@ -79,7 +79,7 @@ from pymavlink import mavutil, mavftp
 link = mavutil.mavlink_connection(
     f"udpin:127.0.0.1:{sys.argv[1]}", source_system=255, source_component=190
 )
-deadline = time.monotonic() + 20
+deadline = time.monotonic() + 60
 while time.monotonic() < deadline:
     link.mav.heartbeat_send(6, 8, 0, 0, 4)
     message = link.recv_match(type="HEARTBEAT", blocking=True, timeout=1)
@@ -87,7 +87,7 @@ while time.monotonic() < deadline:
         break
 ftp = mavftp.MAVFTP(link, 1, 191)
 ftp.cmd_list(["/flight_log_1"])
-reply = ftp.process_ftp_reply("ListDirectory", timeout=10)
+reply = ftp.process_ftp_reply("ListDirectory", timeout=30)
 print([entry.name for entry in ftp.list_result])
 ftp.cmd_get(["/flight_log_1/flight.sqlite", sys.argv[2]])
 result = ftp.process_ftp_reply("OpenFileRO", timeout=60)
@@ -114,7 +114,7 @@ async def test_mavproxy_lists_compares_and_reads(world: World, tmp_path: Path) -
             MAVPROXY_COMMANDS.format(local=local),
             tmp_path,
             done=lambda: local.exists() and local.stat().st_size == len(CONTENT),
-            patience_s=45.0,
+            patience_s=80.0,
         )
 
     async with world.flying():

@@ -90,7 +90,7 @@ async def test_mavsdk_uploads_the_thesis_tag_starts_receives_pulses_and_stops(
         configuration = Configuration.create_manual(*numbers, True)
     async with world.flying(), Mavsdk(configuration) as mavsdk:
         await mavsdk.add_any_connection(f"udpin://127.0.0.1:{world.ground_port}")
-        system = await mavsdk.first_autopilot(timeout_s=20.0)
+        system = await mavsdk.first_autopilot(timeout_s=60.0)
         assert system is not None
         await until(
             lambda: (

@@ -93,7 +93,7 @@ async def test_mavsdk_arms_takes_off_goes_there_holds_and_returns(
     configuration = Configuration.create_manual(255, 190, True)
     async with Mavsdk(configuration) as mavsdk:
         await mavsdk.add_any_connection(f"udpin://127.0.0.1:{port}")
-        system = await mavsdk.first_autopilot(timeout_s=20.0)
+        system = await mavsdk.first_autopilot(timeout_s=60.0)
         await reads_our_survey(system, autopilot, flavour)
         action = ActionAsync(system)
         await action.set_takeoff_altitude(4.0)

@@ -26,7 +26,7 @@ async def test_mavsdk_lists_sets_and_reads_our_parameters(world: World, flavour:
     configuration = Configuration.create_manual(255, 190, True)
     async with world.flying(flavour=flavour), Mavsdk(configuration) as mavsdk:
         await mavsdk.add_any_connection(f"udpin://127.0.0.1:{world.ground_port}")
-        system = await mavsdk.first_autopilot(timeout_s=20.0)
+        system = await mavsdk.first_autopilot(timeout_s=60.0)
         await until(lambda: ready(world))
         param = ParamAsync(system)
         with contextlib.suppress(ParamError):  # answers UNKNOWN, and does it
@@ -53,7 +53,7 @@ async def test_mavsdk_gets_our_metadata_by_file_transfer(world: World) -> None:
     configuration = Configuration.create_manual(255, 190, True)
     async with world.flying(), Mavsdk(configuration) as mavsdk:
         await mavsdk.add_any_connection(f"udpin://127.0.0.1:{world.ground_port}")
-        system = await mavsdk.first_autopilot(timeout_s=20.0)
+        system = await mavsdk.first_autopilot(timeout_s=60.0)
         await until(lambda: ready(world))
         metadata = ComponentMetadataAsync(system)
         updates = metadata.subscribe_metadata_available()
@@ -94,7 +94,7 @@ async def test_mavproxy_shows_and_sets_our_parameters(
             MAVPROXY_COMMANDS,
             tmp_path,
             done=lambda: values_of(world)["DET_FALSE_ALARM"] != 0.0,
-            patience_s=30.0,
+            patience_s=80.0,
         )
 
     async with world.flying(flavour=flavour):

@@ -5,7 +5,7 @@ The real processes with rtl_sdr over a stand-in library. A hundred such moments:
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -37,6 +37,20 @@ def said_s(texts: list[str]) -> float:
     return float(found[1])
 
 
+def in_time(
+    drone: CapturingDrone,
+    disturb: Callable[[CapturingDrone], object],
+    disturbed: Callable[[list[str]], bool],
+) -> list[str]:
+    """Disturb a capture; again where a busy computer was too early or too late for it."""
+    for _ in range(5):
+        texts = drone.capture(disturb)
+        if disturbed(texts):
+            break
+        (drone.world.directory / "free_mb").unlink(missing_ok=True)
+    return texts
+
+
 def test_a_whole_capture_is_named_with_its_file(drone: CapturingDrone) -> None:
     texts = drone.capture(lambda _: None)
     assert said_s(texts) == CAPTURE_S == drone.recorded_s()
@@ -48,7 +62,7 @@ def test_a_killed_receiver_records_the_rest_in_another_file(drone: CapturingDron
         drone.wait_for_samples()
         drone.kill_process("receiver")
 
-    texts = drone.capture(kill)
+    texts = in_time(drone, kill, lambda texts: texts[-1].endswith(" files"))
     assert said_s(texts) == CAPTURE_S == drone.recorded_s()
     assert texts[-1].endswith("/iq, 2 files")
 
@@ -71,7 +85,9 @@ def test_a_disk_that_fills_up_ends_the_capture_and_keeps_what_there_is(
         drone.wait_for_samples()
         drone.world.write("free_mb", "0")
 
-    texts = drone.capture(fill)
+    texts = in_time(
+        drone, fill, lambda texts: " of 2 s in" in texts[-1] and said_s(texts) < CAPTURE_S
+    )
     assert 0.2 < said_s(texts) < CAPTURE_S
     assert said_s(texts) == pytest.approx(drone.recorded_s(), abs=0.051)
     assert "No space left on device" in texts[-1] or "the disk is nearly full" in texts[-1]

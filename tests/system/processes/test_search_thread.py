@@ -27,7 +27,7 @@ class Slow:
     def think(self, _time_ns: int, _now: VehicleNow, *, idle: bool, others: Any) -> Choice:
         assert others == ()
         self.asked += 1
-        self.go.wait(10.0)
+        self.go.wait(60.0)
         return Choice(steps=None, said=f"idle {idle}", notes=())
 
 

@@ -54,13 +54,12 @@ def test_a_stream_in_datagrams_of_ever_other_sizes_arrives_whole(
 def test_a_sender_to_the_other_localhost_is_heard_too(source: BandDatagramSource) -> None:
     port = parse_udp_address(source.name)[1]
     try:
-        sock = socket.socket(socket.AF_INET6, socket.SOCK_DGRAM)
-        sock.sendto(signal(100).tobytes(), ("::1", port))
+        with socket.socket(socket.AF_INET6, socket.SOCK_DGRAM) as sock:
+            sock.sendto(signal(100).tobytes(), ("::1", port))
     except OSError:
         # A system without IPv6 has one localhost only.
         assert len(source._sockets) == 1
         return
-    sock.close()
     block = some(source.read(0.5))
     np.testing.assert_array_equal(block.samples, signal(100))
 

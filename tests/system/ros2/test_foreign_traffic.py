@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from in_real_time import in_real_time
 from ros_flood import flood
 
 from uavrt.config.settings import Ros2Settings
@@ -12,7 +13,7 @@ from uavrt.link.ros2.graph import TOPICS
 
 ACT_WITHIN_S = 3.0
 """Grossly missed: the bar is 1 s on a quiet computer, and tests share theirs with others."""
-COUNTED_WITHIN_S = 15.0
+COUNTED_WITHIN_S = 40.0
 RATE = 10_000.0
 
 
@@ -42,7 +43,7 @@ def counters_when(gateway: Any, true: Callable[[dict[str, float]], bool]) -> dic
     Raises
     ------
     AssertionError
-        They are not within 15 s.
+        They are not within 40 s.
     """
     end_s = time.monotonic() + COUNTED_WITHIN_S
     while time.monotonic() < end_s:
@@ -51,6 +52,7 @@ def counters_when(gateway: Any, true: Callable[[dict[str, float]], bool]) -> dic
     raise AssertionError(told)
 
 
+@in_real_time
 @pytest.mark.parametrize(
     "topic", ["pulse", "store_tag_information", "control_detector_subprocess"]
 )
@@ -79,6 +81,7 @@ def test_ten_thousand_messages_a_second_delay_no_order_and_are_counted(
     assert any(line.startswith(f"{topic}: dropped messages: ") for line in lines)
 
 
+@in_real_time
 @pytest.mark.parametrize("size", [200_000, 16_000_000])
 @pytest.mark.parametrize(
     "topic", ["store_coded_tag_information", "control_detector_subprocess"]

@@ -79,7 +79,7 @@ def test_the_nodes_of_the_thesis_are_seen_and_vanish_at_the_end(
 ) -> None:
     infos = ros_peer.listen("ros_discovery_info")
     gateway = launch()
-    info = infos.newest()
+    info = infos.newest(lambda info: len(info.node_entities_info_seq) == 6)
     nodes = {node.node_name: node for node in info.node_entities_info_seq}
     assert set(nodes) == {
         "StartStopComponent",
@@ -96,7 +96,7 @@ def test_the_nodes_of_the_thesis_are_seen_and_vanish_at_the_end(
         subscribed = [t for t in TOPICS.values() if name in t.subscribers]
         assert len(node.reader_gid_seq) == len(subscribed)
     assert gateway.close() == 0
-    assert len(infos.newest().node_entities_info_seq) == 0
+    infos.newest(lambda info: len(info.node_entities_info_seq) == 0)
 
 
 LISTENER = """
@@ -361,7 +361,7 @@ def test_a_refused_command_is_told_with_its_reason(launch: Any, ros_peer: Any) -
     gateway.send(
         "command_reply", made.reply(command, message="no tags: send tags first", accepted=False)
     )
-    line = logs.newest()
+    line = logs.newest(lambda line: "refused" in line.msg)
     assert (line.level, line.msg) == (30, "start_detection refused: no tags: send tags first")
 
 

@@ -98,13 +98,14 @@ def test_a_remote_detector_has_a_node_name_of_its_own_and_the_drone_s_namespace(
     with subprocess.Popen(
         [sys.executable, "-c", REMOTE], stdin=subprocess.PIPE, env=environment
     ) as process:
-        (node,) = infos.newest().node_entities_info_seq
+        info = infos.newest(lambda info: len(info.node_entities_info_seq) == 1)
+        (node,) = info.node_entities_info_seq
         assert node.node_name.startswith("Detector_")
         assert node.node_name.endswith(f"_{process.pid}")
         assert node.node_namespace == "/drone1"
         until(lambda: "rt/drone1/pulse" in ros_peer.endpoints())
         some(process.stdin).close()
-        assert process.wait(20.0) == 0
+        assert process.wait(60.0) == 0
 
 
 def test_a_namespace_that_is_none_is_refused() -> None:

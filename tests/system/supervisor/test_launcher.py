@@ -54,6 +54,9 @@ def launcher(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Launch
     (tmp_path / "stand_in.py").write_text(STAND_IN)
     path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
     monkeypatch.setenv("PYTHONPATH", path)
+    # A nursery on a busy computer is waited for.
+    for name in ("ANSWER_S", "PING_S", "SILENCE_S"):
+        monkeypatch.setattr(f"uavrt.drone.supervisor.start.launcher.{name}", 60.0)
     adopt_orphans()
     launcher = Launcher()
     yield launcher
@@ -141,8 +144,11 @@ def test_the_death_of_the_nursery_ends_nobody_and_stops_no_start(launcher: Launc
     assert first.end()[0] == -signal.SIGKILL
 
 
-def test_a_nursery_that_does_not_answer_is_given_up(launcher: Launcher) -> None:
+def test_a_nursery_that_does_not_answer_is_given_up(
+    launcher: Launcher, monkeypatch: pytest.MonkeyPatch
+) -> None:
     ready(launcher)
+    monkeypatch.setattr("uavrt.drone.supervisor.start.launcher.ANSWER_S", 0.5)
     os.kill(some(launcher.pid), signal.SIGSTOP)
     process = Started(launcher)
     assert process.first_line().startswith("True green")

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
 from uavrt.core.commands import NO_UPLOAD, CommandName, Generation
-from uavrt.core.errors import CommandRefused, LinkError, RecordingError, UavrtError
+from uavrt.core.errors import CommandRefused, LinkError, RecordingError
 from uavrt.core.log import get_logger
 from uavrt.core.messages import Neighbour, Tag
 from uavrt.core.units import ns_from_s
@@ -143,7 +143,7 @@ class GroundLink:
         """
         try:
             opening = await self._links.open(addresses)
-        except UavrtError:
+        except BaseException:
             await self._links.close(opened=bool(addresses))
             raise
         try:

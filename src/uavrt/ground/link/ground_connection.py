@@ -69,14 +69,15 @@ class Connection:
         self.watch = VehicleWatch(link.protocol.own, self._identity)
         joins = self._store.system_id is not None
         addresses = () if joins else settings.address.split()
-        task = asyncio.create_task(link.run(*addresses))
+        self._serving = task = asyncio.create_task(link.run(*addresses))
         for _ in range(200):
             if joins or task.done() or link.link is not None:
                 break
             await asyncio.sleep(0.01)
         if task.done() and (fault := task.exception()) is not None:
+            self._serving = None
             self._fail(fault)
-        self.link, self._serving, self.error = link, task, None
+        self.link, self.error = link, None
         self._faults_reported = 0
         if not joins:
             self._feed.note(6, f"connected to {settings.address}")
