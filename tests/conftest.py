@@ -41,7 +41,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 FLIGHTS = Path(__file__).parent / "flight"
 MOST_SECOND_TRIES = 3
-"""Tests in real time that may need a second try before the run fails."""
+"""Flights in real time that may need a second try before the run fails."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -66,12 +66,12 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Fail a run in which more than three tests in real time needed a second try."""
+    """Fail a run in which more than three flights needed a second try."""
     reporter = session.config.pluginmanager.get_plugin("terminalreporter")
     tries = reporter.stats.get("rerun", []) if reporter else []
     if reporter and len(tries) > MOST_SECOND_TRIES and session.exitstatus == pytest.ExitCode.OK:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
-        reporter.write_line(f"{len(tries)} tests in real time needed a second try", red=True)
+        reporter.write_line(f"{len(tries)} flights needed a second try", red=True)
 
 
 def pytest_collection_finish() -> None:

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import launched, started, uavrt
-from in_real_time import in_real_time
 from some import some
 from udp_queue import waiting_bytes
 from until import until
@@ -152,7 +151,6 @@ def thesis(directory: Path, recording: Path, port: int, netcat: Path | None) -> 
     processes[2].communicate(timeout=60)
 
 
-@in_real_time
 @pytest.mark.parametrize("kind", ["cutting anywhere", "installed"])
 def test_the_pipe_of_the_thesis_ends_in_the_channels_of_the_original(
     tmp_path: Path, recording: Path, listeners: dict[int, list[socket.socket]], kind: str

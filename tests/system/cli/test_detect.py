@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 from command_line import uavrt
-from in_real_time import in_real_time
 from tests.unit.cli.test_detect import (  # noqa: F401  # fixture
     RADIO,
     SECONDS,
@@ -59,7 +58,6 @@ def test_a_slow_stream_gives_the_pulses_of_its_recording(folder: Path) -> None:
         assert float(one["snr_db"]) == pytest.approx(float(other["snr_db"]), abs=0.3)
 
 
-@in_real_time
 def test_a_live_stream_is_told_with_the_bound_of_what_it_may_have_lost(folder: Path) -> None:
     said = piped(folder, seconds=1.5, pause_s=0.1)
     assert " 0 samples lost" in said

@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from in_real_time import in_real_time
 from some import some
 from until import until
 
@@ -107,7 +106,6 @@ def test_pulses_of_a_foreign_generator_are_found_through_a_pipe(
     assert b"tag 7" in err
 
 
-@in_real_time
 def test_a_live_stream_gives_times_of_the_clock_and_pulses_as_they_come(tmp_path: Path) -> None:
     rate, seconds = 250_000, 8.0
     child = detect(

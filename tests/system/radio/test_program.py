@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from in_real_time import in_real_time
 from some import some
 
 from uavrt.config.settings import RadioSettings
@@ -172,7 +171,6 @@ def test_a_program_that_is_not_there_names_its_package(install: Install, kind: s
         check_device(settings)
 
 
-@in_real_time
 def test_a_radio_that_works_is_described_by_its_rate(install: Install) -> None:
     install("airspy_rx", PACED)
     assert check_device(RadioSettings()) == "Airspy: 3000000 samples a second arrive"

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from in_real_time import in_real_time
 from ros_flood import flood
 
 from uavrt.config.settings import Ros2Settings
@@ -52,7 +51,6 @@ def counters_when(gateway: Any, true: Callable[[dict[str, float]], bool]) -> dic
     raise AssertionError(told)
 
 
-@in_real_time
 @pytest.mark.parametrize(
     "topic", ["pulse", "store_tag_information", "control_detector_subprocess"]
 )
@@ -81,7 +79,6 @@ def test_ten_thousand_messages_a_second_delay_no_order_and_are_counted(
     assert any(line.startswith(f"{topic}: dropped messages: ") for line in lines)
 
 
-@in_real_time
 @pytest.mark.parametrize("size", [200_000, 16_000_000])
 @pytest.mark.parametrize(
     "topic", ["store_coded_tag_information", "control_detector_subprocess"]

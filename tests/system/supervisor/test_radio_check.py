@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from in_real_time import in_real_time
 from until import until
 
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
@@ -35,7 +34,6 @@ def install(program: Path, body: str) -> None:
     program.chmod(0o755)
 
 
-@in_real_time
 def test_a_radio_that_sends_samples_is_there_and_one_without_its_program_is_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -84,7 +82,6 @@ def test_a_radio_program_that_hangs_dies_with_a_killed_supervisor(tmp_path: Path
     until(lambda: not any(map(is_alive, asked)))
 
 
-@in_real_time
 async def test_the_operator_asks_twice_and_the_radio_is_asked_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
