@@ -420,11 +420,12 @@ async function confirm(): Promise<void> {
 }
 
 async function takeBack(): Promise<void> {
-  leave();
+  const stopped = send("POST", "/motion/stop", {}); // first of all, whatever is drawn afterwards
   const button = by("take-back");
   button.classList.add("busy");
   try {
-    await send("POST", "/motion/stop", {});
+    leave();
+    await stopped;
     toast(t("motion.taken_back"), 5);
   } catch (error) {
     toast(t("motion.not_taken_back", { reason: reasonOf(error) }), 2);
