@@ -420,12 +420,11 @@ async function confirm(): Promise<void> {
 }
 
 async function takeBack(): Promise<void> {
-  const stopped = send("POST", "/motion/stop", {}); // first of all, whatever is drawn afterwards
+  left = store.state?.motion?.offer?.order_id ?? 0;
   const button = by("take-back");
   button.classList.add("busy");
   try {
-    leave();
-    await stopped;
+    await send("POST", "/motion/stop", {});
     toast(t("motion.taken_back"), 5);
   } catch (error) {
     toast(t("motion.not_taken_back", { reason: reasonOf(error) }), 2);
