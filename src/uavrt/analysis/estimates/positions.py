@@ -76,7 +76,9 @@ def read_positions(
     """
     how = how or ReadAs()
     check_position_method(how.method)
-    if how.offset_deg and any(_is_result(path) for path in paths):
+    if how.offset_deg and any(
+        _columns_of_named_file(path) or _holds_estimates(path) for path in paths
+    ):
         raise UsageError(
             "an antenna offset cannot be applied to a file of results",
             remedy="Name the flight or the pulse log that it came from",
@@ -348,10 +350,6 @@ def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
     except ValueError:
         return len(cells)
     return 0
-
-
-def _is_result(path: str | os.PathLike[str]) -> bool:
-    return bool(_columns_of_named_file(path)) or _holds_estimates(path)
 
 
 def _holds_estimates(path: str | os.PathLike[str]) -> bool:

@@ -256,7 +256,7 @@ class Commands:
             note = "mark" + (f": {text.strip()[:200]}" if text.strip() else "")
         else:
             note = mark_note(*place, text)
-            self._vehicle.flight.add_mark(
+            self._vehicle.flight.marks.append(
                 Mark(
                     time_ns=now_ns,
                     latitude_deg=place[0],

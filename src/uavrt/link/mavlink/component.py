@@ -157,7 +157,7 @@ class Component:
             self._started_ns = now_ns
         if self._heartbeat_due(now_ns):
             self._heartbeat_ns = now_ns
-            self._send(self.heartbeat_message())
+            self._send(own_heartbeat(dialect.MavType.ONBOARD_CONTROLLER))
         autopilot = self.discovery.autopilot
         if autopilot is None or not self.discovery.autopilot_present(now_ns):
             return
@@ -218,10 +218,6 @@ class Component:
             return None
         made_ns = self.time_sync.local_ns(boot_ms * 1_000_000)
         return None if made_ns is None else (arrived_ns - made_ns) / NANOSECONDS_PER_SECOND
-
-    def heartbeat_message(self) -> dialect.Heartbeat:
-        """Make the heartbeat of this component."""
-        return own_heartbeat(dialect.MavType.ONBOARD_CONTROLLER)
 
     def _uptime_ms(self, now_ns: int) -> int:
         return (now_ns - (self._started_ns or now_ns)) // 1_000_000 % 2**32

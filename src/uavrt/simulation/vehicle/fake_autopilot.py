@@ -293,14 +293,11 @@ class FakeAutopilot:
             return
         if isinstance(message, dialect.RadioStatus) and self._settings.flavour == "ardupilot":
             return
-        if not self._passes_on():
+        if not all(map(self.parameters.passes_on, (COMPANION_PORT, GROUND_PORT))):
             return
         if other.routes.leads_to(system_id, component_id):
             self._forward(other, arrival_ns)
             other.ring.push(frame)
-
-    def _passes_on(self) -> bool:
-        return all(map(self.parameters.passes_on, (COMPANION_PORT, GROUND_PORT)))
 
     def _forward(self, side: _LinkSide, now_ns: int) -> None:
         for frame in side.ring.passes(now_ns):
@@ -340,7 +337,9 @@ class FakeAutopilot:
         sender = (frame.system_id, frame.component_id)
         match message:
             case dialect.Timesync() if message.tc1 == 0 and not self._settings.mute_clock:
-                target = self._random_target() if self._px4 else sender
+                # PX4 1.17 fills in random ids.
+                chance = self._random.randrange
+                target = (chance(256), chance(256)) if self._px4 else sender
                 answer = dialect.Timesync(
                     tc1=self.boot_ns(self._clock.now_ns()),
                     ts1=message.ts1,
@@ -369,10 +368,6 @@ class FakeAutopilot:
             case _:
                 send = partial(self._send, side)
                 self.missions.receive(message, sender, s_from_ns(now_ns), send)
-
-    def _random_target(self) -> tuple[int, int]:
-        """Random target system and component, as PX4 1.17 puts into its answers."""
-        return self._random.randrange(256), self._random.randrange(256)
 
     def _command(
         self,

@@ -100,7 +100,14 @@ class VehicleWatch:
         """Handle a frame; return the vehicle's pose if its position is new, else None."""
         message = frame.message()
         if isinstance(message, dialect.RadioStatus):
-            self._take_radio(message)
+            self.radio = RadioLevels(
+                rssi=message.rssi,
+                remote_rssi=message.remrssi,
+                noise=message.noise,
+                remote_noise=message.remnoise,
+                transmit_buffer_percent=message.txbuf,
+                errors=message.rxerrors,
+            )
             return None
         if isinstance(message, dialect.Ping) and frame.component_id == DRONE_COMPONENT:
             if self._is_ours(frame.system_id):
@@ -233,16 +240,6 @@ class VehicleWatch:
             quaternion_wxyz=attitude,
         )
         return self.pose
-
-    def _take_radio(self, message: dialect.RadioStatus) -> None:
-        self.radio = RadioLevels(
-            rssi=message.rssi,
-            remote_rssi=message.remrssi,
-            noise=message.noise,
-            remote_noise=message.remnoise,
-            transmit_buffer_percent=message.txbuf,
-            errors=message.rxerrors,
-        )
 
     def _take_computer(self, message: dialect.OnboardComputerStatus) -> None:
         used_mib, whole_mib = message.storage_usage[0], message.storage_total[0]
