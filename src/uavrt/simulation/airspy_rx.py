@@ -216,8 +216,8 @@ class Transmission:
         writer.start()
         while not self._stop.is_set() and (end is None or index < end):
             count = CHUNK_SAMPLES if end is None else min(CHUNK_SAMPLES, end - index)
-            kind = "cs16" if self._integers else "cf32"
-            block = encode(self._synthesizer.block(index, count), kind)
+            samples_now = self._synthesizer.block(index, count)
+            block = encode(samples_now, "cs16" if self._integers else "cf32")
             due_ns = self._synthesizer.time_ns_at(index + count)
             self._stop.wait(max(0.0, (due_ns - self._clock.now_ns()) * 1e-9))
             self._delay()

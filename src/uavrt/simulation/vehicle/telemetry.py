@@ -12,20 +12,12 @@ def default_intervals_ns(flavour: str, link: str) -> dict[int, int]:
     if flavour == "ardupilot":
         return {}
     rates_hz = {
-        "companion": {
-            dialect.AttitudeQuaternion.ID: 50.0,
-            dialect.GlobalPositionInt.ID: 50.0,
-            dialect.SystemTime.ID: 1.0,
-            dialect.SysStatus.ID: 1.0,
-        },
-        "ground": {
-            dialect.AttitudeQuaternion.ID: 10.0,
-            dialect.GlobalPositionInt.ID: 5.0,
-            dialect.SystemTime.ID: 1.0,
-            dialect.SysStatus.ID: 1.0,
-        },
+        dialect.AttitudeQuaternion.ID: 50.0 if link == "companion" else 10.0,
+        dialect.GlobalPositionInt.ID: 50.0 if link == "companion" else 5.0,
+        dialect.SystemTime.ID: 1.0,
+        dialect.SysStatus.ID: 1.0,
     }
-    return {message_id: round(1e9 / rate) for message_id, rate in rates_hz[link].items()}
+    return {message_id: round(1e9 / rate) for message_id, rate in rates_hz.items()}
 
 
 def telemetry_message(message_id: int, pose: Pose, boot_ms: int, time_ns: int) -> Message:
