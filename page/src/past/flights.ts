@@ -9,6 +9,7 @@ import { dateTime, span } from "../shared/format";
 import { t, verbatim, type Words } from "../shared/i18n";
 import { toast } from "../shared/notice";
 import { pager } from "../shared/pager";
+import { tableOf } from "../shared/rows";
 import { seasonSection } from "./season";
 import { store } from "../store";
 import type { Choices, FlightSummary } from "../types";
@@ -157,12 +158,7 @@ function draw(flights: FlightSummary[]): void {
   });
   fill(
     by("flights-list"),
-    h(
-      "table",
-      { class: "flights" },
-      h("thead", {}, h("tr", {}, h("th", { scope: "col" }), ...[t("flights.start"), t("common.length"), t("common.pulses"), t("common.tags"), t("flights.where_from"), t("flights.open_save")].map((title) => h("th", { scope: "col" }, title)))),
-      h("tbody", {}, ...rows),
-    ),
+    tableOf(["", t("flights.start"), t("common.length"), t("common.pulses"), t("common.tags"), t("flights.where_from"), t("flights.open_save")], rows),
   );
 }
 
