@@ -13,6 +13,7 @@ import { motionBar } from "./flying/motion";
 import { buildLog, showLog } from "./flying/log";
 import { buildPlots, recolourPlots, showPlots } from "./flying/plots";
 import { buildSetup } from "./settings/setup";
+import { recall, remember } from "./shared/remembered";
 import { setSpeaking, speaking } from "./shared/speech";
 import { store } from "./store";
 import type { State } from "./types";
@@ -182,11 +183,7 @@ function toggleTheme(): void {
 
 function setTheme(chosen: string): void {
   document.documentElement.dataset.theme = chosen;
-  try {
-    localStorage.setItem("theme", chosen);
-  } catch {
-    // Private windows keep nothing; it is only a colour.
-  }
+  remember("theme", chosen);
   say(by("theme"), chosen === "dark" ? t("main.light") : t("main.dark"));
   mapView().recolour();
   recolourPlots();
@@ -217,14 +214,8 @@ function keys(event: KeyboardEvent): void {
   event.preventDefault();
 }
 
-let theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
-try {
-  theme = localStorage.getItem("theme") ?? theme;
-} catch {
-  // As above.
-}
 // Before the map is made: its ground has the theme's colour.
-document.documentElement.dataset.theme = theme;
+document.documentElement.dataset.theme = recall("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
 document.documentElement.lang = language;
 document.title = t("main.title");
 say(document.querySelector(".skip")!, t("main.skip"));

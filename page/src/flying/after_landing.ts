@@ -1,8 +1,8 @@
 /** After the landing: what a whole flight's samples say, where a tag would have been heard, and where it is not. */
 
 import { ApiError, reasonOf, send } from "../shared/api";
-import { by, fill, h, say } from "../shared/dom";
-import { askForMap, discardCoverageMap, coverageElements, numberOf, showCoverageSummary } from "./coverage_maps";
+import { by, fill, h, numberOf, say, valueOf } from "../shared/dom";
+import { askForMap, discardCoverageMap, coverageElements, showCoverageSummary } from "./coverage_maps";
 import { fixed, percent } from "../shared/format";
 import type { LonLat } from "../shared/geo";
 import { fromServer, t, verbatim, type Words } from "../shared/i18n";
@@ -122,7 +122,7 @@ function verdict(one: Verdict): HTMLElement {
 // ------------------------------------------------------------------- the map of silence
 
 function question(): { tag_id: number; tag_power_dbm: number } {
-  return { tag_id: Number((by("silence-tag") as HTMLSelectElement).value), tag_power_dbm: numberOf("silence-power") };
+  return { tag_id: Number(valueOf("silence-tag")), tag_power_dbm: numberOf("silence-power") };
 }
 
 function forget(): void {

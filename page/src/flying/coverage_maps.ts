@@ -67,9 +67,3 @@ export function showCoverageSummary(name: string, map: HeardMap, notes: Words[])
     ...[...notes, ...map.limitations.map(fromServer)].map((words) => h("p", { class: "note" }, words)),
   );
 }
-
-/** A text of numbers: decimal commas are points. */
-export function numberOf(id: string): number {
-  const text = (by(id) as HTMLInputElement).value.replace(",", ".").trim();
-  return text === "" ? NaN : Number(text);
-}

@@ -5,9 +5,9 @@
 
 import { PAGE, reasonOf, send } from "../shared/api";
 import { beforeBox, openBefore, setPlan, type Plan } from "./planned_coverage";
-import { by, fill, h, say, svg } from "../shared/dom";
+import { by, fill, h, numberOf, say, svg, valueOf } from "../shared/dom";
 import { fixed, metres } from "../shared/format";
-import type { LonLat } from "../shared/geo";
+import { distanceM, type LonLat } from "../shared/geo";
 import { fromServer, t, verbatim, type Words } from "../shared/i18n";
 import { toast } from "../shared/notice";
 import { store } from "../store";
@@ -174,7 +174,7 @@ function choose(name: Kind): void {
 
 function drawShape(): void {
   const survey = kind === "survey";
-  const pattern = value("move-pattern");
+  const pattern = valueOf("move-pattern");
   by("move-upload").hidden = !survey || pattern === "points";
   by("move-spacing-row").hidden = !survey || pattern === "around";
   const turns = kind === "rotate" || (survey && pattern === "points");
@@ -222,15 +222,10 @@ function drawCircle(): void {
       setArea([[at[1], at[0]]]);
       return;
     }
-    const radius = metresBetween(middle, at);
+    const radius = distanceM(middle, at);
     void take(() => send<Area>("POST", "/motion/area", { center: [middle![1], middle![0]], radius_m: radius }));
     draw();
   });
-}
-
-function metresBetween(a: LonLat, b: LonLat): number {
-  const east = (b[0] - a[0]) * Math.cos((a[1] * Math.PI) / 180);
-  return Math.hypot(b[1] - a[1], east) * 111_195;
 }
 
 function areaImport(): HTMLElement {
@@ -274,15 +269,15 @@ function setArea(places: Place[]): void {
 }
 
 function wish(): Record<string, unknown> {
-  const height = value("move-height").trim();
+  const height = valueOf("move-height").trim();
   return {
     action: kind,
     places: kind === "goto" ? (goal ? [goal] : []) : kind === "survey" || kind === "search" ? area : [],
     height_m: height === "" ? null : numberIn("move-height"),
     duration_s: kind === "search" ? 60 * (numberIn("move-minutes") ?? NaN) : numberIn("move-seconds"),
-    clockwise: value("move-left") === "right",
+    clockwise: valueOf("move-left") === "right",
     spacing_m: numberIn("move-spacing"),
-    pattern: value("move-pattern"),
+    pattern: valueOf("move-pattern"),
     keep_out: keepOut.map(({ places, radius_m }) => ({ places, radius_m })),
     ...(kind === "search" ? { radius_m: area.length ? null : numberIn("move-radius"), wish_m: numberIn("move-wish") } : {}),
   };
@@ -320,7 +315,7 @@ async function replan(): Promise<void> {
 
 /** What a map of where a tag would be heard is made of. */
 function tellPlan(): void {
-  const pattern = value("move-pattern");
+  const pattern = valueOf("move-pattern");
   const turns = kind === "survey" && pattern === "points";
   setPlan(planned(pattern), kind === "search" ? "search" : turns ? "turns" : "", numberIn("move-height"));
 }
@@ -537,11 +532,7 @@ function lonLat([lat, lon]: Place): LonLat {
   return [lon, lat];
 }
 
-function value(id: string): string {
-  return (by(id) as HTMLInputElement | HTMLSelectElement).value;
-}
-
 function numberIn(id: string): number | null {
-  const number = Number(value(id).replace(",", "."));
-  return Number.isFinite(number) && value(id).trim() !== "" ? number : null;
+  const number = numberOf(id);
+  return Number.isFinite(number) ? number : null;
 }

@@ -1,8 +1,8 @@
 /** Before a flight: where a tag would be heard along what is planned. */
 
-import { by, fill, h, say } from "../shared/dom";
+import { by, fill, h, numberOf, say, valueOf } from "../shared/dom";
 import { fixed } from "../shared/format";
-import { askForMap, discardCoverageMap, coverageElements, numberOf, showCoverageSummary } from "./coverage_maps";
+import { askForMap, discardCoverageMap, coverageElements, showCoverageSummary } from "./coverage_maps";
 import { t, verbatim, type Words } from "../shared/i18n";
 import { store } from "../store";
 import type { PlanMap } from "../types";
@@ -86,7 +86,7 @@ function forget(): void {
 
 /** Several may be compared; none: the height of the order, or the usual one. */
 function heights(): number[] | null {
-  const text = (by("before-heights") as HTMLInputElement).value.trim();
+  const text = valueOf("before-heights").trim();
   if (text === "") return [height ?? 60];
   const found = text.split(/[\s;]+/).map((one) => Number(one.replace(/,$/, "").replace(",", ".")));
   return found.every(Number.isFinite) ? found : null;
@@ -100,7 +100,7 @@ async function make(): Promise<void> {
     return;
   }
   const ticket = ++asked;
-  const tag = (by("before-tag") as HTMLSelectElement).value;
+  const tag = valueOf("before-tag");
   const question = { ...plan, heights_m: wanted, tag_power_dbm: numberOf("before-power"), ...(tag === "" ? {} : { tag_id: Number(tag) }) };
   const map = await askForMap<PlanMap>("before", "/motion/coverage", question, () => ticket === asked);
   if (!map) return;

@@ -74,14 +74,17 @@ export function clusterFeatures(count: number, bounds: LngLatBounds, zoom: numbe
   return collection(features);
 }
 
+function feature(geometry: GeoJSON.Geometry, properties: Record<string, unknown> = {}): Feature {
+  return { type: "Feature", properties, geometry };
+}
+
 export function point(coordinates: LonLat, properties: Record<string, unknown>): Feature {
-  return { type: "Feature", properties, geometry: { type: "Point", coordinates } };
+  return feature({ type: "Point", coordinates }, properties);
 }
 
 /** A line, or nothing where it has no length. */
 export function lineOf(coordinates: LonLat[]): GeoJSON.FeatureCollection {
-  const geometry: GeoJSON.LineString = { type: "LineString", coordinates };
-  return collection(coordinates.length > 1 ? [{ type: "Feature", properties: {}, geometry }] : []);
+  return collection(coordinates.length > 1 ? [feature({ type: "LineString", coordinates })] : []);
 }
 
 export function collection(features: Feature[]): GeoJSON.FeatureCollection {
@@ -102,45 +105,20 @@ export function reach(one: BearingRecord, positions: PositionRecord[]): number {
 export function wedgeOf(one: BearingRecord, positions: PositionRecord[]): Feature[] {
   if (!one.interval90_deg) return [];
   const ring = wedge(stationOf(one), ...one.interval90_deg, reach(one, positions));
-  const chosen = one.tag_id === store.selected;
-  return [
-    {
-      type: "Feature",
-      properties: {
-        colour: tagColour(store.tagOrder(one.tag_id)),
-        opacity: (chosen ? 0.22 : 0.08) * (one.accepted ? 1 : 0.5),
-      },
-      geometry: { type: "Polygon", coordinates: [ring] },
-    },
-  ];
+  const opacity = (one.tag_id === store.selected ? 0.22 : 0.08) * (one.accepted ? 1 : 0.5);
+  return [feature({ type: "Polygon", coordinates: [ring] }, { colour: tagColour(store.tagOrder(one.tag_id)), opacity })];
 }
 
 export function rayOf(one: BearingRecord, positions: PositionRecord[]): Feature {
   const start = stationOf(one);
-  return {
-    type: "Feature",
-    properties: {
-      colour: tagColour(store.tagOrder(one.tag_id)),
-      sure: one.accepted && !one.ambiguous,
-    },
-    geometry: {
-      type: "LineString",
-      coordinates: [start, destination(start, one.bearing_deg, reach(one, positions))],
-    },
-  };
+  const coordinates = [start, destination(start, one.bearing_deg, reach(one, positions))];
+  const sure = one.accepted && !one.ambiguous;
+  return feature({ type: "LineString", coordinates }, { colour: tagColour(store.tagOrder(one.tag_id)), sure });
 }
 
 export function regionsOf(one: PositionRecord): Feature[] {
   const colour = tagColour(store.tagOrder(one.tag_id));
-  const regions: Feature[] = ([50, 95] as const).map((share) => ({
-    type: "Feature",
-    properties: { colour, share },
-    geometry: {
-      type: "MultiLineString",
-      coordinates: share === 50 ? one.region50 : one.region95,
-    },
-  }));
-  regions.push(...wayOf(one, colour));
+  const regions = [linesOf({ colour, share: 50 }, one.region50), linesOf({ colour, share: 95 }, one.region95), ...wayOf(one, colour)];
   const now = store.radiusNow(one);
   if (now !== null && one.radius95_m !== null && now > GROWN * one.radius95_m) {
     // Where it may be by now: a circle, dashed.
@@ -194,14 +172,14 @@ export function hindsightFeatures(): GeoJSON.FeatureCollection {
 /** The area, the way and the keep-away circles of a motion. */
 export function motionFeatures(drawn: MotionDrawing): GeoJSON.FeatureCollection {
   const features: Feature[] = [];
-  const polygon = (part: string, ring: LonLat[]) =>
-    features.push({ type: "Feature", properties: { part }, geometry: { type: "Polygon", coordinates: [ring] } });
+  const polygon = (part: string, ring: LonLat[]) => features.push(feature({ type: "Polygon", coordinates: [ring] }, { part }));
+  const line = (part: string, coordinates: LonLat[]) => features.push(feature({ type: "LineString", coordinates }, { part }));
   for (const one of drawn.keepAway) polygon("keep", circle(one.at, one.radiusM));
   for (const one of drawn.keepOut) polygon("keep", [...one, one[0]!]);
   if (drawn.area.length > 2) polygon("area", [...drawn.area, drawn.area[0]!]);
-  if (drawn.area.length === 2) features.push({ type: "Feature", properties: { part: "area" }, geometry: { type: "LineString", coordinates: drawn.area } });
+  if (drawn.area.length === 2) line("area", drawn.area);
   for (const corner of drawn.area) features.push(point(corner, { part: "corner" }));
-  if (drawn.way.length > 1) features.push({ type: "Feature", properties: { part: "way" }, geometry: { type: "LineString", coordinates: drawn.way } });
+  if (drawn.way.length > 1) line("way", drawn.way);
   if (drawn.way.length > 1) features.push(point(drawn.way.at(-1)!, { part: "end" }));
   return collection(features);
 }
@@ -211,7 +189,7 @@ function circle(centre: LonLat, radius: number): LonLat[] {
 }
 
 function linesOf(properties: Record<string, unknown>, coordinates: LonLat[][]): Feature {
-  return { type: "Feature", properties, geometry: { type: "MultiLineString", coordinates } };
+  return feature({ type: "MultiLineString", coordinates }, properties);
 }
 
 /** Where a tag was strongest, six pulses in a row averaged, as far as the replay goes. */

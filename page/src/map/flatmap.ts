@@ -11,7 +11,7 @@ import { destination, type LonLat } from "../shared/geo";
 import { t, verbatim } from "../shared/i18n";
 import { AT_FIRST, type Layers, dark, ground } from "./maplayers";
 import { droneElement, fixElement, markElement, max, meElement, min, onBoardElement, otherElement, roseElement } from "./markers";
-import { bearingsShown, frameKey, herePlace, isTelling, othersPlaced, paddingIn, placesOf } from "./map_content";
+import { bearingsShown, frameKey, herePlace, isTelling, lineFlown, othersPlaced, paddingIn, placesOf } from "./map_content";
 import { vehicleName } from "../shared/format";
 import { isPlaced, store } from "../store";
 import type { FlightMap, MotionDrawing, Tap } from "./map_view";
@@ -281,13 +281,7 @@ export class FlatMap implements FlightMap {
         continue;
       }
       const place = one.properties!.part === "place";
-      const [x, y] = this.pixel(one.geometry.coordinates as LonLat);
-      pen.beginPath();
-      pen.arc(x, y, place ? 7 : 5, 0, 2 * Math.PI);
-      if (place) {
-        pen.fillStyle = colour;
-        pen.fill();
-      }
+      this.dot(pen, one.geometry.coordinates as LonLat, place ? 7 : 5, place ? colour : undefined);
       this.stroke(pen, place ? "#ffffff" : colour, place ? 3 : 1.8);
     }
   }
@@ -342,8 +336,16 @@ export class FlatMap implements FlightMap {
     });
   }
 
+  /** A circle, filled or to be stroked. */
+  private dot(pen: CanvasRenderingContext2D, at: LonLat, radius: number, filled?: string): void {
+    pen.beginPath();
+    pen.arc(...this.pixel(at), radius, 0, 2 * Math.PI);
+    if (filled === undefined) return;
+    pen.fillStyle = filled;
+    pen.fill();
+  }
+
   private drawFlight(pen: CanvasRenderingContext2D): void {
-    const { track, until } = store;
     const [bearings, positions] = bearingsShown();
     if (this.layers.bearings) {
       for (const one of collection(bearings.filter(isTelling).flatMap((each) => wedgeOf(each, positions))).features) {
@@ -360,20 +362,13 @@ export class FlatMap implements FlightMap {
       }
     }
     if (this.layers.track) {
-      const line: LonLat[] = [];
-      const step = Math.max(1, Math.floor(track.count / 3000));
-      for (let place = 0; place < track.count && track.time[place]! <= until; place += step) line.push([track.lon[place]!, track.lat[place]!]);
-      this.path(pen, line);
+      this.path(pen, lineFlown(store.track, 3000, store.until));
       this.stroke(pen, dark() ? "#cfd8dc" : "#37474f", 1.6);
     }
     if (this.layers.pulses) {
       const count = store.shown();
       for (const one of pulseFeatures(Math.max(0, count - MOST_PULSES), count).features) {
-        const [x, y] = this.pixel((one.geometry as GeoJSON.Point).coordinates as LonLat);
-        pen.beginPath();
-        pen.arc(x, y, 4, 0, 2 * Math.PI);
-        pen.fillStyle = snrColour(Number(one.properties!.snr));
-        pen.fill();
+        this.dot(pen, (one.geometry as GeoJSON.Point).coordinates as LonLat, 4, snrColour(Number(one.properties!.snr)));
       }
     }
     if (this.layers.regions) {
@@ -387,15 +382,10 @@ export class FlatMap implements FlightMap {
     if (this.layers.hindsight) this.drawHindsightOn(pen);
     const other = store.other;
     if (other) {
-      const line: LonLat[] = [];
-      const step = Math.max(1, Math.floor(other.track.count / 3000));
-      for (let place = 0; place < other.track.count; place += step) line.push([other.track.lon[place]!, other.track.lat[place]!]);
-      this.path(pen, line);
+      this.path(pen, lineFlown(other.track, 3000));
       this.stroke(pen, "#b5179e", 1.8, [6, 4]);
       for (const one of other.positions.filter(isPlaced)) {
-        const [x, y] = this.pixel([one.longitude_deg, one.latitude_deg]);
-        pen.beginPath();
-        pen.arc(x, y, 6, 0, 2 * Math.PI);
+        this.dot(pen, [one.longitude_deg, one.latitude_deg], 6);
         this.stroke(pen, tagColour(store.tagOrder(one.tag_id)), 3);
       }
     }
@@ -420,11 +410,7 @@ export class FlatMap implements FlightMap {
       const part = String(one.properties!.part);
       const colour = part === "keep" ? "#c62828" : part === "area" || part === "corner" ? "#7b1fa2" : "#00838f";
       if (one.geometry.type === "Point") {
-        const [x, y] = this.pixel(one.geometry.coordinates as LonLat);
-        pen.beginPath();
-        pen.arc(x, y, 6, 0, 2 * Math.PI);
-        pen.fillStyle = colour;
-        pen.fill();
+        this.dot(pen, one.geometry.coordinates as LonLat, 6, colour);
         this.stroke(pen, "#ffffff", 2);
         continue;
       }

@@ -6,6 +6,7 @@ import { get, reasonOf, upload } from "../shared/api";
 import { fixed } from "../shared/format";
 import { fromServer, t, verbatim, type Words } from "../shared/i18n";
 import { toast } from "../shared/notice";
+import { recall, remember } from "../shared/remembered";
 import { toggleMe } from "./my_place";
 import type { FlightMap } from "./map_view";
 import type { Layers } from "./maplayers";
@@ -158,20 +159,4 @@ function plainBox(): HTMLElement {
     },
   });
   return box;
-}
-
-export function recall(name: string): string | null {
-  try {
-    return localStorage.getItem(name);
-  } catch {
-    return null; // private windows keep nothing
-  }
-}
-
-function remember(name: string, value: string): void {
-  try {
-    localStorage.setItem(name, value);
-  } catch {
-    // As above.
-  }
 }

@@ -35,7 +35,7 @@ import { t } from "../shared/i18n";
 import { droneElement, fixElement, markElement, max, meElement, min, onBoardElement, otherElement, rgb, roseElement } from "./markers";
 import { AT_FIRST, type Layers, WARM, WARM_MS, addFlightLayers, blank, dark, ground } from "./maplayers";
 import { Pace } from "./smooth_pan";
-import { bearingsShown, herePlace, isTelling, othersPlaced, paddingIn, placesOf } from "./map_content";
+import { bearingsShown, herePlace, isTelling, lineFlown, othersPlaced, paddingIn, placesOf } from "./map_content";
 import { vehicleName } from "../shared/format";
 import { isPlaced, store } from "../store";
 import { StrengthLayer } from "./surface";
@@ -221,13 +221,7 @@ export class MapView implements FlightMap {
 
   drawTrack(): void {
     if (!this.ready) return;
-    const { track, until } = store;
-    const line: LonLat[] = [];
-    const step = Math.max(1, Math.floor(track.count / 6000));
-    for (let place = 0; place < track.count; place += step) {
-      if (track.time[place]! > until) break;
-      line.push([track.lon[place]!, track.lat[place]!]);
-    }
+    const line = lineFlown(store.track, 6000, store.until);
     const here = this.place();
     if (here) line.push(here.at);
     this.put("track", lineOf(line));
@@ -282,14 +276,8 @@ export class MapView implements FlightMap {
   drawOther(): void {
     if (!this.ready) return;
     const other = store.other;
-    const track = other?.track;
-    const line: LonLat[] = [];
-    const step = Math.max(1, Math.floor((track?.count ?? 0) / 3000));
-    for (let place = 0; track && place < track.count; place += step) {
-      line.push([track.lon[place]!, track.lat[place]!]);
-    }
     const placed = (other?.positions ?? []).filter((one) => isPlaced(one) && !store.hidden.has(one.tag_id));
-    this.put("other-track", lineOf(line));
+    this.put("other-track", lineOf(other ? lineFlown(other.track, 3000) : []));
     this.put("other-regions", collection(placed.flatMap(regionsOf)));
     this.put("other-fixes", 
       collection(

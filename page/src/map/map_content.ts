@@ -2,6 +2,7 @@
 
 import { BASE } from "../shared/api";
 import type { LonLat } from "../shared/geo";
+import type { Track } from "../shared/vehicle_track";
 import { isPlaced, store } from "../store";
 import type { BearingRecord, FleetRecord, PositionRecord } from "../types";
 
@@ -35,6 +36,14 @@ export function herePlace(): { at: LonLat; heading: number } | null {
   while (at > 0 && track.time[at]! > until) at -= 1;
   if (at < 0) return null;
   return { at: [track.lon[at]!, track.lat[at]!], heading: track.yaw[at]! };
+}
+
+/** The way flown up to a time, of about `most` points. */
+export function lineFlown(track: Track, most: number, until = Infinity): LonLat[] {
+  const line: LonLat[] = [];
+  const step = Math.max(1, Math.floor(track.count / most));
+  for (let place = 0; place < track.count && track.time[place]! <= until; place += step) line.push([track.lon[place]!, track.lat[place]!]);
+  return line;
 }
 
 /** Places that the whole flight covers, with the regions of its positions. */

@@ -1,6 +1,6 @@
 /** Layers of the map, from the ground upwards, and their colours. */
 
-import type { Map as MapLibre, StyleSpecification } from "maplibre-gl";
+import type { LayerSpecification, Map as MapLibre, StyleSpecification } from "maplibre-gl";
 import { snrExpression } from "../shared/colour";
 
 export function blank(): StyleSpecification {
@@ -67,60 +67,33 @@ export const AT_FIRST: Layers = {
   hindsight: true,
 };
 
+type Drawn = "fill" | "line" | "circle";
+type Paint<T extends Drawn> = Extract<LayerSpecification, { type: T }>["paint"];
+
 /** Lay the layers of a flight over what is there; their sources must exist. */
 export function addFlightLayers(map: MapLibre): void {
-  map.addLayer({
-    id: "wedges",
-    type: "fill",
-    source: "wedges",
-    paint: { "fill-color": ["get", "colour"], "fill-opacity": ["get", "opacity"] },
-  });
-  map.addLayer({
-    id: "track",
-    type: "line",
-    source: "track",
-    layout: { "line-join": "round" },
-    paint: { "line-color": dark() ? "#cfd8dc" : "#37474f", "line-width": 1.6, "line-opacity": 0.75 },
-  });
+  const add = <T extends Drawn>(type: T, id: string, paint: Paint<T>, more: { source?: string; filter?: never; layout?: object } = {}) =>
+    map.addLayer({ id, type, source: id, paint, ...more } as LayerSpecification);
+  const colour = ["get", "colour"] as never;
+  const round = { "line-join": "round" };
+  add("fill", "wedges", { "fill-color": colour, "fill-opacity": ["get", "opacity"] });
+  add("line", "track", { "line-color": dark() ? "#cfd8dc" : "#37474f", "line-width": 1.6, "line-opacity": 0.75 }, { layout: round });
   const circle = {
     "circle-color": snrExpression(["get", "snr"]) as never,
     "circle-stroke-width": 0.8,
     "circle-stroke-color": "#1c272c",
   };
-  map.addLayer({
-    id: "bulk",
-    type: "circle",
-    source: "bulk",
-    paint: {
-      ...circle,
-      "circle-radius": ["interpolate", ["linear"], ["log10", ["get", "count"]], 0, 3, 3, 10],
-    },
+  add("circle", "bulk", { ...circle, "circle-radius": ["interpolate", ["linear"], ["log10", ["get", "count"]], 0, 3, 3, 10] });
+  add("circle", "pulses", { ...circle, "circle-radius": ["interpolate", ["linear"], ["zoom"], 12, 3, 18, 6] });
+  add("line", "rays", {
+    "line-color": colour,
+    "line-width": 2.4,
+    "line-dasharray": ["case", ["get", "sure"], ["literal", [1, 0]], ["literal", [2, 2]]],
   });
-  map.addLayer({
-    id: "pulses",
-    type: "circle",
-    source: "pulses",
-    paint: { ...circle, "circle-radius": ["interpolate", ["linear"], ["zoom"], 12, 3, 18, 6] },
-  });
-  map.addLayer({
-    id: "rays",
-    type: "line",
-    source: "rays",
-    paint: {
-      "line-color": ["get", "colour"],
-      "line-width": 2.4,
-      "line-dasharray": ["case", ["get", "sure"], ["literal", [1, 0]], ["literal", [2, 2]]],
-    },
-  });
-  map.addLayer({
-    id: "regions",
-    type: "line",
-    source: "regions",
-    paint: {
-      "line-color": ["get", "colour"],
-      "line-width": ["case", ["==", ["get", "share"], 50], 2.6, 1.6],
-      "line-dasharray": ["case", ["==", ["get", "share"], 0], ["literal", [2, 3]], ["literal", [1, 0]]],
-    },
+  add("line", "regions", {
+    "line-color": colour,
+    "line-width": ["case", ["==", ["get", "share"], 50], 2.6, 1.6],
+    "line-dasharray": ["case", ["==", ["get", "share"], 0], ["literal", [2, 3]], ["literal", [1, 0]]],
   });
   map.addLayer({
     id: "strongest",
@@ -137,87 +110,17 @@ export function addFlightLayers(map: MapLibre): void {
     },
     paint: { "text-color": "#111", "text-halo-color": "#fff", "text-halo-width": 1.6 },
   });
-  const hindsight = (part: string) => ["==", ["get", "part"], part] as never;
-  map.addLayer({
-    id: "hindsight-circle",
-    type: "line",
-    source: "hindsight",
-    filter: hindsight("circle"),
-    paint: { "line-color": ["get", "colour"], "line-width": 2, "line-dasharray": [4, 2, 1, 2] },
-  });
-  map.addLayer({
-    id: "hindsight-pulse",
-    type: "circle",
-    source: "hindsight",
-    filter: hindsight("pulse"),
-    paint: { "circle-radius": 5, "circle-color": "rgba(0,0,0,0)", "circle-stroke-width": 1.8, "circle-stroke-color": ["get", "colour"] },
-  });
-  map.addLayer({
-    id: "hindsight-place",
-    type: "circle",
-    source: "hindsight",
-    filter: hindsight("place"),
-    paint: { "circle-radius": 7, "circle-color": ["get", "colour"], "circle-stroke-width": 3, "circle-stroke-color": "#ffffff" },
-  });
-  map.addLayer({
-    id: "other-track",
-    type: "line",
-    source: "other-track",
-    layout: { "line-join": "round" },
-    paint: { "line-color": "#b5179e", "line-width": 1.8, "line-dasharray": [3, 2] },
-  });
-  map.addLayer({
-    id: "other-regions",
-    type: "line",
-    source: "other-regions",
-    paint: { "line-color": ["get", "colour"], "line-width": 1.6, "line-dasharray": [2, 2] },
-  });
-  map.addLayer({
-    id: "other-fixes",
-    type: "circle",
-    source: "other-fixes",
-    paint: {
-      "circle-radius": 6,
-      "circle-color": "#ffffff",
-      "circle-stroke-width": 3,
-      "circle-stroke-color": ["get", "colour"],
-    },
-  });
+  const parts = (source: string, ...names: string[]) => ({ source, filter: ["in", ["get", "part"], ["literal", names]] as never });
+  add("line", "hindsight-circle", { "line-color": colour, "line-width": 2, "line-dasharray": [4, 2, 1, 2] }, parts("hindsight", "circle"));
+  add("circle", "hindsight-pulse", { "circle-radius": 5, "circle-color": "rgba(0,0,0,0)", "circle-stroke-width": 1.8, "circle-stroke-color": colour }, parts("hindsight", "pulse"));
+  add("circle", "hindsight-place", { "circle-radius": 7, "circle-color": colour, "circle-stroke-width": 3, "circle-stroke-color": "#ffffff" }, parts("hindsight", "place"));
+  add("line", "other-track", { "line-color": "#b5179e", "line-width": 1.8, "line-dasharray": [3, 2] }, { layout: round });
+  add("line", "other-regions", { "line-color": colour, "line-width": 1.6, "line-dasharray": [2, 2] });
+  add("circle", "other-fixes", { "circle-radius": 6, "circle-color": "#ffffff", "circle-stroke-width": 3, "circle-stroke-color": colour });
   const part = ["match", ["get", "part"], "keep", "#c62828", "area", "#7b1fa2", "corner", "#7b1fa2", "#00838f"] as never;
-  const of = (...parts: string[]) => ["in", ["get", "part"], ["literal", parts]] as never;
-  map.addLayer({
-    id: "motion-fill",
-    type: "fill",
-    source: "motion",
-    filter: of("keep", "area"),
-    paint: { "fill-color": part, "fill-opacity": 0.1 },
-  });
-  map.addLayer({
-    id: "motion-line",
-    type: "line",
-    source: "motion",
-    filter: of("keep", "area"),
-    paint: { "line-color": part, "line-width": 2, "line-dasharray": [3, 2] },
-  });
-  map.addLayer({
-    id: "motion-way",
-    type: "line",
-    source: "motion",
-    filter: of("way"),
-    layout: { "line-join": "round" },
-    paint: { "line-color": part, "line-width": 3 },
-  });
-  map.addLayer({
-    id: "motion-dots",
-    type: "circle",
-    source: "motion",
-    filter: of("corner", "end"),
-    paint: { "circle-color": part, "circle-radius": 6, "circle-stroke-width": 2, "circle-stroke-color": "#ffffff" },
-  });
-  map.addLayer({
-    id: "measure",
-    type: "line",
-    source: "measure",
-    paint: { "line-color": "#b5179e", "line-width": 2.5, "line-dasharray": [3, 2] },
-  });
+  add("fill", "motion-fill", { "fill-color": part, "fill-opacity": 0.1 }, parts("motion", "keep", "area"));
+  add("line", "motion-line", { "line-color": part, "line-width": 2, "line-dasharray": [3, 2] }, parts("motion", "keep", "area"));
+  add("line", "motion-way", { "line-color": part, "line-width": 3 }, { ...parts("motion", "way"), layout: round });
+  add("circle", "motion-dots", { "circle-color": part, "circle-radius": 6, "circle-stroke-width": 2, "circle-stroke-color": "#ffffff" }, parts("motion", "corner", "end"));
+  add("line", "measure", { "line-color": "#b5179e", "line-width": 2.5, "line-dasharray": [3, 2] });
 }

@@ -5,6 +5,7 @@ import { by, fill, h, say } from "../shared/dom";
 import { dateTime, span } from "../shared/format";
 import { t, verbatim } from "../shared/i18n";
 import { pager } from "../shared/pager";
+import { tableOf } from "../shared/rows";
 import type { ArchiveAnswer, ArchivedFlight } from "../types";
 
 const ROWS = 20;
@@ -64,12 +65,7 @@ async function show(): Promise<void> {
 
 function table(flights: ArchivedFlight[]): HTMLElement {
   const titles = [t("flights.start"), t("common.length"), t("common.pulses"), t("archive.tags_heard"), t("archive.place")];
-  return h(
-    "table",
-    { class: "flights" },
-    h("thead", {}, h("tr", {}, ...titles.map((title) => h("th", { scope: "col" }, title)))),
-    h("tbody", {}, ...flights.map(row)),
-  );
+  return tableOf(titles, flights.map(row));
 }
 
 function row(flight: ArchivedFlight): HTMLElement {

@@ -3,12 +3,13 @@
 import { BASE, get, getOnceThere, reasonOf, send } from "../shared/api";
 import { archiveSection, showArchive } from "./archive";
 import { compare } from "./compare";
-import { by, describe, fill, h, say } from "../shared/dom";
+import { by, describe, fill, h, say, valueOf } from "../shared/dom";
 import { downloadSection } from "./downloads";
 import { dateTime, span } from "../shared/format";
 import { t, verbatim, type Words } from "../shared/i18n";
 import { toast } from "../shared/notice";
 import { pager } from "../shared/pager";
+import { tableOf } from "../shared/rows";
 import { seasonSection } from "./season";
 import { store } from "../store";
 import type { Choices, FlightSummary } from "../types";
@@ -79,9 +80,8 @@ function clear(then: () => void): void {
 
 /** What is sought, as the server has it; a day alone is that day. */
 function wanted(): URLSearchParams {
-  const value = (id: string) => (by(id) as HTMLInputElement).value;
   const found = new URLSearchParams();
-  const [tag, from, to] = [value("flights-tag"), value("flights-from"), value("flights-to")];
+  const [tag, from, to] = [valueOf("flights-tag"), valueOf("flights-from"), valueOf("flights-to")];
   if (tag) found.set("tag", tag);
   if (from) found.set("from", from);
   if (to || from) found.set("to", to || from);
@@ -158,12 +158,7 @@ function draw(flights: FlightSummary[]): void {
   });
   fill(
     by("flights-list"),
-    h(
-      "table",
-      { class: "flights" },
-      h("thead", {}, h("tr", {}, h("th", { scope: "col" }), ...[t("flights.start"), t("common.length"), t("common.pulses"), t("common.tags"), t("flights.where_from"), t("flights.open_save")].map((title) => h("th", { scope: "col" }, title)))),
-      h("tbody", {}, ...rows),
-    ),
+    tableOf(["", t("flights.start"), t("common.length"), t("common.pulses"), t("common.tags"), t("flights.where_from"), t("flights.open_save")], rows),
   );
 }
 

@@ -4,6 +4,7 @@ import { get, reasonOf } from "../shared/api";
 import { by, fill, h, say } from "../shared/dom";
 import { dateTime, fixed } from "../shared/format";
 import { listed, t, verbatim, type Words } from "../shared/i18n";
+import { tableOf } from "../shared/rows";
 import type { SeasonRecord } from "../types";
 
 const TITLES = [t("common.tag"), t("common.frequency"), t("common.flights"), t("season.detected_in"), t("season.minutes_searched"), t("season.minutes_to_detection"), t("season.last_detected")];
@@ -48,10 +49,7 @@ function draw(found: SeasonRecord): void {
       h("td", {}, one.last_heard_ns === null ? "" : dateTime(one.last_heard_ns)),
     ),
   );
-  fill(
-    by("season-table"),
-    h("table", { class: "flights" }, h("thead", {}, h("tr", {}, ...TITLES.map((title) => h("th", { scope: "col" }, title)))), h("tbody", {}, ...rows)),
-  );
+  fill(by("season-table"), tableOf(TITLES, rows));
 }
 
 function flown(found: SeasonRecord): Words {

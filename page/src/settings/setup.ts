@@ -1,7 +1,7 @@
 /** Set-up: connection, tags, antenna, radio. Mistakes are shown where they are made. */
 
 import { ApiError, BASE, getOnceThere, reasonOf, send } from "../shared/api";
-import { by, fill, h, say } from "../shared/dom";
+import { by, fill, h, say, valueOf } from "../shared/dom";
 import { addressSection } from "./page_address";
 import { droneSection } from "./drone";
 import { factsSection } from "./flight_facts";
@@ -415,36 +415,16 @@ function connectionForm(): HTMLElement {
       },
     },
     h("label", {}, t("common.how"), h("select", { id: "link-kind", onchange: () => suggest() })),
-    h("label", {}, t("common.address"), h("input", { id: "link-address", autocomplete: "off", spellcheck: "false", oninput: () => refused.add("link-address") })),
-    h("label", { title: t("setup.my_place_hint") },
-      t("setup.my_place"),
-      h("input", {
-        id: "set-my-place",
-        autocomplete: "off",
-        spellcheck: "false",
-        placeholder: t("setup.my_place_empty"),
-        onchange: () => change({ my_place: value("set-my-place") }, "set-my-place"),
-      }),
-      h("span", { class: "fault", id: "set-my-place-fault" }),
-    ),
-    h("label", { title: t("setup.dem_hint") },
-      t("setup.dem"),
-      h("input", {
-        id: "set-dem",
-        autocomplete: "off",
-        spellcheck: "false",
-        placeholder: t("setup.dem_empty"),
-        onchange: () => change({ dem: value("set-dem") }, "set-dem"),
-      }),
-      h("span", { class: "fault", id: "set-dem-fault" }),
-    ),
-    h("label", {}, t("setup.generation"), h("select", { id: "set-generation", onchange: () => change({ generation: value("set-generation") }, "set-generation") },
+    h("label", {}, t("common.address"), h("input", { id: "link-address", autocomplete: "off", spellcheck: "false", "data-setting": "address", oninput: () => refused.add("link-address") })),
+    setting("set-my-place", t("setup.my_place"), "my_place", t("setup.my_place_hint"), { spellcheck: "false", placeholder: t("setup.my_place_empty") }),
+    setting("set-dem", t("setup.dem"), "dem", t("setup.dem_hint"), { spellcheck: "false", placeholder: t("setup.dem_empty") }),
+    h("label", {}, t("setup.generation"), h("select", { id: "set-generation", "data-setting": "generation", onchange: () => change({ generation: valueOf("set-generation") }, "set-generation") },
       h("option", { value: "G1" }, t("setup.generation_g1")),
       h("option", { value: "G0" }, t("setup.generation_g0")),
       h("option", { value: "G2v1" }, t("setup.generation_g2v1")),
       h("option", { value: "G2" }, t("setup.generation_g2")),
     )),
-    h("label", {}, t("common.language"), h("select", { id: "set-language", onchange: () => speakIn(value("set-language")) },
+    h("label", {}, t("common.language"), h("select", { id: "set-language", onchange: () => speakIn(valueOf("set-language")) },
       ...LANGUAGES.map(([name, own]) => h("option", { value: name, lang: name, translate: "no", selected: name === language }, own)),
     )),
     h(
@@ -467,37 +447,30 @@ function speakIn(name: string): void {
   toast(t("setup.save_first"), 4);
 }
 
+/** A setting that is typed, by default a number; below it the reason why a value was refused. */
+function setting(id: string, label: Words, key: keyof Settings, hint: Words, properties: Record<string, string> = { inputmode: "decimal" }): HTMLElement {
+  return h("label", { title: hint }, label, h("input", {
+    id,
+    autocomplete: "off",
+    "data-setting": key,
+    ...properties,
+    onchange: () => change({ [key]: valueOf(id) }, id),
+  }), h("span", { class: "fault", id: `${id}-fault` }));
+}
+
 function antennaForm(): HTMLElement {
-  const number = (id: string, label: Words, key: keyof Settings, hint: Words) =>
-    h("label", { title: hint }, label, h("input", {
-      id,
-      inputmode: "decimal",
-      autocomplete: "off",
-      "data-setting": key,
-      onchange: () => change({ [key]: value(id) }, id),
-    }), h("span", { class: "fault", id: `${id}-fault` }));
   return h(
     "form",
     { onsubmit: (event: Event) => event.preventDefault() },
-    h("label", {}, t("common.antenna"), h("select", { id: "set-antenna", onchange: () => change({ antenna: value("set-antenna") }, "set-antenna") })),
-    number("set-offset", t("setup.antenna_offset"), "antenna_offset_deg", t("setup.antenna_offset_hint")),
-    number("set-heading-error", t("setup.heading_error"), "heading_error_deg", t("setup.heading_error_hint")),
-    number("set-height-error", t("setup.height_error"), "height_error_m", t("setup.height_error_hint")),
-    number("set-gain", t("setup.gain"), "gain", t("setup.gain_hint")),
-    h("label", { title: t("setup.vehicle_name_hint") }, t("setup.vehicle_name"), h("input", {
-      id: "set-vehicle-name",
-      autocomplete: "off",
-      maxlength: "40",
-      "data-setting": "vehicle_name",
-      onchange: () => change({ vehicle_name: value("set-vehicle-name") }, "set-vehicle-name"),
-    }), h("span", { class: "fault", id: "set-vehicle-name-fault" })),
-    number("set-roaming", t("setup.roaming"), "roaming_m", t("setup.roaming_hint")),
-    number("set-frequency", t("setup.radio_frequency"), "center_frequency_mhz", t("setup.radio_frequency_hint")),
+    h("label", {}, t("common.antenna"), h("select", { id: "set-antenna", "data-setting": "antenna", onchange: () => change({ antenna: valueOf("set-antenna") }, "set-antenna") })),
+    setting("set-offset", t("setup.antenna_offset"), "antenna_offset_deg", t("setup.antenna_offset_hint")),
+    setting("set-heading-error", t("setup.heading_error"), "heading_error_deg", t("setup.heading_error_hint")),
+    setting("set-height-error", t("setup.height_error"), "height_error_m", t("setup.height_error_hint")),
+    setting("set-gain", t("setup.gain"), "gain", t("setup.gain_hint")),
+    setting("set-vehicle-name", t("setup.vehicle_name"), "vehicle_name", t("setup.vehicle_name_hint"), { maxlength: "40" }),
+    setting("set-roaming", t("setup.roaming"), "roaming_m", t("setup.roaming_hint")),
+    setting("set-frequency", t("setup.radio_frequency"), "center_frequency_mhz", t("setup.radio_frequency_hint")),
   );
-}
-
-function value(id: string): string {
-  return (by(id) as HTMLInputElement | HTMLSelectElement).value;
 }
 
 /** Fields whose value is not taken: refused, or not sent yet. They keep it, and the reason, until another is taken. */
@@ -535,7 +508,7 @@ async function connect(open: boolean): Promise<void> {
   pressed = open ? t("setup.connecting") : "";
   drawConnection();
   try {
-    await send("POST", "/connection", { address: open ? value("link-address") : "" });
+    await send("POST", "/connection", { address: open ? valueOf("link-address") : "" });
     pressed = "";
     if (open) refused.delete("link-address");
   } catch (error) {
@@ -560,7 +533,7 @@ function offer(): void {
 }
 
 function suggest(): void {
-  const chosen = value("link-kind");
+  const chosen = valueOf("link-kind");
   if (!chosen) return;
   refused.add("link-address");
   (by("link-address") as HTMLInputElement).value = chosen;
@@ -569,22 +542,10 @@ function suggest(): void {
 function drawSettings(): void {
   const settings = store.settings;
   if (!settings) return;
-  const put = (id: string, text: string) => {
-    const input = by(id) as HTMLInputElement;
-    if (document.activeElement !== input && !refused.has(id) && !changes.waits(id)) input.value = text;
-  };
-  put("link-address", settings.address);
-  put("set-my-place", settings.my_place);
-  put("set-dem", settings.dem);
-  put("set-antenna", settings.antenna);
-  put("set-offset", String(settings.antenna_offset_deg));
-  put("set-heading-error", String(settings.heading_error_deg));
-  put("set-height-error", String(settings.height_error_m));
-  put("set-vehicle-name", settings.vehicle_name);
-  put("set-roaming", String(settings.roaming_m));
-  put("set-gain", settings.gain === null ? "" : String(settings.gain));
-  put("set-frequency", settings.center_frequency_mhz === null ? "" : String(settings.center_frequency_mhz));
-  put("set-generation", settings.generation);
+  document.querySelectorAll<HTMLInputElement | HTMLSelectElement>("[data-setting]").forEach((input) => {
+    if (document.activeElement === input || refused.has(input.id) || changes.waits(input.id)) return;
+    input.value = String(settings[input.dataset.setting as keyof Settings] ?? "");
+  });
 }
 
 function drawConnection(): void {

@@ -60,6 +60,17 @@ export function by(id: string): HTMLElement {
   return element;
 }
 
+/** What stands in an input or is chosen in a list. */
+export function valueOf(id: string): string {
+  return (by(id) as HTMLInputElement | HTMLSelectElement).value;
+}
+
+/** The number in an input, a decimal comma as a point; NaN for none. */
+export function numberOf(id: string): number {
+  const text = valueOf(id).replace(",", ".").trim();
+  return text === "" ? NaN : Number(text);
+}
+
 const SVG = "http://www.w3.org/2000/svg";
 
 export function svg(name: string, attributes: Spoken & Record<string, string | number>, ...children: Node[]): SVGElement {

@@ -5,6 +5,7 @@
  * found by its form in `server_texts.json` (id → English, {} for what is put in), and shown by id.
  */
 
+import { recall, remember } from "./remembered";
 import english from "../texts/en.json";
 
 export type TextId = keyof typeof english;
@@ -54,12 +55,7 @@ export const missing = new Set<string>();
 
 function chosen(): string {
   const codes = LANGUAGES.map(([code]) => code);
-  let wanted = navigator.languages.map((one) => one.slice(0, 2)).find((one) => codes.includes(one)) ?? "en";
-  try {
-    wanted = localStorage.getItem("language") ?? wanted;
-  } catch {
-    // Private windows keep nothing; the browser's language will do.
-  }
+  const wanted = recall("language") ?? navigator.languages.map((one) => one.slice(0, 2)).find((one) => codes.includes(one)) ?? "en";
   return codes.includes(wanted) ? wanted : "en";
 }
 
@@ -76,11 +72,7 @@ async function load(code: string): Promise<[Texts, Texts]> {
 
 /** Keep the choice, and show the page in it. */
 export function choose(name: string): void {
-  try {
-    localStorage.setItem("language", name);
-  } catch {
-    // As above: then it cannot be chosen.
-  }
+  remember("language", name);
   location.reload();
 }
 

@@ -22,6 +22,12 @@ export function fillRows(list: HTMLElement, rows: Row[]): void {
   fill(list, ...shown.flatMap(({ label, values }) => [h("dt", {}, label), ...values.map((value) => h("dd", {}, value))]));
 }
 
+/** A table of flights or animals, by the titles of its columns. */
+export function tableOf(titles: (Words | "")[], rows: HTMLElement[]): HTMLElement {
+  const head = titles.map((title) => h("th", { scope: "col" }, title));
+  return h("table", { class: "flights" }, h("thead", {}, h("tr", {}, ...head)), h("tbody", {}, ...rows));
+}
+
 /** Rows that help no decision in the field, shown on request. */
 export function folded(list: HTMLElement): HTMLElement {
   return h("details", { class: "more" }, h("summary", {}, t("common.details")), list);

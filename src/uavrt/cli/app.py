@@ -9,6 +9,7 @@ import uavrt
 from uavrt.cli.command_places import module_of
 from uavrt.cli.examples import examples
 from uavrt.cli.registries import fill_help
+from uavrt.cli.shown.telling import tell, warn
 from uavrt.cli.shown.terminal_text import guard_terminals, harmless
 from uavrt.core.errors import UavrtError
 
@@ -93,12 +94,12 @@ def run() -> None:
         _print_fault(error)
         sys.exit(2)
     except UavrtError as error:
-        print(harmless(f"uavrt: {error}"), file=sys.stderr)
+        tell(harmless(f"uavrt: {error}"))
         sys.exit(2)
     except KeyboardInterrupt:
         sys.exit(130)
     except MemoryError:
-        print("uavrt: not enough memory. Do less at a time", file=sys.stderr)
+        warn("not enough memory. Do less at a time")
         sys.exit(2)
     except BrokenPipeError:
         # The reader of our output went away (`uavrt detect … | head`).
@@ -107,10 +108,9 @@ def run() -> None:
     except OSError as error:
         # Where a place is not checked before: still no traceback for a full disk.
         place = "" if error.filename is None else f"{error.filename}: "
-        print(
-            f"uavrt: {place}{error.strerror or error}. Check the name, the permissions and "
-            "the space left",
-            file=sys.stderr,
+        warn(
+            f"{place}{error.strerror or error}. Check the name, the permissions and "
+            "the space left"
         )
         sys.exit(2)
 
@@ -124,6 +124,4 @@ def _print_fault(error: CycloptsError) -> None:
     name = argument.name.lstrip("-").upper().replace("-", "_")
     option = argument.index is None
     missing, given = (argument.name, f"… {argument.name} VALUE") if option else (name, name)
-    print(
-        f"uavrt: {missing} is missing: {command} {given}. See {command} --help", file=sys.stderr
-    )
+    warn(f"{missing} is missing: {command} {given}. See {command} --help")

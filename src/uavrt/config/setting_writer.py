@@ -59,7 +59,10 @@ def changed_settings(path: Path, changes: Changes) -> tuple[Settings, str]:
 def _with_value(text: str, table: str, key: str, value: Value) -> str:
     lines = text.split("\n")
     places = find_lines(text)
-    shown = f"# {key} =" if value is None else f"{key} = {_toml(value)}"
+    # JSON writes these values as TOML does.
+    shown = f"{key} = {json.dumps(value, ensure_ascii=False)}"
+    if value is None:
+        shown = f"# {key} ="
     at = places.get((table, key))
     if at is not None:
         lines[at - 1 : _end_of_value(lines, at)] = [shown]
@@ -95,10 +98,6 @@ def _left_out(lines: list[str], header: int, key: str) -> int | None:
         if lines[number].rstrip() == f"# {key} =":
             return number
     return None
-
-
-def _toml(value: str | float) -> str:
-    return json.dumps(value, ensure_ascii=False)  # the same in TOML for these
 
 
 def _require_only(before: str, after: str, changes: Changes, path: Path) -> None:

@@ -37,8 +37,6 @@ class Decimator:
         Input rate [Hz]; used for `latency_s` only.
     mode : {"default", "compatible"}
         Filter: aliases 60 dB down in the clean span, or csdr's 81 taps (`uavrt.dsp.filters`).
-    taps : (n,) array, optional
-        Another filter, in place of the mode's.
 
     Raises
     ------
@@ -52,15 +50,13 @@ class Decimator:
         factor: int = 8,
         sample_rate_hz: float = 3_000_000.0,
         mode: Mode = "default",
-        taps: NDArray[np.float64] | None = None,
     ) -> None:
         if not 2 <= factor <= 64:
             raise UsageError(
                 f"the decimation factor {factor} is not supported", remedy="Use 2 to 64"
             )
-        if taps is None:
-            design = compatible_decimator_taps if mode == "compatible" else decimator_taps
-            taps = design(factor)
+        design = compatible_decimator_taps if mode == "compatible" else decimator_taps
+        taps = design(factor)
         self.factor = factor
         self.taps = taps
         self.sample_rate_hz = sample_rate_hz

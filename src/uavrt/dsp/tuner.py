@@ -68,8 +68,6 @@ def tune(
     *,
     sample_rate_hz: float = 3_000_000.0,
     channel_count: int | None = None,
-    dc_guard_hz: float = DC_GUARD_HZ,
-    image_guard_hz: float = IMAGE_GUARD_HZ,
 ) -> TunerPlan:
     """Choose the radio's frequency, to one hertz.
 
@@ -81,10 +79,6 @@ def tune(
         Rate of the radio [Hz].
     channel_count : int, optional
         Channels across the band; as `FrontEnd` chooses by default.
-    dc_guard_hz : float
-        Least distance of any tag from the radio's centre [Hz].
-    image_guard_hz : float
-        Wanted distance from another tag's mirror image [Hz].
 
     Raises
     ------
@@ -104,14 +98,14 @@ def tune(
     while True:
         count = channel_count or band.channel_count
         try:
-            center = _best_center(tags, band, count, dc_guard_hz, image_guard_hz)
+            center = _best_center(tags, band, count)
         except TunerError:
             if band.decimation_factor == 1:
                 raise
             wider_hz = band.usable_half_span_hz + 1.0
             band = plan_band(sample_rate_hz, reach_hz=wider_hz)
         else:
-            return _plan(tags, center, band.band_rate_hz / count, count, image_guard_hz)
+            return _plan(tags, center, band.band_rate_hz / count, count)
 
 
 def compatible_cost(
@@ -169,9 +163,7 @@ def compatible_candidates(tags: Floats, spacing: float, channel_count: int) -> F
     return fits
 
 
-def _candidates(
-    tags: Floats, spacing: float, low: float, high: float, dc_guard: float, image_guard: float
-) -> Floats:
+def _candidates(tags: Floats, spacing: float, low: float, high: float) -> Floats:
     """Radio frequencies in [low, high] among which the best choice lies [whole Hz].
 
     A grid, and the points where a cost has its kinks: tags on a channel centre (the mean offset
@@ -182,8 +174,8 @@ def _candidates(
     kinks = [
         np.arange(low, high, GRID_STEP_HZ),
         np.array([low, high, tags.mean()]),
-        tags - dc_guard,
-        tags + dc_guard,
+        tags - DC_GUARD_HZ,
+        tags + DC_GUARD_HZ,
     ]
     # Beyond some tens of tags the centres alone are as dense as the grid.
     shifts = (0.0, -flat, flat) if tags.size <= 12 else (0.0,)
@@ -193,7 +185,7 @@ def _candidates(
     )
     middles = _middles(tags)
     if middles.size <= 100:
-        kinks += [middles - image_guard / 2, middles + image_guard / 2]
+        kinks += [middles - IMAGE_GUARD_HZ / 2, middles + IMAGE_GUARD_HZ / 2]
     points = np.concatenate(kinks)
     # Both neighbours in whole hertz: a guard may be met on one side only.
     points = np.unique(np.concatenate((np.floor(points), np.ceil(points))))
@@ -208,15 +200,13 @@ def _middles(tags: Floats) -> Floats:
     return middles
 
 
-def _best_center(
-    tags: Floats, band: BandPlan, channel_count: int, dc_guard: float, image_guard: float
-) -> float:
+def _best_center(tags: Floats, band: BandPlan, channel_count: int) -> float:
     spacing, half_span = band.band_rate_hz / channel_count, band.usable_half_span_hz
     low, high = np.ceil(tags.max() - half_span), np.floor(tags.min() + half_span)
     if low > high:
         raise _too_wide(tags, 2 * half_span)
     original = compatible_candidates(tags, spacing, channel_count)
-    points = _candidates(tags, spacing, low, high, dc_guard, image_guard)
+    points = _candidates(tags, spacing, low, high)
     points = np.union1d(points, original[(original >= low) & (original <= high)])
     tags = np.sort(tags)
     # Distance from DC: only the two neighbours in the sorted tags can be nearest.
@@ -225,14 +215,14 @@ def _best_center(
         np.abs(points - tags[np.minimum(after, tags.size - 1)]),
         np.abs(points - tags[np.maximum(after - 1, 0)]),
     )
-    kept = nearest >= dc_guard
+    kept = nearest >= DC_GUARD_HZ
     points, nearest = points[kept], nearest[kept]
     if points.size == 0:
-        raise _no_room(tags, low, high, dc_guard)
+        raise _no_room(tags, low, high)
 
     middles = _middles(tags)
-    images = np.searchsorted(middles, points + image_guard / 2, "left")
-    images -= np.searchsorted(middles, points - image_guard / 2, "right")
+    images = np.searchsorted(middles, points + IMAGE_GUARD_HZ / 2, "left")
+    images -= np.searchsorted(middles, points - IMAGE_GUARD_HZ / 2, "right")
     # A spur at DC is inside channel 0 and on the skirts of its two neighbours.
     from_dc = np.where(nearest < spacing / 2, 2, np.where(nearest < 1.5 * spacing, 1, 0))
     cost = compatible_cost(tags, points, spacing_hz=spacing, channel_count=channel_count)
@@ -263,9 +253,7 @@ def _original_cost(
     return float(best), float(cost.edge_cost.round(9)[per_channel == best].min())
 
 
-def _plan(
-    tags: Floats, center: float, spacing: float, channel_count: int, image_guard: float
-) -> TunerPlan:
+def _plan(tags: Floats, center: float, spacing: float, channel_count: int) -> TunerPlan:
     relative = tags - center
     signed = _nearest_channels(relative, spacing, channel_count)
     offsets = relative - signed * spacing
@@ -273,7 +261,7 @@ def _plan(
     pairs = tuple(
         (i, j)
         for i, j in combinations(range(tags.size), 2)
-        if abs(relative[i] + relative[j]) < image_guard
+        if abs(relative[i] + relative[j]) < IMAGE_GUARD_HZ
     )
     warnings = tuple(
         f"{_mhz(tags[i])} and {_mhz(tags[j])} MHz lie on each other's mirror image"
@@ -306,9 +294,9 @@ def _too_wide(tags: Floats, span_hz: float) -> TunerError:
     )
 
 
-def _no_room(tags: Floats, low: float, high: float, dc_guard: float) -> TunerError:
+def _no_room(tags: Floats, low: float, high: float) -> TunerError:
     return TunerError(
-        f"no radio frequency between {_mhz(low)} and {_mhz(high)} MHz keeps {dc_guard:g} Hz "
+        f"no radio frequency between {_mhz(low)} and {_mhz(high)} MHz keeps {DC_GUARD_HZ:g} Hz "
         f"from each of the {tags.size} tags",
         remedy="Leave out a tag near the middle or an outermost one, or set the radio's "
         "frequency by hand (center_frequency_hz)",

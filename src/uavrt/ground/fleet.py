@@ -156,15 +156,12 @@ class Fleet:
             self._on_event,
             self._keys,
             links=self._links,
-            companions=self._beside,
+            companions=lambda own: [one for one in self.sessions if one is not own],
             my_place=my_place,
             estimating=self._estimating,
             on_course=self._take_course,
             also=self._also,
         )
-
-    def _beside(self, session: GroundSession) -> list[GroundSession]:
-        return [one for one in self.sessions if one is not session]
 
     def _show(self) -> None:
         for one in self.sessions:

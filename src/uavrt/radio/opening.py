@@ -30,13 +30,7 @@ from uavrt.radio.source import SampleSource
 RadioOpener = Callable[[RadioSettings, float, Clock | None], SampleSource]
 
 
-def _open_soapy(
-    settings: RadioSettings, center_frequency_hz: float, clock: Clock | None
-) -> SampleSource:
-    return SoapySource(settings, center_frequency_hz, clock=clock)
-
-
-OPENERS: Registry[RadioOpener] = Registry(RADIO_GROUP, {"soapy": _open_soapy})
+OPENERS: Registry[RadioOpener] = Registry(RADIO_GROUP, {"soapy": SoapySource})
 """Radios read by a driver, uavrt's own or a package's. Each is opened with the settings, the
 frequency to tune to [Hz] and the system's clock."""
 
@@ -61,9 +55,7 @@ def open_radio(
     settings: RadioSettings, center_frequency_hz: float, *, clock: Clock | None = None
 ) -> SampleSource:
     """Start the configured radio, tuned to a frequency [Hz]."""
-    if settings.kind in PROGRAMS:
-        return ProgramSource(settings, center_frequency_hz, clock=clock)
-    if settings.kind in OPENERS:
+    if settings.kind in OPENERS and settings.kind not in PROGRAMS:
         return OPENERS[settings.kind](settings, center_frequency_hz, clock)
     return ProgramSource(settings, center_frequency_hz, clock=clock)
 

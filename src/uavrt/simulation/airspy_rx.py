@@ -21,7 +21,6 @@ from pathlib import Path
 from types import FrameType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavrt.core.clock import Clock
 from uavrt.core.errors import UavrtError
@@ -217,7 +216,8 @@ class Transmission:
         writer.start()
         while not self._stop.is_set() and (end is None or index < end):
             count = CHUNK_SAMPLES if end is None else min(CHUNK_SAMPLES, end - index)
-            block = self._convert(self._synthesizer.block(index, count))
+            samples_now = self._synthesizer.block(index, count)
+            block = encode(samples_now, "cs16" if self._integers else "cf32")
             due_ns = self._synthesizer.time_ns_at(index + count)
             self._stop.wait(max(0.0, (due_ns - self._clock.now_ns()) * 1e-9))
             self._delay()
@@ -264,9 +264,6 @@ class Transmission:
         self.lost_samples += resume - first
         self._report(f"{resume - first} samples dropped: the reader is too slow")
         return resume
-
-    def _convert(self, samples: NDArray[np.complex64]) -> bytes:
-        return encode(samples, "cs16" if self._integers else "cf32")
 
     def _drain(self) -> None:
         while (block := self._buffers.get()) is not None:

@@ -123,7 +123,7 @@ def test_a_late_first_reading_of_the_clock_is_corrected(
     for number in range(seconds):
         index = 100 * number + (lost if number > 3 else 0)
         time_ns = START_NS + index * 10_000_000 + late_ns[number]
-        recording.append_stored(np.zeros(200, np.int16), index, time_ns)
+        recording.append(np.zeros(100, np.complex64), index, time_ns)
     recording.close()
     sigmf.fromfile(str(recording.metadata_path)).validate()
     segments = sigmf_layout(recording.metadata_path).segments

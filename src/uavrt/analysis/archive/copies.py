@@ -45,8 +45,9 @@ def copies_of(
 
     def worth(one: FlightOutline) -> tuple[int, ...]:
         place = one.directory
+        has_samples = any(FlightLayout(place).channels_directory.glob("*"))
         return (
-            *(place in searched, place in recorded, _kept_samples(place)),
+            *(place in searched, place in recorded, has_samples),
             *(one.pulses, str(place) in known),
         )
 
@@ -116,7 +117,3 @@ def _kept(output: Path) -> _Kept:
         return msgspec.msgpack.decode(read_note(output / OUTLINES), type=_Kept)
     except (OSError, FormatError, msgspec.DecodeError):
         return _Kept()
-
-
-def _kept_samples(directory: Path) -> bool:
-    return any(FlightLayout(directory).channels_directory.glob("*"))

@@ -122,7 +122,7 @@ def bearings_together(
     recorded: Sequence[Recorded], how: ReadAs, warn: Callable[[str], None]
 ) -> list[TagBearing]:
     """Estimate the bearings of flights and logs in memory, as `read_bearings` does."""
-    check_bearing_method(how.bearing_method)
+    check_method(how.bearing_method, (*get_args(BearingMethod), *ADDED_METHODS))
     antennas = [one.turning() if how.antenna is None else how.antenna for one in recorded]
     heard = [one.heard(USUAL_ANTENNA) for one in recorded]
     turns = [heard_in_turns(one, how.offset_deg) for one in heard]
@@ -206,9 +206,8 @@ def pattern_origin(flights: Sequence[Sequence[HeardInTurn]]) -> str | None:
     return f"the antenna's pattern is as {len(turns)} turns of {used} flights have shown it"
 
 
-def check_bearing_method(method: str) -> None:
-    """Reject an unknown bearing method before any turn is read; raises `UsageError`."""
-    known = [*get_args(BearingMethod), *ADDED_METHODS]
+def check_method(method: str, known: Sequence[str]) -> None:
+    """Reject an unknown estimation method before anything is read; raises `UsageError`."""
     if method not in known:
         raise NotFound(
             f"there is no method {method!r}", remedy=f"Choose from {', '.join(known)}"

@@ -14,6 +14,7 @@ from uavrt.analysis.estimates.bearings import (
     NO_BEARINGS_FROM_THESE,
     Recorded,
     bearings_together,
+    check_method,
     read_recorded,
 )
 from uavrt.analysis.estimates.kept_observers import observers_of
@@ -21,7 +22,7 @@ from uavrt.analysis.inputs.flight_copies import SAME_PULSES
 from uavrt.analysis.inputs.log_clocks import clock_doubts, pulse_doubts
 from uavrt.analysis.inputs.same_tags import NamedTag, SameTags, same_tags
 from uavrt.core.earth.geodesy import distance_m
-from uavrt.core.errors import NotFound, UsageError
+from uavrt.core.errors import UsageError
 from uavrt.core.messages import PulsePose
 from uavrt.flight.reading.recognise import ORIGINAL_POSES, pulse_logs_in
 from uavrt.formats.bearings_csv import BearingRow, is_noted, read_bearing_file
@@ -46,6 +47,7 @@ from uavrt.localization.position.bearings.observers import Observer
 from uavrt.localization.position.estimate_position import ADDED_METHODS
 from uavrt.localization.results import Bearing, Position, PositionMethod
 
+POSITION_METHODS = (*get_args(PositionMethod), *ADDED_METHODS)
 _BEARING_COLUMNS = 10
 _SAME_PLACE_M = 30.0
 _SAME_BEARING_SIGMAS = 3.0
@@ -75,8 +77,10 @@ def read_positions(
     inputs that cannot be combined.
     """
     how = how or ReadAs()
-    check_position_method(how.method)
-    if how.offset_deg and any(_is_result(path) for path in paths):
+    check_method(how.method, POSITION_METHODS)
+    if how.offset_deg and any(
+        _columns_of_named_file(path) or _holds_estimates(path) for path in paths
+    ):
         raise UsageError(
             "an antenna offset cannot be applied to a file of results",
             remedy="Name the flight or the pulse log that it came from",
@@ -318,15 +322,6 @@ def _is_copy(noted: TagBearing, own: TagBearing) -> bool:
     )
 
 
-def check_position_method(method: str) -> None:
-    """Reject an unknown position method; raises `UsageError`."""
-    known = [*get_args(PositionMethod), *ADDED_METHODS]
-    if method not in known:
-        raise NotFound(
-            f"there is no method {method!r}", remedy=f"Choose from {', '.join(known)}"
-        )
-
-
 def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
     """Column count of a bearings.csv (10 or 11) or positions.csv (up to 8); 0 for others.
 
@@ -348,10 +343,6 @@ def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
     except ValueError:
         return len(cells)
     return 0
-
-
-def _is_result(path: str | os.PathLike[str]) -> bool:
-    return bool(_columns_of_named_file(path)) or _holds_estimates(path)
 
 
 def _holds_estimates(path: str | os.PathLike[str]) -> bool:

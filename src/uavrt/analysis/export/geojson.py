@@ -25,7 +25,6 @@ from uavrt.analysis.survey import Survey, thinned
 from uavrt.core.clock import iso_utc
 from uavrt.core.messages import Pose
 from uavrt.flight.integrated import IntegratedPart, Ring
-from uavrt.flight.reading.noted_places import Mark
 from uavrt.localization.position.levels.strongest import StrongestSignal
 from uavrt.localization.results import Position, TrackPoint
 
@@ -87,7 +86,8 @@ def layers(survey: Survey) -> Iterator[tuple[str, str, str, list[Shape]]]:
     yield "integrated place", "integrated_places", "POINT", _points(integrated_places(survey))
     regions = integrated_regions(survey)
     yield "integrated {share} %", "integrated_regions", "MULTIPOLYGON", regions
-    yield "mark", "marks", "POINT", _points(mark_properties(survey))
+    marks = [(one, {"time": iso_utc(one.time_ns), "text": one.text}) for one in survey.marks]
+    yield "mark", "marks", "POINT", _points(marks)
     loudest = [found for one in survey.signals for found in strongest_properties(one)]
     yield "strongest signal", "strongest_signal", "POINT", _points(loudest)
 
@@ -171,11 +171,6 @@ def cautions_of(position: Position) -> dict[str, str]:
         "cautions": ", ".join(one.name for one in position.cautions),
         "cautions_in_words": "; ".join(one.text for one in position.cautions),
     }
-
-
-def mark_properties(survey: Survey) -> list[tuple[Mark, Properties]]:
-    """Each mark made by the operator, and its attributes."""
-    return [(mark, {"time": iso_utc(mark.time_ns), "text": mark.text}) for mark in survey.marks]
 
 
 def path_properties(survey: Survey) -> list[tuple[TrackPoint, Properties]]:

@@ -64,6 +64,7 @@ def _one_file(name: str) -> Callable[[Survey, Path], list[Path]]:
 
 
 def _csv(survey: Survey, directory: Path) -> list[Path]:
+    moved = any(one.position is not None and one.position.track for one in survey.positions)
     return _written(
         directory,
         {
@@ -74,14 +75,10 @@ def _csv(survey: Survey, directory: Path) -> list[Path]:
     ) + _where_any(
         directory,
         {
-            "ways.csv": tables.tag_paths_csv(survey) if _walked(survey) else None,
+            "ways.csv": tables.tag_paths_csv(survey) if moved else None,
             "marks.csv": tables.marks_csv(survey) if survey.marks else None,
         },
     )
-
-
-def _walked(survey: Survey) -> bool:
-    return any(one.position is not None and one.position.track for one in survey.positions)
 
 
 def _where_any(directory: Path, files: Mapping[str, str | None]) -> list[Path]:

@@ -47,8 +47,6 @@ def draw_ground(axes: "Axes", plane: TangentPlane, maps: Sequence[MapFile]) -> N
         axes.imshow(
             pixels, extent=(x0, x1, y0, y1), zorder=0, interpolation="bilinear", aspect="equal"
         )
-        axes.set_xlim(left, right)
-        axes.set_ylim(low, high)
         axes.annotate(
             one.credit,
             xy=(1.0, 0.0),

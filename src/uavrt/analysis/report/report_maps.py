@@ -60,7 +60,7 @@ STRONGEST = "strongest signal; the tag is on a ring around it"
 
 
 class LocalMap:
-    """Axes in metres around the flight, with a graticule in degrees."""
+    """Axes in metres around the flight, with a graticule in degrees and fixed limits."""
 
     def __init__(
         self,
@@ -208,9 +208,13 @@ def finish_legend(axes: "Axes") -> None:
 
 def draw_track(chart: LocalMap, survey: Survey) -> None:
     """Draw the path of the drone."""
-    poses = thinned(survey.track)
-    east, north = chart.line(map(point_of, poses))
-    chart.axes.plot(east, north, color=SOFT, lw=0.9, zorder=2, label="flight")
+    draw_path(chart, map(point_of, thinned(survey.track)), label="flight")
+
+
+def draw_path(chart: LocalMap, points: Iterable[Point], label: str | None = None) -> None:
+    """Draw a flown or planned path, with a dot at its start."""
+    east, north = chart.line(points)
+    chart.axes.plot(east, north, color=SOFT, lw=0.9, zorder=2, label=label)
     chart.axes.plot(east[:1], north[:1], "o", color=SOFT, ms=4, zorder=3)
 
 
@@ -224,20 +228,17 @@ def _bearings(
         believed = one.bearing.accepted and not one.bearing.ambiguous
         x, y = chart.line(ray(one, length_m))
         style = "-" if believed else (0, (4, 3))
-        chart.axes.plot(x, y, color=color, lw=1.1, ls=style, zorder=3, scalex=False)
+        chart.axes.plot(x, y, color=color, lw=1.1, ls=style, zorder=3)
         area = wedge(one, length_m)
         if wedges and area is not None and one.bearing.accepted:
             x, y = chart.line(area)
             chart.axes.fill(x, y, color=color, alpha=0.10, lw=0, zorder=1)
-    chart.axes.set_xlim(left, right)
-    chart.axes.set_ylim(low, high)
 
 
 def _position(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None:
     position = survey.placed(tag_id)
     if position is None:
         return
-    limits = chart.axes.get_xlim(), chart.axes.get_ylim()
     for ring in rings95(position):
         x, y = chart.line(ring)
         chart.axes.plot(x, y, color=color, lw=1.3, zorder=5)
@@ -247,8 +248,6 @@ def _position(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None:
     (x,), (y,) = chart.line([point_of(position)])
     label = "\n".join(wrapped(f"{survey.label(tag_id)} and 95 %", _LEGEND_IN, size=7.5))
     chart.axes.plot([x], [y], "*", color=color, ms=13, mec="white", zorder=6, label=label)
-    chart.axes.set_xlim(limits[0])
-    chart.axes.set_ylim(limits[1])
 
 
 def _hindsight(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None:
@@ -256,15 +255,12 @@ def _hindsight(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None
     verdict, places = survey.verdict_of(tag_id), _hindsight_places(survey, tag_id)
     if verdict is None or not places:
         return
-    limits = chart.axes.get_xlim(), chart.axes.get_ylim()
     for ring in verdict.region95:
         x, y = chart.line((longitude, latitude) for latitude, longitude in ring)
         chart.axes.fill(x, y, color=color, alpha=0.15, lw=0, zorder=1)
     x, y = chart.line(places)
     label = f"tag {tag_id}, whole flight, and 95 %"
     chart.axes.plot(x, y, "D", color=color, ms=6, mfc="none", zorder=6, ls="", label=label)
-    chart.axes.set_xlim(limits[0])
-    chart.axes.set_ylim(limits[1])
 
 
 def _hindsight_places(survey: Survey, tag_id: int) -> list[Point]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from uavrt.analysis.covered.silence import SilentMap
 from uavrt.analysis.estimates.position_words import Facts
-from uavrt.analysis.report.report_maps import LocalMap, draw_track
+from uavrt.analysis.report.report_maps import LocalMap, draw_path, draw_track
 from uavrt.analysis.report.style import SOFT, new_figure, styled
 from uavrt.analysis.survey import Survey
 from uavrt.core.units import counted
@@ -65,9 +65,7 @@ def coverage_png(coverage: Coverage, path: Sequence[tuple[float, float]]) -> byt
     with styled():
         figure = new_figure(7.5, 6.5)
         chart = _draw(figure, empty, coverage, "is detected")
-        east, north = chart.line(path)
-        chart.axes.plot(east, north, color=SOFT, lw=0.9, zorder=2)
-        chart.axes.plot(east[:1], north[:1], "o", color=SOFT, ms=4, zorder=3)
+        draw_path(chart, path)
         stream = io.BytesIO()
         figure.savefig(stream, format="png", dpi=150, metadata={"Software": "uavrt"})
     return stream.getvalue()

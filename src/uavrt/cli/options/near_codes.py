@@ -1,8 +1,8 @@
 """Warning about codes in a tag list that are easily confused."""
 
-import sys
 from collections.abc import Sequence
 
+from uavrt.cli.shown.telling import tell
 from uavrt.core.messages import Tag
 
 
@@ -15,4 +15,4 @@ def warn_of_near_codes(tags: Sequence[Tag], window_hz: float | None = None) -> N
 
     usual_hz = DetectionSettings().frequency_window_hz
     for words in words_of_near_codes(tags, usual_hz if window_hz is None else window_hz):
-        print(f"warning: {words}", file=sys.stderr)
+        tell(f"warning: {words}")

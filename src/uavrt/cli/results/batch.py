@@ -1,6 +1,7 @@
 """``uavrt batch``: a whole archive of recordings under one tag list."""
 
 # isort: off
+from uavrt.cli.shown.telling import tell
 from uavrt.cli.options.kinds import Between, Hertz
 import uavrt.cli.shown.one_thread  # noqa: F401  before numpy
 
@@ -104,13 +105,14 @@ def batch(
         BatchWatch,
     )
     from uavrt.analysis.archive.steps.flight_work import PlacingSettings
-    from uavrt.analysis.estimates.positions import check_position_method
+    from uavrt.analysis.estimates.bearings import check_method
+    from uavrt.analysis.estimates.positions import POSITION_METHODS
     from uavrt.analysis.measure.tag_source import read_tag_source
     from uavrt.cli.shown.outputs import make_directory
     from uavrt.cli.signals.detect import stop_on_signals
 
     sought = read_tag_source(tags)
-    check_position_method(method)
+    check_method(method, POSITION_METHODS)
     how = place.read_as(method)  # a damaged file is named before anything is done
     given = [one for one in (manifest, tags) if one is not None]
     listed = None if manifest is None else read_manifest(manifest)
@@ -121,10 +123,9 @@ def batch(
             "no recording or flight was found",
             remedy="Name files, or folders that hold recordings or flights",
         )
-    print(
+    tell(
         f"{counted(len(found.recordings), 'recording')}, "
-        f"{counted(len(found.flights), 'flight')}",
-        file=sys.stderr,
+        f"{counted(len(found.flights), 'flight')}"
     )
     same = ("offset_deg", "method", "height_m", "heading_sigma_deg", "height_sigma_m")
     settings = BatchSettings(
@@ -150,17 +151,21 @@ def batch(
             on_stage=on_stage,
             on_done=on_done,
             on_row=_print_row,
-            on_kept=_print_kept,
-            on_origin=_print_origin,
-            on_damage=_print_damage,
-            on_wait=lambda text: print(text, file=sys.stderr),
+            on_kept=lambda name, fault: tell(
+                f"{name}: earlier result kept, not reachable now: {fault}"
+            ),
+            on_origin=lambda name, origin: tell(f"{name}: {origin}"),
+            on_damage=lambda name, fault: tell(
+                f"{name} was damaged and is made again: {fault}"
+            ),
+            on_wait=tell,
         )
         summary = None
         with suppress(KeyboardInterrupt):
             summary = run_batch(found, sought, output, settings, watch)
         number = stopped()
     if summary is None:
-        print(_STOPPED, file=sys.stderr)
+        tell(_STOPPED)
         _exit_now(128 + (number or signal.SIGINT))
     _report(summary, output)
     if number is not None:
@@ -195,36 +200,24 @@ def _progress() -> Iterator[tuple[Callable[[str, int], None], Callable[[int], No
 
 def _print_row(row: "RecordingRow | FlightRow") -> None:
     if row.state in ("truncated", "failed"):
-        print(f"{row.path}: {row.state}: {row.fault}", file=sys.stderr)
-
-
-def _print_kept(name: str, fault: str) -> None:
-    print(f"{name}: earlier result kept, not reachable now: {fault}", file=sys.stderr)
-
-
-def _print_damage(name: str, fault: str) -> None:
-    print(f"{name} was damaged and is made again: {fault}", file=sys.stderr)
+        tell(f"{row.path}: {row.state}: {row.fault}")
 
 
 def _print_skipped(found: "Found") -> None:
     """Print the folders that cannot be read, and the endings of other skipped files."""
     if found.kept_channels:
         files = counted(found.kept_channels, "file")
-        print(f"{files} of recorded channels skipped", file=sys.stderr)
+        tell(f"{files} of recorded channels skipped")
     kinds: dict[tuple[str, str], list[str]] = {}
     for one in found.passed_over:
         kind = one.path if one.unreadable else PurePath(one.path).suffix
         kinds.setdefault((one.reason, kind), []).append(one.path)
     for (reason, kind), paths in sorted(kinds.items()):
         if len(paths) == 1:
-            print(f"{paths[0]} skipped: {reason}", file=sys.stderr)
+            tell(f"{paths[0]} skipped: {reason}")
         else:
             files = f"{len(paths)} files {kind}".rstrip()
-            print(f"{files} skipped, such as {paths[0]}: {reason}", file=sys.stderr)
-
-
-def _print_origin(name: str, origin: str) -> None:
-    print(f"{name}: {origin}", file=sys.stderr)
+            tell(f"{files} skipped, such as {paths[0]}: {reason}")
 
 
 def _report(summary: "BatchSummary", output: Path) -> None:
@@ -235,7 +228,7 @@ def _report(summary: "BatchSummary", output: Path) -> None:
         pulses += f", {sum(known_s) / 3600.0:.1f} h"
         if unknown := len(rows) - len(known_s):
             pulses += f" and {unknown} of unknown length"
-    print(
+    tell(
         f"{counted(summary.done_now, 'recording')} done now, {summary.done_before} before; "
         f"{pulses}, "
         f"{sum(row.state == 'truncated' for row in rows)} truncated, "
@@ -244,12 +237,11 @@ def _report(summary: "BatchSummary", output: Path) -> None:
         f"{sum(row.bearings for row in flights)} bearings and "
         f"{sum(row.positions for row in flights)} positions of "
         f"{counted(len(flights), 'flight')}, "
-        f"{sum(row.state == 'failed' for row in flights)} failed: {output}",
-        file=sys.stderr,
+        f"{sum(row.state == 'failed' for row in flights)} failed: {output}"
     )
     if summary.copies:
         directories = counted(summary.copies, "flight")
-        print(f"{directories} skipped: copies of flights that are there", file=sys.stderr)
+        tell(f"{directories} skipped: copies of flights that are there")
     noted = {
         "tags_outside": (
             sum(bool(row.tags_outside) for row in rows),
@@ -260,11 +252,8 @@ def _report(summary: "BatchSummary", output: Path) -> None:
     }
     for column, (count, what) in noted.items():
         if count:
-            print(
-                f"{counted(count, 'recording')} {what} ({column} in recordings.parquet)",
-                file=sys.stderr,
-            )
+            tell(f"{counted(count, 'recording')} {what} ({column} in recordings.parquet)")
     if summary.kept:
-        print(f"earlier results kept, not reachable now: {summary.kept}", file=sys.stderr)
+        tell(f"earlier results kept, not reachable now: {summary.kept}")
     if summary.stopped:
-        print(_STOPPED, file=sys.stderr)
+        tell(_STOPPED)

@@ -1,6 +1,5 @@
 """``uavrt bearing``: directions to the tags of a flight or a pulse log."""
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,6 +8,7 @@ from cyclopts import Parameter
 from uavrt.cli.options.inputs import require_content
 from uavrt.cli.options.kinds import Degrees
 from uavrt.cli.shown.outputs import print_json
+from uavrt.cli.shown.telling import warn
 
 if TYPE_CHECKING:
     from uavrt.localization.estimates.flight_estimates import TagBearing
@@ -59,7 +59,7 @@ def bearing(
 
     recorded = read_recorded(pulses)
     for warning in recorded.log.warnings:
-        print(f"uavrt: {warning}", file=sys.stderr)
+        warn(warning)
     antenna = None if antenna is None else antenna_named(antenna)
     if learn is not None:
         from uavrt.analysis.estimates.bearings import learnt_antenna
@@ -74,9 +74,7 @@ def bearing(
         )
     else:
         how = ReadAs(bearing_method=method, antenna=antenna, offset_deg=antenna_offset)
-        found = bearings_together(
-            [recorded], how, lambda text: print(f"uavrt: {text}", file=sys.stderr)
-        )
+        found = bearings_together([recorded], how, warn)
     if as_json:
         print_json([bearing_record(one) for one in found], indent=2)
         return

@@ -1,12 +1,12 @@
 """``uavrt export``: a flight as files for other tools."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
 from uavrt.cli.options.placing_options import USUAL_PLACING, Placing
+from uavrt.cli.shown.telling import warn
 from uavrt.core.errors import ConfigError
 
 
@@ -66,7 +66,7 @@ def export(
     how = place.read_as()
     survey = read_survey(flight, how)
     for warning in survey.warnings:
-        print(f"uavrt: {warning}", file=sys.stderr)
+        warn(warning)
     folder = flight if flight.is_dir() else flight.parent
     for path in export_survey(survey, output or folder / "export", chosen):
         print(path)

@@ -1,6 +1,7 @@
 """``uavrt integrate``: find tags below the noise in the pulses of a whole flight."""
 
 # isort: off
+from uavrt.cli.shown.telling import tell, warn
 from uavrt.core.messages import WHOLE_FLIGHT_FALSE_ALARM
 from uavrt.cli.options.elevation_option import elevation_of
 from uavrt.cli.options.kinds import Between, Degrees, Hertz, Power, SecondsApart, TagIds
@@ -395,7 +396,7 @@ def _silent(
                 on_pulse=on_pulse,
             )
     except (UsageError, RecordingError, FormatError) as error:
-        print(f"uavrt: no map of where it is not: {error}", file=sys.stderr)
+        warn(f"no map of where it is not: {error}")
         return {}
 
 
@@ -426,13 +427,13 @@ def _keep(
                 write_fold_pictures(directory, results)
             files = write_silence(directory, flight, silent, ids)
         except (RecordingError, FormatError) as error:  # results are printed anyway
-            print(f"uavrt: not saved: {error}", file=sys.stderr)
+            warn(f"not saved: {error}")
     if plot is not None:
         drawn = write_fold_pictures(plot, results)
         here = write_silence(plot, flight, silent, ids)
         files = files or here
         for file in [*drawn, *(one for some in here.values() for one in some)]:
-            print(f"drawn: {file}", file=sys.stderr)
+            tell(f"drawn: {file}")
     return files
 
 

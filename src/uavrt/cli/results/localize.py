@@ -1,6 +1,5 @@
 """``uavrt localize``: positions of a flight's tags."""
 
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +11,7 @@ from uavrt.cli.options.inputs import require_content
 from uavrt.cli.options.kinds import Share
 from uavrt.cli.options.placing_options import USUAL_PLACING, Placing
 from uavrt.cli.shown.outputs import print_json
+from uavrt.cli.shown.telling import warn
 from uavrt.core.clock import utc_text
 from uavrt.core.errors import ConfigError
 
@@ -69,7 +69,7 @@ def localize(
     found = read_positions(
         *flights,
         how=replace(place.read_as(method), displacement=displacement),
-        warn=lambda text: print(f"uavrt: {text}", file=sys.stderr),
+        warn=warn,
         observers=observers,
     )
     found = [replace(one, name=names.get(one.tag_id) or one.name) for one in found]
@@ -77,7 +77,7 @@ def localize(
     if as_json:
         for one in found:
             if one.position is None:
-                print(f"uavrt: {_sentence(one, several)}", file=sys.stderr)
+                warn(_sentence(one, several))
         print_json([position_record(one) for one in found], indent=2)
         return
     for one in found:

@@ -1,6 +1,5 @@
 """``uavrt report``: results of a flight to read, print and share."""
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,6 +10,7 @@ from uavrt.cli.options.inputs import require_content
 from uavrt.cli.options.kinds import Power
 from uavrt.cli.options.placing_options import USUAL_PLACING, Placing
 from uavrt.cli.shown.progress_bars import progress_bars
+from uavrt.cli.shown.telling import warn
 from uavrt.core.errors import FormatError, UsageError
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def report(
             survey, silences=_silences(flight, survey, tag_power, how.elevation, named)
         )
     for warning in survey.warnings:
-        print(f"uavrt: {warning}", file=sys.stderr)
+        warn(warning)
     name = "report" if flight.is_dir() else f"{flight.stem}_report"
     folder = output or (flight if flight.is_dir() else flight.parent)
     paths = folder / f"{name}.html", folder / f"{name}.pdf"

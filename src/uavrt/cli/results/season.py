@@ -1,6 +1,5 @@
 """``uavrt season``: statistics of a folder of flights."""
 
-import sys
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,6 +8,7 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from uavrt.cli.shown.outputs import check_place, print_json
+from uavrt.cli.shown.telling import warn
 from uavrt.core.clock import iso_utc
 from uavrt.core.terminal_tables import table_of
 from uavrt.core.units import counted
@@ -46,7 +46,7 @@ def season(
         check_place(output, overwrite=overwrite)
     found = read_season(directory)
     for name in found.unreadable:
-        print(f"uavrt: {name} cannot be read and is left out", file=sys.stderr)
+        warn(f"{name} cannot be read and is left out")
     if output is not None:
         _write(found, output)
     if as_json:

@@ -1,6 +1,5 @@
 """``uavrt attach``: poses of another program's log for pulses."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +9,7 @@ from uavrt.cli.options.inputs import require_content
 from uavrt.cli.options.kinds import Degrees, SecondsApart
 from uavrt.cli.options.near_codes import warn_of_near_codes
 from uavrt.cli.shown.outputs import check_place, keep_inputs
+from uavrt.cli.shown.telling import tell, warn
 
 
 def attach(
@@ -66,10 +66,9 @@ def attach(
         listed = read_tags(tags)
         warn_of_near_codes(listed)
         heard = tuple(bursts_of_pulses(log.pulse_poses, listed))
-        text = f"{len(heard)} bursts of listed codes in {len(log.pulse_poses)} pulses"
-        print(f"uavrt: {text}", file=sys.stderr)
+        warn(f"{len(heard)} bursts of listed codes in {len(log.pulse_poses)} pulses")
     for warning in (*log.warnings, *way.warnings):
-        print(f"uavrt: {warning}", file=sys.stderr)
+        warn(warning)
     if clock_offset is None:
         found = estimate_offset(heard, way, antenna=antenna_named(antenna))
     else:
@@ -88,4 +87,4 @@ def attach(
     offset = f"clock offset {found.offset_s:+.2f} s"
     if found.sigma_s is not None:
         offset += f" ± {found.sigma_s:.2f} s, {found.heading_sigma_deg:.1f}° in a turn"
-    print(f"{text}; {offset} ({found.found_by})", file=sys.stderr)
+    tell(f"{text}; {offset} ({found.found_by})")

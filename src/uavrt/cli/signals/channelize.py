@@ -1,6 +1,7 @@
 """``uavrt channelize``: converts a band to the original's channel datagrams."""
 
 # isort: off
+from uavrt.cli.shown.telling import tell
 from uavrt.cli.options.kinds import Between, Hertz, HertzOrZero
 import uavrt.cli.shown.one_thread  # noqa: F401  before numpy
 
@@ -101,12 +102,10 @@ def channelize(
         sender = stack.enter_context(
             closing(ChannelDatagramSender(places, host=host, style=stamps))
         )
-        print(
+        tell(
             f"{len(places)} channels of {plan.channel_rate_hz:g} samples a second, "
             f"{plan.channel_spacing_hz:g} Hz apart, to {host} ports "
-            f"{min(map(min, places.values()))} to {max(map(max, places.values()))}",
-            file=sys.stderr,
-            flush=True,
+            f"{min(map(min, places.values()))} to {max(map(max, places.values()))}"
         )
         try:
             run_channelizer(
@@ -119,7 +118,7 @@ def channelize(
                 summary=summary,
             )
         finally:
-            print(_sentence(summary), file=sys.stderr)
+            tell(_sentence(summary))
         number = should_stop()
     if number is not None:
         sys.exit(128 + number)

@@ -1,6 +1,5 @@
 """``uavrt tags``: check a tag file, write it in the other format, measure an unknown tag."""
 
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import replace
@@ -15,6 +14,7 @@ from uavrt.cli.options.inputs import NOTHING_STATED, Stated
 from uavrt.cli.options.kinds import Count, Hertz
 from uavrt.cli.shown.outputs import check_place, keep_inputs
 from uavrt.cli.shown.progress_bars import progress_bar
+from uavrt.cli.shown.telling import tell, warn
 from uavrt.cli.system.run import DEFAULT_CONFIG, settings_from
 from uavrt.core.clock import cpu_s, iso_utc
 from uavrt.core.errors import ConfigError, TagFileError, UavrtError, os_errors_as
@@ -302,7 +302,7 @@ def measure(
 
     with closing(opened()) as source:
         if source.origin:
-            print(source.origin, file=sys.stderr)
+            tell(source.origin)
     with progress_bar("measuring", 1.0) as on_progress, _reporting(faults):
         found = measure_tags(
             opened,
@@ -319,16 +319,16 @@ def measure(
             lines = _measured_lines(entry.tag_id, one)
         else:
             lines = _code_lines(entry.tag_id, one)
-        print("\n".join(lines), file=sys.stderr)
+        tell("\n".join(lines))
     for doubtful in found.doubtful:
-        print(doubtful, file=sys.stderr)
+        tell(doubtful)
     with _reporting(faults):
         _check_entries(entries)
         if output is None:
             print(format_tags_toml(entries), end="")
         else:
             write_tags(output, entries)
-            print(f"{output}: {counted(len(entries), 'tag')} written", file=sys.stderr)
+            tell(f"{output}: {counted(len(entries), 'tag')} written")
     if faults:
         raise faults[0]
 
@@ -392,7 +392,7 @@ def _reporting(faults: list[UavrtError]) -> Iterator[None]:
         yield
     except UavrtError:
         for fault in faults:
-            print(f"uavrt: {fault}", file=sys.stderr)
+            warn(fault)
         raise
 
 

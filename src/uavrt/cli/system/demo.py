@@ -13,6 +13,7 @@ from rich.console import Console
 from uavrt.cli.options.kinds import Between, Port, Seconds, Seed
 from uavrt.cli.shown.outputs import check_place, print_json
 from uavrt.cli.shown.screen import has_page, has_screen
+from uavrt.cli.shown.telling import tell
 from uavrt.core.errors import UsageError
 from uavrt.simulation.demo.demo_run import Demo
 from uavrt.simulation.demo.demo_search import SearchDemo, SearchSummary
@@ -97,8 +98,7 @@ def demo(
         check_place(picture, overwrite=True)
     console = None if headless else Console(stderr=json_summary)
     if headless:
-        text = f"Flying for {world.duration_s:.0f} s without a display; then the result."
-        print(text, file=sys.stderr, flush=True)
+        tell(f"Flying for {world.duration_s:.0f} s without a display; then the result.")
     flown = Demo(
         scenarios=[world] if drones == 1 else fleet_scenarios(drones, world),
         flight_dir=flight_dir,
@@ -177,7 +177,7 @@ def _print_search(summary: SearchSummary | TogetherSummary) -> None:
 
 
 def _print_domain(domain: int) -> None:
-    print(f"ROS 2: ROS_DOMAIN_ID={domain} ros2 topic list", file=sys.stderr, flush=True)
+    tell(f"ROS 2: ROS_DOMAIN_ID={domain} ros2 topic list")
 
 
 def _opener(browser: bool, console: Console | None) -> Callable[[str], None]:

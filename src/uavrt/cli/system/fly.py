@@ -214,7 +214,7 @@ def _places(action: str, numbers: tuple[float, ...], area: Path | None) -> Place
             remedy="uavrt fly survey --area FILE.geojson, FILE.kml or FILE.plan",
         )
     if area is not None:
-        return read_area(area)
+        return area_in(_text_of(area), str(area))
     return place
 
 
@@ -345,11 +345,6 @@ def _print(what: str, text: str, *, json_lines: bool) -> None:
         json.dumps({"event": what, "text": text}) if json_lines else f"{what}: {text}",
         flush=True,
     )
-
-
-def read_area(path: Path) -> Places:
-    """Read the one outline without holes of GeoJSON, KML or .plan; raises `FormatError`."""
-    return area_in(_text_of(path), str(path))
 
 
 def _text_of(path: Path) -> str:

@@ -93,10 +93,9 @@ def parse_tags_toml(text: str, faults: list[Fault]) -> list[TagDraft]:
         _read_table(plain, path, lines, draft, faults)
         _read_code(table, path, lines, draft, faults)
         coded = draft.gaps is not None
+        own = {KEYS[key] for key in table if key in KEYS}
         for quantity, entry in shared.entries.items():
-            if quantity not in table_quantities(table) and (
-                not coded or quantity == "frequency"
-            ):
+            if quantity not in own and (not coded or quantity == "frequency"):
                 draft.entries[quantity] = entry
         faults += [
             Fault(line=draft.line, text=f"this tag has no {key}")
@@ -104,11 +103,6 @@ def parse_tags_toml(text: str, faults: list[Fault]) -> list[TagDraft]:
         ]
         drafts.append(draft)
     return drafts
-
-
-def table_quantities(table: dict[str, object]) -> set[Quantity]:
-    """Names of the quantities that a table contains, even with wrong values."""
-    return {KEYS[key] for key in table if key in KEYS}
 
 
 def _missing(table: dict[str, object], draft: TagDraft, faults: list[Fault]) -> list[str]:

@@ -228,15 +228,13 @@ class Folds:
                 near = one.energies.shape == other.energies.shape and (
                     one.total > other.total - SUMS.clear_lead
                 )
-                if near and one.tag.tag_id not in (other.tag.tag_id, *other.also_possible):
-                    chosen[place] = _with_alternative(other, one.tag.tag_id)
+                known = (other.tag.tag_id, *other.also_possible)
+                if near and one.tag.tag_id not in known:
+                    also = (*other.also_possible, one.tag.tag_id)
+                    chosen[place] = replace(other, also_possible=also)
         return chosen
 
 
 def _common(one: NDArray[np.int64], other: NDArray[np.int64]) -> float:
     apart = np.abs(one.reshape(-1, 1) - other.reshape(1, -1))
     return float((apart <= SUMS.same_columns).any(axis=1).mean())
-
-
-def _with_alternative(found: Found, tag_id: int) -> Found:
-    return replace(found, also_possible=(*found.also_possible, tag_id))

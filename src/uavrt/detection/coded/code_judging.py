@@ -55,10 +55,6 @@ class Burst:
         """Id of the tag with this burst's code."""
         return self.book.tags[self.code].tag_id
 
-    def renewed(self) -> "Burst":
-        """Copy of the burst that can be scored again independently."""
-        return replace(self, good=self.good.copy(), also_possible=[])
-
 
 def measure(
     cells: Cells,
@@ -410,7 +406,7 @@ def _greedy(
             if covered.too_few_left(i):
                 lost += covered.alone[i] > 0 and claim.column < before
                 continue
-        burst = claim.renewed()
+        burst = replace(claim, good=claim.good.copy(), also_possible=[])
         if covered.count[i]:
             burst.good &= ~covered.pulses[i, :pulses]
             if not weigh([burst], limits[pulses], foreign_per_hour):

@@ -132,11 +132,9 @@ class Grid:
         chunk = max(1, GRID.blas_product // self.halves[0].size)
         for first in range(0, result.shape[1], chunk):
             power = result[np.newaxis, :, first : first + chunk]
-            power_by_halves(self, parts, power, first, _allocate)
-
-
-def _allocate(_name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    return np.empty(shape, np.float32)
+            power_by_halves(
+                self, parts, power, first, lambda _name, shape: np.empty(shape, np.float32)
+            )
 
 
 def power_by_halves(

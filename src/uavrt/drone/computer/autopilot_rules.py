@@ -149,7 +149,8 @@ def _ardupilot(values: Mapping[str, float | None], port: str | None, baud: int) 
 
     ours = None if port is None else serial_number(port)
     if ours is not None:
-        need(f"SERIAL{ours}_BAUD", _ardupilot_baud(baud), "the rate of our serial port")
+        # ArduPilot's form: 57 is 57 600, 921 is 921 600, 1500 is 1 500 000.
+        need(f"SERIAL{ours}_BAUD", baud // 1000, "the rate of our serial port")
     for n in ARDUPILOT_SERIALS:
         protocol = values.get(f"SERIAL{n}_PROTOCOL")
         if n != ours and protocol not in (MAVLINK1, MAVLINK2):
@@ -165,8 +166,3 @@ def _ardupilot(values: Mapping[str, float | None], port: str | None, baud: int) 
             cleared = int(options) & ~NO_FORWARD_CHANNEL
             need(f"MAV{n}_OPTIONS", cleared, "messages are passed on")
     return found
-
-
-def _ardupilot_baud(baud: int) -> int:
-    """Baud rate in ArduPilot's form: 57 is 57 600, 921 is 921 600, 1500 is 1 500 000."""
-    return baud // 1000

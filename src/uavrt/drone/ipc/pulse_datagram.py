@@ -30,15 +30,14 @@ from dataclasses import dataclass
 from typing import Final
 
 from uavrt.core.errors import FormatError, LinkError, os_errors_as
-from uavrt.core.messages import DetectionStatus, Pulse, SearchReport
-from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
+from uavrt.core.messages import Pulse, SearchReport
+from uavrt.core.units import ns_from_s
+from uavrt.link.tunnel.tunnel_records import from_pulse, from_search_report
 
 RECORD: Final = struct.Struct("<12d")
 HEARTBEAT_S: Final = 1.0
 """Time between two heartbeats of a tag's detector [s]; the original one: every 3.6 s."""
 
-_STATES: Final[dict[DetectionStatus, int]] = {"subthreshold": 0, "detected": 1, "confirmed": 2}
-NOTHING_FOUND: Final = 3
 OVERDUE_NS: Final = ns_from_s(1.0)
 """Time after the expected end of a tag's next pulse at which it counts as missed [ns].
 Detectors report a pulse about half a second late, in steps of up to 0.44 s."""
@@ -78,17 +77,11 @@ class PulseRecord:
 
 def record_of_pulse(pulse: Pulse) -> PulseRecord:
     """Convert a detected pulse to the record that is sent as a datagram."""
-    return PulseRecord(
-        tag_id=pulse.tag_id,
-        frequency_hz=round(pulse.frequency_hz),
-        start_time_s=pulse.start_time_ns / NANOSECONDS_PER_SECOND,
-        predict_next_start_s=(pulse.predicted_next_start_ns or 0) / NANOSECONDS_PER_SECOND,
-        snr_db=pulse.snr_db,
-        stft_score=pulse.score,
+    return from_pulse(
+        PulseRecord,
+        pulse,
         group_sequence=pulse.group_sequence,
         group_index=pulse.group_index,
-        group_snr_db=pulse.group_snr_db,
-        detection_status=_STATES[pulse.detection_status],
         confirmed=pulse.confirmed,
         noise_psd=pulse.noise_psd,
     )
@@ -96,14 +89,7 @@ def record_of_pulse(pulse: Pulse) -> PulseRecord:
 
 def record_of_search(report: SearchReport) -> PulseRecord:
     """Convert a search report without a detection to a pulse record of state 3."""
-    return PulseRecord(
-        tag_id=report.tag_id,
-        frequency_hz=round(report.frequency_hz),
-        start_time_s=report.time_ns / NANOSECONDS_PER_SECOND,
-        stft_score=report.best_score,
-        detection_status=NOTHING_FOUND,
-        noise_psd=report.noise_psd,
-    )
+    return from_search_report(PulseRecord, report)
 
 
 class PulseDatagramSender:

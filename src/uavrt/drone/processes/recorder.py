@@ -31,6 +31,7 @@ from uavrt.core.messages import (
     StatusText,
     Taken,
 )
+from uavrt.core.newest import Newest
 from uavrt.drone.ipc.process import ProcessFrame
 from uavrt.drone.ipc.record_link import SupervisorGone
 from uavrt.drone.processes.recording.commit_times import CommitTimes
@@ -79,7 +80,8 @@ class Recorder:
         self._more_missing = False
         self._to_report: deque[PulseKey] = deque(maxlen=MOST_TO_REPORT)
         """Pulses written to disk but not yet reported as recorded."""
-        self._commands: dict[int, Command] = {}
+        # Some replies never come.
+        self._commands: Newest[int, Command] = Newest(MOST_COMMANDS)
         self._fault = ""
         self._reported_lines = 0
         self._start_ns = AFTER_ALL_NS
@@ -203,8 +205,6 @@ class Recorder:
     def _write(self, record: object) -> None:
         if isinstance(record, Command):
             self._commands[record.request_id] = record
-            if len(self._commands) > MOST_COMMANDS:  # some replies never come
-                del self._commands[next(iter(self._commands))]
         flight = self._flight
         if flight is None:
             return

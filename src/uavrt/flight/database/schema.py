@@ -211,15 +211,8 @@ def pose_row(pose: Pose | None) -> Row:
     """Values of a pose in the order of `POSE_COLUMNS`; all NULL without a pose."""
     if pose is None:
         return (None,) * 10
-    return (
-        pose.time_ns,
-        pose.latitude_deg,
-        pose.longitude_deg,
-        pose.altitude_amsl_m,
-        pose.altitude_relative_m,
-        *pose.quaternion_wxyz,
-        int(pose.extrapolated),
-    )
+    numbers = (getattr(pose, name) for name in _POSE_FIELDS)
+    return (*numbers, *pose.quaternion_wxyz, int(pose.extrapolated))
 
 
 def pose_from_row(row: Row) -> Pose | None:

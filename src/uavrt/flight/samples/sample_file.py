@@ -23,9 +23,9 @@ _LEAST_MOVE_NS = 1_000_000
 class SampleFile:
     """Writes ``NAME.sigmf-data`` (cs16, or ci8) and ``NAME.sigmf-meta``, valid at any moment.
 
-    An input of `full_scale` is stored as 32 768 for 16 `bits`, and as 128 for 8 bits, which
-    need `append_stored`. A new radio's clock is corrected during `settled_after_s`. Afterwards,
-    or when a stretch ends, the stretch's time is corrected.
+    An input of `full_scale` is stored as 32 768 for 16 `bits`, and as 128 for 8 bits. A new
+    radio's clock is corrected during `settled_after_s`. Afterwards, or when a stretch ends,
+    the stretch's time is corrected.
     """
 
     def __init__(
@@ -72,18 +72,12 @@ class SampleFile:
         return max(0, len(self._stretches) - 1)
 
     def append(self, samples: NDArray[np.complex64], sample_index: int, time_ns: int) -> None:
-        """Scale and write samples, completely or not at all; arguments as `append_stored`."""
-        self.append_stored(self._as_int16(samples), sample_index, time_ns)
-
-    def append_stored(
-        self, values: NDArray[np.int16] | NDArray[np.int8], sample_index: int, time_ns: int
-    ) -> None:
-        """Write scaled, rounded, interleaved I and Q completely or not at all.
+        """Scale and write samples, completely or not at all.
 
         `sample_index` and `time_ns` are the first sample's number in the radio's stream and its
         time [ns, UTC]; a jump begins a new stretch.
         """
-        count = values.size // 2
+        values = self._scaled(samples)
         try:
             if sample_index != self._next_index:
                 self._begin_stretch(sample_index, time_ns)
@@ -93,8 +87,8 @@ class SampleFile:
         except OSError:
             self._next_index = None
             raise
-        self.written_samples += count
-        self._next_index = sample_index + count
+        self.written_samples += len(samples)
+        self._next_index = sample_index + len(samples)
 
     def break_off(self) -> None:
         """End the present stretch of gapless samples; the next samples begin a new one."""
@@ -152,18 +146,19 @@ class SampleFile:
         text = json.dumps(metadata, indent=1) + "\n"
         write_atomically(self.metadata_path, text, sync=self._sync)
 
-    def _as_int16(self, samples: NDArray[np.complex64]) -> NDArray[np.int16]:
+    def _scaled(self, samples: NDArray[np.complex64]) -> NDArray[np.int16] | NDArray[np.int8]:
         """Round I and Q to interleaved integers; values beyond full scale are clipped."""
-        factor = np.float32(FULL_SCALE[16] / self.full_scale)
+        low, high = -FULL_SCALE[self.bits], FULL_SCALE[self.bits] - 1.0
+        factor = np.float32(FULL_SCALE[self.bits] / self.full_scale)
         scaled = np.ascontiguousarray(samples).view(np.float32) * factor
         np.rint(scaled, out=scaled)
         # Two passes in the common case; a NaN fails both comparisons and is seen, too.
-        if not (scaled.max(initial=0.0) <= 32_767.0 and scaled.min(initial=0.0) >= -32_768.0):
-            over = (scaled > 32_767.0) | (scaled < -32_768.0)
+        if not (scaled.max(initial=0.0) <= high and scaled.min(initial=0.0) >= low):
+            over = (scaled > high) | (scaled < low)
             self.clipped_samples += int(np.count_nonzero(over.reshape(-1, 2).any(axis=1)))
             np.nan_to_num(scaled, copy=False)
-            np.clip(scaled, -32_768.0, 32_767.0, out=scaled)
-        return scaled.astype("<i2")
+            np.clip(scaled, low, high, out=scaled)
+        return scaled.astype("i1") if self.bits == 8 else scaled.astype("<i2")
 
     def _write(self, values: NDArray[np.int16] | NDArray[np.int8]) -> None:
         content = values.view(np.uint8).data

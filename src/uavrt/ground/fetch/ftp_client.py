@@ -306,12 +306,7 @@ class _StallWatch:
 
 def file_request(drone: Peer, payload: bytes) -> FileTransferProtocol:
     """Address an FTP request to the drone's file server."""
-    return FileTransferProtocol(
-        target_network=0,
-        target_system=drone.system_id,
-        target_component=drone.component_id,
-        payload=payload,
-    )
+    return FileTransferProtocol(target_network=0, **drone.address, payload=payload)
 
 
 def _soon(wait_ns: int) -> float:

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from uavrt.config.tags.tag_corrections import TagCorrection, correction_of
 from uavrt.config.tags.tag_files import faults_of_tags
-from uavrt.core.commands import Button, SystemState
+from uavrt.core.commands import Button, CommandName, SystemState
 from uavrt.core.errors import FormatError, LinkError, RecordingError, UavrtError
 from uavrt.flight.reading.noted_places import Mark, mark_note
 from uavrt.ground.link.button_states import (
@@ -131,13 +131,8 @@ class Commands:
 
     async def start_by(self, link: GroundLink) -> str:
         """Start detection over `link`, whatever state the drone last reported."""
-        settings = self._vehicle.store.settings
         async with self._working("start", "starting"):
-            frequency = settings.center_frequency_mhz
-            directory = await link.start_detection(
-                center_frequency_hz=None if frequency is None else frequency * 1e6,
-                gain=settings.gain or 0,
-            )
+            directory = await self._use_radio(link, "start_detection")
             self._vehicle.drone.started(directory)
             if self._vehicle.flight.keeper.ended:
                 self._vehicle.begin_flight()
@@ -156,15 +151,18 @@ class Commands:
     async def capture(self) -> str:
         """Start to record raw samples on the drone."""
         link = self._allowed("capture")
-        settings = self._vehicle.store.settings
         async with self._working("capture", "asking for a raw capture"):
-            frequency = settings.center_frequency_mhz
-            directory = await link.start_detection(
-                center_frequency_hz=None if frequency is None else frequency * 1e6,
-                gain=settings.gain or 0,
-                name="raw_capture",
-            )
-            return directory or "capturing"
+            return await self._use_radio(link, "raw_capture") or "capturing"
+
+    async def _use_radio(self, link: GroundLink, name: CommandName) -> str:
+        """Start detection or a capture with the page's radio settings; return the directory."""
+        settings = self._vehicle.store.settings
+        frequency = settings.center_frequency_mhz
+        return await link.start_detection(
+            center_frequency_hz=None if frequency is None else frequency * 1e6,
+            gain=settings.gain or 0,
+            name=name,
+        )
 
     async def ask(self, button: Button, body: Any) -> str:
         """Send a maintenance command; `body` holds a number for each of its fields."""
@@ -256,7 +254,7 @@ class Commands:
             note = "mark" + (f": {text.strip()[:200]}" if text.strip() else "")
         else:
             note = mark_note(*place, text)
-            self._vehicle.flight.add_mark(
+            self._vehicle.flight.marks.append(
                 Mark(
                     time_ns=now_ns,
                     latitude_deg=place[0],

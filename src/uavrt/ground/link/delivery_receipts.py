@@ -4,9 +4,10 @@ A receipt names only pulses that are safe in the ground station's store. It repe
 of earlier receipts, so that the drone seldom repeats a pulse because a receipt was lost.
 """
 
-from collections import OrderedDict, deque
+from collections import deque
 from collections.abc import Callable, Iterable
 
+from uavrt.core.newest import Newest
 from uavrt.core.units import ns_from_s
 from uavrt.link.tunnel.own_messages.private import MAX_HASHES, Receipt, payload_hash
 
@@ -33,7 +34,8 @@ class Receipts:
         self._keep = keep
         self.most = MAX_HASHES
         """Maximum number of pulse hashes in one receipt to the drone."""
-        self._known: OrderedDict[int, None] = OrderedDict((number, None) for number in known)
+        self._known: Newest[int, None] = Newest(REMEMBERED)
+        self._known.update(dict.fromkeys(known))
         self._due: list[int] = []
         self._earlier: deque[int] = deque(maxlen=REPEATED)
         self._sent_ns: int | None = None
@@ -53,8 +55,6 @@ class Receipts:
         """Record that a pulse is safe in the store."""
         number = payload_hash(payload)
         self._known[number] = None
-        if len(self._known) > REMEMBERED:
-            self._known.popitem(last=False)
         self._keep(number, lambda: self._due.append(number))
 
     def wait_ns(self, now_ns: int) -> int:

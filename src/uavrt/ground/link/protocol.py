@@ -216,8 +216,7 @@ class GroundProtocol:
     def _message(self, payload: bytes, payload_type: int) -> dialect.Tunnel:
         assert self.drone is not None
         return dialect.Tunnel(
-            target_system=self.drone.system_id,
-            target_component=self.drone.component_id,
+            **self.drone.address,
             payload_type=payload_type,
             payload_length=len(payload),
             payload=payload,

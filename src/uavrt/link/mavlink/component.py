@@ -5,7 +5,7 @@ finds the autopilot and ground stations, requests streams and synchronises the c
 answers the requests that MAVLink requires, and passes on pose samples and tunnel payloads.
 """
 
-from collections import Counter, OrderedDict
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -14,6 +14,7 @@ from typing import Final
 from uavrt.config.settings import MavlinkSettings
 from uavrt.core.earth.attitude import yaw_deg
 from uavrt.core.messages import AttitudeSample, Pose, PositionSample
+from uavrt.core.newest import Newest
 from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 from uavrt.link.allowance import Allowance
 from uavrt.link.mavlink import dialect
@@ -34,6 +35,7 @@ FALLBACK_SYSTEM_ID = 1
 TIMESYNC_FAST_NS = ns_from_s(0.1)
 TIMESYNC_SLOW_NS = ns_from_s(1.0)
 TIMESYNC_FAST_COUNT = 20
+TIMESYNC_PENDING = 32
 RADIO_COMPONENT = 68
 """Component id of a telemetry radio (MAV_COMP_ID_TELEMETRY_RADIO); SiK radios send as 51/68."""
 RADIO_STATUS_NS = ns_from_s(0.25)
@@ -114,7 +116,7 @@ class Component:
         self._started_ns: int | None = None
         self._heartbeat_ns: int | None = None
         self._timesync_ns = 0
-        self._requests: OrderedDict[int, None] = OrderedDict()
+        self._requests: Newest[int, None] = Newest(TIMESYNC_PENDING)
         self._requests_sent = 0
         self._first_asked_ns = 0
         self._boot_ms = -1
@@ -157,7 +159,7 @@ class Component:
             self._started_ns = now_ns
         if self._heartbeat_due(now_ns):
             self._heartbeat_ns = now_ns
-            self._send(self.heartbeat_message())
+            self._send(own_heartbeat(dialect.MavType.ONBOARD_CONTROLLER))
         autopilot = self.discovery.autopilot
         if autopilot is None or not self.discovery.autopilot_present(now_ns):
             return
@@ -219,10 +221,6 @@ class Component:
         made_ns = self.time_sync.local_ns(boot_ms * 1_000_000)
         return None if made_ns is None else (arrived_ns - made_ns) / NANOSECONDS_PER_SECOND
 
-    def heartbeat_message(self) -> dialect.Heartbeat:
-        """Make the heartbeat of this component."""
-        return own_heartbeat(dialect.MavType.ONBOARD_CONTROLLER)
-
     def _uptime_ms(self, now_ns: int) -> int:
         return (now_ns - (self._started_ns or now_ns)) // 1_000_000 % 2**32
 
@@ -253,25 +251,12 @@ class Component:
             case dialect.RadioStatus():
                 self._radio_status(message, peer, now_ns)
             case dialect.Timesync() if self._may_answer(peer, now_ns):
-                self._send(
-                    dialect.Timesync(
-                        tc1=now_ns,
-                        ts1=message.ts1,
-                        target_system=peer.system_id,
-                        target_component=peer.component_id,
-                    )
-                )
+                self._send(dialect.Timesync(tc1=now_ns, ts1=message.ts1, **peer.address))
             case dialect.Ping() if message.target_system == 0 and self._may_answer(
                 peer, now_ns
             ):
-                self._send(
-                    dialect.Ping(
-                        time_usec=message.time_usec,
-                        seq=message.seq,
-                        target_system=peer.system_id,
-                        target_component=peer.component_id,
-                    )
-                )
+                time_us, number = message.time_usec, message.seq
+                self._send(dialect.Ping(time_usec=time_us, seq=number, **peer.address))
             case dialect.CommandAck() if peer == self.discovery.autopilot:
                 self.streams.acknowledged(message)
             case dialect.CommandLong() | dialect.CommandInt() if self._may_answer(peer, now_ns):
@@ -377,15 +362,7 @@ class Component:
             self._first_asked_ns = now_ns
         self._requests_sent += 1
         self._requests[now_ns] = None
-        if len(self._requests) > 32:
-            self._requests.popitem(last=False)
-        self._send(
-            dialect.Timesync(
-                ts1=now_ns,
-                target_system=autopilot.system_id,
-                target_component=autopilot.component_id,
-            )
-        )
+        self._send(dialect.Timesync(ts1=now_ns, **autopilot.address))
 
     def _take_time(self, message: dialect.Timesync, peer: Peer, now_ns: int) -> None:
         """Handle the autopilot's answer to a time request; `ts1` identifies the request.

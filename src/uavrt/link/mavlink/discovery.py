@@ -4,8 +4,10 @@ from dataclasses import dataclass, field
 
 from uavrt.core.units import ns_from_s
 from uavrt.link.mavlink.dialect import (
+    CommandLong,
     Heartbeat,
     MavAutopilot,
+    MavCmd,
     MavComponent,
     MavModeFlag,
     MavState,
@@ -40,6 +42,11 @@ class Peer:
         """System and component id of the peer."""
         return self.system_id, self.component_id
 
+    @property
+    def address(self) -> dict[str, int]:
+        """Fields of a message that is sent to the peer."""
+        return {"target_system": self.system_id, "target_component": self.component_id}
+
     def __str__(self) -> str:
         return f"{self.system_id}/{self.component_id}"
 
@@ -64,6 +71,11 @@ def own_heartbeat(kind: int, *, custom_mode: int = 0) -> Heartbeat:
         system_status=MavState.ACTIVE,
         mavlink_version=3,
     )
+
+
+def request_message(peer: Peer, message_id: int) -> CommandLong:
+    """Make a request for a single message."""
+    return CommandLong(**peer.address, command=MavCmd.REQUEST_MESSAGE, param1=float(message_id))
 
 
 def is_station(heartbeat: Heartbeat) -> bool:

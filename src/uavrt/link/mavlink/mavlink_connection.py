@@ -174,10 +174,6 @@ class Connection:
         """System and component id of this drone."""
         return self.component.system_id, self.component.component_id
 
-    def keep_station(self, place: tuple[int, int]) -> None:
-        """Keep the commanding station's entry even when the table is full."""
-        self.component.discovery.keep(Peer(*place))
-
     def stations_silent_s(self) -> dict[tuple[int, int], float]:
         """Time since the last heartbeat of each ground station, by its ids [s]."""
         silent = self.component.discovery.silent_ns(self._clock_ns())

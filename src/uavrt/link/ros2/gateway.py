@@ -3,7 +3,6 @@
 The gateway has no sockets: it gets records, messages and the time, and returns records.
 """
 
-from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any
 
@@ -18,6 +17,7 @@ from uavrt.core.messages import (
     StatusText,
     SystemStatus,
 )
+from uavrt.core.newest import Newest
 from uavrt.core.units import ns_from_s
 from uavrt.link.ros2 import ros_records as convert
 from uavrt.link.ros2.drone_state import SOURCE, DroneState, RosLog
@@ -57,7 +57,7 @@ class Gateway:
         self._next_drops_ns: dict[str, int] = {}
         self._drops_said: dict[str, int] = {}
         self._gateways_said = 0
-        self._foreign: OrderedDict[tuple[int, int], None] = OrderedDict()
+        self._foreign: Newest[tuple[int, int], None] = Newest(REMEMBERED_PULSES)
         self._pulses_taken = 0
 
     @property
@@ -168,8 +168,6 @@ class Gateway:
         key = (pulse.tag_id, pulse.start_time_ns)
         if key not in self._foreign:
             self._foreign[key] = None
-            while len(self._foreign) > REMEMBERED_PULSES:
-                self._foreign.popitem(last=False)
             self._pulses_taken += 1
             self._send("pulse", pulse)
 

@@ -1,6 +1,5 @@
 """Send commands from ROS 2 to the supervisor: tags, starts, stops and parameters."""
 
-from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any
 
@@ -8,6 +7,7 @@ from uavrt.config.parameters import check_start
 from uavrt.core.commands import CommandName, SystemState
 from uavrt.core.errors import FormatError
 from uavrt.core.messages import Command, CommandReply
+from uavrt.core.newest import Newest
 from uavrt.core.units import number_in
 from uavrt.link.allowance import Allowance
 from uavrt.link.ros2 import ros_records as convert
@@ -49,7 +49,7 @@ class RosCommands:
         # Unlike any number before a restart of this process: the supervisor answers a number
         # it has seen before with the old reply.
         self._request_id = now_ns() // 1_000_000
-        self._asked: OrderedDict[int, Command] = OrderedDict()
+        self._asked: Newest[int, Command] = Newest(ASKED_KEPT)
         self._begun = False
         """True once this gateway has begun a tag upload with the supervisor."""
         self._upload = Upload()
@@ -191,8 +191,6 @@ class RosCommands:
         self._request_id += 1
         command = Command(name=name, request_id=self._request_id, source=SOURCE, **details)
         self._asked[command.request_id] = command
-        while len(self._asked) > ASKED_KEPT:
-            self._asked.popitem(last=False)
         self.sent += 1
         self._send("command", command)
         return command.request_id

@@ -4,7 +4,7 @@ Table, values and rules are those of MAVLink (`uavrt.config.parameters`): change
 supervisor as commands, and the reply waits for its answer.
 """
 
-from collections import OrderedDict, deque
+from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
@@ -12,6 +12,7 @@ from uavrt.config.parameters import OFFERED, RUN, Parameter, parameter_values, w
 from uavrt.config.settings import Settings
 from uavrt.core.errors import ConfigError
 from uavrt.core.messages import CommandReply
+from uavrt.core.newest import Newest
 from uavrt.link.ros2.types.parameter_messages import (
     DescribeReply,
     DescribeRequest,
@@ -69,7 +70,7 @@ class ParameterServices:
     ) -> None:
         self._settings, self._running = settings, running
         self._ask, self._reply = ask, reply
-        self._pending: OrderedDict[int, _Setting] = OrderedDict()
+        self._pending: Newest[int, _Setting] = Newest(PENDING)
 
     def receive(self, request: ServiceMessage, refusal: str | None = None) -> None:
         """Handle a request; `refusal`: reason why its sender may not set parameters."""
@@ -138,8 +139,6 @@ class ParameterServices:
                 continue
             if number is not None:
                 self._pending[number] = setting
-                while len(self._pending) > PENDING:
-                    self._pending.popitem(last=False)
                 return
             setting.results.append(SetParametersResult(reason="commands come too fast"))
         self._finish(setting)

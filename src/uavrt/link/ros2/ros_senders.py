@@ -10,10 +10,9 @@ The mark separates honest systems. An attacker leaves it out; only the network p
 that (docs/how-to/ros2.md).
 """
 
-from collections import OrderedDict
 from dataclasses import dataclass
-from typing import Generic, TypeVar
 
+from uavrt.core.newest import Newest
 from uavrt.link.ros2.graph import RosTopic
 
 GATEWAY_MARK = b"uavrt=gateway;"
@@ -23,9 +22,6 @@ SYSTEM_TOPIC = "pulse_pose"
 """Topic that only the gateway of a drone publishes."""
 REMEMBERED = 4096
 """Largest number of remembered participants and writers; newer ones replace the oldest."""
-
-K = TypeVar("K")
-V = TypeVar("V")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,9 +52,9 @@ class Senders:
     """Table of the DDS publishers on the network, also of those that have just left."""
 
     def __init__(self) -> None:
-        self._marked: _Newest[str, bool] = _Newest()
-        self._systems: _Newest[str, bool] = _Newest()
-        self._writers: _Newest[int, str] = _Newest()
+        self._marked: Newest[str, bool] = Newest(REMEMBERED)
+        self._systems: Newest[str, bool] = Newest(REMEMBERED)
+        self._writers: Newest[int, str] = Newest(REMEMBERED)
 
     def add_participant(self, key: str, user_data: bytes) -> None:
         """Register a participant by its user data."""
@@ -76,13 +72,3 @@ class Senders:
         if key is None or key not in self._marked:
             return UNKNOWN
         return Sender(key=key, gateway=self._marked[key] or key in self._systems)
-
-
-class _Newest(OrderedDict[K, V], Generic[K, V]):
-    """A dictionary limited to its newest `REMEMBERED` entries."""
-
-    def __setitem__(self, key: K, value: V) -> None:
-        super().__setitem__(key, value)
-        self.move_to_end(key)
-        if len(self) > REMEMBERED:
-            self.popitem(last=False)

@@ -4,7 +4,7 @@ Payloads of ground stations become commands for the supervisor. The supervisor's
 acknowledgements to the sender; pulses and states become payloads in the ground's generation.
 """
 
-from collections import Counter, OrderedDict
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -20,6 +20,7 @@ from uavrt.core.commands import (
 )
 from uavrt.core.errors import ConfigError, TunnelError
 from uavrt.core.messages import Command, CommandReply, Operation, PulsePose, SearchReport
+from uavrt.core.newest import Newest
 from uavrt.link.tunnel.generations import g2
 from uavrt.link.tunnel.generations.codec import (
     TunnelMessage,
@@ -142,7 +143,7 @@ class Exchange:
         self._version, self._experimental = version, experimental
         self._clock_s = clock_s
         self._heard: Generation = "G1"
-        self._pending: OrderedDict[int, _PendingCommand] = OrderedDict()
+        self._pending: Newest[int, _PendingCommand] = Newest(PENDING)
         self._next_id = 1
         self._requests = RequestCache()
         self._upload: TagUpload | None = None
@@ -327,10 +328,9 @@ class Exchange:
 
     def _ask(self, question: _PendingCommand, name: CommandName) -> Command:
         number = self.next_request_id()
-        self._pending[number] = question
-        if len(self._pending) > PENDING:
-            self._pending.popitem(last=False)
+        if len(self._pending) == PENDING:
             self.counters["replies_missing"] += 1
+        self._pending[number] = question
         self.counters["commands"] += 1
         asker = question.asker
         return Command(name=name, request_id=number, source=f"mavlink {asker[0]}/{asker[1]}")

@@ -1,7 +1,6 @@
 """Decide on the drone which ground stations may command; seal commands on the ground."""
 
 import secrets
-from collections import OrderedDict
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import NoReturn
 from uavrt.core.clock import monotonic_s, wall_ns
 from uavrt.core.errors import LinkError, TunnelError
 from uavrt.core.log import get_logger
+from uavrt.core.newest import Newest
 from uavrt.link.tunnel.generations.wire import Ids
 from uavrt.link.tunnel.own_messages.link_messages import UNSEALED
 from uavrt.link.tunnel.own_messages.motion_messages import is_stop, number_of
@@ -71,7 +71,7 @@ class Gate:
         """Time of each station's last sealed keepalive that announces file requests [s]."""
         self._proving: set[Ids] = set()
         """Stations that check the keyed hash of answers: they have sent a sealed keepalive."""
-        self._orders: OrderedDict[tuple[Ids, int], None] = OrderedDict()
+        self._orders: Newest[tuple[Ids, int], None] = Newest(SEALED_ORDERS)
         """Station and request id of recent sealed motion orders."""
         self._proves = True
 
@@ -132,8 +132,6 @@ class Gate:
             if station not in self._proving and not is_stop(order):
                 refusal = OLD_STATION
             self._orders[station, number_of(order)] = None
-            while len(self._orders) > SEALED_ORDERS:
-                self._orders.popitem(last=False)
         self._proves = sealed
         try:
             yield refusal

@@ -4,11 +4,11 @@ From version 4 on a ground station repeats the same bytes until they are acknowl
 keeps its last 16 acknowledgements for 120 s, and sends them again to repetitions.
 """
 
-from collections import OrderedDict
 from dataclasses import dataclass, field
 
 from uavrt.core.commands import CommandId
 from uavrt.core.errors import TunnelError
+from uavrt.core.newest import Newest
 from uavrt.link.tunnel.generations.g2 import TagG2, UploadG2
 from uavrt.link.tunnel.own_messages.coded_tag import CodedTag
 
@@ -29,7 +29,7 @@ class RequestCache:
     """Recent requests of all ground stations, with their acknowledgements."""
 
     def __init__(self) -> None:
-        self._requests: OrderedDict[tuple[Asker, int], _Request] = OrderedDict()
+        self._requests: Newest[tuple[Asker, int], _Request] = Newest(KEPT)
 
     def repeated(
         self, asker: Asker, request_id: int, payload: bytes, now_s: float
@@ -44,9 +44,6 @@ class RequestCache:
                 raise TunnelError("request_id reuse: another command had this id", payload)
             return True if known.answer is None else known.answer
         self._requests[key] = _Request(payload, now_s)
-        self._requests.move_to_end(key)
-        while len(self._requests) > KEPT:
-            self._requests.popitem(last=False)
         return False
 
     def answered(self, asker: Asker, request_id: int, answer: bytes) -> None:

@@ -1,7 +1,8 @@
 """Convert records of uavrt to tunnel messages and back: units, rounding, absent values."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import TypeVar
 
 from uavrt.core.commands import Generation, SystemState
 from uavrt.core.earth.attitude import euler_deg, from_euler_deg
@@ -23,6 +24,8 @@ from uavrt.link.tunnel.generations.g1 import (
     TagG1,
 )
 from uavrt.link.tunnel.generations.g2 import AckG2, PulseG2, PulseG2v1
+
+R = TypeVar("R")
 
 LATEST_S = 9.2e9
 """Latest time that fits into 64 bits as nanoseconds: the year 2261 [s since 1970]."""
@@ -109,6 +112,34 @@ def in_generation(pulse: PulseG1, generation: Generation) -> PulseG1 | PulseG2v1
     return PulseG2(pulse=pulse) if generation == "G2" else pulse
 
 
+def from_pulse(record: Callable[..., R], pulse: Pulse, **others: float) -> R:
+    """Make a record of a pulse from the fields that all have and `others`; no time is 0."""
+    return record(
+        tag_id=pulse.tag_id,
+        frequency_hz=round(pulse.frequency_hz),
+        start_time_s=pulse.start_time_ns / NANOSECONDS_PER_SECOND,
+        predict_next_start_s=(pulse.predicted_next_start_ns or 0) / NANOSECONDS_PER_SECOND,
+        snr_db=pulse.snr_db,
+        stft_score=pulse.score,
+        group_snr_db=pulse.group_snr_db,
+        detection_status=STATUS_NUMBERS_OF_PULSES[pulse.detection_status],
+        **others,
+    )
+
+
+def from_search_report(record: Callable[..., R], report: SearchReport, **others: float) -> R:
+    """Make a record of a pulse for "searched, nothing found" (status 3)."""
+    return record(
+        tag_id=report.tag_id,
+        frequency_hz=round(report.frequency_hz),
+        start_time_s=report.time_ns / NANOSECONDS_PER_SECOND,
+        stft_score=report.best_score,
+        noise_psd=report.noise_psd,
+        detection_status=STATUS_NOTHING_FOUND,
+        **others,
+    )
+
+
 def pulse_to_wire(
     pulse_pose: PulsePose, generation: Generation = "G1"
 ) -> PulseG0 | PulseG1 | PulseG2v1 | PulseG2:
@@ -117,24 +148,14 @@ def pulse_to_wire(
     Times are seconds as f64, which near 2026 resolves 0.24 µs.
     """
     pulse, pose = pulse_pose.pulse, pulse_pose.pose
-    next_start_ns = pulse.predicted_next_start_ns
-    start_time_s = pulse.start_time_ns / NANOSECONDS_PER_SECOND
-    predict_next_start_s = (next_start_ns or 0) / NANOSECONDS_PER_SECOND
-    status = STATUS_NUMBERS_OF_PULSES[pulse.detection_status]
     latitude = math.nan if pose is None else pose.latitude_deg
     longitude = math.nan if pose is None else pose.longitude_deg
     if generation == "G0":
         w, x, y, z = (math.nan,) * 4 if pose is None else pose.quaternion_wxyz
-        return PulseG0(
-            tag_id=pulse.tag_id,
-            frequency_hz=round(pulse.frequency_hz),
-            start_time_s=start_time_s,
-            predict_next_start_s=predict_next_start_s,
-            snr_db=pulse.snr_db,
-            stft_score=pulse.score,
+        return from_pulse(
+            PulseG0,
+            pulse,
             group_index=pulse.group_index & 0xFFFF,
-            group_snr_db=pulse.group_snr_db,
-            detection_status=status,
             confirmed_status=int(pulse.confirmed),
             position_x=latitude,
             position_y=longitude,
@@ -145,18 +166,12 @@ def pulse_to_wire(
             orientation_w=w,
         )
     yaw, pitch, roll = (math.nan,) * 3 if pose is None else euler_deg(pose.quaternion_wxyz)
-    modern = PulseG1(
-        tag_id=pulse.tag_id,
-        frequency_hz=round(pulse.frequency_hz),
-        start_time_s=start_time_s,
-        predict_next_start_s=predict_next_start_s,
-        snr_db=pulse.snr_db,
-        stft_score=pulse.score,
+    modern = from_pulse(
+        PulseG1,
+        pulse,
         group_sequence=pulse.group_sequence & 0xFFFF,
         group_index=pulse.group_index & 0xFFFF,
-        group_snr_db=pulse.group_snr_db,
         noise_psd=pulse.noise_psd,
-        detection_status=status,
         confirmed_status=int(pulse.confirmed),
         latitude_deg=latitude,
         longitude_deg=longitude,
@@ -171,15 +186,11 @@ def pulse_to_wire(
 def search_report_to_wire(report: SearchReport) -> PulseG1:
     """Convert a search report to "searched, nothing found" (status 3), missing in G0."""
     share, weakest_db = report.usable_share, report.weakest_enr_db
-    return PulseG1(
-        tag_id=report.tag_id,
-        frequency_hz=round(report.frequency_hz),
-        start_time_s=report.time_ns / NANOSECONDS_PER_SECOND,
-        stft_score=report.best_score,
+    return from_search_report(
+        PulseG1,
+        report,
         group_sequence=0 if share is None else _USABLE + round(1000.0 * share),
         group_snr_db=0.0 if weakest_db is None else weakest_db,
-        noise_psd=report.noise_psd,
-        detection_status=STATUS_NOTHING_FOUND,
     )
 
 

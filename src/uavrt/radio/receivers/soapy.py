@@ -44,8 +44,8 @@ class SoapySource(LiveSource):
         self,
         settings: RadioSettings,
         center_frequency_hz: float,
-        *,
         clock: Clock | None = None,
+        *,
         stall_s: float = _STALL_S,
     ) -> None:
         super().__init__(settings.sample_rate_hz, center_frequency_hz)

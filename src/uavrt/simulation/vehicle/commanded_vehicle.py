@@ -1,5 +1,6 @@
 """Messages of the simulated autopilot about a vehicle that obeys commands."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 from uavrt.core.earth.attitude import from_euler_deg
@@ -26,19 +27,19 @@ SLOWEST_NS: dict[str, dict[int, int]] = {
 }
 """Message periods that requests do not change [ns], by autopilot and message id: CURRENT_MODE
 of PX4 1.17."""
-FLOWN_IDS = frozenset(
-    {
-        dialect.GlobalPositionInt.ID,
-        dialect.PositionTargetGlobalInt.ID,
-        dialect.RcChannels.ID,
-        dialect.HomePosition.ID,
-        dialect.SysStatus.ID,
-        dialect.CurrentMode.ID,
-        dialect.ExtendedSysState.ID,
-        dialect.Wind.ID,
-        dialect.WindCov.ID,
-    }
-)
+_OF_VEHICLE: dict[int, Callable[[FlyingVehicle, int], Message | None]] = {
+    dialect.GlobalPositionInt.ID: position_message,
+    dialect.PositionTargetGlobalInt.ID: target_message,
+    dialect.HomePosition.ID: lambda vehicle, _: home_message(vehicle),
+    dialect.CurrentMode.ID: lambda vehicle, _: dialect.CurrentMode(
+        custom_mode=vehicle.mode, intended_custom_mode=vehicle.mode
+    ),
+    dialect.ExtendedSysState.ID: lambda vehicle, _: landed_message(vehicle),
+    dialect.Wind.ID: wind_message,
+    dialect.WindCov.ID: wind_message,
+}
+"""Functions that create messages from the vehicle and its boot time [ms], by message id."""
+FLOWN_IDS = frozenset({*_OF_VEHICLE, dialect.RcChannels.ID, dialect.SysStatus.ID})
 _BOTH = FLOWN_IDS - {dialect.CurrentMode.ID, dialect.Wind.ID, dialect.WindCov.ID}
 REQUESTABLE_IDS: dict[str, frozenset[int]] = {
     "px4": _BOTH | {dialect.CurrentMode.ID, dialect.WindCov.ID},
@@ -112,23 +113,9 @@ class Flown:
 
     def message(self, message_id: int, boot_ms: int) -> Message | None:
         """Create the message with an id; None if the vehicle has nothing to report in it."""
-        match message_id:
-            case dialect.GlobalPositionInt.ID:
-                return position_message(self.vehicle, boot_ms)
-            case dialect.PositionTargetGlobalInt.ID:
-                return target_message(self.vehicle, boot_ms & 0xFFFFFFFF)
-            case dialect.HomePosition.ID:
-                return home_message(self.vehicle)
-            case dialect.CurrentMode.ID:
-                mode = self.vehicle.mode
-                return dialect.CurrentMode(custom_mode=mode, intended_custom_mode=mode)
-            case dialect.RcChannels.ID:
-                return self._sticks(boot_ms)
-            case dialect.ExtendedSysState.ID:
-                return landed_message(self.vehicle)
-            case dialect.Wind.ID | dialect.WindCov.ID:
-                return wind_message(self.vehicle, boot_ms)
-        return self.status()
+        if message_id in _OF_VEHICLE:
+            return _OF_VEHICLE[message_id](self.vehicle, boot_ms)
+        return self._sticks(boot_ms) if message_id == dialect.RcChannels.ID else self.status()
 
     def _sticks(self, boot_ms: int) -> dialect.RcChannels | None:
         if not self.channels_us:

@@ -21,7 +21,7 @@ from uavrt.core.messages import Pose
 from uavrt.core.units import ns_from_s, s_from_ns
 from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.dialect import MavCmd, MavProtocolCapability, MavResult
-from uavrt.link.mavlink.discovery import GCS_SYSTEM_ID
+from uavrt.link.mavlink.discovery import GCS_SYSTEM_ID, Peer
 from uavrt.link.mavlink.frame import Frame, FrameParser, FrameWriter
 from uavrt.link.mavlink.message import Message
 from uavrt.simulation.vehicle.airframe import Flavour
@@ -291,16 +291,13 @@ class FakeAutopilot:
         other = self.ground if side is self.companion else self.companion
         if other.port is None or (system_id, component_id) == own:
             return
-        if isinstance(message, dialect.RadioStatus) and self._settings.flavour == "ardupilot":
+        if isinstance(message, dialect.RadioStatus) and not self._px4:
             return
-        if not self._passes_on():
+        if not all(map(self.parameters.passes_on, (COMPANION_PORT, GROUND_PORT))):
             return
         if other.routes.leads_to(system_id, component_id):
             self._forward(other, arrival_ns)
             other.ring.push(frame)
-
-    def _passes_on(self) -> bool:
-        return all(map(self.parameters.passes_on, (COMPANION_PORT, GROUND_PORT)))
 
     def _forward(self, side: _LinkSide, now_ns: int) -> None:
         for frame in side.ring.passes(now_ns):
@@ -337,24 +334,20 @@ class FakeAutopilot:
         return telemetry_message(message_id, self._vehicle(time_ns), boot_ms, time_ns)
 
     def _answer(self, side: _LinkSide, message: Message, frame: Frame, now_ns: int) -> None:
-        sender = (frame.system_id, frame.component_id)
+        sender = Peer(frame.system_id, frame.component_id)
         match message:
             case dialect.Timesync() if message.tc1 == 0 and not self._settings.mute_clock:
-                target = self._random_target() if self._px4 else sender
+                # PX4 1.17 fills in random ids.
+                chance = self._random.randrange
+                target = Peer(chance(256), chance(256)) if self._px4 else sender
                 answer = dialect.Timesync(
-                    tc1=self.boot_ns(self._clock.now_ns()),
-                    ts1=message.ts1,
-                    target_system=target[0],
-                    target_component=target[1],
+                    tc1=self.boot_ns(self._clock.now_ns()), ts1=message.ts1, **target.address
                 )
                 self._send(side, answer)
             case dialect.Ping() if message.target_system == 0:
-                if self._settings.flavour == "px4":
+                if self._px4:
                     answer_ping = dialect.Ping(
-                        time_usec=message.time_usec,
-                        seq=message.seq,
-                        target_system=sender[0],
-                        target_component=sender[1],
+                        time_usec=message.time_usec, seq=message.seq, **sender.address
                     )
                     self._send(side, answer_ping)
             case dialect.ParamRequestList() | dialect.ParamRequestRead() | dialect.ParamSet():
@@ -365,14 +358,10 @@ class FakeAutopilot:
                     self.flown.vehicle.takeoff_height_m = height_m
             case dialect.CommandLong() | dialect.CommandInt():
                 if message.target_component == 1:
-                    self._command(side, message, sender)
+                    self._command(side, message, sender.place)
             case _:
                 send = partial(self._send, side)
-                self.missions.receive(message, sender, s_from_ns(now_ns), send)
-
-    def _random_target(self) -> tuple[int, int]:
-        """Random target system and component, as PX4 1.17 puts into its answers."""
-        return self._random.randrange(256), self._random.randrange(256)
+                self.missions.receive(message, sender.place, s_from_ns(now_ns), send)
 
     def _command(
         self,
@@ -398,10 +387,7 @@ class FakeAutopilot:
             case MavCmd.PREFLIGHT_REBOOT_SHUTDOWN if message.param1 == 1:
                 result = MavResult.ACCEPTED
         ack = dialect.CommandAck(
-            command=message.command,
-            result=result,
-            target_system=sender[0],
-            target_component=sender[1],
+            command=message.command, result=result, **Peer(*sender).address
         )
         self._send(side, ack)
         if message.command == MavCmd.REQUEST_MESSAGE and result == 0:
@@ -455,13 +441,14 @@ class FakeAutopilot:
             side.due_ns = {}
 
     def _heartbeat(self) -> dialect.Heartbeat:
-        px4 = self._settings.flavour == "px4"
         armed, mode = self._settings.armed, 0
         if self.flown is not None:
             armed, mode = self.flown.vehicle.armed, self.flown.vehicle.mode
         return dialect.Heartbeat(
             type=dialect.MavType.QUADROTOR,
-            autopilot=dialect.MavAutopilot.PX4 if px4 else dialect.MavAutopilot.ARDUPILOTMEGA,
+            autopilot=dialect.MavAutopilot.PX4
+            if self._px4
+            else dialect.MavAutopilot.ARDUPILOTMEGA,
             base_mode=dialect.MavModeFlag.CUSTOM_MODE_ENABLED
             | (dialect.MavModeFlag.SAFETY_ARMED if armed else 0),
             custom_mode=mode,

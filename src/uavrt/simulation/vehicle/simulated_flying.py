@@ -62,10 +62,6 @@ class GroundContact:
         begin_s, end_s = self.false_flight_s
         return self.landed and not begin_s <= self.idle_s < end_s
 
-    def touch_down(self) -> None:
-        """Register that the vehicle has landed."""
-        self.landed = True
-
     def wait(self) -> None:
         """Restart the time after which an armed vehicle on the ground disarms."""
         self.idle_s = 0.0
@@ -323,4 +319,4 @@ class FlyingVehicle:
                 self.target = Target(north_m=0.0, east_m=0.0, height_m=0.0)
         elif body.height_m < 0.1:
             self.armed, self.target = False, None
-            self.ground.touch_down()
+            self.ground.landed = True

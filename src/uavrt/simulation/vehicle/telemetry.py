@@ -12,20 +12,12 @@ def default_intervals_ns(flavour: str, link: str) -> dict[int, int]:
     if flavour == "ardupilot":
         return {}
     rates_hz = {
-        "companion": {
-            dialect.AttitudeQuaternion.ID: 50.0,
-            dialect.GlobalPositionInt.ID: 50.0,
-            dialect.SystemTime.ID: 1.0,
-            dialect.SysStatus.ID: 1.0,
-        },
-        "ground": {
-            dialect.AttitudeQuaternion.ID: 10.0,
-            dialect.GlobalPositionInt.ID: 5.0,
-            dialect.SystemTime.ID: 1.0,
-            dialect.SysStatus.ID: 1.0,
-        },
+        dialect.AttitudeQuaternion.ID: 50.0 if link == "companion" else 10.0,
+        dialect.GlobalPositionInt.ID: 50.0 if link == "companion" else 5.0,
+        dialect.SystemTime.ID: 1.0,
+        dialect.SysStatus.ID: 1.0,
     }
-    return {message_id: round(1e9 / rate) for message_id, rate in rates_hz[link].items()}
+    return {message_id: round(1e9 / rate) for message_id, rate in rates_hz.items()}
 
 
 def telemetry_message(message_id: int, pose: Pose, boot_ms: int, time_ns: int) -> Message:
@@ -39,7 +31,9 @@ def telemetry_message(message_id: int, pose: Pose, boot_ms: int, time_ns: int) -
         case dialect.SystemTime.ID:
             return dialect.SystemTime(time_unix_usec=time_ns // 1000, time_boot_ms=boot_ms)
         case dialect.SysStatus.ID:
-            return _system_status()
+            return dialect.SysStatus(
+                load=300, voltage_battery=16_200, current_battery=-1, battery_remaining=80
+            )
     raise KeyError(message_id)
 
 
@@ -58,10 +52,4 @@ def _position(pose: Pose, boot_ms: int) -> dialect.GlobalPositionInt:
         alt=round(pose.altitude_amsl_m * 1e3),
         relative_alt=round(pose.altitude_relative_m * 1e3),
         hdg=round(yaw * 100) % 36_000,
-    )
-
-
-def _system_status() -> dialect.SysStatus:
-    return dialect.SysStatus(
-        load=300, voltage_battery=16_200, current_battery=-1, battery_remaining=80
     )

@@ -44,10 +44,10 @@ def target_message(
     if target is None or hidden or vehicle.body.velocity_setpoint is not None:
         return None
     latitude, longitude = vehicle.plane.to_geodetic(target.north_m, target.east_m)
-    yaw_deg, rate_deg_s = vehicle.heading.shown_setpoint(boot_ms)
+    yaw_deg, rate_deg_s = vehicle.heading.shown_setpoint(boot_ms & 0xFFFFFFFF)
     ignored = dialect.PositionTargetTypemask
     return dialect.PositionTargetGlobalInt(
-        time_boot_ms=boot_ms,
+        time_boot_ms=boot_ms & 0xFFFFFFFF,
         coordinate_frame=dialect.MavFrame.GLOBAL_INT,
         type_mask=0 if px4 else ignored.YAW_IGNORE | ignored.YAW_RATE_IGNORE,
         lat_int=round(latitude * FULL_SCALE_DEG),

@@ -90,7 +90,11 @@ class Train(Generic[H]):
         self.confirmed = any(track.confirmed for _, track in self.tracks)
         self.likely = any(_is_likely(track) for _, track in self.tracks)
         self.last_pulse_ns = max(h.time_ns(t.last_accepted_s) for h, t in self.tracks)
-        self.pulses_ns = _found_times_ns(best)
+        self.pulses_ns = [
+            slot.time_ns
+            for slot in best.slots
+            if slot.received or (not best.confirmed and slot.tag_odds > 0.0)
+        ]
         self.explains = evidence(best.slots, strength(best))
 
 
@@ -210,14 +214,6 @@ def _explains_most(track: Track) -> tuple[bool, float]:
 
 def _is_likely(track: Track) -> bool:
     return track.confirmed or (track.stands_out and track.odds > SENDERS.likely_odds)
-
-
-def _found_times_ns(track: Track) -> list[int]:
-    return [slot.time_ns for slot in track.slots if _is_found(track, slot)]
-
-
-def _is_found(track: Track, slot: Slot) -> bool:
-    return slot.received or (not track.confirmed and slot.tag_odds > 0.0)
 
 
 def _best_explained(pairs: list[tuple[H, Track]]) -> list[tuple[H, Track]]:

@@ -38,7 +38,7 @@ class GroundStations:
             return
         system_id, _, component_id = source.removeprefix(MAVLINK_SOURCE).partition("/")
         place = (int(system_id), int(component_id))
-        self._link.keep_station(place)
+        self._link.component.discovery.keep(Peer(*place))
         self._limits.commander(place)
 
     def accepted(self, asker: Place) -> None:

@@ -5,7 +5,6 @@ settings (`uavrt.config.parameters`) and the supervisor, which alone changes the
 connection process.
 """
 
-from collections import OrderedDict
 from collections.abc import Callable
 from math import isnan
 
@@ -14,6 +13,7 @@ from uavrt.config.settings import Settings
 from uavrt.core.errors import TunnelError
 from uavrt.core.log import get_logger
 from uavrt.core.messages import Command, CommandReply, StatusText
+from uavrt.core.newest import Newest
 from uavrt.link.mavlink.dialect import (
     MavParamType,
     ParamRequestList,
@@ -56,7 +56,7 @@ class ParameterDesk:
             bytewise,
         )
         self._send, self._ask, self._notify = send, ask, notify
-        self._pending: OrderedDict[int, tuple[str, Peer]] = OrderedDict()
+        self._pending: Newest[int, tuple[str, Peer]] = Newest(PENDING)
         self.refused = 0
 
     def receive(
@@ -77,8 +77,6 @@ class ParameterDesk:
             self._refuse(answer.name, refusal, peer)
         else:
             self._pending[request_id] = answer.name, peer
-            while len(self._pending) > PENDING:
-                self._pending.popitem(last=False)
             self._ask(
                 Command(
                     name="set_parameter",

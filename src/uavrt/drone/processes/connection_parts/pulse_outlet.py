@@ -122,12 +122,10 @@ class PulseOutlet:
             return
         for key in keys:
             self._recent[store, key] = now_ns
-        while len(self._recent) > RECENT or self._oldest_ns() < now_ns - RECENT_NS:
+        since_ns = now_ns - RECENT_NS
+        while len(self._recent) > RECENT or next(iter(self._recent.values())) < since_ns:
             self._recent.popitem(last=False)
         self._note(Delivered(time_ns=now_ns, store=store, pulses=tuple(keys)))
-
-    def _oldest_ns(self) -> int:
-        return next(iter(self._recent.values()))
 
     def _refill(self, store: int) -> None:
         sender, pulses = self.sender, self.sender.pulses

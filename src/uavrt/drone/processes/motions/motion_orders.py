@@ -9,6 +9,7 @@ from uavrt.core.commands import CommandName
 from uavrt.core.errors import CommandRefused, TunnelError
 from uavrt.core.log import get_logger
 from uavrt.core.messages import Command, CommandReply, MotionOffer, MotionRequest
+from uavrt.core.newest import Newest
 from uavrt.drone.processes.motions.motion_control import Asker, MotionControl, Outlets, TakeBack
 from uavrt.drone.processes.motions.motion_reports import MotionReports
 from uavrt.drone.processes.motions.reported_autopilot import ReportedAutopilot
@@ -52,7 +53,7 @@ class MotionOrders:
         self._out, self._autopilot, self._control = outlets, autopilot, control
         self._take_back, self._reports = take_back, reports
         self._next_request_id = next_request_id
-        self._pending: dict[int, _Question] = {}
+        self._pending: Newest[int, _Question] = Newest(PENDING)
         self._offered_to: Asker | None = None
         self.refused = 0
         """Number of orders that were unauthenticated or invalid."""
@@ -99,8 +100,6 @@ class MotionOrders:
         self._pending[number] = _Question(
             name=name, about=about, asker=asker, asked_s=monotonic_s()
         )
-        while len(self._pending) > PENDING:
-            del self._pending[next(iter(self._pending))]
         self._out.ask(
             Command(
                 name=name,

@@ -7,6 +7,7 @@ from uavrt.guidance.autopilot_behaviour import AutopilotName
 from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.autopilot.vehicle_messages import kind_of
 from uavrt.link.mavlink.autopilot.wind import wind_of
+from uavrt.link.mavlink.discovery import Peer, request_message
 from uavrt.link.mavlink.links.address import Address
 from uavrt.link.mavlink.message import Message
 
@@ -65,14 +66,7 @@ class ReportedAutopilot:
         asks = self.kind is not None and self._simulated is not False
         if asks and now_s - self._identity_asked_s > IDENTITY_S:
             self._identity_asked_s = now_s
-            send(
-                dialect.CommandLong(
-                    target_system=system_id,
-                    target_component=1,
-                    command=dialect.MavCmd.REQUEST_MESSAGE,
-                    param1=float(dialect.AutopilotVersion.ID),
-                )
-            )
+            send(request_message(Peer(system_id, 1), dialect.AutopilotVersion.ID))
 
     def battery_percent(self, now_s: float) -> float | None:
         """Charge of the battery [%]; None if not reported for `BATTERY_AGE_S`."""

@@ -13,6 +13,7 @@ from uavrt.core.commands import COMMANDS, CommandName, Refused, Repeated, System
 from uavrt.core.errors import UavrtError
 from uavrt.core.log import get_logger
 from uavrt.core.messages import Command, CommandReply, FlightInfo, Tag
+from uavrt.core.newest import Newest
 from uavrt.drone.supervisor.mission.kept_parameters import SettingsInForce
 from uavrt.drone.supervisor.mission.mission_flights import Flights, Notify, Tuner
 from uavrt.drone.supervisor.mission.saved_state import SavedState, StateStore
@@ -61,7 +62,7 @@ class Mission:
         self.state = SystemState.IDLE
         self._store = store
         self._notify, self._on_stop, self._on_correction = notify, on_stop, on_correction
-        self._replies: dict[tuple[str, int], CommandReply] = {}
+        self._replies: Newest[tuple[str, int], CommandReply] = Newest(REPLIES_KEPT)
         self.refused = 0
         self.commander = Commander(pinned=settings.mavlink.first_commands)
 
@@ -114,8 +115,6 @@ class Mission:
                 log.seldom(
                     self.refused, "command refused", command=command.name, reason=reply.message
                 )
-            while len(self._replies) > REPLIES_KEPT:
-                del self._replies[next(iter(self._replies))]
         return self._replies[key]
 
     def drop_replies(self) -> None:

@@ -35,26 +35,6 @@ def on_every_drone(settings: Settings) -> bool:
     return isinstance(settings, Settings)
 
 
-def with_bearings_on_drone(settings: Settings) -> bool:
-    """True if the settings request bearings computed on the drone."""
-    return settings.bearings.on_drone
-
-
-def with_integration_on_drone(settings: Settings) -> bool:
-    """True if the settings request a search of the whole flight's samples on the drone."""
-    return settings.integration.on_drone and settings.recording.channels
-
-
-def with_ros2(settings: Settings) -> bool:
-    """True if the settings enable the ROS 2 gateway."""
-    return settings.ros2.enabled
-
-
-def with_guide(settings: Settings) -> bool:
-    """True if the settings allow motion commands."""
-    return settings.guidance.enabled
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProcessRow:
     """One process in the table of processes."""
@@ -163,7 +143,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
         module="uavrt.drone.processes.estimator",
         meaning="computes bearings on the drone; otherwise only the ground does",
         runs=always,
-        configured=with_bearings_on_drone,
+        configured=lambda settings: settings.bearings.on_drone,
         consumes=("pulse_pose", "poses", "flight", "health"),
         produces=("bearing", "health", "status_text"),
         backlog=500,
@@ -175,7 +155,9 @@ PROCESSES: tuple[ProcessRow, ...] = (
         module="uavrt.analysis.integrated.integrator",
         meaning="finds tags below the noise from the whole flight so far",
         runs=always,
-        configured=with_integration_on_drone,
+        configured=lambda settings: (
+            settings.integration.on_drone and settings.recording.channels
+        ),
         consumes=("flight", "flight_end"),
         produces=("health", "status_text"),
         backlog=10,
@@ -187,7 +169,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
         module="uavrt.drone.processes.guide",
         meaning="flies orders that an operator has confirmed; without it uavrt moves nothing",
         runs=always,
-        configured=with_guide,
+        configured=lambda settings: settings.guidance.enabled,
         consumes=(
             "motion",
             "vehicle",
@@ -208,7 +190,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
         module="uavrt.drone.processes.ros2_gateway",
         meaning="publishes ROS 2 nodes and topics; accepts commands by ROS 2",
         runs=always,
-        configured=with_ros2,
+        configured=lambda settings: settings.ros2.enabled,
         consumes=(
             "pulse",
             "pulse_pose",

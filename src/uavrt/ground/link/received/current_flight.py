@@ -115,10 +115,6 @@ class CurrentFlight:
             return False
         return event.pulse.start_time_ns + skew_ns > self._stopped_ns + LATE_PULSES_NS
 
-    def add_mark(self, mark: Mark) -> None:
-        """Add an operator's mark to the marks on the page."""
-        self.marks.append(mark)
-
     def note_home(self, home: tuple[float, float] | None, now_ns: int) -> None:
         """Write the home position into the flight, at first and whenever it changes."""
         key = (self.keeper.flight_id, home)

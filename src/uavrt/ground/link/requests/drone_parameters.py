@@ -10,11 +10,10 @@ from uavrt.core.clock import monotonic_s
 from uavrt.core.errors import CommandRefused, LinkError
 from uavrt.ground.link.protocol import GroundProtocol
 from uavrt.ground.link.vehicles.vehicle_identity import DRONE_COMPONENT
-from uavrt.ground.link.vehicles.vehicle_state import request_message
 from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.autopilot.waiting import within
 from uavrt.link.mavlink.dialect import MavParamType, MavProtocolCapability
-from uavrt.link.mavlink.discovery import Peer
+from uavrt.link.mavlink.discovery import Peer, request_message
 from uavrt.link.mavlink.frame import Frame
 from uavrt.link.mavlink.message import Message
 from uavrt.link.mavlink.services.parameter_service import decode_value
@@ -103,8 +102,7 @@ class DroneParameters:
 
     def _wish(self, name: str, value: float, drone: Peer) -> Message:
         return self._protocol.sealed_parameter(name, value) or dialect.ParamSet(
-            target_system=drone.system_id,
-            target_component=drone.component_id,
+            **drone.address,
             param_id=name,
             param_value=value,
             # Whole numbers, too: of this type they need no encoding.
@@ -118,13 +116,12 @@ class DroneParameters:
 
     def _missing(self, drone: Peer) -> list[Message]:
         """Make requests for parameters not yet received; authenticated if there is a key."""
-        place = {"target_system": drone.system_id, "target_component": drone.component_id}
         sealed = self._protocol.sealed_parameter
         if self._count is None:
-            return [sealed("", math.nan) or dialect.ParamRequestList(**place)]
+            return [sealed("", math.nan) or dialect.ParamRequestList(**drone.address)]
         return [
             sealed("", index)
-            or dialect.ParamRequestRead(**place, param_id="", param_index=index)
+            or dialect.ParamRequestRead(**drone.address, param_id="", param_index=index)
             for index in range(self._count)
             if index not in self._indices
         ]

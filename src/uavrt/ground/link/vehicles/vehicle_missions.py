@@ -12,7 +12,6 @@ from typing import Any
 from uavrt.core.clock import monotonic_s
 from uavrt.core.errors import CommandRefused, LinkError
 from uavrt.core.messages import VehicleFence
-from uavrt.ground.link.vehicles.vehicle_state import request_message
 from uavrt.guidance.autopilot_behaviour import Behaviour, behaviour_of
 from uavrt.guidance.files.mission import MissionItem, difference, fence_of, survey_items
 from uavrt.guidance.operator_orders import Limits, Order
@@ -26,7 +25,7 @@ from uavrt.link.mavlink.autopilot.mission_transfer import (
 from uavrt.link.mavlink.autopilot.pose_samples import is_place
 from uavrt.link.mavlink.autopilot.vehicle_messages import kind_of
 from uavrt.link.mavlink.dialect import MavComponent
-from uavrt.link.mavlink.discovery import Peer
+from uavrt.link.mavlink.discovery import Peer, request_message
 from uavrt.link.mavlink.frame import Frame
 from uavrt.link.mavlink.message import Message
 

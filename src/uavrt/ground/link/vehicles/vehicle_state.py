@@ -10,7 +10,7 @@ from uavrt.ground.link.vehicles.vehicle_identity import DRONE_COMPONENT, Vehicle
 from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.autopilot.pose_samples import attitude_sample, is_place, position_sample
 from uavrt.link.mavlink.dialect import MavCmd, MavComponent
-from uavrt.link.mavlink.discovery import Peer
+from uavrt.link.mavlink.discovery import Peer, request_message
 from uavrt.link.mavlink.frame import Frame
 from uavrt.link.mavlink.message import Message
 
@@ -100,7 +100,14 @@ class VehicleWatch:
         """Handle a frame; return the vehicle's pose if its position is new, else None."""
         message = frame.message()
         if isinstance(message, dialect.RadioStatus):
-            self._take_radio(message)
+            self.radio = RadioLevels(
+                rssi=message.rssi,
+                remote_rssi=message.remrssi,
+                noise=message.noise,
+                remote_noise=message.remnoise,
+                transmit_buffer_percent=message.txbuf,
+                errors=message.rxerrors,
+            )
             return None
         if isinstance(message, dialect.Ping) and frame.component_id == DRONE_COMPONENT:
             if self._is_ours(frame.system_id):
@@ -168,7 +175,7 @@ class VehicleWatch:
         self._facts_asked_ns = now_ns
         assert self.autopilot is not None
         facts = (dialect.AutopilotVersion.ID, dialect.HomePosition.ID, dialect.SysStatus.ID)
-        messages = [request_message(self.autopilot, message_id) for message_id in facts]
+        messages: list[Message] = [request_message(self.autopilot, one) for one in facts]
         if self.landed is None:
             messages.append(_interval(self.autopilot, dialect.ExtendedSysState.ID, 1e6))
         return messages
@@ -234,16 +241,6 @@ class VehicleWatch:
         )
         return self.pose
 
-    def _take_radio(self, message: dialect.RadioStatus) -> None:
-        self.radio = RadioLevels(
-            rssi=message.rssi,
-            remote_rssi=message.remrssi,
-            noise=message.noise,
-            remote_noise=message.remnoise,
-            transmit_buffer_percent=message.txbuf,
-            errors=message.rxerrors,
-        )
-
     def _take_computer(self, message: dialect.OnboardComputerStatus) -> None:
         used_mib, whole_mib = message.storage_usage[0], message.storage_total[0]
         known = UNKNOWN_SPACE not in (used_mib, whole_mib) and whole_mib > 0
@@ -257,20 +254,10 @@ class VehicleWatch:
             self.round_trip_s = passed_ns / NANOSECONDS_PER_SECOND
 
 
-def request_message(peer: Peer, message_id: int) -> Message:
-    """Build a request for a single message."""
-    return _command(peer, MavCmd.REQUEST_MESSAGE, message_id)
-
-
 def _interval(peer: Peer, message_id: int, interval_us: float) -> Message:
-    return _command(peer, MavCmd.SET_MESSAGE_INTERVAL, message_id, interval_us)
-
-
-def _command(peer: Peer, command: MavCmd, first: float, second: float = 0.0) -> Message:
     return dialect.CommandLong(
-        target_system=peer.system_id,
-        target_component=peer.component_id,
-        command=command,
-        param1=float(first),
-        param2=second,
+        **peer.address,
+        command=MavCmd.SET_MESSAGE_INTERVAL,
+        param1=float(message_id),
+        param2=interval_us,
     )

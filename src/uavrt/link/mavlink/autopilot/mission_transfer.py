@@ -73,7 +73,7 @@ class MissionTransfer(ABC):
         if self.over or not isinstance(message, _OURS):
             return []
         place = (message.target_system, message.target_component)
-        if sender != (self._vehicle.system_id, self._vehicle.component_id):
+        if sender != self._vehicle.place:
             return self._strange()
         if place != self._own or message.mission_type != self._type:
             return self._strange()
@@ -114,7 +114,7 @@ class MissionTransfer(ABC):
         self.counters["strange"] += 1
         return []
 
-    def _try(self, message: Message, now_s: float, wait_s: float = RETRY_S) -> list[Message]:
+    def _try(self, message: Message, now_s: float) -> list[Message]:
         """Send a mission request; after `TRIES` requests the transfer fails."""
         if self._tries >= TRIES:
             self.fault = f"the autopilot did not answer in {TRIES * RETRY_S:.0f} s"
@@ -123,7 +123,7 @@ class MissionTransfer(ABC):
         if self._tries > 0:
             self.counters["sent_again"] += 1
         self._tries += 1
-        self._due_s = now_s + wait_s
+        self._due_s = now_s + RETRY_S
         return [message]
 
     def _answered(self, now_s: float, wait_s: float) -> None:
@@ -137,11 +137,7 @@ class MissionTransfer(ABC):
         return dialect.MissionAck(**self._to(), type=result)
 
     def _to(self) -> dict[str, int]:
-        return {
-            "target_system": self._vehicle.system_id,
-            "target_component": self._vehicle.component_id,
-            "mission_type": self._type,
-        }
+        return {**self._vehicle.address, "mission_type": self._type}
 
 
 class MissionUpload(MissionTransfer):

@@ -79,14 +79,8 @@ class ParameterClient:
         for _ in range(TRIES):
             missing = [name for name, value in values.items() if value is None]
             for name in missing:
-                self._send(
-                    dialect.ParamRequestRead(
-                        target_system=self.autopilot.system_id,
-                        target_component=self.autopilot.component_id,
-                        param_id=name,
-                        param_index=-1,
-                    )
-                )
+                address = self.autopilot.address
+                self._send(dialect.ParamRequestRead(**address, param_id=name, param_index=-1))
                 await asyncio.sleep(REQUEST_GAP_S)
             if missing:
                 await asyncio.sleep(ANSWER_S)
@@ -98,8 +92,7 @@ class ParameterClient:
         assert self.autopilot is not None
         kind = self._types.get(name, MavParamType.REAL32)
         request = dialect.ParamSet(
-            target_system=self.autopilot.system_id,
-            target_component=self.autopilot.component_id,
+            **self.autopilot.address,
             param_id=name,
             param_value=encode_value(value, kind, self.bytewise),
             param_type=kind,

@@ -83,8 +83,7 @@ class StreamRequests:
         self.requests += 1
         stream.tries += 1
         return CommandLong(
-            target_system=autopilot.system_id,
-            target_component=autopilot.component_id,
+            **autopilot.address,
             command=MavCmd.SET_MESSAGE_INTERVAL,
             confirmation=min(255, stream.tries - 1),
             param1=float(stream.message_id),

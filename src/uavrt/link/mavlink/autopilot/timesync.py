@@ -17,6 +17,13 @@ BIN_NS = ns_from_s(2.0)
 LEAST_SPAN_S = 4.0
 """Minimum span of TIMESYNC round trips for a reliable clock skew, even on a slow link [s]."""
 CLEAR_SPAN_S = 0.5
+WINDOW_NS = ns_from_s(20.0)
+"""Time for which a round trip counts [ns]."""
+KEPT_SHARE = 0.6
+"""Share used for the line, the shortest ones, of the shortest round trips of every 2 s."""
+JUMP_NS = ns_from_s(0.08)
+"""Error beyond the uncertainty of round trips and skew that means another clock [ns]; below one
+second it must occur in two consecutive answers."""
 CLEAR_SKEW = 0.002
 """Largest uncertainty of a clock skew fitted over less than `LEAST_SPAN_S`: 2 ms a second."""
 ONE_WAY_NS = ns_from_s(3.0)
@@ -44,19 +51,9 @@ class TimeSync:
     A message waits in a queue in one direction only, so its midpoint is off by up to half its
     round trip. The shortest trips waited least. If the boot clock falls, or jumps by more than
     any delay explains, the window restarts, because the autopilot was restarted.
-
-    `window_s`: time for which a round trip counts. `keep`: fraction used for the line, the
-    shortest ones, of the shortest round trips of every 2 s. `jump_s`: error beyond the
-    uncertainty of round trips and skew that means another clock; below one second it must occur
-    in two consecutive answers.
     """
 
-    def __init__(
-        self, *, window_s: float = 20.0, keep: float = 0.6, jump_s: float = 0.08
-    ) -> None:
-        self._window_ns = ns_from_s(window_s)
-        self._keep = keep
-        self._jump_ns = ns_from_s(jump_s)
+    def __init__(self) -> None:
         self._trips: deque[RoundTrip] = deque()
         self._line: tuple[int, int, float] | None = None  # remote, local, skew
         self._skew = 0.0
@@ -139,10 +136,10 @@ class TimeSync:
             self.reset()
         if self._line is not None:
             surely_ns = abs(self._error_ns(trip)) + trip.round_trip_ns // 2
-            self._suspect = None if surely_ns < self._jump_ns else self._suspect
+            self._suspect = None if surely_ns < JUMP_NS else self._suspect
         self._trips.append(trip)
         self.round_trips += 1
-        while self._trips[0].local_ns < trip.local_ns - self._window_ns:
+        while self._trips[0].local_ns < trip.local_ns - WINDOW_NS:
             self._trips.popleft()
         self._line = self._fit()
 
@@ -192,7 +189,7 @@ class TimeSync:
 
     def _is_jump(self, trip: RoundTrip) -> bool:
         assert self._line is not None
-        allowed = trip.round_trip_ns // 2 + self._uncertain_ns + self._jump_ns
+        allowed = trip.round_trip_ns // 2 + self._uncertain_ns + JUMP_NS
         if not self._tilted:
             allowed += round(MAX_SKEW * abs(trip.remote_ns - self._line[0]))
         fell = trip.remote_ns < self._trips[-1].remote_ns - NANOSECONDS_PER_SECOND
@@ -214,7 +211,7 @@ class TimeSync:
             if rival is None or trip.round_trip_ns <= rival.round_trip_ns:
                 shortest[place] = trip
         ordered = sorted(shortest.values(), key=lambda t: (t.round_trip_ns, -t.local_ns))
-        best = ordered[: max(4, round(self._keep * len(ordered)))]
+        best = ordered[: max(4, round(KEPT_SHARE * len(ordered)))]
         base = best[0]
         xs = [(trip.remote_ns - base.remote_ns) / NANOSECONDS_PER_SECOND for trip in best]
         span_s = max(xs) - min(xs)

@@ -5,9 +5,9 @@ stations, by Wi-Fi or cable; they are faster and reach less far. A ground statio
 over the first direct link on which it is received, else over link 0.
 """
 
-from collections import OrderedDict
 from collections.abc import Iterable
 
+from uavrt.core.newest import Newest
 from uavrt.core.units import ns_from_s
 from uavrt.link.mavlink.discovery import Peer
 
@@ -27,17 +27,14 @@ class Routes:
 
     def __init__(self, links: int) -> None:
         self._order = (*range(1, links), 0)
-        self._heard: OrderedDict[Peer, dict[int, tuple[int, int]]] = OrderedDict()
+        self._heard: Newest[Peer, dict[int, tuple[int, int]]] = Newest(MAX_PEERS)
         self._doubted_until: dict[int, int] = {}
 
     def received(self, peer: Peer, link: int, now_ns: int) -> None:
         """Record that a frame of `peer` has arrived by `link`."""
-        links = self._heard.setdefault(peer, {})
+        self._heard[peer] = links = self._heard.get(peer, {})
         since_ns, last_ns = links.get(link, (now_ns, now_ns))
         links[link] = (since_ns if now_ns - last_ns < FRESH_NS else now_ns, now_ns)
-        self._heard.move_to_end(peer)
-        if len(self._heard) > MAX_PEERS:
-            self._heard.popitem(last=False)
 
     def doubt(self, link: int, now_ns: int) -> None:
         """Avoid `link` for a while: peers are received there, but do not answer."""

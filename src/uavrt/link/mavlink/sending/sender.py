@@ -129,8 +129,7 @@ class PacedSender:
             return item
         target = Peer(*item.place) if item.place else self._target() or Peer(0, 0)
         return Tunnel(
-            target_system=target.system_id,
-            target_component=target.component_id,
+            **target.address,
             payload_type=item.payload_type,
             payload_length=len(item.payload),
             payload=item.payload,

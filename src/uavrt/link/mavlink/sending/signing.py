@@ -15,7 +15,7 @@ PX4 1.17 breaks the signatures of frames that it forwards; messages through it u
 
 import hashlib
 import hmac
-from collections import Counter, OrderedDict
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +23,7 @@ from typing import Literal
 
 from uavrt.config.key_files import read_key_file
 from uavrt.config.settings import MavlinkSettings
+from uavrt.core.newest import Newest
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.dialect import MavComponent
@@ -99,7 +100,7 @@ class Signing:
         self._clock_ns = clock_ns
         self._unsigned = unsigned
         self._last_ticks = 0
-        self._streams: OrderedDict[tuple[int, int, int], int] = OrderedDict()
+        self._streams: Newest[tuple[int, int, int], int] = Newest(MAX_STREAMS)
         self.counters: Counter[str] = Counter()
 
     def times(self) -> SigningTimes:
@@ -139,9 +140,6 @@ class Signing:
         if ticks <= newest:
             return "signatures_repeated"
         self._streams[stream] = ticks
-        self._streams.move_to_end(stream)
-        if len(self._streams) > MAX_STREAMS:
-            self._streams.popitem(last=False)
         # A computer without a battery-backed clock gets the time from other senders.
         self._last_ticks = max(self._last_ticks, ticks)
         return None

@@ -1,7 +1,6 @@
 """Split operator texts into pieces of 50 bytes, join them again, limit their rate. Pure."""
 
-from collections import OrderedDict
-
+from uavrt.core.newest import Newest
 from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 from uavrt.link.mavlink.dialect import MavSeverity, Statustext
 
@@ -47,7 +46,7 @@ class TextLimiter:
     def __init__(self) -> None:
         self._tokens = float(TEXT_BURST)
         self._filled_ns: int | None = None
-        self._recent: OrderedDict[str, int] = OrderedDict()
+        self._recent: Newest[str, int] = Newest(TEXTS_KNOWN)
         self.left_out = 0
 
     def allows(self, severity: int, text: str, now_ns: int) -> bool:
@@ -63,9 +62,6 @@ class TextLimiter:
             return False
         self._tokens = max(0.0, self._tokens - 1.0)
         self._recent[text] = now_ns
-        self._recent.move_to_end(text)
-        if len(self._recent) > TEXTS_KNOWN:
-            self._recent.popitem(last=False)
         return True
 
     def sent_within(self, text: str, period_ns: int, now_ns: int) -> bool:

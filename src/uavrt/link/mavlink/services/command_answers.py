@@ -108,9 +108,4 @@ def _version_number() -> int:
 
 
 def _ack(command: int, result: int, target: Peer) -> dialect.CommandAck:
-    return dialect.CommandAck(
-        command=command,
-        result=result,
-        target_system=target.system_id,
-        target_component=target.component_id,
-    )
+    return dialect.CommandAck(command=command, result=result, **target.address)

@@ -15,12 +15,13 @@ More than two replies sent at once would overrun the autopilot's buffer. In the 
 reaches at most 12 kB/s, even over a faster network.
 """
 
-from collections import Counter, OrderedDict, deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import BinaryIO, TypeVar
 
+from uavrt.core.newest import Newest
 from uavrt.core.runtime.disk_thread import Disk, at_once
 from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 from uavrt.link.mavlink.dialect import FileTransferProtocol
@@ -138,7 +139,7 @@ class FileServer:
         self._wake = wake
         self._disk = disk
         self._sessions: dict[tuple[Peer, int], Session] = {}
-        self._clients: OrderedDict[Peer, Client] = OrderedDict()
+        self._clients: Newest[Peer, Client] = Newest(MAX_CLIENTS)
         self._replies: deque[tuple[Peer, FtpPacket]] = deque()
         self._bursts: dict[Peer, Burst] = {}
         self._crcs: deque[Crc] = deque()
@@ -166,9 +167,6 @@ class FileServer:
             if client.data_sent_ns is not None and peer not in self._bursts:
                 trip_s = (now_ns - client.data_sent_ns) / NANOSECONDS_PER_SECOND
         self._clients[peer] = Client(request)
-        self._clients.move_to_end(peer)
-        while len(self._clients) > MAX_CLIENTS:
-            self._clients.popitem(last=False)
         self._forget_idle(now_ns)
         try:
             self._serve(request, peer, now_ns)
@@ -206,12 +204,8 @@ class FileServer:
             client = self._clients.get(peer)
             if client is not None:
                 client.data_sent_ns = now_ns
-        return FileTransferProtocol(
-            target_network=0,
-            target_system=peer.system_id,
-            target_component=peer.component_id,
-            payload=packet.encode(),
-        )
+        payload = packet.encode()
+        return FileTransferProtocol(target_network=0, **peer.address, payload=payload)
 
     def work(self) -> None:
         """Continue a checksum: a megabyte at a time, about a millisecond."""

@@ -4,9 +4,10 @@ The recorder confirms a pulse later. After a restart of the connection process, 
 database shows which pulses have a pose and were received on the ground.
 """
 
-from collections import OrderedDict, deque
+from collections import deque
 
 from uavrt.core.messages import PulseKey
+from uavrt.core.newest import Newest
 
 REMEMBERED = 500
 """Number of recorded pulses kept to ignore repeated reports; 20 s at 25 per second, 50 kB."""
@@ -18,7 +19,7 @@ class PulseDelivery:
     """Decides whether a pulse is sent, so that each pulse is sent once."""
 
     def __init__(self) -> None:
-        self._unrecorded: OrderedDict[PulseKey, None] = OrderedDict()
+        self._unrecorded: Newest[PulseKey, None] = Newest(MOST_UNRECORDED)
         self._recent: deque[PulseKey] = deque()
         self._recorded = set[PulseKey]()
         """Keys of the pulses in `_recent`, for quick look-up."""
@@ -35,8 +36,6 @@ class PulseDelivery:
         if key in self._unrecorded or key in self._recorded:
             return False
         self._unrecorded[key] = None
-        if len(self._unrecorded) > MOST_UNRECORDED:
-            self._unrecorded.popitem(last=False)
         return True
 
     def station_came(self) -> None:

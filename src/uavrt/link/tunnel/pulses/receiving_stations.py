@@ -8,6 +8,7 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass
 
+from uavrt.core.newest import Newest
 from uavrt.core.units import ns_from_s
 from uavrt.link.allowance import Allowance
 from uavrt.link.tunnel.generations.wire import Ids
@@ -69,7 +70,7 @@ class Stores:
     def __init__(self) -> None:
         self._stores: dict[int, Store] = {}
         self._new = Allowance(burst=NEW_STORES, per_s=NEW_STORES_PER_S)
-        self._ignored: dict[int, int] = {}
+        self._ignored: Newest[int, int] = Newest(MOST_IGNORED)
         """Time since which a station that acknowledged nothing is ignored [ns], by number."""
         self._plain_on_disk = False
         self.refused = 0
@@ -142,8 +143,6 @@ class Stores:
         """Remove a ground station; with `now_ns` ignore it for a while if it never answered."""
         if now_ns is not None and self._stores[number].unresponsive(now_ns):
             self._ignored[number] = now_ns
-            while len(self._ignored) > MOST_IGNORED:
-                del self._ignored[next(iter(self._ignored))]
         return self._stores.pop(number)
 
     def on_disk(self, *, unconfirmed: bool) -> int | None:

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Generic, Literal, TypeVar
 
+from uavrt.core.newest import Newest
 from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 from uavrt.link.tunnel.pulses.round_trips import FIRST_RTO_S, RoundTrips
 
@@ -64,7 +65,7 @@ class Underway(Generic[T]):
     def __init__(self) -> None:
         self._sent: OrderedDict[EntryKey, Entry[T]] = OrderedDict()
         self._by_hash: dict[int, Entry[T]] = {}
-        self._done: OrderedDict[int, Entry[T]] = OrderedDict()
+        self._done: Newest[int, Entry[T]] = Newest(DONE)
         """Pulses acknowledged or given up, by the hashes of their payloads."""
         self._order = 0
         self._trips = RoundTrips()
@@ -105,8 +106,6 @@ class Underway(Generic[T]):
         for number in entry.hashes:
             self._by_hash.pop(number, None)
             self._done[number] = entry
-        while len(self._done) > DONE:
-            self._done.popitem(last=False)
 
     def restart(self) -> list[Entry[T]]:
         """Remove and return all messages, because another link is used."""

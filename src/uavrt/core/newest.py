@@ -1,0 +1,21 @@
+"""A dictionary of limited size, for what peers send and for requests that await an answer."""
+
+from collections import OrderedDict
+from typing import Generic, TypeVar
+
+K = TypeVar("K")
+V = TypeVar("V")
+
+
+class Newest(OrderedDict[K, V], Generic[K, V]):
+    """A dictionary limited to `most` entries: those whose keys were set last."""
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        super().__init__()
+
+    def __setitem__(self, key: K, value: V) -> None:
+        super().__setitem__(key, value)
+        self.move_to_end(key)
+        if len(self) > self._most:
+            self.popitem(last=False)
