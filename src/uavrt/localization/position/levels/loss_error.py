@@ -83,7 +83,7 @@ class LossError:
             with_level_db=kept * self.with_level_db,
         )
 
-    def learnt(self, doubtful: _Floats, moved: _Floats, shrunk: _Floats) -> "LossError":
+    def learnt(self, doubtful: _Floats | float, moved: _Floats, shrunk: _Floats) -> "LossError":
         """Distribution after a pulse with a slope (`moved`) and curvature of log-likelihood."""
         with_pulse = self.with_level_db - doubtful * self.variance
         return replace(
