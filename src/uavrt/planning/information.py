@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.localization.position.levels.level_belief import antenna_gain_db
-from uavrt.localization.position.levels.loss_error import LossError, doubtful_db
+from uavrt.localization.position.levels.loss_error import LossError
 from uavrt.localization.position.trackers import Hypotheses, TagPrior
 from uavrt.localization.position.tuning import POWER, LastingError
 from uavrt.planning.beliefs import TagBelief
@@ -55,48 +55,21 @@ def expected_levels_db(
         dx, dy = dx + some.east_m_s * time, dy + some.north_m_s * time
     if walked_m is not None:
         dx, dy = dx + walked_m[0], dy + walked_m[1]
-    height, lost = _over_ground(prior, east, north, dx, dy, listener)
+    ground = prior.ground.along(east, north, dx, dy, listener.above_tags_m)
+    height = listener.above_tags_m - ground.rise_m
     slant2 = dx * dx + dy * dy + height**2
     gain = antenna_gain_db(prior.pattern, yaw, dx, dy, height, np.sqrt(slant2))
     decades = 5.0 * np.log10(slant2) - float(10.0 * np.log10(POWER.reference_m))
-    level = some.level_db - some.exponent * decades + gain - lost
+    level = some.level_db - some.exponent * decades + gain - ground.lost_db
     if prior.path_gain is not None:
         level = level + prior.path_gain(dx, dy, listener.above_tags_m)
     wrong2: _Singles | float = 0.0
-    error = LossError.of_columns(prior.lasting_error, some.loss_error)
+    error = LossError.of_columns(prior.ground.lasting_error, some.loss_error)
     if error is not None:
-        doubtful = (
-            np.full_like(level, prior.shadowing_db)
-            if prior.hills is None
-            else doubtful_db(np.asarray(lost))
-        )
-        level = level - error.mean * doubtful
-        wrong2 = np.mean(error.variance * doubtful**2, axis=2)
+        level = level - error.mean * ground.doubtful_db
+        doubtful2 = np.broadcast_to(error.variance * ground.doubtful_db**2, level.shape)
+        wrong2 = np.mean(doubtful2, axis=2)
     return np.asarray(level, np.float32), wrong2
-
-
-def _over_ground(
-    prior: TagPrior,
-    east: _Singles,
-    north: _Singles,
-    dx: _Singles,
-    dy: _Singles,
-    listener: Listener,
-) -> tuple[_Singles | float, _Singles | float]:
-    """Heights of the drone above the hypotheses [m], and losses behind hills [dB]."""
-    if prior.hills is None:
-        return listener.above_tags_m, 0.0
-    hills = prior.hills.rough()
-    up = np.full(east.shape, listener.above_tags_m)
-    seen = hills.seen_from(east.ravel(), north.ravel(), up.ravel() + hills.tag_m)
-    tag_east, tag_north = east + dx, north + dy
-    lost = seen.between(seen.which.reshape(east.shape), tag_east, tag_north)
-    # What differs within a rough square is not known: hypotheses that lie in one lose alike.
-    apart2 = float(np.mean(dx.var(axis=2) + dy.var(axis=2)))
-    share = np.float32(apart2 / (apart2 + (2.0 * seen.cell_m) ** 2))
-    lost = share * lost + (1.0 - share) * lost.mean(axis=2, keepdims=True)
-    height = up - hills.rise_m(tag_east, tag_north)
-    return height.astype(np.float32), lost
 
 
 def information_nats(
@@ -168,7 +141,7 @@ def _pulses(prior: TagPrior, some: Hypotheses, legs: Legs, listener: Listener) -
     pulses = spans / samples / listener.pulse_s * (1.0 - prior.missed_share)
     noise2 = prior.fading_db**2 + _walked_db2(some, legs, spans, listener.above_tags_m)
     alike2, apart2 = _lasting_variance(
-        prior.lasting_error, wrong2, legs, spans / listener.pulse_s
+        prior.ground.lasting_error, wrong2, legs, spans / listener.pulse_s
     )
     noise2 = noise2 + apart2
     per_pulse = (pulses[:, None] / noise2).astype(np.float32)

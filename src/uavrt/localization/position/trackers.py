@@ -16,6 +16,11 @@ from numpy.typing import NDArray
 from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.position.bayes_fix import Area, shifted_m
 from uavrt.localization.position.bearings.bearing_evidence import BearingEvidence
+from uavrt.localization.position.levels.ground_models import (
+    GroundModel,
+    HillyGround,
+    LevelGround,
+)
 from uavrt.localization.position.levels.level_belief import (
     GroundEffect,
     LevelBelief,
@@ -23,7 +28,7 @@ from uavrt.localization.position.levels.level_belief import (
     false_pulse_density,
 )
 from uavrt.localization.position.levels.loss_error import LossError
-from uavrt.localization.position.tuning import LEVEL, LOSS, TRACK, LastingError
+from uavrt.localization.position.tuning import LEVEL, TRACK
 from uavrt.localization.terrain.hill_losses import HillLosses
 
 _Floats = NDArray[np.floating[Any]]
@@ -87,11 +92,11 @@ class TagPrior:
     """Standard deviation of the shadowing on level ground [dB]; 0: none."""
 
     @property
-    def lasting_error(self) -> LastingError | None:
-        """Constants of the lasting error, by hills or shadowing; None if there is none."""
+    def ground(self) -> GroundModel:
+        """Losses by the ground: those of hills, or shadowing on level ground."""
         if self.hills is not None:
-            return LOSS.hills
-        return LOSS.shadowing if self.shadowing_db > 0.0 else None
+            return HillyGround(hills=self.hills)
+        return LevelGround(shadowing_db=self.shadowing_db)
 
 
 def _estimate(
@@ -247,6 +252,7 @@ class _MotionModel:
         middle, sigma = self._exponent_before()
         exponent = middle + sigma * self.normal(count)
         level, variance = prior.level_db, prior.level_sigma_db**2
+        law = prior.ground.lasting_error
         return _Particles(
             east_m=rng.uniform(area.west_m, area.east_m, count).astype(np.float32),
             north_m=rng.uniform(area.south_m, area.north_m, count).astype(np.float32),
@@ -256,8 +262,8 @@ class _MotionModel:
             exponent=self._plausible(exponent),
             loss_error=(
                 np.empty((count, 0), np.float32)
-                if prior.lasting_error is None
-                else LossError.before_pulses(prior.lasting_error, count).columns()
+                if law is None
+                else LossError.before_pulses(law, count).columns()
             ),
             mean_db=np.full(count, level, np.float32),
             variance_db2=np.full(count, variance, np.float32),
@@ -464,18 +470,16 @@ class ParticleTracker:
             false alarms.
         """
         state, prior = self._state, self._prior
-        error = LossError.of_columns(prior.lasting_error, state.loss_error)
+        error = LossError.of_columns(prior.ground.lasting_error, state.loss_error)
         if error is not None:  # decorrelated by the drone's movement since the last pulse
             here = float(heard.east_m), float(heard.north_m)
             state.loss_error = error.after(self._heard_from_m, here).columns()
             self._heard_from_m = here
-        level, expected, scatter_db, behind = self._expected(heard)
+        level, expected, ground = self._expected(heard)
+        scatter_db = ground.scatter_db(prior.fading_db)
         mean = float(self._weight @ expected)
-        variance = float(self._weight @ (expected - mean) ** 2) + prior.fading_db**2
-        if behind is not None:
-            variance += float(self._weight @ (scatter_db**2 - prior.fading_db**2))
-        if behind is not None or not level.known:
-            variance += float(self._weight @ level.spread_db2(behind))
+        spread2 = (expected - mean) ** 2 + level.spread_db2(ground) + scatter_db**2
+        variance = float(self._weight @ spread2)
         likelihood = level.update(
             heard,
             expected,
@@ -483,7 +487,7 @@ class ParticleTracker:
             missed_share=prior.missed_share,
             chance_share=prior.chance_share,
             elsewhere=elsewhere,
-            behind=behind,
+            ground=ground,
         )
         state.mean_db = np.asarray(level.mean_db, np.float32)
         state.variance_db2 = np.asarray(level.variance_db2, np.float32)
@@ -500,31 +504,29 @@ class ParticleTracker:
 
     def density(self, heard: Listening) -> float:
         """Probability density of this pulse's level if the tag sent it [1/dB]; no update."""
-        level, expected, scatter_db, behind = self._expected(heard)
+        level, expected, ground = self._expected(heard)
         both = level.update(
             heard,
             expected,
-            scatter_db,
+            ground.scatter_db(self._prior.fading_db),
             missed_share=self._prior.missed_share,
             chance_share=0.0,
-            behind=behind,
+            ground=ground,
         )
         return float(self._weight @ np.exp(both))
 
-    def _expected(
-        self, heard: Listening
-    ) -> tuple[LevelBelief, _Floats, _Floats | float, GroundEffect | None]:
-        """Strengths, expected levels, their scatter, and ground effects for one pulse."""
+    def _expected(self, heard: Listening) -> tuple[LevelBelief, _Floats, GroundEffect]:
+        """Strengths, expected levels, and ground effects for one pulse."""
         state, prior = self._state, self._prior
         level = LevelBelief(
             mean_db=state.mean_db,
             variance_db2=state.variance_db2,
             known=prior.level_sigma_db == 0.0,
-            error=LossError.of_columns(prior.lasting_error, state.loss_error),
+            error=LossError.of_columns(prior.ground.lasting_error, state.loss_error),
         )
-        behind = self._ground_effect(heard)
+        ground = prior.ground.effect(heard, state.east_m, state.north_m)
         expected = level.expected_db(
-            heard, state.east_m, state.north_m, state.exponent, prior.pattern, behind
+            heard, state.east_m, state.north_m, state.exponent, prior.pattern, ground
         )
         if prior.path_gain is not None:
             expected = expected + prior.path_gain(
@@ -532,17 +534,7 @@ class ParticleTracker:
                 state.north_m - float(heard.north_m),
                 float(heard.height_m),
             )
-        if behind is None:
-            return level, expected, prior.fading_db, None
-        return level, expected, behind.scatter_db(prior.fading_db), behind
-
-    def _ground_effect(self, heard: Listening) -> GroundEffect | None:
-        state, prior = self._state, self._prior
-        if prior.hills is not None:
-            return GroundEffect.hills(prior.hills, heard, state.east_m, state.north_m)
-        if prior.shadowing_db > 0.0:
-            return GroundEffect.shadowing(prior.shadowing_db, state.east_m)
-        return None
+        return level, expected, ground
 
     def take_bearing(
         self, east_m: float, north_m: float, posterior: NDArray[np.float64]

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from uavrt.core.runtime.lean_scipy import special
 from uavrt.localization.antenna import NULL_DB, AntennaPattern
-from uavrt.localization.position.levels.loss_error import LossError, doubtful_db
+from uavrt.localization.position.levels.loss_error import LossError
 from uavrt.localization.position.tuning import LEVEL, LOSS, POWER
-from uavrt.localization.terrain.hill_losses import HillLosses
 
 _Floats = NDArray[np.floating[Any]]
 """Array in single or double precision, as in the input."""
@@ -115,37 +114,20 @@ def antenna_gain_db(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GroundEffect:
-    """Effect of the ground on a pulse, for a tag at each position."""
+    """Effect of the ground between drone and tag, for a tag at each position."""
 
-    rise_m: _Floats
+    rise_m: _Floats | float = 0.0
     """Height of the ground at each tag position above that at the take-off [m]."""
-    lost_db: _Floats
-    doubtful_db: _Floats
-    """Additional loss per unit of the relative error of losses, at each tag position [dB]."""
+    lost_db: _Floats | float = 0.0
+    doubtful_db: _Floats | float = 0.0
+    """Additional loss per unit of the lasting error, at each tag position [dB]."""
 
-    @classmethod
-    def shadowing(cls, shadowing_db: float, like: _Floats) -> "GroundEffect":
-        """Shadowing on level ground, of the given standard deviation, for all positions."""
-        none = np.zeros_like(like)
-        return cls(rise_m=none, lost_db=none, doubtful_db=np.full_like(like, shadowing_db))
-
-    @classmethod
-    def hills(
-        cls, hills: HillLosses, heard: Listening, east_m: _Floats, north_m: _Floats
-    ) -> "GroundEffect":
-        """Ground effect between the drone and each position."""
-        up_m = float(heard.height_m) + hills.tag_m
-        drone = (float(heard.east_m), float(heard.north_m), up_m)
-        lost = hills.loss_db(drone, east_m, north_m).astype(east_m.dtype)
-        return cls(
-            rise_m=hills.rise_m(east_m, north_m).astype(east_m.dtype),
-            lost_db=lost,
-            doubtful_db=doubtful_db(lost),
-        )
-
-    def scatter_db(self, fading_db: float) -> _Floats:
+    def scatter_db(self, fading_db: float) -> _Floats | float:
         """Standard deviation of fading and losses that differ from pulse to pulse [dB]."""
-        return np.asarray(np.hypot(fading_db, LOSS.pulse_share * self.lost_db))
+        return (fading_db**2 + (LOSS.pulse_share * self.lost_db) ** 2) ** 0.5
+
+
+NO_EFFECT = GroundEffect()
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -166,30 +148,26 @@ class LevelBelief:
         north_m: _Floats,
         exponent: _Floats,
         pattern: AntennaPattern | None,
-        behind: GroundEffect | None = None,
+        ground: GroundEffect,
     ) -> _Floats:
         """Expected SNR at the drone if the tag is at each position [dB]."""
         # As Python floats they do not change single precision to double.
         dx, dy = east_m - float(heard.east_m), north_m - float(heard.north_m)
-        height: _Floats | float = float(heard.height_m)
-        if behind is not None:
-            height = height - behind.rise_m
+        height = float(heard.height_m) - ground.rise_m
         yaw = None if heard.yaw_deg is None else float(heard.yaw_deg)
         slant2 = np.maximum(dx * dx + dy * dy + height**2, 1.0)
         gain = antenna_gain_db(pattern, yaw, dx, dy, height, np.sqrt(slant2))
-        loss = exponent * (5.0 * np.log10(slant2) - 10.0 * np.log10(POWER.reference_m))
-        expected = self.mean_db - loss + gain
-        if behind is None:
-            return np.asarray(expected)
-        error = 0.0 if self.error is None else self.error.mean * behind.doubtful_db
-        return np.asarray(expected - behind.lost_db - error)
+        loss = exponent * (5.0 * np.log10(slant2) - float(10.0 * np.log10(POWER.reference_m)))
+        expected = self.mean_db - loss + gain - ground.lost_db
+        if self.error is not None:
+            expected = expected - self.error.mean * ground.doubtful_db
+        return np.asarray(expected)
 
-    def spread_db2(self, behind: GroundEffect | None) -> _Floats:
+    def spread_db2(self, ground: GroundEffect) -> _Floats:
         """Variance of the expected SNR at the drone, without fading [dB²]."""
-        error = self.error
-        if error is None or behind is None:
+        error, doubtful = self.error, ground.doubtful_db
+        if error is None:
             return self.variance_db2
-        doubtful = behind.doubtful_db
         both = doubtful * (doubtful * error.variance - 2.0 * error.with_level_db)
         return np.asarray(np.maximum(self.variance_db2 + both, 0.0))
 
@@ -202,7 +180,7 @@ class LevelBelief:
         missed_share: float = LEVEL.by_chance,
         chance_share: float = LEVEL.by_chance,
         elsewhere: float = 0.0,
-        behind: GroundEffect | None = None,
+        ground: GroundEffect = NO_EFFECT,
     ) -> _Floats:
         """Update with one pulse or miss; returns the log-likelihood at each position.
 
@@ -212,7 +190,7 @@ class LevelBelief:
         learns = not self.known or self.error is not None
         variance: Any = fading_db**2
         if learns:
-            variance = self.spread_db2(behind) + variance
+            variance = self.spread_db2(ground) + variance
         if heard.snr_db is not None:
             innovation = float(heard.snr_db) - expected_db
             scale = (1.0 - missed_share) / LEVEL.root_two_pi / np.sqrt(variance)
@@ -222,7 +200,7 @@ class LevelBelief:
             if learns:
                 # Chance pulses contain no information about the strength.
                 part = density / mixed / variance
-                self._learn(behind, part * innovation, part)
+                self._learn(ground, part * innovation, part)
             return np.asarray(np.log(mixed))
         u = (float(heard.threshold_db) - expected_db) / np.sqrt(variance)
         log_below = log_normal_tail(u)
@@ -232,17 +210,17 @@ class LevelBelief:
             hazard = np.exp(-0.5 * u * u - log_below) / LEVEL.root_two_pi
             ratio = below / mixed * hazard
             part = np.clip(ratio * (ratio + u), 0.0, 1.0) / variance
-            self._learn(behind, -ratio / np.sqrt(variance), part)
+            self._learn(ground, -ratio / np.sqrt(variance), part)
         return np.asarray(np.log(mixed))
 
-    def _learn(self, behind: GroundEffect | None, moved: _Floats, shrunk: _Floats) -> None:
+    def _learn(self, ground: GroundEffect, moved: _Floats, shrunk: _Floats) -> None:
         """Update strengths by slope (`moved`) and curvature (`shrunk`) of a log-likelihood."""
         error, with_pulse = self.error, self.variance_db2
-        if error is not None and behind is not None:
-            with_pulse = with_pulse - behind.doubtful_db * error.with_level_db
-            crossed = error.with_level_db - behind.doubtful_db * error.variance
+        if error is not None:
+            with_pulse = with_pulse - ground.doubtful_db * error.with_level_db
+            crossed = error.with_level_db - ground.doubtful_db * error.variance
             covariance = error.with_level_db - with_pulse * crossed * shrunk
-            learnt = error.learnt(behind.doubtful_db, moved, shrunk)
+            learnt = error.learnt(ground.doubtful_db, moved, shrunk)
             self.error = replace(learnt, with_level_db=covariance)
         self.mean_db = self.mean_db + with_pulse * moved
         self.variance_db2 = np.maximum(self.variance_db2 - with_pulse**2 * shrunk, 0.0)

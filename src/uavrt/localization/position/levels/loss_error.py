@@ -83,8 +83,8 @@ class LossError:
             with_level_db=kept * self.with_level_db,
         )
 
-    def learnt(self, doubtful: _Floats, moved: _Floats, shrunk: _Floats) -> "LossError":
-        """Distribution after a pulse, by slope (`moved`) and curvature of its likelihood."""
+    def learnt(self, doubtful: _Floats | float, moved: _Floats, shrunk: _Floats) -> "LossError":
+        """Distribution after a pulse by slope (`moved`) and curvature of its likelihood."""
         with_pulse = self.with_level_db - doubtful * self.variance
         return replace(
             self,
