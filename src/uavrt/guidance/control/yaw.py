@@ -235,7 +235,8 @@ class YawWatch:
         if not self._near and bearing_deg is not None:
             return bearing_deg, degrees(atan(SAFETY.bearing_place_error_m / away_m))
         if self.exact and not was_near and self._aim_deg is not None:
-            self._may_stop(time_s, self._rate_towards_aim(time_s, step_deg))
+            if not self._turns_on:
+                self._may_stop(time_s, self._rate_towards_aim(time_s, step_deg))
             self._stopping = True
             return yaw_deg, 0.0
         if self._stopping and self._ended:
