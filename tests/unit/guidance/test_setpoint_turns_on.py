@@ -283,3 +283,19 @@ def test_a_turn_by_another_before_our_corner_is_seen(away_m: float, by_deg: floa
     flown.run(20.0)
     assert flown.authority.reason == OTHERS_TURN
     assert len(flown.commands) == sent
+
+
+PASSED = (
+    (325.24, 313.60, 3.87), (323.74, 313.98, 3.41), (321.54, 314.48, 2.95),
+    (319.57, 315.10, 2.51), (317.83, 315.90, 2.09), (316.32, 316.98, 1.69),
+    (315.50, 318.87, 1.31), (314.38, 322.03, 0.97), (313.49, 326.80, 0.66),
+)  # fmt: skip
+"""Heading setpoint [°], bearing [°] and distance of the target [m], every 0.1 s: the end of a
+simulated leg on which the bearing comes to meet the setpoint."""
+
+
+def test_a_setpoint_that_passes_its_bearing_stops_behind_it_though_the_target_is_near() -> None:
+    watch = watch_of(0.0, PASSED[0][0])
+    times_s = [0.1 * (number + 1) for number in range(len(PASSED))]
+    faults = [watch.fault(time_s, *row) for time_s, row in zip(times_s, PASSED, strict=True)]
+    assert faults == [None] * len(PASSED)
