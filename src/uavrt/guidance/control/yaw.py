@@ -183,10 +183,10 @@ class YawWatch:
         ):
             self._may_stop(time_s, max(turned_deg, step_deg, key=abs) / gap_s)
 
-    def _rate_towards_aim(self, time_s: float, step_deg: float) -> float:
-        """Turn rate [°/s] at which the setpoint turns to its aim, or, past it, with its aim."""
+    def _own_rate(self, time_s: float, step_deg: float) -> float:
+        """Turn rate of the setpoint [°/s]; past its aim, unless it may stop there, the aim's."""
         turned_deg = max(step_deg, self._step_deg, key=abs)
-        if turned_deg * self._side_deg <= 0.0:
+        if turned_deg * self._side_deg <= 0.0 and not self._turns_on:
             together = turned_deg * self._aim_step_deg > 0.0
             turned_deg = self._aim_step_deg if together else 0.0
         return turned_deg / max(time_s - self._seen_s, SAFETY.sample_s)
@@ -235,8 +235,7 @@ class YawWatch:
         if not self._near and bearing_deg is not None:
             return bearing_deg, degrees(atan(SAFETY.bearing_place_error_m / away_m))
         if self.exact and not was_near and self._aim_deg is not None:
-            if not self._turns_on:
-                self._may_stop(time_s, self._rate_towards_aim(time_s, step_deg))
+            self._may_stop(time_s, self._own_rate(time_s, step_deg))
             self._stopping = True
             return yaw_deg, 0.0
         if self._stopping and self._ended:
