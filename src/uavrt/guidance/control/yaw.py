@@ -184,7 +184,7 @@ class YawWatch:
             self._may_stop(time_s, max(turned_deg, step_deg, key=abs) / gap_s)
 
     def _own_rate(self, time_s: float, step_deg: float) -> float:
-        """Turn rate of the setpoint [°/s]; past its aim, unless it may stop there, the aim's."""
+        """Turn rate of the setpoint, or of its aim where it may not turn past that [°/s]."""
         turned_deg = max(step_deg, self._step_deg, key=abs)
         if turned_deg * self._side_deg <= 0.0 and not self._turns_on:
             together = turned_deg * self._aim_step_deg > 0.0
