@@ -12,6 +12,8 @@ from functools import cache
 from types import FunctionType, MappingProxyType, NoneType
 from typing import Any, Protocol, TypeVar
 
+from uavrt.core.newest import Newest
+
 T = TypeVar("T")
 Key = Callable[[Any, float], object]
 _ATOMS: frozenset[type] = frozenset({int, str, bool, bytes, NoneType})
@@ -123,6 +125,8 @@ def _copier(kind: Any) -> Callable[[Any], Any]:
         return lambda thing: thing
     if kind in (list, deque, tuple, set):
         return lambda thing: kind([copied(one) for one in thing])
+    if issubclass(kind, Newest):
+        return _copied_newest
     if issubclass(kind, dict):
         return lambda thing: kind({key: copied(one) for key, one in thing.items()})
     slots = _slots(kind)
@@ -140,6 +144,12 @@ def _copier(kind: Any) -> Callable[[Any], Any]:
         new=object.__new__,
         kind=kind,
     )
+
+
+def _copied_newest(thing: Newest[Any, Any]) -> Newest[Any, Any]:
+    copy: Newest[Any, Any] = Newest(thing.most)
+    copy.update({key: copied(one) for key, one in thing.items()})
+    return copy
 
 
 def _copied_by_attributes(thing: Any) -> Any:

@@ -29,8 +29,8 @@ class MovedPage:
         self.watched = Watched(browser, address, color_scheme="light")
         self.page: Page = self.watched.page
         expect(self.page.locator("#motion-bar")).to_be_visible()
-        self.page.wait_for_function("() => window.uavrt.store.state.home !== null")
-        self.page.wait_for_function("() => window.uavrt.store.state.vehicle !== null")
+        self.page.wait_for_function("() => window.uavrt?.store.state.home !== null")
+        self.page.wait_for_function("() => window.uavrt?.store.state.vehicle !== null")
         self.page.click("#show-move")
 
     def ask(self) -> str:

@@ -235,7 +235,7 @@ class Scene:
     def commanding_and_looking_on(self, **context: Any) -> tuple[Watched, Watched]:
         """Open the page twice; the first one commands."""
         first = self.watch(**context)
-        first.page.wait_for_function("() => window.uavrt.store.state?.commander")
+        first.page.wait_for_function("() => window.uavrt?.store.state?.commander")
         return first, self.watch(**context)
 
     def watch(self, address: str = "", **context: Any) -> Watched:

@@ -11,11 +11,11 @@ class Newest(OrderedDict[K, V], Generic[K, V]):
     """A dictionary limited to `most` entries: those whose keys were set last."""
 
     def __init__(self, most: int) -> None:
-        self._most = most
+        self.most = most
         super().__init__()
 
     def __setitem__(self, key: K, value: V) -> None:
         super().__setitem__(key, value)
         self.move_to_end(key)
-        if len(self) > self._most:
+        if len(self) > self.most:
             self.popitem(last=False)

@@ -70,7 +70,7 @@ def fall_silent(page: Page, radio: QuietRadio) -> None:
     expect(page.locator("#banner")).to_be_hidden()
     expect(page.locator("#chip-state")).to_have_text("Detecting")
     page.wait_for_function(
-        f"() => window.uavrt.store.pulses.get('time').filter({silent}).length > 0"
+        f"() => window.uavrt?.store.pulses.get('time').filter({silent}).length > 0"
     )
     assert page.evaluate(flight) == was
 
@@ -189,7 +189,7 @@ def test_a_whole_flight_is_flown_through_the_page(
     page.wait_for_selector(".rose", timeout=WAIT_MS)
     watched.caption("3. From the third pulse of a turn: a rose and a bearing.", 5)
     page.click("#act-mark")
-    page.wait_for_function("() => window.uavrt.store.positions.length > 0", timeout=WAIT_MS)
+    page.wait_for_function("() => window.uavrt?.store.positions.length > 0", timeout=WAIT_MS)
     expect(page.locator("#walk-place")).to_contain_text("35.1")
     watched.caption("Position of the tag, in digits to be read aloud.", 5)
     page.click('[data-format="mgrs"]')
@@ -199,9 +199,9 @@ def test_a_whole_flight_is_flown_through_the_page(
     # A reload, and a second browser: the same flight.
     before = page.evaluate("() => window.uavrt.store.pulses.count")
     page.reload()
-    page.wait_for_function(f"() => window.uavrt.store.pulses.count >= {before}")
+    page.wait_for_function(f"() => window.uavrt?.store.pulses.count >= {before}")
     second = watch(ground.address, color_scheme="dark", plain_map=False)
-    second.page.wait_for_function(f"() => window.uavrt.store.pulses.count >= {before}")
+    second.page.wait_for_function(f"() => window.uavrt?.store.pulses.count >= {before}")
     second.page.wait_for_selector(".rose", timeout=WAIT_MS)
 
     # The server is killed and comes back: the page goes on by itself, nothing is missing.
@@ -211,14 +211,14 @@ def test_a_whole_flight_is_flown_through_the_page(
     ground = start_ground(tmp_path, ground.port)
     expect(page.locator("#banner")).to_be_hidden(timeout=WAIT_MS)
     expect(page.locator("#chip-state")).to_have_text("Detecting", timeout=WAIT_MS)
-    page.wait_for_function(f"() => window.uavrt.store.pulses.count > {before}", timeout=WAIT_MS)
+    page.wait_for_function(f"() => window.uavrt?.store.pulses.count > {before}", timeout=WAIT_MS)
 
     watched.caption("… and started again: the page goes on, no pulse is missing.", 5)
     watched.caption("The radio falls silent …", 2)
     fall_silent(page, radio)
     watched.caption("… and is back: the drone has kept its pulses, and sends them.", 5)
     page.wait_for_function(
-        "() => window.uavrt.store.bearings.some((one) => one.turn >= 1)",
+        "() => window.uavrt?.store.bearings.some((one) => one.turn >= 1)",
         timeout=2 * WAIT_MS + 1000 * FLIGHT_S,  # a busy machine makes both slow
     )
     page.keyboard.press("f")

@@ -68,7 +68,7 @@ def test_a_search_is_refused_without_tags_and_watched_with_them(
     page.click("#act-start")
     expect(page.locator("#chip-state")).to_have_text("Detecting")
     # The page loads the flight that has begun, and what is done meanwhile stays open.
-    page.wait_for_function("() => window.uavrt.store.liveFlight !== null")
+    page.wait_for_function("() => window.uavrt?.store.liveFlight !== null")
     expect(page.locator("#move-ask")).to_be_visible()
     watched.caption("Asked again, it says what it would do. Nothing moves until it is held.")
     assert "search" in here.fly()

@@ -21,7 +21,7 @@ def test_what_the_set_up_tells_stands_in_the_report(scene: Scene) -> None:
     ):
         page.fill(f"#{field}", text)
         page.press(f"#{field}", "Tab")
-    page.wait_for_function("() => window.uavrt.store.settings.heading_error_deg === 12")
+    page.wait_for_function("() => window.uavrt?.store.settings.heading_error_deg === 12")
     expect(page.locator("#fact-time_zone")).to_have_value("Asia/Tokyo")
     page.fill("#fact-time_zone", "Moon/Base")
     page.press("#fact-time_zone", "Tab")

@@ -66,7 +66,7 @@ def ready(page: Page) -> None:
     for key in ("pulse_width_ms", "interval_uncertainty_ms", "interval_jitter_ms"):
         page.fill(f'input[data-row="0"][data-key="{key}"]', "20")
     page.click("#tag-save")
-    page.wait_for_function("() => window.uavrt.store.tags.length === 1")
+    page.wait_for_function("() => window.uavrt?.store.tags.length === 1")
 
 
 def states(page: Page) -> Iterator[str]:
@@ -92,7 +92,7 @@ def states(page: Page) -> Iterator[str]:
     page.click("#tab-flights")
     page.locator(".open-flight").first.click()
     expect(page.locator("#banner")).to_be_visible()
-    page.wait_for_function("() => window.uavrt.store.positions.length > 0")
+    page.wait_for_function("() => window.uavrt?.store.positions.length > 0")
     yield "past flight"
     page.click("#show-after")
     yield "after"

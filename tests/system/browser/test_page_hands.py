@@ -154,7 +154,7 @@ def test_each_task_of_the_manual_takes_the_clicks_it_says_and_at_most_three(
     ]
     took["import tags"] = hand.took()
     hand.choose("#set-antenna", "H")
-    page.wait_for_function("() => window.uavrt.store.settings.antenna === 'H'")
+    page.wait_for_function("() => window.uavrt?.store.settings.antenna === 'H'")
     took["change the antenna"] = hand.took()
 
     page.click("#tab-fly")
@@ -186,7 +186,7 @@ def test_each_task_of_the_manual_takes_the_clicks_it_says_and_at_most_three(
     expect(page.locator("#walk-place")).to_contain_text(re.compile(r"46\.50[1-3]"))
     took["find the position"] = hand.took()
     hand.click("#act-stop")
-    page.wait_for_function("() => window.uavrt.store.state.drone.state === 'has_tags'")
+    page.wait_for_function("() => window.uavrt?.store.state.drone.state === 'has_tags'")
     took["stop"] = hand.took()
     page.click("#tab-flights")
     for flight_id in flights:
@@ -276,7 +276,7 @@ def test_without_webgl_a_plain_map_stands_in_and_stop_works(scene: Scene) -> Non
     watched.picture("flat")
     page.keyboard.press("x")  # by chance
     page.click("#act-stop")
-    page.wait_for_function("() => window.uavrt.store.state.drone.state === 'has_tags'")
+    page.wait_for_function("() => window.uavrt?.store.state.drone.state === 'has_tags'")
 
 
 def test_a_tap_tells_the_place_measures_and_marks(scene: Scene) -> None:
@@ -384,7 +384,7 @@ def test_two_pages_one_commander_and_no_lost_tags(scene: Scene) -> None:
 def test_a_tab_made_from_the_page_that_commands_looks_on(scene: Scene) -> None:
     """The browser copies what the tab has stored, as it does for *Duplicate tab*."""
     first = scene.watch()
-    first.page.wait_for_function("() => window.uavrt.store.state?.commander")
+    first.page.wait_for_function("() => window.uavrt?.store.state?.commander")
     expect(first.page.locator("#take-command")).to_be_hidden()
     with first.page.expect_popup() as opened:
         first.page.evaluate("() => void window.open(location.href)")
@@ -503,7 +503,7 @@ def test_tags_are_left_out_one_after_the_other_and_every_page_shows_it(scene: Sc
     seen = "all => all.map((one) => one.checked)"
     for watched in (first, second):
         watched.page.wait_for_function(
-            "() => window.uavrt.store.settings.left_out.join() === '2,4'"
+            "() => window.uavrt?.store.settings.left_out.join() === '2,4'"
         )
         watched.page.wait_for_timeout(200)
         for place in (0, 1):

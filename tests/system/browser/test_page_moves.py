@@ -140,7 +140,7 @@ def test_an_area_is_imported_drawn_and_surveyed_and_any_page_takes_it_back(
     assert "survey 4 lines" in here.fly(hand)
     took["fly the way that is shown"] = hand.took()
     assert took == {task: in_manual()[task] for task in took}
-    page.wait_for_function("() => window.uavrt.store.state.motion.way.length > 4")
+    page.wait_for_function("() => window.uavrt?.store.state.motion.way.length > 4")
     page.wait_for_timeout(3000)
     here.watched.picture("move-flying")
 

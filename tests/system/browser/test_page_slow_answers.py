@@ -29,7 +29,7 @@ def test_what_is_typed_while_the_table_is_saved_stays_and_is_no_conflict(scene: 
     held = Held(page, "**/api/tags", "PUT")
     page.click("#tag-save")
     held.wait()
-    page.wait_for_function("() => window.uavrt.store.tags.length === 1")
+    page.wait_for_function("() => window.uavrt?.store.tags.length === 1")
     held.settle()
     expect(page.locator("#tag-conflict")).to_be_hidden()
     interval = page.locator('input[data-row="0"][data-key="interval_ms"]')
@@ -63,7 +63,7 @@ def test_of_two_changes_of_a_setting_the_later_one_stands(scene: Scene) -> None:
     page = scene.watch().page
     page.click("#tab-setup")
     gain = page.locator("#set-gain")
-    page.wait_for_function("() => window.uavrt.store.settings !== null")
+    page.wait_for_function("() => window.uavrt?.store.settings !== null")
     held = Held(page, "**/api/settings", "PUT", answers=False)
     put(page, "#set-gain", "12")
     put(page, "#set-gain", "20")
@@ -72,7 +72,7 @@ def test_of_two_changes_of_a_setting_the_later_one_stands(scene: Scene) -> None:
     while len(held):
         held.go(-1)  # if both are under way, the later one overtakes
     expect(gain).to_have_value("20")
-    page.wait_for_function("() => window.uavrt.store.settings.gain === 20")
+    page.wait_for_function("() => window.uavrt?.store.settings.gain === 20")
     assert not len(held)
 
 
@@ -81,13 +81,13 @@ def test_an_address_that_is_typed_and_the_reason_of_a_refusal_stay(scene: Scene)
     page.click("#tab-setup")
     put(page, "#link-address", "carrier://pigeon")
     page.select_option("#set-antenna", "H")
-    page.wait_for_function("() => window.uavrt.store.settings.antenna === 'H'")
+    page.wait_for_function("() => window.uavrt?.store.settings.antenna === 'H'")
     address, state = page.locator("#link-address"), page.locator("#link-state")
     expect(address).to_have_value("carrier://pigeon")
     page.click("#link-connect")
     expect(state).to_contain_text("carrier")
     time_ns = page.evaluate("() => window.uavrt.store.state.time_ns")
-    page.wait_for_function(f"() => window.uavrt.store.state.time_ns > {time_ns} + 2e9")
+    page.wait_for_function(f"() => window.uavrt?.store.state.time_ns > {time_ns} + 2e9")
     expect(state).to_contain_text("carrier", timeout=1)
 
 
@@ -128,7 +128,7 @@ def test_a_step_of_the_first_set_up_is_not_skipped_by_a_second_press(scene: Scen
 
 def test_a_tapped_place_keeps_its_own_mgrs_when_another_ones_comes_late(scene: Scene) -> None:
     page = scene.watch().page
-    page.wait_for_function("() => window.uavrt.store.state !== null")
+    page.wait_for_function("() => window.uavrt?.store.state !== null")
     held = Held(page, "**/api/readout?*")
     tap = page.locator("#map canvas").first
     tap.click(position={"x": 300, "y": 330})
@@ -166,7 +166,7 @@ def test_back_to_live_no_position_of_the_past_flight_is_left(scene: Scene) -> No
     flight, drone = write_flight(scene.here, 120.0, 300.0), scene.drone()
     page = scene.watch().page
     drone.state = SystemState.DETECTING
-    page.wait_for_function("() => window.uavrt.store.state?.flight.flight_id")
+    page.wait_for_function("() => window.uavrt?.store.state?.flight.flight_id")
     open_flight(page, flight)
     expect(page.locator(".fix")).to_have_count(1)
     page.click("#replay-live")

