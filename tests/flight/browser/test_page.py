@@ -211,7 +211,9 @@ def test_a_whole_flight_is_flown_through_the_page(
     ground = start_ground(tmp_path, ground.port)
     expect(page.locator("#banner")).to_be_hidden(timeout=WAIT_MS)
     expect(page.locator("#chip-state")).to_have_text("Detecting", timeout=WAIT_MS)
-    page.wait_for_function(f"() => window.uavrt?.store.pulses.count > {before}", timeout=WAIT_MS)
+    page.wait_for_function(
+        f"() => window.uavrt?.store.pulses.count > {before}", timeout=WAIT_MS
+    )
 
     watched.caption("… and started again: the page goes on, no pulse is missing.", 5)
     watched.caption("The radio falls silent …", 2)
