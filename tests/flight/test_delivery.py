@@ -17,7 +17,7 @@ from until import until_async as until
 from uavrt.core.clock import Clock
 from uavrt.core.commands import SystemState
 from uavrt.core.errors import LinkError
-from uavrt.core.messages import BurstInside, PulsePose
+from uavrt.core.messages import BurstInside, PulseKey, PulsePose
 from uavrt.flight.reading.flight_reader import read_flight
 from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.ground.link.drone_link import GroundLink
@@ -77,7 +77,12 @@ def state_of(drone: Any) -> SystemState:
     return SystemState([r.state for topic, r in records if topic == "system_status"][-1])
 
 
-@pytest.mark.timeout(150)
+def bursts_of(received: list[PulsePose]) -> set[PulseKey]:
+    """Keys of the coded tag's pulses, each of which has the times inside its burst."""
+    return {item.pulse.key for item in received if item.pulse.tag_id == CODED_TAG.tag_id}
+
+
+@pytest.mark.timeout(210)
 def test_pulses_survive_loss_a_killed_connection_and_a_restarted_ground_station(
     drone_bay: Any, thesis_scenario: Any
 ) -> None:
@@ -115,6 +120,7 @@ def test_pulses_survive_loss_a_killed_connection_and_a_restarted_ground_station(
         if stop:
             await persistently(link.stop_detection)
             await asyncio.sleep(6.0)
+            await until(lambda: bursts_of(received) <= {one.key for one in insides}, 60.0)
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
 
@@ -139,7 +145,7 @@ def test_pulses_survive_loss_a_killed_connection_and_a_restarted_ground_station(
     assert max(before.values()) == 1
     assert set(before) <= recorded
     # And what is inside the coded tag's bursts, in both stores for the pulses that it follows.
-    bursts = {item.pulse.key for item in store_two if item.pulse.tag_id == CODED_TAG.tag_id}
+    bursts = bursts_of(store_two)
     assert len(bursts) > 3
     assert {one.key for one in insides_two} == bursts
     assert len(insides_two) == len(bursts)
