@@ -126,10 +126,6 @@ class SafetyLimits:
     turn_begun_deg: float = 5.0
     heading_stays_m: float = 0.7
     """Distance from the target below which the nose keeps its heading [m]; PX4: 1 to 2 m."""
-    setpoint_stays_m: float = 1.5
-    """Distance from the target below which the autopilot's heading setpoint comes to rest [m].
-    PX4 1.17 keeps it within NAV_ACC_RAD, 2 m by default; on 181 legs it then turned by at most
-    1.7° more than braking takes."""
     bearing_place_error_m: float = 0.1
     """Position error assumed when the heading is compared with the target's bearing [m]. On
     1757 legs of PX4 1.17 and ArduCopter 4.7 0.02 m would have sufficed."""

@@ -44,8 +44,9 @@ class YawWatch:
     _moved_s: float = 0.0
     _turns: bool = False
     _settles: bool = False
-    _stopping: bool = False
-    """True from the arrival near the target until the heading setpoint rests."""
+    _swept: tuple[float, float, float] | None = None
+    """Bearing at the arrival near the target, and the least and greatest change of the bearing
+    since then [°]: the setpoint may rest anywhere between."""
     _on_deg: float = 0.0
     """Angle by which the heading setpoint has continued an earlier turn since `_turn_s` [°]."""
     _ended: bool = False
@@ -53,8 +54,6 @@ class YawWatch:
     """Signed angle from the heading to its expected value at the last report [°]."""
     _step_deg: float = 0.0
     """Change of the heading between the last two reports [°]."""
-    _aim_step_deg: float = 0.0
-    """Change of the expected heading between the last two reports [°]."""
     _courses: deque[tuple[float, float, float]] = field(default_factory=deque)
     """Times [s], headings and courses over ground [°] of the last `SAFETY.course_follow_s`."""
     _turn_s: float = field(init=False)
@@ -93,10 +92,9 @@ class YawWatch:
         step = wrap_degrees_180(yaw_deg - before_deg)
         if self.turn_deg is not None:
             return self._turning(time_s, step)
-        aim, slack = self._aim(time_s, step, bearing_deg, away_m)
+        aim, slack = self._aim(step, bearing_deg, away_m)
         aimed = aim if self._aim_deg is None else self._aim_deg
-        self._aim_step_deg = wrap_degrees_180(aim - aimed)
-        moved = abs(self._aim_step_deg)
+        moved = abs(wrap_degrees_180(aim - aimed))
         from_aim = abs(wrap_degrees_180(aimed - before_deg))
         receded = max(0.0, abs(wrap_degrees_180(aim - before_deg)) - from_aim)
         off = abs(wrap_degrees_180(aim - yaw_deg))
@@ -171,25 +169,16 @@ class YawWatch:
         before_deg, self._side_deg = self._side_deg, side_deg
         turned_deg, self._step_deg = self._step_deg, step_deg
         gap_s = time_s - self._seen_s
-        passes = before_deg * side_deg < 0.0 < before_deg * step_deg
+        passes = before_deg * side_deg <= 0.0 and side_deg * step_deg < 0.0
         if (
             self.exact
             and self.wanted_deg is None  # a commanded heading comes to meet nothing
-            and not self._near
             and passes
             and gap_s > 0.0
             and abs(turned_deg) > SAFETY.settled_deg
             and turned_deg * step_deg > 0.0
         ):
             self._may_stop(time_s, max(turned_deg, step_deg, key=abs) / gap_s)
-
-    def _own_rate(self, time_s: float, step_deg: float) -> float:
-        """Turn rate of the setpoint, or of its aim where it may not turn past that [°/s]."""
-        turned_deg = max(step_deg, self._step_deg, key=abs)
-        if turned_deg * self._side_deg <= 0.0 and not self._turns_on:
-            together = turned_deg * self._aim_step_deg > 0.0
-            turned_deg = self._aim_step_deg if together else 0.0
-        return turned_deg / max(time_s - self._seen_s, SAFETY.sample_s)
 
     def _may_stop(self, time_s: float, turning_deg_s: float) -> None:
         """Allow a setpoint that turns at a rate [°/s] the angle that it needs to stop."""
@@ -198,7 +187,7 @@ class YawWatch:
 
     @property
     def _turns_on(self) -> bool:
-        """True while the setpoint completes a turn that began before it may not turn."""
+        """True while the setpoint may still brake a turn away from its aim."""
         longest = _setpoint_turns_on_deg(self.turning_deg_s)
         return bool(longest) and not self._ended
 
@@ -223,32 +212,44 @@ class YawWatch:
         return longest
 
     def _aim(
-        self, time_s: float, step_deg: float, bearing_deg: float | None, away_m: float
+        self, step_deg: float, bearing_deg: float | None, away_m: float
     ) -> tuple[float, float]:
         """Expected heading (commanded, bearing or unchanged) and its uncertainty [°]."""
         yaw_deg = self.yaw_deg
         if self.wanted_deg is not None:
             return self.wanted_deg, 0.0
         was_near = self._near
-        stays_m = SAFETY.setpoint_stays_m if self.exact else SAFETY.heading_stays_m
-        self._near = bearing_deg is None or away_m < stays_m
+        self._near = bearing_deg is None or away_m < SAFETY.heading_stays_m
         if not self._near and bearing_deg is not None:
-            return bearing_deg, degrees(atan(SAFETY.bearing_place_error_m / away_m))
-        if self.exact and not was_near and self._aim_deg is not None:
-            self._may_stop(time_s, self._own_rate(time_s, step_deg))
-            self._stopping = True
-            return yaw_deg, 0.0
-        if self._stopping and self._ended:
-            self._stopping = False
-            return yaw_deg, 0.0
+            slack = degrees(atan(SAFETY.bearing_place_error_m / away_m))
+            near = self.exact and away_m < SAFETY.frozen_m
+            self._sweep(bearing_deg if near else None)
+            return self._rests_near(yaw_deg) if near else bearing_deg, slack
+        if self._swept is not None:
+            return self._rests_near(yaw_deg), 0.0
         # A turn that is not over yet comes to its end first.
         settles = not was_near or (self._settles and abs(step_deg) > SAFETY.settled_deg)
-        self._settles = settles and not self._aligned and not self.exact
+        self._settles = settles and not self._aligned
         if not was_near and self._aligned:
             return yaw_deg, 0.0
         if self._aim_deg is None or self._settles:
             return yaw_deg, 0.0
         return self._aim_deg, 0.0
+
+    def _sweep(self, bearing_deg: float | None) -> None:
+        """Record the bearings near the target, at any of which PX4 may stop to turn."""
+        if bearing_deg is None:
+            self._swept = None
+            return
+        first, least, most = self._swept or (bearing_deg, 0.0, 0.0)
+        change = wrap_degrees_180(bearing_deg - first)
+        self._swept = first, min(least, change), max(most, change)
+
+    def _rests_near(self, yaw_deg: float) -> float:
+        """Heading nearest to the present one at which the setpoint may rest [°]."""
+        assert self._swept is not None
+        first, least, most = self._swept
+        return first + max(least, min(most, wrap_degrees_180(yaw_deg - first)))
 
     def _turning(self, time_s: float, step_deg: float) -> str | None:
         """Text on how a turn in place deviates: backwards, or too fast; None if it does not."""
