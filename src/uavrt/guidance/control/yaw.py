@@ -226,7 +226,11 @@ class YawWatch:
             self._sweep(bearing_deg if near else None)
             return self._rests_near(yaw_deg) if near else bearing_deg, slack
         if self._swept is not None:
-            return self._rests_near(yaw_deg), 0.0
+            aim = self._rests_near(yaw_deg)
+            off = abs(wrap_degrees_180(aim - yaw_deg))
+            if abs(step_deg) < SAFETY.settled_deg and off < SAFETY.target_yaw_deg:
+                self._swept = aim, 0.0, 0.0  # it rests, and stays so
+            return aim, 0.0
         # A turn that is not over yet comes to its end first.
         settles = not was_near or (self._settles and abs(step_deg) > SAFETY.settled_deg)
         self._settles = settles and not self._aligned
