@@ -9,7 +9,7 @@ import uavrt
 from uavrt.cli.command_places import module_of
 from uavrt.cli.examples import examples
 from uavrt.cli.registries import fill_help
-from uavrt.cli.shown.telling import tell, warn
+from uavrt.cli.shown.notices import notice, warn
 from uavrt.cli.shown.terminal_text import guard_terminals, harmless
 from uavrt.core.errors import UavrtError
 
@@ -94,7 +94,7 @@ def run() -> None:
         _print_fault(error)
         sys.exit(2)
     except UavrtError as error:
-        tell(harmless(f"uavrt: {error}"))
+        notice(harmless(f"uavrt: {error}"))
         sys.exit(2)
     except KeyboardInterrupt:
         sys.exit(130)

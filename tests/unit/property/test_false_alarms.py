@@ -8,7 +8,7 @@ names, ``UAVRT_TAKEOVERS=100`` takes over at so many instants.
 import os
 
 import pytest
-from campaigns import BEGUN, CROSSED, TAKEOVERS, fault_of, takeover_fault
+from campaigns import BEGUN, CROSSED, TAKEOVERS, WELL, ended, fault_of, takeover_fault
 
 from uavrt.simulation.vehicle.airframe import Flavour
 
@@ -26,6 +26,19 @@ def test_an_order_that_nobody_takes_over_ends_by_arrival(flavour: Flavour, actio
     seeds = range(max(2, round(SHARES[action] * FLIGHTS)))
     faults = [fault_of(action, flavour, seed) for seed in seeds]
     assert not list(filter(None, faults))
+
+
+@pytest.mark.parametrize("acceptance_m", [1.0, 1.5, 3.0])
+def test_a_survey_ends_by_arrival_whatever_acceptance_radius_px4_has(
+    acceptance_m: float,
+) -> None:
+    """The heading setpoint follows the bearing to this distance from the target."""
+    reasons = []
+    for seed in range(max(2, FLIGHTS // 3)):
+        flown = BEGUN["survey"]("px4", seed)
+        flown.vehicle.acceptance_m = acceptance_m
+        reasons.append(ended(flown))
+    assert set(reasons) <= set(WELL)
 
 
 POSSIBLE: list[tuple[Flavour, str]] = [

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from uavrt.cli.shown.telling import tell
+from uavrt.cli.shown.notices import notice
 from uavrt.core.messages import Tag
 
 
@@ -15,4 +15,4 @@ def warn_of_near_codes(tags: Sequence[Tag], window_hz: float | None = None) -> N
 
     usual_hz = DetectionSettings().frequency_window_hz
     for words in words_of_near_codes(tags, usual_hz if window_hz is None else window_hz):
-        tell(f"warning: {words}")
+        notice(f"warning: {words}")

@@ -1,7 +1,7 @@
 """``uavrt batch``: a whole archive of recordings under one tag list."""
 
 # isort: off
-from uavrt.cli.shown.telling import tell
+from uavrt.cli.shown.notices import notice
 from uavrt.cli.options.kinds import Between, Hertz
 import uavrt.cli.shown.one_thread  # noqa: F401  before numpy
 
@@ -123,7 +123,7 @@ def batch(
             "no recording or flight was found",
             remedy="Name files, or folders that hold recordings or flights",
         )
-    tell(
+    notice(
         f"{counted(len(found.recordings), 'recording')}, "
         f"{counted(len(found.flights), 'flight')}"
     )
@@ -151,21 +151,21 @@ def batch(
             on_stage=on_stage,
             on_done=on_done,
             on_row=_print_row,
-            on_kept=lambda name, fault: tell(
+            on_kept=lambda name, fault: notice(
                 f"{name}: earlier result kept, not reachable now: {fault}"
             ),
-            on_origin=lambda name, origin: tell(f"{name}: {origin}"),
-            on_damage=lambda name, fault: tell(
+            on_origin=lambda name, origin: notice(f"{name}: {origin}"),
+            on_damage=lambda name, fault: notice(
                 f"{name} was damaged and is made again: {fault}"
             ),
-            on_wait=tell,
+            on_wait=notice,
         )
         summary = None
         with suppress(KeyboardInterrupt):
             summary = run_batch(found, sought, output, settings, watch)
         number = stopped()
     if summary is None:
-        tell(_STOPPED)
+        notice(_STOPPED)
         _exit_now(128 + (number or signal.SIGINT))
     _report(summary, output)
     if number is not None:
@@ -200,24 +200,24 @@ def _progress() -> Iterator[tuple[Callable[[str, int], None], Callable[[int], No
 
 def _print_row(row: "RecordingRow | FlightRow") -> None:
     if row.state in ("truncated", "failed"):
-        tell(f"{row.path}: {row.state}: {row.fault}")
+        notice(f"{row.path}: {row.state}: {row.fault}")
 
 
 def _print_skipped(found: "Found") -> None:
     """Print the folders that cannot be read, and the endings of other skipped files."""
     if found.kept_channels:
         files = counted(found.kept_channels, "file")
-        tell(f"{files} of recorded channels skipped")
+        notice(f"{files} of recorded channels skipped")
     kinds: dict[tuple[str, str], list[str]] = {}
     for one in found.passed_over:
         kind = one.path if one.unreadable else PurePath(one.path).suffix
         kinds.setdefault((one.reason, kind), []).append(one.path)
     for (reason, kind), paths in sorted(kinds.items()):
         if len(paths) == 1:
-            tell(f"{paths[0]} skipped: {reason}")
+            notice(f"{paths[0]} skipped: {reason}")
         else:
             files = f"{len(paths)} files {kind}".rstrip()
-            tell(f"{files} skipped, such as {paths[0]}: {reason}")
+            notice(f"{files} skipped, such as {paths[0]}: {reason}")
 
 
 def _report(summary: "BatchSummary", output: Path) -> None:
@@ -228,7 +228,7 @@ def _report(summary: "BatchSummary", output: Path) -> None:
         pulses += f", {sum(known_s) / 3600.0:.1f} h"
         if unknown := len(rows) - len(known_s):
             pulses += f" and {unknown} of unknown length"
-    tell(
+    notice(
         f"{counted(summary.done_now, 'recording')} done now, {summary.done_before} before; "
         f"{pulses}, "
         f"{sum(row.state == 'truncated' for row in rows)} truncated, "
@@ -241,7 +241,7 @@ def _report(summary: "BatchSummary", output: Path) -> None:
     )
     if summary.copies:
         directories = counted(summary.copies, "flight")
-        tell(f"{directories} skipped: copies of flights that are there")
+        notice(f"{directories} skipped: copies of flights that are there")
     noted = {
         "tags_outside": (
             sum(bool(row.tags_outside) for row in rows),
@@ -252,8 +252,8 @@ def _report(summary: "BatchSummary", output: Path) -> None:
     }
     for column, (count, what) in noted.items():
         if count:
-            tell(f"{counted(count, 'recording')} {what} ({column} in recordings.parquet)")
+            notice(f"{counted(count, 'recording')} {what} ({column} in recordings.parquet)")
     if summary.kept:
-        tell(f"earlier results kept, not reachable now: {summary.kept}")
+        notice(f"earlier results kept, not reachable now: {summary.kept}")
     if summary.stopped:
-        tell(_STOPPED)
+        notice(_STOPPED)

@@ -7,8 +7,8 @@ from cyclopts import Parameter
 
 from uavrt.cli.options.inputs import require_content
 from uavrt.cli.options.kinds import Degrees
+from uavrt.cli.shown.notices import warn
 from uavrt.cli.shown.outputs import print_json
-from uavrt.cli.shown.telling import warn
 
 if TYPE_CHECKING:
     from uavrt.localization.estimates.flight_estimates import TagBearing

@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from uavrt.cli.options.placing_options import USUAL_PLACING, Placing
-from uavrt.cli.shown.telling import warn
+from uavrt.cli.shown.notices import warn
 from uavrt.core.errors import ConfigError
 
 

@@ -1,7 +1,7 @@
 """``uavrt integrate``: find tags below the noise in the pulses of a whole flight."""
 
 # isort: off
-from uavrt.cli.shown.telling import tell, warn
+from uavrt.cli.shown.notices import notice, warn
 from uavrt.core.messages import WHOLE_FLIGHT_FALSE_ALARM
 from uavrt.cli.options.elevation_option import elevation_of
 from uavrt.cli.options.kinds import Between, Degrees, Hertz, Power, SecondsApart, TagIds
@@ -433,7 +433,7 @@ def _keep(
         here = write_silence(plot, flight, silent, ids)
         files = files or here
         for file in [*drawn, *(one for some in here.values() for one in some)]:
-            tell(f"drawn: {file}")
+            notice(f"drawn: {file}")
     return files
 
 

@@ -10,8 +10,8 @@ from cyclopts import Parameter
 from uavrt.cli.options.inputs import require_content
 from uavrt.cli.options.kinds import Share
 from uavrt.cli.options.placing_options import USUAL_PLACING, Placing
+from uavrt.cli.shown.notices import warn
 from uavrt.cli.shown.outputs import print_json
-from uavrt.cli.shown.telling import warn
 from uavrt.core.clock import utc_text
 from uavrt.core.errors import ConfigError
 

@@ -9,8 +9,8 @@ from cyclopts import Parameter
 from uavrt.cli.options.inputs import require_content
 from uavrt.cli.options.kinds import Power
 from uavrt.cli.options.placing_options import USUAL_PLACING, Placing
+from uavrt.cli.shown.notices import warn
 from uavrt.cli.shown.progress_bars import progress_bars
-from uavrt.cli.shown.telling import warn
 from uavrt.core.errors import FormatError, UsageError
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 from rich.console import Console
 
+from uavrt.cli.shown.notices import warn
 from uavrt.cli.shown.outputs import check_place, print_json
-from uavrt.cli.shown.telling import warn
 from uavrt.core.clock import iso_utc
 from uavrt.core.terminal_tables import table_of
 from uavrt.core.units import counted

@@ -8,8 +8,8 @@ from cyclopts import Parameter
 from uavrt.cli.options.inputs import require_content
 from uavrt.cli.options.kinds import Degrees, SecondsApart
 from uavrt.cli.options.near_codes import warn_of_near_codes
+from uavrt.cli.shown.notices import notice, warn
 from uavrt.cli.shown.outputs import check_place, keep_inputs
-from uavrt.cli.shown.telling import tell, warn
 
 
 def attach(
@@ -87,4 +87,4 @@ def attach(
     offset = f"clock offset {found.offset_s:+.2f} s"
     if found.sigma_s is not None:
         offset += f" ± {found.sigma_s:.2f} s, {found.heading_sigma_deg:.1f}° in a turn"
-    tell(f"{text}; {offset} ({found.found_by})")
+    notice(f"{text}; {offset} ({found.found_by})")

@@ -1,7 +1,7 @@
 """``uavrt channelize``: converts a band to the original's channel datagrams."""
 
 # isort: off
-from uavrt.cli.shown.telling import tell
+from uavrt.cli.shown.notices import notice
 from uavrt.cli.options.kinds import Between, Hertz, HertzOrZero
 import uavrt.cli.shown.one_thread  # noqa: F401  before numpy
 
@@ -102,7 +102,7 @@ def channelize(
         sender = stack.enter_context(
             closing(ChannelDatagramSender(places, host=host, style=stamps))
         )
-        tell(
+        notice(
             f"{len(places)} channels of {plan.channel_rate_hz:g} samples a second, "
             f"{plan.channel_spacing_hz:g} Hz apart, to {host} ports "
             f"{min(map(min, places.values()))} to {max(map(max, places.values()))}"
@@ -118,7 +118,7 @@ def channelize(
                 summary=summary,
             )
         finally:
-            tell(_sentence(summary))
+            notice(_sentence(summary))
         number = should_stop()
     if number is not None:
         sys.exit(128 + number)

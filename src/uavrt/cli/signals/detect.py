@@ -1,7 +1,7 @@
 """``uavrt detect``: pulses from a recording or a live stream."""
 
 # isort: off
-from uavrt.cli.shown.telling import tell
+from uavrt.cli.shown.notices import notice
 from uavrt.cli.options.kinds import Hertz
 from uavrt.cli.options.near_codes import warn_of_near_codes
 import uavrt.cli.shown.one_thread  # noqa: F401  before numpy
@@ -114,7 +114,7 @@ def detect(
     with ExitStack() as stack:
         source = stack.enter_context(closing(open_source(recording, options)))
         if origin := getattr(source, "origin", ""):
-            tell(origin)
+            notice(origin)
         wanted = _tags_in_band(known, source)
         listeners = _listeners(stack, wanted, plot, udp_pulses, frequency_window)
         if ros2 is not None:
@@ -185,7 +185,7 @@ def _tags_in_band(known: TagSource, source: SampleSource) -> tuple[Tag, ...]:
     inside = known.within(source.sample_rate_hz, source.center_frequency_hz).tags
     for tag in known.tags:
         if tag not in inside:
-            tell(
+            notice(
                 f"tag {tag.tag_id} at {tag.frequency_hz / 1e6:.6f} MHz is outside of this "
                 "recording's band and is not searched"
             )
@@ -194,7 +194,7 @@ def _tags_in_band(known: TagSource, source: SampleSource) -> tuple[Tag, ...]:
 
 def _name(beeps: Sequence[Beep]) -> None:
     for line in words_of_beeps(beeps):
-        tell(line)
+        notice(line)
 
 
 def _warn_of_cost(tags: Sequence[Tag], settings: DetectionSettings, *, live: bool) -> None:
@@ -208,7 +208,7 @@ def _warn_of_cost(tags: Sequence[Tag], settings: DetectionSettings, *, live: boo
         if live
         else f"it takes about {cores:.1f} times as long as the recording"
     )
-    tell(
+    notice(
         f"the search for these {len(tags)} tags needs {cores:.1f} of this computer's cores, "
         f"and one is used: {effect}. Fewer tags, a smaller K or a narrower interval "
         "uncertainty cost less"
@@ -441,7 +441,7 @@ def _report(
         if writer.without_pose and not writer.with_pose:
             lines.append("no pulse lies within the flight: check --start-time")
         lines.append(f"flight: {writer.directory}")
-    tell("\n".join(lines))
+    notice("\n".join(lines))
 
 
 def _may_be_lost(summary: DetectionSummary, source: SampleSource) -> str:

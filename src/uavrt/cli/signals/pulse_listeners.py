@@ -6,7 +6,7 @@ import socket
 from collections.abc import Sequence
 from pathlib import Path
 
-from uavrt.cli.shown.telling import tell
+from uavrt.cli.shown.notices import notice
 from uavrt.config.settings import Ros2Settings, is_ros_namespace
 from uavrt.core.clock import Clock, monotonic_s
 from uavrt.core.errors import UsageError, needs_extra
@@ -128,4 +128,4 @@ class Plots(Listener):
     def finish(self) -> None:
         """Write the plots to files."""
         for path in self._plots.write():
-            tell(path)
+            notice(path)

@@ -12,9 +12,9 @@ from cyclopts import App, Parameter
 from uavrt.cli.examples import examples
 from uavrt.cli.options.inputs import NOTHING_STATED, Stated
 from uavrt.cli.options.kinds import Count, Hertz
+from uavrt.cli.shown.notices import notice, warn
 from uavrt.cli.shown.outputs import check_place, keep_inputs
 from uavrt.cli.shown.progress_bars import progress_bar
-from uavrt.cli.shown.telling import tell, warn
 from uavrt.cli.system.run import DEFAULT_CONFIG, settings_from
 from uavrt.core.clock import cpu_s, iso_utc
 from uavrt.core.errors import ConfigError, TagFileError, UavrtError, os_errors_as
@@ -302,7 +302,7 @@ def measure(
 
     with closing(opened()) as source:
         if source.origin:
-            tell(source.origin)
+            notice(source.origin)
     with progress_bar("measuring", 1.0) as on_progress, _reporting(faults):
         found = measure_tags(
             opened,
@@ -319,16 +319,16 @@ def measure(
             lines = _measured_lines(entry.tag_id, one)
         else:
             lines = _code_lines(entry.tag_id, one)
-        tell("\n".join(lines))
+        notice("\n".join(lines))
     for doubtful in found.doubtful:
-        tell(doubtful)
+        notice(doubtful)
     with _reporting(faults):
         _check_entries(entries)
         if output is None:
             print(format_tags_toml(entries), end="")
         else:
             write_tags(output, entries)
-            tell(f"{output}: {counted(len(entries), 'tag')} written")
+            notice(f"{output}: {counted(len(entries), 'tag')} written")
     if faults:
         raise faults[0]
 

@@ -11,9 +11,9 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from uavrt.cli.options.kinds import Between, Port, Seconds, Seed
+from uavrt.cli.shown.notices import notice
 from uavrt.cli.shown.outputs import check_place, print_json
 from uavrt.cli.shown.screen import has_page, has_screen
-from uavrt.cli.shown.telling import tell
 from uavrt.core.errors import UsageError
 from uavrt.simulation.demo.demo_run import Demo
 from uavrt.simulation.demo.demo_search import SearchDemo, SearchSummary
@@ -98,7 +98,7 @@ def demo(
         check_place(picture, overwrite=True)
     console = None if headless else Console(stderr=json_summary)
     if headless:
-        tell(f"Flying for {world.duration_s:.0f} s without a display; then the result.")
+        notice(f"Flying for {world.duration_s:.0f} s without a display; then the result.")
     flown = Demo(
         scenarios=[world] if drones == 1 else fleet_scenarios(drones, world),
         flight_dir=flight_dir,
@@ -133,24 +133,10 @@ def _search(
     """Let one drone or several search by themselves; exit with 1 unless all are found."""
     out = sys.stderr if json_summary else sys.stdout
     say = partial(print, file=out, flush=True)
-    summary: SearchSummary | TogetherSummary
-    if drones > 1:
-        summary = TogetherDemo(
-            drones=drones,
-            scenario=world,
-            limit_s=limit_s,
-            flight_dir=flight_dir,
-            say=say,
-            autopilot=autopilot,
-        ).run()
-    else:
-        summary = SearchDemo(
-            scenario=world,
-            limit_s=limit_s,
-            flight_dir=flight_dir,
-            say=say,
-            autopilot=autopilot,
-        ).run()
+    kind = partial(TogetherDemo, drones=drones) if drones > 1 else SearchDemo
+    summary: SearchSummary | TogetherSummary = kind(
+        scenario=world, limit_s=limit_s, flight_dir=flight_dir, say=say, autopilot=autopilot
+    ).run()
     if json_summary:
         print_json(summary)
     else:
@@ -177,7 +163,7 @@ def _print_search(summary: SearchSummary | TogetherSummary) -> None:
 
 
 def _print_domain(domain: int) -> None:
-    tell(f"ROS 2: ROS_DOMAIN_ID={domain} ros2 topic list")
+    notice(f"ROS 2: ROS_DOMAIN_ID={domain} ros2 topic list")
 
 
 def _opener(browser: bool, console: Console | None) -> Callable[[str], None]:

@@ -16,7 +16,7 @@ from rich.progress import (
 )
 
 from uavrt.cli.options.kinds import Seconds
-from uavrt.cli.shown.telling import tell
+from uavrt.cli.shown.notices import notice
 from uavrt.core.clock import Clock
 from uavrt.core.errors import ConfigError
 from uavrt.ground.fetch.drone_files import DroneFiles
@@ -134,7 +134,7 @@ async def _wanted(client: FileClient, flight: str, left: tuple[str, ...]) -> lis
         return found
     tree = await client.tree(str(path))
     if tree.left_out:
-        tell(
+        notice(
             f"{tree.left_out} files or directories left out: more than {MOST_NESTED} deep, or "
             f"after the first {MOST_ENTRIES}"
         )
@@ -148,7 +148,7 @@ def _print_samples_left(entries: list[RemoteEntry]) -> None:
     for part, how in ((CHANNELS, "--samples"), (BAND, "--all")):
         size = sum(entry.size or 0 for entry in entries if sample_part(entry.path) == part)
         if size:
-            tell(
+            notice(
                 f"{size / 1e6:.1f} MB of samples stay on the drone: fetch them with {how}, by "
                 f"Wi-Fi (mavlink.direct_links) in {_duration(size / WIFI_BYTES_PER_S)}, by a "
                 f"telemetry radio in {_duration(size / RADIO_BYTES_PER_S)}"
@@ -182,4 +182,4 @@ async def _fetch_all(client: FileClient, entries: list[RemoteEntry], output: Pat
                 progress.update(task, completed=done, total=size)
 
             fetched += await fetch_file(client, entry, output / name, show)
-    tell(f"{fetched} files fetched, {len(entries) - fetched} were here")
+    notice(f"{fetched} files fetched, {len(entries) - fetched} were here")

@@ -108,6 +108,8 @@ class FlyingVehicle:
         self.flavour, self.plane = flavour, plane
         self.body = Airframe(flavour, frame or Frame(), north_m, east_m, height_m)
         self.heading = Heading(flavour, yaw_deg)
+        self.acceptance_m = HOLD_HEADING_M
+        """Distance from the target in which the heading stays [m]; of PX4, NAV_ACC_RAD."""
         self.ground = GroundContact(flavour, landed=height_m <= 0.0)
         self.mode, self.armed = MODES[flavour]["position"], armed
         self.target: Target | None = None
@@ -300,7 +302,7 @@ class FlyingVehicle:
             return None
         place = self.body.place_m
         north, east = target.north_m - place[0], target.east_m - place[1]
-        if math.hypot(north, east) <= HOLD_HEADING_M:
+        if math.hypot(north, east) <= self.acceptance_m:
             return None
         return math.degrees(math.atan2(east, north)) % 360.0
 
