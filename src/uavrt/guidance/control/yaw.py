@@ -44,9 +44,8 @@ class YawWatch:
     _moved_s: float = 0.0
     _turns: bool = False
     _settles: bool = False
-    _swept: tuple[float, float, float] | None = None
-    """Bearing at the arrival near the target, and the least and greatest change of the bearing
-    since then [°]: the setpoint may rest anywhere between."""
+    _swept: "_Swept | None" = None
+    """Bearings since the arrival near the target; None farther away."""
     _on_deg: float = 0.0
     """Angle by which the heading setpoint has continued an earlier turn since `_turn_s` [°]."""
     _ended: bool = False
@@ -222,15 +221,14 @@ class YawWatch:
         self._near = bearing_deg is None or away_m < SAFETY.heading_stays_m
         if not self._near and bearing_deg is not None:
             slack = degrees(atan(SAFETY.bearing_place_error_m / away_m))
-            near = self.exact and away_m < SAFETY.frozen_m
-            self._sweep(bearing_deg if near else None)
-            return self._rests_near(yaw_deg) if near else bearing_deg, slack
+            if not (self.exact and away_m < SAFETY.frozen_m):
+                self._swept = None
+                return bearing_deg, slack
+            self._swept = self._swept or _Swept(bearing_deg)
+            self._swept.add(bearing_deg)
+            return self._swept.nearest_deg(yaw_deg), slack
         if self._swept is not None:
-            aim = self._rests_near(yaw_deg)
-            off = abs(wrap_degrees_180(aim - yaw_deg))
-            if abs(step_deg) < SAFETY.settled_deg and off < SAFETY.target_yaw_deg:
-                self._swept = aim, 0.0, 0.0  # it rests, and stays so
-            return aim, 0.0
+            return self._swept.rests(yaw_deg, step_deg), 0.0
         # A turn that is not over yet comes to its end first.
         settles = not was_near or (self._settles and abs(step_deg) > SAFETY.settled_deg)
         self._settles = settles and not self._aligned
@@ -239,21 +237,6 @@ class YawWatch:
         if self._aim_deg is None or self._settles:
             return yaw_deg, 0.0
         return self._aim_deg, 0.0
-
-    def _sweep(self, bearing_deg: float | None) -> None:
-        """Record the bearings near the target, at any of which PX4 may stop to turn."""
-        if bearing_deg is None:
-            self._swept = None
-            return
-        first, least, most = self._swept or (bearing_deg, 0.0, 0.0)
-        change = wrap_degrees_180(bearing_deg - first)
-        self._swept = first, min(least, change), max(most, change)
-
-    def _rests_near(self, yaw_deg: float) -> float:
-        """Heading nearest to the present one at which the setpoint may rest [°]."""
-        assert self._swept is not None
-        first, least, most = self._swept
-        return first + max(least, min(most, wrap_degrees_180(yaw_deg - first)))
 
     def _turning(self, time_s: float, step_deg: float) -> str | None:
         """Text on how a turn in place deviates: backwards, or too fast; None if it does not."""
@@ -264,6 +247,36 @@ class YawWatch:
         soonest = min(abs(self.turn_deg), passed) + self.tolerance_deg
         least = self._best_deg - self.tolerance_deg
         return None if least <= self.turned_deg <= soonest else OTHERS_TURN
+
+
+@dataclass(slots=True)
+class _Swept:
+    """Bearings of a near target, at any of which PX4's heading setpoint may come to rest."""
+
+    first_deg: float
+    least_deg: float = 0.0
+    most_deg: float = 0.0
+    """Greatest clockwise change of the bearing since the first one [°]; `least_deg` is the
+    greatest change counterclockwise, negative."""
+
+    def add(self, bearing_deg: float) -> None:
+        """Add a bearing."""
+        change = wrap_degrees_180(bearing_deg - self.first_deg)
+        self.least_deg = min(self.least_deg, change)
+        self.most_deg = max(self.most_deg, change)
+
+    def nearest_deg(self, yaw_deg: float) -> float:
+        """Bearing among those swept that is nearest to a heading [°]."""
+        change = wrap_degrees_180(yaw_deg - self.first_deg)
+        return self.first_deg + max(self.least_deg, min(self.most_deg, change))
+
+    def rests(self, yaw_deg: float, step_deg: float) -> float:
+        """Nearest bearing [°]; once the heading rests at one, only that remains."""
+        aim = self.nearest_deg(yaw_deg)
+        off = abs(wrap_degrees_180(aim - yaw_deg))
+        if abs(step_deg) < SAFETY.settled_deg and off < SAFETY.target_yaw_deg:
+            self.first_deg, self.least_deg, self.most_deg = aim, 0.0, 0.0
+        return aim
 
 
 def _turns_to(goal_deg: float, yaw_deg: float, before_deg: float, tolerance_deg: float) -> bool:
