@@ -71,7 +71,8 @@ class NoiseLevelTuning:
     past_slots: int = 80
     """Number of past slots of half a pulse, from which noise levels are estimated."""
     stretches: tuple[int, ...] = (6, 10, 16, 26, 42, 80)
-    """Numbers of slots (half pulses) over which noise is averaged; the least locates steps."""
+    """Numbers of slots (half pulses) over which noise is averaged; the smallest one locates
+    steps."""
     most_splits: int = 4
     """Maximum number of divisions of the bands into groups of different noise levels."""
     split_log: float = 6.5
