@@ -221,7 +221,7 @@ def area_of_file(wish: Any) -> dict[str, Any]:
         (wish.get("name"), wish.get("text")) if isinstance(wish, dict) else (None, None)
     )
     if not isinstance(name, str) or not isinstance(text, str):
-        raise FormatError("an area must be a name and a text")
+        raise FormatError("an area must have a name and a text, or a center and a radius_m")
     places, keep_out = area_in(text, name[:80]), keep_out_in(text, name[:80])
     if len(places) > MAX_PLACES:
         raise FormatError(
