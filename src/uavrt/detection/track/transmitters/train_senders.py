@@ -406,7 +406,7 @@ def _normal(train: Train[H], center_s: float, bound_s: float) -> float:
 
 
 def _unsettled_pulses(track: Track) -> list[Slot]:
-    """Pulses that began or just confirmed a track; none once it is assigned to a tag."""
+    """Pulses by which a track began or was just confirmed; none once a tag is assigned."""
     if track.dead or track.confirmed_at_assignment:
         return []
     accepted = track.received

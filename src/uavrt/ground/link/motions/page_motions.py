@@ -1,4 +1,4 @@
-"""Request, confirm and stop motions of the drone for the page; the drone decides.
+"""Request, confirm and stop motions of the drone for the page.
 
 The drone decides, and reports what it would fly; this module only passes messages. Previews use
 the drone's own planning functions.
