@@ -185,8 +185,8 @@ class NullTuning:
     """Rise of the threshold by each group counted at another interval [noise powers]."""
     # While coloured noise is new a group adds `eager_gain` over the groups awaited since it
     # began plus `eager_groups`: the steps of stochastic approximation. 1.6, the mean excess of
-    # a group in such noise, would be faster, but cost a tag of 14 dB next to a carrier one pulse
-    # in a hundred.
+    # a group in such noise, would be faster, but cost a tag of 14 dB next to a carrier one
+    # pulse in a hundred.
     eager_gain: float = 0.7
     """Rise of the threshold by the first group counted in new coloured noise [noise powers]."""
     eager_groups: float = 3.0
