@@ -64,7 +64,9 @@ class Evidence:
         return self.weigh(starts, offset, level, strength) >= bound
 
     def _bounds_of(self, rate: int) -> tuple[float, float]:
-        """Minimum log-likelihood ratio of a group: usually, and for the first decision."""
+        """Minimum log-likelihood ratio of a group: the usual one, and that of the first
+        decision.
+        """
         tag, grid = self._tag, self._grid
         width_s = tag.pulse_width_s
         usual_s = decision_interval_s(tag, rate)

@@ -1,4 +1,4 @@
-"""Request, confirm and stop motions of the drone for the page; the drone decides.
+"""Request, confirm and stop motions of the drone for the page.
 
 The drone decides, and reports what it would fly; this module only passes messages. Previews use
 the drone's own planning functions.
@@ -6,15 +6,16 @@ the drone's own planning functions.
 
 import asyncio
 import itertools
+import re
 import sys
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass
 from math import nan
 from typing import Any
 
 from uavrt.core.earth.geodesy import distance_m
 from uavrt.core.errors import CommandRefused, FormatError, LinkError, UsageError
-from uavrt.core.messages import KeepOut, MotionRequest
+from uavrt.core.messages import KeepOut, MotionRequest, Tag
 from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.motions.motion_requests import ask, confirm, motion_request, stop
@@ -52,6 +53,12 @@ class ProposedMotion:
     """Name of the page that requested the motion; None for a script."""
 
 
+def with_names(text: str, tags: Iterable[Tag]) -> str:
+    """Add the names of tags to a text from the drone, which knows only their numbers."""
+    names = {str(one.tag_id): f" ({one.name})" for one in tags if one.name}
+    return re.sub(r"\btag (\d+)\b", lambda found: found[0] + names.get(found[1], ""), text)
+
+
 class MotionCommands:
     """Requests and confirms the motions of one vehicle."""
 
@@ -61,7 +68,7 @@ class MotionCommands:
         self._heard_ns = 0
         self._offered: ProposedMotion | None = None
         self._flown: ProposedMotion | None = None
-        self._told = ("", "")
+        self._noted = ("", "")
 
     def take(self, state: MotionState) -> None:
         """Store the drone's report of its motion."""
@@ -71,8 +78,8 @@ class MotionCommands:
         self._state = state
         if state.standing == "out":
             self._flown = None
-        if (state.standing, state.text) != self._told:
-            before, self._told = self._told[0], (state.standing, state.text)
+        if (state.standing, state.text) != self._noted:
+            before, self._noted = self._noted[0], (state.standing, state.text)
             if before and before != state.standing:
                 self._vehicle.feed.note(5, f"motion: {state.standing}, {state.text}")
             self._vehicle.feed.send_state()
@@ -80,7 +87,7 @@ class MotionCommands:
     def forget(self) -> None:
         """Clear the motion state, because another vehicle is now served."""
         self._state = self._offered = self._flown = None
-        self._heard_ns, self._told = 0, ("", "")
+        self._heard_ns, self._noted = 0, ("", "")
 
     def record(self) -> dict[str, Any] | None:
         """Motion state for the page; None if the drone does not report any."""
@@ -94,16 +101,17 @@ class MotionCommands:
         offered = self._offered
         if offered is not None and now_ns - offered.time_ns > OFFER_NS:
             offered = self._offered = None
+        tags = self._vehicle.store.tags
         return {
             "standing": state.standing,
-            "text": state.text,
+            "text": with_names(state.text, tags),
             "heard": heard,
             "way": [] if self._flown is None else _listed(self._flown.way),
             "offer": None
             if offered is None
             else {
                 "order_id": offered.state.order_id,
-                "text": offered.state.text,
+                "text": with_names(offered.state.text, tags),
                 "page": offered.page,
                 "left_s": (OFFER_NS - (now_ns - offered.time_ns)) / NANOSECONDS_PER_SECOND,
                 "way": _listed(offered.way),
@@ -221,7 +229,7 @@ def area_of_file(wish: Any) -> dict[str, Any]:
         (wish.get("name"), wish.get("text")) if isinstance(wish, dict) else (None, None)
     )
     if not isinstance(name, str) or not isinstance(text, str):
-        raise FormatError("an area must be a name and a text")
+        raise FormatError("an area must have a name and a text, or a center and a radius_m")
     places, keep_out = area_in(text, name[:80]), keep_out_in(text, name[:80])
     if len(places) > MAX_PLACES:
         raise FormatError(
