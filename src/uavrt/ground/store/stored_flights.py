@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from uavrt.core.errors import FormatError, NotFound, RecordingError, UsageError, os_errors_as
 from uavrt.core.messages import DetectionStatus, Pulse, PulsePose, Tag
 from uavrt.flight.database.plain_database import open_plain
-from uavrt.flight.database.schema import POSE_COLUMNS, pose_row, read_older
+from uavrt.flight.database.schema import POSES, pose_row, read_older
 from uavrt.flight.flight_layout import FlightLayout
 from uavrt.flight.flight_order import flown_name, order_noted
 from uavrt.flight.reading.flight_cache import FlightCache
@@ -79,11 +79,10 @@ _CELLS: dict[str, tuple[str, Callable[[Pulse], float]]] = {
     "clipped": ("coalesce(p.clipped, 0)", lambda pulse: pulse.clipped),
 }
 """Conversion of non-numeric fields to a number, each as SQL and as a Python function."""
-_OF_POSE = POSE_COLUMNS.split(", ")
 _SELECT_PULSES = (
     "SELECT "
     + ", ".join(
-        _CELLS[name][0] if name in _CELLS else f"{'q' if name in _OF_POSE else 'p'}.{name}"
+        _CELLS[name][0] if name in _CELLS else f"{'q' if name in POSES.types else 'p'}.{name}"
         for name in PULSE_COLUMNS
     )
     + "{more} FROM pulses p LEFT JOIN pulse_poses q USING (pulse_id) ORDER BY p.pulse_id"
@@ -339,7 +338,7 @@ class FlightLibrary:
 
 def pulse_cells(item: PulsePose) -> tuple[float, ...]:
     """A pulse as numbers, in the order of `PULSE_COLUMNS`."""
-    pose = dict(zip(_OF_POSE, pose_row(item.pose), strict=True))
+    pose = dict(zip(POSES.types, pose_row(item.pose), strict=True))
     cells = []
     for name in PULSE_COLUMNS:
         if name in _CELLS:
