@@ -7,10 +7,8 @@ the drone's own planning functions.
 import asyncio
 import itertools
 import re
-import sys
 from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass
-from math import nan
 from typing import Any
 
 from uavrt.core.earth.geodesy import distance_m
@@ -19,6 +17,7 @@ from uavrt.core.messages import KeepOut, MotionRequest, Tag
 from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.motions.motion_requests import ask, confirm, motion_request, stop
+from uavrt.ground.link.page_values import Places, number_in, places_in
 from uavrt.ground.link.served_vehicle import ServedVehicle
 from uavrt.guidance.files.area_text import (
     MOST_CORNERS,
@@ -39,7 +38,6 @@ each second."""
 OFFER_NS = ns_from_s(SAFETY.offer_holds_s)
 """Time for which the drone waits for the confirmation of a proposed motion [ns]."""
 PATTERNS = ("lines", "around", "points")
-Places = tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,7 +116,7 @@ class MotionCommands:
             },
         }
 
-    def plan(self, wish: Any) -> dict[str, Any]:
+    def plan(self, wish: dict[str, Any]) -> dict[str, Any]:
         """Preview a motion without involving the drone, as far as the ground can plan it."""
         way = self._way(_request(wish))
         home = self._home()
@@ -130,7 +128,7 @@ class MotionCommands:
             else max((distance_m(*home, *place) for place in way), default=0.0),
         }
 
-    async def ask(self, wish: Any, page: str | None) -> dict[str, Any]:
+    async def ask(self, wish: dict[str, Any], page: str | None) -> dict[str, Any]:
         """Request a motion; return the drone's proposed order. Nothing moves yet."""
         request = _request(wish)
         way = self._way(request)
@@ -142,11 +140,9 @@ class MotionCommands:
         self._vehicle.feed.send_state()
         return {"order_id": offer.order_id, "text": offer.text, "way": _listed(way)}
 
-    async def confirm(self, wish: Any, page: str | None) -> dict[str, Any]:
+    async def confirm(self, wish: dict[str, Any], page: str | None) -> dict[str, Any]:
         """Confirm the order that this page shows; the drone then moves."""
-        number = wish.get("order_id") if isinstance(wish, dict) else None
-        unseen = wish.get("sticks_unseen") if isinstance(wish, dict) else None
-        offered = self._offered
+        number, unseen, offered = wish.get("order_id"), wish.get("sticks_unseen"), self._offered
         if offered is None or number != offered.state.order_id or page != offered.page:
             raise CommandRefused("the proposed motion has expired", remedy="Request it again")
         self._offered = None
@@ -159,7 +155,7 @@ class MotionCommands:
         return {"standing": state.standing, "text": state.text}
 
     async def upload(
-        self, wish: Any, call: Callable[..., Awaitable[Any]] = asyncio.to_thread
+        self, wish: dict[str, Any], call: Callable[..., Awaitable[Any]] = asyncio.to_thread
     ) -> dict[str, Any]:
         """Upload a survey as the autopilot's mission; `call` checks the path in a thread."""
         order = Order.of(_request(wish))
@@ -219,15 +215,13 @@ class MotionCommands:
         return ()
 
 
-def area_of_file(wish: Any) -> dict[str, Any]:
+def area_of_file(wish: dict[str, Any]) -> dict[str, Any]:
     """Read an area's file, ``{"name": …, "text": …}``, or a circle; raises `FormatError`."""
-    if isinstance(wish, dict) and "radius_m" in wish:
+    if "radius_m" in wish:
         (center,) = places_in([wish.get("center")])
-        places = circle(center, number_in(wish, "radius_m", 0.0))
+        places = circle(center, number_in(wish, "radius_m"))
         return {"places": _listed(places), "keep_out": []}
-    name, text = (
-        (wish.get("name"), wish.get("text")) if isinstance(wish, dict) else (None, None)
-    )
+    name, text = wish.get("name"), wish.get("text")
     if not isinstance(name, str) or not isinstance(text, str):
         raise FormatError("an area must have a name and a text, or a center and a radius_m")
     places, keep_out = area_in(text, name[:80]), keep_out_in(text, name[:80])
@@ -256,10 +250,8 @@ def area_of_file(wish: Any) -> dict[str, Any]:
     }
 
 
-def _request(wish: Any) -> MotionRequest:
+def _request(wish: dict[str, Any]) -> MotionRequest:
     """Parse a motion request of the page; raises `FormatError` or `UsageError`."""
-    if not isinstance(wish, dict):
-        raise FormatError("a motion must be an object")
     height = wish.get("height_m")
     pattern = wish.get("pattern", "lines")
     if pattern not in PATTERNS:
@@ -273,12 +265,12 @@ def _request(wish: Any) -> MotionRequest:
     return motion_request(
         str(wish.get("action")),
         places,
-        height_m=None if height is None else number_in(wish, "height_m", 0.0),
+        height_m=None if height is None else number_in(wish, "height_m"),
         duration_s=number_in(wish, "duration_s", 60.0),
         clockwise=wish.get("clockwise", True) is not False,
         spacing_m=number_in(wish, "spacing_m", 60.0),
         pattern=pattern,
-        radius_m=None if wish.get("radius_m") is None else number_in(wish, "radius_m", 0.0),
+        radius_m=None if wish.get("radius_m") is None else number_in(wish, "radius_m"),
         wish_m=number_in(wish, "wish_m", 25.0),
         tags=_tags(wish.get("tags", [])),
         keep_out=_keep_out(wish.get("keep_out", [])),
@@ -301,25 +293,11 @@ def _keep_out(given: Any) -> tuple[KeepOut, ...]:
             raise FormatError(
                 "each item of keep_out must be an outline, or a place with a radius"
             )
-        radius_m = None if radius is None else number_in(one, "radius_m", 0.0)
+        radius_m = None if radius is None else number_in(one, "radius_m")
         if radius_m is not None and not radius_m > 0.0:
             raise FormatError("radius_m must be above 0")
         found.append(KeepOut(places=places, radius_m=radius_m))
     return tuple(found)
-
-
-def places_in(given: Any) -> Places:
-    """Read a list of [latitude, longitude] in degrees; raises `FormatError`."""
-    places = []
-    for one in given if isinstance(given, list) else [None]:
-        match one:
-            case [int() | float() as north, int() | float() as east]:
-                on_earth = abs(north) <= 90.0 and abs(east) <= 180.0
-                if on_earth and not isinstance(north, bool) and not isinstance(east, bool):
-                    places.append((float(north), float(east)))
-                    continue
-        raise FormatError("places must be latitudes and longitudes on earth")
-    return tuple(places)
 
 
 def _tags(given: Any) -> tuple[int, ...]:
@@ -327,15 +305,6 @@ def _tags(given: Any) -> tuple[int, ...]:
     if isinstance(given, list) and all(type(one) is int for one in given):
         return tuple(given)
     raise FormatError("tags must be whole numbers")
-
-
-def number_in(wish: dict[str, Any], name: str, default: float) -> float:
-    """Read the finite number of a given name; raises `FormatError`."""
-    value = wish.get(name, default)
-    number = value if isinstance(value, int | float) else nan
-    if isinstance(value, bool) or not abs(number) <= sys.float_info.max:
-        raise FormatError(f"{name} must be a number")
-    return float(number)
 
 
 def _listed(places: Places) -> list[list[float]]:
