@@ -379,6 +379,8 @@ class TrackTuning:
     """Minimum number of bearings or pulses for a moving tag's path."""
     particles: int = 10_000
     """Number of position hypotheses (particles) for a moving tag's path."""
+    first_particles: int = 80_000
+    """Number of position hypotheses at the beginning of a moving tag's path."""
     point_step_s: float = 15.0
     """Minimum time between two points of a tag's path that are not at a bearing [s]."""
     most_points: int = 40
@@ -390,7 +392,7 @@ class TrackTuning:
     end_m: float = 120.0
     """Constant part of the uncertainty of a tag's first and last position in a survey [m]."""
     end_m_s: float = 0.15
-    """Growth of a tag's position uncertainty at both ends with a survey's duration [m/s]."""
+    """Growth of a walking tag's uncertainty at both ends with a survey's duration [m/s]."""
     fading_factor: float = 1.1
     """Factor on a pulse's fading, because ten thousand hypotheses are too few for a survey's
     sharp likelihood. Without it, circles held 85 % of the tags walking at 1 m/s."""
