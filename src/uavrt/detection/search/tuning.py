@@ -228,6 +228,9 @@ class EvidenceTuning:
     """Score above which no likelihood is tested: two cells at the limit, one above noise."""
     tested_k: int = 3
     """Number of pulses K of the groups whose likelihood is tested."""
+    most_jitter_widths: float = 6.0
+    """Largest jitter of a tag whose groups' likelihood is tested [pulse widths]; at this limit
+    45 000 lattices are summed in a millisecond."""
     factor_log: float = -3.7
     """Constant of the minimum log-likelihood ratio, from noise groups counted at K = 3."""
     slope: float = 1.2
