@@ -43,10 +43,6 @@ class GridTuning:
     """Probability below which an explanation (rest, walk, compass error) is ignored."""
     map_cells: int = 100
     """Number of cells along the longer side of the probability map of a position."""
-    map_sigmas: float = 8.0
-    """Extent of a cell's normal distribution in a position's map [standard deviations]."""
-    map_reach: int = 10
-    """Reach of a cell's normal density above which a map is computed by rows [map cells]."""
     survey_first_cells: int = 28
     """Number of cells along the longer side of a survey's grid before any is quartered."""
     survey_held: float = 2e-3
