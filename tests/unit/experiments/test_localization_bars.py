@@ -15,6 +15,7 @@ from uavrt_experiments.commands.localization import localization
 from uavrt_experiments.figures import measured, median
 from uavrt_experiments.localization.experiments import EXPERIMENTS
 from uavrt_experiments.localization.posterior_calibration import (
+    FAULT_RUNS,
     FAULTS,
     LEAST_P,
     RANKS,
@@ -61,10 +62,14 @@ def test_ranks_of_truths_in_posteriors_are_uniform(name: str) -> None:
     assert p_uniform(name, count(60, 400), 21) > LEAST_P / len(RANKS)
 
 
+SHOWN_BY = {"headings 3° off, taken for exact": 40}
+"""Draws that show a fault, where fewer than `FAULT_RUNS` do."""
+
+
 @pytest.mark.parametrize("fault", FAULTS)
 def test_the_calibration_fails_with_a_seeded_fault(fault: str) -> None:
     name, seeded = FAULTS[fault]
-    assert p_uniform(name, 200, 21, seeded) < LEAST_P
+    assert p_uniform(name, SHOWN_BY.get(fault, FAULT_RUNS), 21, seeded) < LEAST_P
 
 
 def test_the_default_is_better_than_the_original_by_far() -> None:

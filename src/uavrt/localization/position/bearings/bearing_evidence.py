@@ -81,7 +81,7 @@ class BearingEvidence:
         return self._log_likelihoods(self.densities(east_m, north_m, cell_m))
 
     def _log_likelihoods(self, densities: _Floats) -> _Floats:
-        return log_product(densities) + self._log_turned[:, None]
+        return np.asarray(log_product(densities) + self._log_turned[:, None])
 
     def log_likelihood(
         self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float
