@@ -107,7 +107,8 @@ class Api:
     async def choices(self, request: Request) -> Any:
         """Choices of the settings form: serial ports, antennas, presets, maps."""
         listed = []
-        if maps.map_paths(self._maps):  # Most stations have none, and need no process for it.
+        # Most stations have no maps, and need no process to read them.
+        if await asyncio.to_thread(maps.map_paths, self._maps):
             listed = await self._worker.call(maps.map_list, self._maps)
         return {
             "ports": await asyncio.to_thread(serial_ports),
