@@ -43,10 +43,6 @@ class GridTuning:
     """Probability below which an explanation (rest, walk, compass error) is ignored."""
     map_cells: int = 100
     """Number of cells along the longer side of the probability map of a position."""
-    map_sigmas: float = 8.0
-    """Extent of a cell's normal distribution in a position's map [standard deviations]."""
-    map_reach: int = 10
-    """Reach of a cell's normal density above which a map is computed by rows [map cells]."""
     survey_first_cells: int = 28
     """Number of cells along the longer side of a survey's grid before any is quartered."""
     survey_held: float = 2e-3
@@ -349,7 +345,7 @@ class LossErrorTuning:
     """Shadowing in units of its standard deviation. Its correlation is exponential in the path,
     and falls to 1 / e over 8 m in towns and 500 m in suburbs (Gudmundson 1991, "Correlation
     model for shadow fading in mobile radio systems"). The phase of the ray that level ground
-    reflects changes by 1 rad over 40 to 160 m (drone at 40 m, tag at 1 m, 100 to 200 m away)."""
+    reflects changes by 1 rad over 40 to 160 m (drone at 40 m, tag at 1 m and 100 to 200 m)."""
     pulse_share: float = 0.05
     """Standard deviation of errors that differ between pulses, as a share of a hill's loss."""
     grazing_db: float = 6.0
