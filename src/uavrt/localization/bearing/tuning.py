@@ -17,15 +17,18 @@ class TurnTuning:
     path_window_s: float = 15.0
     """Time before and after a pose over which its displacement is measured [s]."""
     window_shift_m: float = 3.0
-    """Minimum displacement in `path_window_s`, before and after a pose on a flown path [m]."""
+    """Minimum displacement in `path_window_s`, before and after a pose on a flown path [m].
+    With 30 % more, 4 % fewer turns are separate."""
     radius_m: float = 15.0
-    """Maximum distance from the middle of a turn in place [m]."""
+    """Maximum distance from the middle of a turn in place [m]. With 30 % less, 23 % of drifting
+    turns are lost."""
     drift_span_deg: float = 45.0
     """Span of yaw over which a turn's drift is measured, and half of that for stops [°]."""
     drift_step_deg: Resolution[float] = 5.0
     """Step in yaw between the starts of the spans over which a turn's drift is measured [°]."""
     one_turn_deg: float = 450.0
-    """Maximum yaw of a single turn [°]; more may be two turns with a flown path between."""
+    """Maximum yaw of a single turn [°]; more may be two turns with a flown path between. With
+    30 % less, 4 % of drifting turns are cut."""
     reversal_deg: float = 25.0
     """Minimum yaw against a turn's sense that ends it [°]; less is hovering or overshoot."""
     stop_deg: float = 4.0
@@ -60,7 +63,8 @@ class PatternTuning:
     refined_nats: Guard[float] = 18.0
     """Log-density below the best at which a trial bearing is not refined [nats]."""
     lobe_deg: float = 25.0
-    """Half-width of a lobe of a bearing's posterior [°]."""
+    """Half-width of a lobe of a bearing's posterior [°]. With 30 % less, standard deviations of
+    turns of 8 pulses are 12 % smaller and half of them count as ambiguous."""
     correlation_pulses: Guard[int] = 12
     """Minimum number of pulses to estimate the correlation of neighbouring pulses' fading."""
     # Fading that is correlated from pulse to pulse.
@@ -68,9 +72,11 @@ class PatternTuning:
     """Candidate correlations of neighbouring pulses' fading."""
     variance_factors: tuple[float, ...] = (1.0, 2.0, 4.0)
     """Candidate ratios of the fading variance to that estimated for independent pulses. Fading
-    correlated over more than a quarter turn looks like the pattern."""
+    correlated over more than a quarter turn looks like the pattern. With 30 % more, arcs in
+    lasting fading are 6 % wider."""
     correlated_share: float = 0.2
-    """Prior share of turns in which neighbouring pulses' fading is correlated."""
+    """Prior share of turns in which neighbouring pulses' fading is correlated. With 30 % more,
+    arcs are 2 % wider."""
     most_pulses: Guard[int] = 240
     """Maximum number of pulses for which correlated fading is evaluated: a limit on work."""
     least_pulses: Guard[int] = 12
