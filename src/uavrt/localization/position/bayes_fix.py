@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.localization.number_kinds import Fixed
 from uavrt.localization.position.tuning import GRID
 from uavrt.localization.results import Ellipse
 from uavrt.localization.tuning import FLIGHT
@@ -83,12 +84,12 @@ class Cells:
         held = np.cumsum(np.repeat(self.probability / 4.0, 4)[order])
         return shifted_m(float(np.interp(share, held, spread[order], left=0.0)), share, sigma_m)
 
-    def ellipse(self, sigma_m: float, share: float = 0.95) -> Ellipse:
-        """Ellipse by covariance of the posterior and of a shared error, as if normal."""
+    def ellipse(self, sigma_m: float) -> Ellipse:
+        """95 % ellipse by covariance of the posterior and of a shared error, as if normal."""
         x, y = self.mean()
         centred = np.stack([self.east_m - x, self.north_m - y])
         covariance = (centred * self.probability) @ centred.T
-        return ellipse_of(covariance + sigma_m**2 * np.eye(2), share)
+        return ellipse_of(covariance + sigma_m**2 * np.eye(2))
 
     def map(self, count: int, sigma_m: float) -> tuple[_Floats, _Floats, _Floats]:
         """Probability on a regular grid around most of it: east (x,), north (y,), (y, x).
@@ -124,10 +125,10 @@ class Cells:
         )
 
 
-def ellipse_of(covariance_m2: _Floats, share: float = 0.95) -> Ellipse:
-    """Ellipse that holds a probability of a normal distribution, from its (2, 2) covariance."""
+def ellipse_of(covariance_m2: _Floats) -> Ellipse:
+    """Ellipse that holds 95 % of a normal distribution, from its (2, 2) covariance."""
     values, vectors = np.linalg.eigh(covariance_m2)
-    scale = -2.0 * np.log(1.0 - share)
+    scale = -2.0 * np.log(1.0 - 0.95)
     minor, major = np.sqrt(np.maximum(values, 0.0) * scale)
     direction = np.degrees(np.arctan2(vectors[0, 1], vectors[1, 1])) % 180.0
     return Ellipse(
@@ -165,7 +166,7 @@ def cells_posterior(
     *,
     first_cells: int = GRID.first_cells,
     held: float = GRID.held,
-    growth: float = 1.0,
+    growth: Fixed[float] = 1.0,
     within: Area | None = None,
     shows_m: float = np.inf,
 ) -> Cells:
@@ -209,7 +210,7 @@ def _quartered(
     density: _Floats,
     rough: NDArray[np.bool_],
     held: float = GRID.held,
-    growth: float = 1.0,
+    growth: Fixed[float] = 1.0,
     within: Area | None = None,
     shows_m: float = np.inf,
 ) -> Cells:

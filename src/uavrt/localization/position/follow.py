@@ -12,6 +12,7 @@ from uavrt.localization.position.moving import path_by_bearings, path_by_powers
 from uavrt.localization.position.survey_walk import SurveyWalk, survey_walk
 from uavrt.localization.position.tuning import TRACK, WALK
 from uavrt.localization.results import Position, TrackPoint
+from uavrt.localization.tuning import LEVELS
 
 Follow = Literal["never", "contradicted", "always"]
 """Condition for computing a tag's path: never, contradicted (data rule out rest), or always."""
@@ -65,7 +66,7 @@ def _by_powers(
         return position
     east, north = model.plane.to_local(position.latitude_deg, position.longitude_deg)
     first = last = (float(east), float(north))
-    fading_db, astray_m_s = WALK.resting_fading_db, 0.5 * TRACK.fastest_m_s
+    fading_db, astray_m_s = LEVELS.fading_db, 0.5 * TRACK.fastest_m_s
     if walk is not None and walked and powers.time_s is not None:
         first, last = (walk.at(float(one)) for one in (min(powers.time_s), max(powers.time_s)))
         fading_db, astray_m_s = walk.fading_db, TRACK.end_m_s
