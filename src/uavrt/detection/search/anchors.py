@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from uavrt.core.runtime.native import kernels
 from uavrt.detection.search.hypotheses import Anchors, Candidate, RateSearch, best_first
 from uavrt.detection.search.null_lattices import NullLattices
-from uavrt.detection.search.tuning import GROUPS, NULL
+from uavrt.detection.search.tuning import GROUPS
 
 
 class AnchorSearch(RateSearch):

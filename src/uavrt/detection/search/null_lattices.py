@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.search.tuning import NULL
+from uavrt.detection.search.tuning import GROUPS, NULL
 
 _WHITE_K = np.log(NULL.ks)
 Test = Callable[[NDArray[np.intp], int], bool]
@@ -48,7 +48,7 @@ class NullLattices:
         """True while the noise is coloured: it forms more groups than white noise."""
         self._awaited = 0.0
         """Expected number of counted groups since the noise became coloured, times a margin."""
-        self._k, self._limit = k, limit
+        self._k = k
         self._most = max(0.0, NULL.most_share * k * limit - threshold)
         self._more = 0.0
         """Rise of the threshold by counted groups [noise powers], including that by chance."""
@@ -76,10 +76,15 @@ class NullLattices:
         return NULL.counted_share * threshold * self.factor(threshold)
 
     def cell_limit(self, threshold: float) -> float:
-        """Limit on a cell in a counted group [noise powers].
+        """Limit on a cell in a counted group at the present threshold [noise powers]."""
+        return counted_cell_limit(self._k, threshold * self.factor(threshold))
 
-        With a lower limit than that of the search, one pulse of a tag that is too weak to be
-        found forms few groups with noise, and does not raise the threshold of its own tag.
-        """
-        share = NULL.cell_share + (1.0 - NULL.cell_share) / self._k
-        return min(self._limit, share * threshold * self.factor(threshold))
+
+def counted_cell_limit(k: int, threshold: float) -> float:
+    """Limit on a cell in a counted group of K [noise powers].
+
+    With a lower limit than that of the search, one pulse of a tag that is too weak to be found
+    forms few groups with noise, and does not raise the threshold of its own tag.
+    """
+    share = NULL.cell_share + (1.0 - NULL.cell_share) / k
+    return min(GROUPS.cell_limit, share * threshold)

@@ -199,13 +199,13 @@ class NullTuning:
     most_share: float = 0.85
     """Highest threshold over the largest possible sum of K cells at their limit. Strong pulses
     of other transmitters are counted, too, and must not hide a strong tag."""
-    tolerated_ratio: float = 1.6
+    tolerated_ratio: float = 1.3
     """Ratio of counted groups to those of white noise up to which the threshold stays."""
     tolerated_coloured_ratio: float = 1.2
     """Tolerated ratio of counted groups to those of white noise, while noise is coloured."""
     ks: tuple[float, ...] = (2.0, 3.0, 5.0, 8.0)
     """Numbers of pulses K for which `white_ratios` are given."""
-    white_ratios: tuple[float, ...] = (0.47, 0.65, 1.03, 1.09)
+    white_ratios: tuple[float, ...] = (0.92, 1.25, 1.75, 1.56)
     """Measured ratio of counted groups in white noise to the computed number, by K."""
 
 
