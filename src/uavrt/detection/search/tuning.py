@@ -201,7 +201,7 @@ class NullTuning:
     of other transmitters are counted, too, and must not hide a strong tag."""
     tolerated_ratio: float = 1.3
     """Ratio of counted groups to those of white noise up to which the threshold stays."""
-    tolerated_coloured_ratio: float = 1.2
+    tolerated_coloured_ratio: float = 1.0
     """Tolerated ratio of counted groups to those of white noise, while noise is coloured."""
     ks: tuple[float, ...] = (2.0, 3.0, 5.0, 8.0)
     """Numbers of pulses K for which `white_ratios` are given."""
