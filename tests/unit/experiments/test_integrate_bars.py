@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from depth import share
+from foreign_flight import fly as fly_foreign
 
 from uavrt.core.errors import UsageError
 from uavrt_experiments.commands.integrate import integrate
@@ -14,6 +15,7 @@ from uavrt_experiments.integrate.catalogue import EXPERIMENTS
 from uavrt_experiments.integrate.false_alarms import flown, gumbel_share, white
 from uavrt_experiments.integrate.flights import (
     INTERVAL_S,
+    RATE_HZ,
     Course,
     World,
     lawnmower,
@@ -22,7 +24,7 @@ from uavrt_experiments.integrate.flights import (
     turning,
 )
 from uavrt_experiments.integrate.place import placed
-from uavrt_experiments.integrate.sensitivity import Heard, fly
+from uavrt_experiments.integrate.sensitivity import Heard, best_train, fly, narrow_world
 from uavrt_experiments.integrate.several import fly_past, worlds
 from uavrt_experiments.integrate.ways import ordinary_and_whole, samples_and_energies
 
@@ -182,3 +184,37 @@ def test_only_rows_of_the_stated_geometry_have_a_bar() -> None:
     assert {case.split(",")[0] for case in barred} == {"5 lanes over 2 km square"}
     assert sorted(barred.values()) == [0.9, 2.4, 4.6]
     assert any("anywhere inside" in row.case and row.most is None for row in rows)
+
+
+def found_in_a_foreign_flight(seed: int, strongest_db: float) -> bool:
+    """True if a tag is found in 400 pulses of an independently made flight."""
+    rng = np.random.default_rng((27, seed))
+    flown = fly_foreign(
+        rng,
+        strongest_db=strongest_db,
+        pulses=400,
+        interval_s=INTERVAL_S + rng.uniform(-0.0016, 0.0016),
+        jitter_s=0.010,
+        offset_hz=rng.uniform(-45.0, 45.0),
+        rate_hz=RATE_HZ,
+    )
+    world = narrow_world(
+        Course(
+            name="turning on the spot in gusts",
+            antenna="RA-23K",
+            exponent=2.0,
+            duration_s=float(flown.time_s[-1]),
+            east_m=flown.east_m,
+            north_m=flown.north_m,
+            yaw_deg=flown.yaw_deg,
+            tag_at=lambda _: (0.0, 0.0),
+        )
+    )
+    train = best_train(world, world.energies(flown.samples))
+    return train.false_alarm_probability <= 0.01
+
+
+def test_half_of_the_tags_are_found_in_flights_that_the_simulator_did_not_make() -> None:
+    # At 2.7 dB 27 of 40 were found.
+    assert sum(found_in_a_foreign_flight(seed, 3.0) for seed in range(12)) >= 6
+    assert not any(found_in_a_foreign_flight(seed, -20.0) for seed in range(3))
