@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from depth import share
+from depth import count, share
 from foreign_flight import fly as fly_foreign
 
 from uavrt.core.errors import UsageError
@@ -116,6 +116,24 @@ def test_regions_hold_the_tag_and_a_straight_pass_has_two_places() -> None:
     assert sum(one is not None and one.held and one.mirror for one in passed) >= 2
     # They were three and five times the bound off, on the far side of the tag.
     assert all(one is not None and one.off_m <= 1.3 * one.bound_m for one in passed)
+
+
+def test_regions_hold_the_tag_in_its_own_world_and_another() -> None:
+    for number, case in enumerate(EXPERIMENTS["I8"].cases[: count(2, 5)]):
+        flights = count(4, 40)
+        outcomes = [
+            case.trial(np.random.default_rng((12, number, n)), n) for n in range(flights)
+        ]
+        assert not [row for row in case.rows(outcomes) if row.contradicted]
+
+
+def test_headings_that_are_wrong_show_in_the_ranks_of_whole_flights() -> None:
+    sound, wrong = EXPERIMENTS["I8"].cases[-2:]
+    chances = []
+    for case in (sound, wrong):
+        outcomes = [case.trial(np.random.default_rng((13, n)), n) for n in range(count(14, 60))]
+        chances.append(case.rows(outcomes)[0])
+    assert all(row.met for row in chances)
 
 
 def test_the_command_prints_and_files_its_table(
