@@ -57,8 +57,8 @@ def surveyed(
         exponent=float(np.clip(rng.normal(usual.exponent, usual.exponent_sigma), 1.6, 4.5)),
     )
     foreign = rng.random(len(track.snr_db)) < SURVEY.foreign_share
-    any_db = float(np.median(track.snr_db))
-    any_db += SURVEY.foreign_range_db * rng.uniform(-0.5, 0.5, len(foreign))
+    middle_db = float(np.median(track.snr_db))
+    any_db = middle_db + SURVEY.foreign_range_db * rng.uniform(-0.5, 0.5, len(foreign))
     shift = rng.normal(0.0, place_m, 2)
     east, north = _PLANE.to_local(track.latitude_deg, track.longitude_deg)
     latitude, longitude = _PLANE.to_geodetic(east + shift[0], north + shift[1])
@@ -183,7 +183,7 @@ def path_rank(rng: Generator, *, turned_deg: float = 0.0) -> float:
     animal = _Animal.drawn(rng, prior)
     angle = rng.uniform(0.0, 2.0 * np.pi) + np.arange(8) * 2.4
     east, north = 400.0 * np.sin(angle), 400.0 * np.cos(angle)
-    bearing, time_s = np.empty(8), np.arange(8) * 60.0
+    bearing, time_s = np.empty(8), np.arange(8.0) * 60.0
     for number in range(8):
         for _ in range(20 if number else 0):
             animal.walk(3.0)
@@ -204,7 +204,7 @@ def path_rank(rng: Generator, *, turned_deg: float = 0.0) -> float:
             longitude_deg=longitude,
             bearing_deg=wrap_degrees_360(bearing),
             sigma_deg=np.full(8, _OWN_DEG),
-            time_s=time_s,
+            time_s=np.asarray(time_s, np.float64),
         ),
         method="track",
     )

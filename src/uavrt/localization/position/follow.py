@@ -74,8 +74,9 @@ def _by_powers(
     else:
         # The survey was flown where the tag was expected, or found as if it rested.
         place = model.plane.to_local(position.latitude_deg, position.longitude_deg)
+        here = (float(place[0]), float(place[1]))
         flown = model.plane.to_local(powers.latitude_deg, powers.longitude_deg)
-        first = around([place, *zip(*flown, strict=True)], TRACK.end_m)
+        first = around([here, *zip(*flown, strict=True)], TRACK.end_m)
         last, fading_db = None, LEVELS.fading_db
     way = path_by_powers(
         powers, model.plane, first, last, fading_db=fading_db, hills=model.hills

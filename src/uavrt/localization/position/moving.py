@@ -169,8 +169,8 @@ def _forwards_and_backwards(
     for time_s, ahead, back in zip(
         points_s, forwards.places, backwards.places[::-1], strict=True
     ):
-        both = ((ahead, forwards.log_evidence), (back, backwards.log_evidence))
-        both = tuple(one for one in both if one[0].distinct)
+        runs = ((ahead, forwards.log_evidence), (back, backwards.log_evidence))
+        both = [one for one in runs if one[0].distinct]
         if not both:
             continue
         share = special.softmax([log + math.log(one.distinct) for one, log in both])
