@@ -78,7 +78,7 @@ def test_a_gateway_killed_between_tags_or_before_the_start_lets_no_incomplete_li
         seen(
             lambda: (
                 ros_peer.publish("control_start_subprocess", ros_peer.order("start"))
-                or any("only 2 of 3 tags came" in line for line in lines)
+                or any("only 2 of 3 tags arrived" in line for line in lines)
             )
         )
         if number == 0:

@@ -15,7 +15,7 @@ from collections.abc import Awaitable, Callable, Mapping
 
 from uavrt.config.settings import Settings
 from uavrt.drone.ipc.process import ProcessFrame
-from uavrt.drone.ipc.record_link import LINK_VARIABLE, ChildLink
+from uavrt.drone.ipc.record_link import LINK_VARIABLE, RecordSocket
 from uavrt.drone.processes.connection import ConnectionProcess
 from uavrt.drone.processes.guide import TICK_S, Guide
 from uavrt.drone.processes.recorder import TURN_S, Recorder
@@ -65,7 +65,7 @@ class TaskLauncher(Launcher):
 
     async def _serve(self, pid: int, program: Program, sock: socket.socket) -> int:
         with sock:
-            link = ChildLink(sock)
+            link = RecordSocket(sock)
             frame = self._frames[pid] = ProcessFrame(link, link.wait_for_assignment())
             await program(frame)
             link.flush()

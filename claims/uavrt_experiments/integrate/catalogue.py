@@ -9,12 +9,13 @@ from uavrt_experiments.detection.cases import Experiment
 from uavrt_experiments.integrate.cost import I5
 from uavrt_experiments.integrate.false_alarms import I1
 from uavrt_experiments.integrate.place import I4
+from uavrt_experiments.integrate.region_bars import I8
 from uavrt_experiments.integrate.sensitivity import I2, I3
 from uavrt_experiments.integrate.several import I6
 from uavrt_experiments.integrate.ways import I7
 from uavrt_experiments.result import Row
 
-EXPERIMENTS: dict[str, Experiment] = {one.name: one for one in (I1, I2, I3, I4, I5, I6, I7)}
+EXPERIMENTS: dict[str, Experiment] = {one.name: one for one in (I1, I2, I3, I4, I5, I6, I7, I8)}
 FOLDERS = ("localization/whole_flight", "detection")
 """Folders of the package whose code the figures depend on."""
 

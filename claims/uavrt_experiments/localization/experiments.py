@@ -8,6 +8,7 @@ from uavrt_experiments.localization import (
     circle_bars,
     common_error_bars,
     misfit_worlds,
+    moving_bars,
     position_bars,
     posterior_calibration,
     small_survey_bars,
@@ -32,6 +33,7 @@ EXPERIMENTS: dict[str, Callable[[int, int], list[Row]]] = {
     "L6": common_error_bars.common_errors,
     "L7": _circles,
     "L8": small_survey_bars.small_surveys,
+    "L9": moving_bars.moving_tags,
     "M1": misfit_worlds.misfit_worlds,
     "C1": posterior_calibration.calibrations,
 }

@@ -183,6 +183,19 @@ def surveys(runs: int, seed: int) -> list[Row]:
     return results
 
 
+def flown_lines(side_m: float, spacing_m: float) -> tuple[_Floats, _Floats, _Floats]:
+    """East, north [m] and time [s] of pulses each 1.5 s along lines over a square at 6 m/s."""
+    corners = []
+    for number, east_m in enumerate(np.arange(0.0, side_m + 1.0, spacing_m)):
+        ends = (0.0, side_m) if number % 2 == 0 else (side_m, 0.0)
+        corners += [(east_m, ends[0]), (east_m, ends[1])]
+    path = np.array(corners)
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    pulses = np.arange(0.0, along[-1], 9.0)
+    east, north = (np.interp(pulses, along, path[:, axis]) for axis in (0, 1))
+    return east, north, pulses / 6.0
+
+
 def survey(
     rng: Generator,
     side_m: float,
@@ -200,19 +213,11 @@ def survey(
     The tag is at its place in the middle of the flight. The estimator gets a height of 40 m,
     whatever the true one.
     """
-    corners = []
-    for number, east_m in enumerate(np.arange(0.0, side_m + 1.0, spacing_m)):
-        ends = (0.0, side_m) if number % 2 == 0 else (side_m, 0.0)
-        corners += [(east_m, ends[0]), (east_m, ends[1])]
-    path = np.array(corners)
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
-    pulses = np.arange(0.0, along[-1], 9.0)
-    east, north = (np.interp(pulses, along, path[:, axis]) for axis in (0, 1))
-    fading = rng.normal(0.0, fading_db, len(pulses))
-    for number in range(1, len(pulses)):
+    east, north, time_s = flown_lines(side_m, spacing_m)
+    fading = rng.normal(0.0, fading_db, len(time_s))
+    for number in range(1, len(time_s)):
         fading[number] *= np.sqrt(1.0 - correlation**2)
         fading[number] += correlation * fading[number - 1]
-    time_s = pulses / 6.0
     since_s = time_s - 0.5 * time_s[-1]
     off_east = east - tag[0] - velocity_m_s[0] * since_s
     off_north = north - tag[1] - velocity_m_s[1] * since_s
@@ -222,7 +227,7 @@ def survey(
     return PowerTrack(
         latitude_deg=latitude,
         longitude_deg=longitude,
-        height_m=np.full(len(pulses), 40.0),
+        height_m=np.full(len(time_s), 40.0),
         snr_db=40.0 - 10.0 * exponent * np.log10(slant / 100.0) + gain + fading,
         time_s=time_s,
     )

@@ -7,6 +7,7 @@ fault must show.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.random import Generator
@@ -23,6 +24,7 @@ from uavrt.localization.position.estimate_position import estimate_position
 from uavrt.localization.position.tuning import COMMON, GRID
 from uavrt.localization.results import Position
 from uavrt.localization.tuning import FLIGHT, POWER_LAW
+from uavrt_experiments.localization.flight_calibration import path_rank, surveyed, tracker_rank
 from uavrt_experiments.localization.rotations import matched_power
 from uavrt_experiments.result import Row
 
@@ -129,46 +131,64 @@ def _rank(rng: Generator, probability: _Floats, at: int) -> float:
     return float(probability[probability > own].sum() + rng.random() * own)
 
 
-RANKS: dict[str, Callable[..., float]] = {
+def survey_rank(rng: Generator, *, place_m: float = FLIGHT.place_sigma_m) -> float:
+    """Rank of the true place in the posterior of a survey by strength.
+
+    `place_m`: standard deviation of the error of all positions [m].
+    """
+    return _rank_of_place(rng, *surveyed(rng, place_m))
+
+
+Rank = Callable[[Generator], float]
+
+RANKS: dict[str, Rank] = {
     "bearing": bearing_rank,
     "position by bearings": position_rank,
+    "survey": survey_rank,
+    "tracker": tracker_rank,
+    "path of a moving tag": path_rank,
 }
-FAULTS: dict[str, tuple[str, Fault]] = {
-    "noise 3 dB wrong": ("bearing", Fault(noise_db=3.0)),
+"""Function that draws a rank, by posterior; I8 has those of whole flights."""
+
+FAULTS: dict[str, tuple[str, Rank]] = {
+    "noise 3 dB wrong": ("bearing", partial(bearing_rank, fault=Fault(noise_db=3.0))),
     "headings 3° off, taken for exact": (
         "bearing",
-        Fault(heading_deg=3.0, heading_known=True),
+        partial(bearing_rank, fault=Fault(heading_deg=3.0, heading_known=True)),
     ),
-    "positions 20 m off": ("position by bearings", Fault(place_m=20.0)),
+    "positions 20 m off": (
+        "position by bearings",
+        partial(position_rank, fault=Fault(place_m=20.0)),
+    ),
+    "drone 20 m off": ("survey", partial(survey_rank, place_m=20.0)),
+    "noise 12 dB higher in half of the area": (
+        "tracker",
+        partial(tracker_rank, weaker_db=12.0),
+    ),
+    "headings 12° off": ("path of a moving tag", partial(path_rank, turned_deg=12.0)),
 }
+"""Simulations that violate a posterior's model, and the posterior that must show it."""
 
 
-def p_uniform(name: str, runs: int, seed: int, fault: Fault = NO_FAULT) -> float:
+def p_uniform(rank: Rank, runs: int, seed: int) -> float:
     """Probability that uniform ranks deviate as much (Kolmogorov and Smirnov)."""
-    rank = RANKS[name]
-    ranks = [rank(np.random.default_rng([seed, number]), fault) for number in range(runs)]
+    ranks = [rank(np.random.default_rng([seed, number])) for number in range(runs)]
     return float(stats.kstest(ranks, "uniform").pvalue)
 
 
 def calibrations(runs: int, seed: int) -> list[Row]:
     """C1: chance of the ranks, without a fault (Holm's correction) and with each fault."""
-    found = sorted((p_uniform(name, runs, seed), name) for name in RANKS)
+    found = sorted((p_uniform(rank, runs, seed), name) for name, rank in RANKS.items())
     corrected, before = [], 0.0
     for number, (chance, name) in enumerate(found):
         before = max(before, min(1.0, chance * (len(found) - number)))
         corrected.append((before, name))
+    what = "chance of the ranks"
     rows = [
-        Row.counted("C1", "chance of the ranks", name, chance, runs, least=LEAST_P)
-        for chance, name in corrected
+        Row.counted("C1", what, name, chance, runs, least=LEAST_P) for chance, name in corrected
     ]
-    return rows + [
-        Row.counted(
-            "C1",
-            "chance of the ranks",
-            f"{name}: {fault_name}",
-            p_uniform(name, min(runs, FAULT_RUNS), seed, fault),
-            min(runs, FAULT_RUNS),
-            most=LEAST_P,
-        )
-        for fault_name, (name, fault) in FAULTS.items()
-    ]
+    count = min(runs, FAULT_RUNS)
+    for fault, (name, rank) in FAULTS.items():
+        chance = p_uniform(rank, count, seed)
+        rows.append(Row.counted("C1", what, f"{name}: {fault}", chance, count, most=LEAST_P))
+    return rows

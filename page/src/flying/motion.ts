@@ -359,6 +359,7 @@ let sure: ReturnType<typeof setTimeout> | null = null;
 /** The survey into the autopilot: nothing moves, a pilot starts it. */
 async function upload(): Promise<void> {
   const button = by("move-upload");
+  if (button.classList.contains("busy")) return;
   if (store.looksOn()) {
     say(by("move-fault"), t("common.another_page_commands"));
     return;

@@ -4,8 +4,27 @@ The imports take most of a second. Nothing has to be shut down during that time,
 the program at once and without a traceback.
 """
 
+import os
 import signal
 import sys
+import threading
+from contextlib import suppress
+
+RESEND_S = 0.01
+"""Delay after which a discarded Ctrl-C is sent again [s]: the discarding code has returned."""
+
+
+def _send_again(discarded: "sys.UnraisableHookArgs") -> None:
+    """Send a discarded Ctrl-C again.
+
+    Python discards what is raised in a finalizer or in the lock of an import that another
+    thread makes; the program would go on as if Ctrl-C had not been pressed.
+    """
+    if not issubclass(discarded.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(discarded)
+        return
+    with suppress(RuntimeError):  # Python is ending already
+        threading.Timer(RESEND_S, os.kill, (os.getpid(), signal.SIGINT)).start()
 
 
 def main() -> None:
@@ -13,6 +32,7 @@ def main() -> None:
     ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if ours:  # it may be ignored, as in a script's background
         signal.signal(signal.SIGINT, signal.SIG_DFL)
+        sys.unraisablehook = _send_again
     from uavrt.cli.app import run
 
     try:

@@ -251,7 +251,8 @@ class Beep:
     """Difference of the sender's frequency from that listed for each tag in `tag_ids` [Hz]."""
     image_of_hz: float | None = None
     reason: str = ""
-    """Reason why the sender may not be an animal, or what else it may mean."""
+    """Reason why the sender may not be an animal, or another cause of its pulses; empty if
+    none."""
 
     def __post_init__(self) -> None:
         """Raise `ValueError` for impossible values; they may come from radio or files."""
@@ -430,7 +431,7 @@ class Delivered:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recorded:
-    """Report that pulses are stored on the disk, with a pose or without one if none came."""
+    """Report that pulses are stored on the disk, each with a pose or without one."""
 
     pulses: tuple[PulseKey, ...]
 

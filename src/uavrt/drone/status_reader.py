@@ -1,6 +1,5 @@
 """Client of a running supervisor's status socket: reads records, sends commands."""
 
-import select
 import socket
 import sys
 import time
@@ -13,8 +12,7 @@ from uavrt.config.settings import Settings
 from uavrt.core.clock import monotonic_s
 from uavrt.core.errors import UavrtError
 from uavrt.core.messages import SystemStatus
-from uavrt.drone.ipc.record_link import LineBuffer
-from uavrt.drone.ipc.topics import decode_record, encode_record
+from uavrt.drone.ipc.record_link import RecordSocket, SupervisorGone
 
 SOCKET_NAME = "status.sock"
 STATUS_S = 3.0
@@ -57,14 +55,14 @@ class StatusReader:
         self, path: Path, timeout_s: float = 0.0, check: Callable[[], None] = _never
     ) -> None:
         self._sock = socket.socket(socket.AF_UNIX)
-        self._lines = LineBuffer()
         try:
             self._connect(str(path), monotonic_s() + timeout_s, check)
         except BaseException:
             self._sock.close()
             raise
-        self._sock.setblocking(False)
-        self._open = True
+        self._records = RecordSocket(self._sock)
+        self.is_open = True
+        """True while the supervisor is connected."""
 
     def _connect(self, path: str, deadline_s: float, check: Callable[[], None]) -> None:
         while True:
@@ -81,11 +79,6 @@ class StatusReader:
                 return
 
     @property
-    def is_open(self) -> bool:
-        """True while the supervisor is connected."""
-        return self._open
-
-    @property
     def process_id(self) -> int:
         """Process id of the supervisor (unix(7), SO_PEERCRED)."""
         credentials = self._sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12)
@@ -96,21 +89,17 @@ class StatusReader:
         deadline_s = monotonic_s() + wait_s
         records: list[tuple[str, Any]] = []
         while (rest_s := deadline_s - monotonic_s()) > 0:
-            if not self._open:
+            try:
+                records += self._records.receive(rest_s)
+            except SupervisorGone:
+                self.is_open = False
                 time.sleep(rest_s)
-                break
-            if not select.select([self._sock], [], [], rest_s)[0]:
-                break
-            data = self._sock.recv(1 << 18)
-            self._open = bool(data)
-            records += [decode_record(line) for line in self._lines.feed(data)]
         return records
 
     def send(self, topic: str, record: object) -> None:
         """Send a record, such as a command, to the supervisor."""
-        self._sock.setblocking(True)
-        self._sock.sendall(encode_record(topic, record))
-        self._sock.setblocking(False)
+        self._records.send(topic, record)
+        self._records.flush(STATUS_S)
 
     def close(self) -> None:
         """Close the connection to the supervisor."""

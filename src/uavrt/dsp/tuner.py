@@ -39,8 +39,6 @@ class TunerPlan:
     """Channel number of each tag, from 0 (the original system counts from 1)."""
     offsets_hz: tuple[float, ...]
     """Distance of each tag from its channel's centre [Hz]."""
-    near_edge: tuple[bool, ...]
-    """True for each tag in the outer 7.5 % of its channel on either side."""
     shares_channel: bool
     """True if two or more tags share a channel."""
     image_pairs: tuple[tuple[int, int], ...]
@@ -271,7 +269,6 @@ def _plan(tags: Floats, center: float, spacing: float, channel_count: int) -> Tu
         center_frequency_hz=center,
         channels=channels,
         offsets_hz=tuple(float(offset) for offset in offsets),
-        near_edge=tuple(bool(abs(x) > spacing * FLAT_FRACTION / 2) for x in offsets),
         shares_channel=len(set(channels)) < len(channels),
         image_pairs=pairs,
         band_rate_hz=spacing * channel_count,

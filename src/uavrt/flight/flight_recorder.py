@@ -15,11 +15,11 @@ import os
 import shutil
 import sqlite3
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import uavrt
 from uavrt.config.settings import DetectionSettings, Settings
@@ -42,7 +42,6 @@ from uavrt.core.messages import (
     Tag,
 )
 from uavrt.flight.database import schema
-from uavrt.flight.database.fields import Row
 from uavrt.flight.database.flight_database import FlightDatabase, Statement, is_damage
 from uavrt.flight.flight_layout import FlightLayout
 from uavrt.flight.logs.detector_configs import detector_config, write_detector_config
@@ -61,14 +60,6 @@ MAX_WAITING_OTHERS = 20_000
 """Largest number of waiting poses and health records: half an hour; pulses carry poses too."""
 
 Writable = Beep | Health | Pose | SearchNote | SearchReport | Tag
-_STATEMENTS: dict[type, tuple[str, Callable[[Any], Row]]] = {
-    Beep: (schema.INSERT_BEEP, schema.BEEPS.row),
-    Health: (schema.INSERT_HEALTH, schema.health_row),
-    Pose: (schema.INSERT_POSE, schema.pose_row),
-    SearchNote: (schema.INSERT_SEARCH_NOTE, schema.search_note_row),
-    SearchReport: (schema.INSERT_SEARCH_REPORT, schema.SEARCHED.row),
-    Tag: (schema.REPLACE_TAG, schema.TAGS.row),
-}
 
 
 class FlightRecorder:
@@ -159,7 +150,7 @@ class FlightRecorder:
     def write(self, *records: Writable) -> None:
         """Add records other than pulses; a tag replaces an earlier tag with the same id."""
         for record in records:
-            sql, row_of = _STATEMENTS[type(record)]
+            sql, row_of = schema.WRITTEN[type(record)]
             self._add(self._others, [(sql, row_of(record))])
 
     def write_status_text(self, text: StatusText, time_ns: int) -> None:

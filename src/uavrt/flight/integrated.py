@@ -190,7 +190,7 @@ def read_integrated(
             parse_iso_intervals(one.listened)
     except _DAMAGED as error:
         raise FormatError(
-            f"{tags} cannot be read: {error}", remedy="Remove it, and integrate again"
+            f"{tags} cannot be read: {error}", remedy="Remove it, and run uavrt integrate again"
         ) from error
     return verdicts, read_pulse_file(pulses) if pulses.is_file() else ()
 
@@ -212,7 +212,7 @@ def read_folds(flight: str | os.PathLike[str]) -> tuple[FlightFold, ...]:
                 raise ValueError("an interval or length is not above 0")
     except _DAMAGED as error:
         raise FormatError(
-            f"{path} cannot be read: {error}", remedy="Remove it, and integrate again"
+            f"{path} cannot be read: {error}", remedy="Remove it, and run uavrt integrate again"
         ) from error
     return folds
 

@@ -1,4 +1,4 @@
-"""Move the drone: who is in command, how orders are flown, at what height; no I/O.
+"""Move the drone: who commands it, how orders are flown, at what height; no I/O.
 
 `control/authority` is the last check of every command and yields to any pilot; `pilot` flies
 the operator's orders step by step; `autopilot_behaviour` lists the differences between

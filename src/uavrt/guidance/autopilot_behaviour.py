@@ -24,10 +24,6 @@ class Behaviour:
     """Custom mode that DO_REPOSITION sets; commands are flown in this mode."""
     return_modes: frozenset[int]
     mode_names: Mapping[int, str]
-    mode_by: Literal["CURRENT_MODE", "HEARTBEAT"]
-    """Name of the message that reports the mode more often than once a second."""
-    mode_rate_hz: float
-    """Rate requested for the mode's message [Hz]; PX4 ignores it for CURRENT_MODE."""
     yaw_in_reposition: bool
     """True if DO_REPOSITION sets headings: turns are flown in steps; False: CONDITION_YAW."""
     follows_course: bool
@@ -88,8 +84,6 @@ PX4 = Behaviour(
             _px4(7): "Stabilized",
         }
     ),
-    mode_by="CURRENT_MODE",
-    mode_rate_hz=10.0,
     yaw_in_reposition=True,
     follows_course=False,
     takeoff_mode=_px4(4, 2),
@@ -118,8 +112,6 @@ ARDUPILOT = Behaviour(
             27: "Auto RTL",
         }
     ),
-    mode_by="HEARTBEAT",
-    mode_rate_hz=10.0,
     yaw_in_reposition=False,
     follows_course=True,
     takeoff_mode=4,

@@ -30,3 +30,34 @@ def test_a_stop_among_the_imports_ends_without_a_traceback(
     _, output = began.communicate(timeout=30)
     assert output == ""
     assert began.returncode == -signal.SIGINT
+
+
+LOSES_THE_FIRST = """
+import os, signal, time
+from uavrt.cli import __main__, app
+
+class Lossy:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        for _ in range(1000):
+            pass
+
+def run():
+    Lossy()  # Python discards what is raised in __del__
+    time.sleep(60)
+
+app.run = run
+__main__.main()
+"""
+
+
+def test_a_stop_that_python_discards_ends_the_program_all_the_same() -> None:
+    began = launched(
+        "-c",
+        LOSES_THE_FIRST,
+        stderr=subprocess.PIPE,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    _, output = began.communicate(timeout=30)
+    assert output == ""
+    assert began.returncode == 128 + signal.SIGINT

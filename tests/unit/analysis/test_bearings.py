@@ -12,11 +12,12 @@ import command_line
 import made
 import numpy as np
 import pytest
+from file_bearings import read_bearings
 from pulses import pulse_at
 from some import some
 from tests.unit.analysis.test_tags_of_several_logs import as_log
 
-from uavrt.analysis.estimates.bearings import heard_in_flight, read_bearings
+from uavrt.analysis.estimates.bearings import heard_in_flight
 from uavrt.analysis.estimates.positions import read_positions
 from uavrt.analysis.report.report_words import bearing_table
 from uavrt.analysis.survey import read_survey

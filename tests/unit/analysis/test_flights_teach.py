@@ -8,10 +8,10 @@ import made
 import numpy as np
 import pytest
 from archived import flight_task
+from file_bearings import read_bearings
 from some import some
 from tests.unit.analysis.test_tags_of_several_logs import as_log
 
-from uavrt.analysis.estimates.bearings import read_bearings
 from uavrt.analysis.estimates.positions import read_positions
 from uavrt.config.settings import Settings
 from uavrt.core.clock import flight_stamp

@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from file_bearings import read_bearings
 from some import some
 
-from uavrt.analysis.estimates.bearings import read_bearings
 from uavrt.analysis.estimates.positions import read_positions
 from uavrt.analysis.inputs.flown_with import flight_antenna, flight_settings
 from uavrt.analysis.survey import read_survey

@@ -7,8 +7,8 @@ from pathlib import Path
 import made
 import numpy as np
 import pytest
+from file_bearings import read_bearings
 
-from uavrt.analysis.estimates.bearings import read_bearings
 from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.core.messages import PulsePose
 from uavrt.flight.logs.pulse_files import PulseWriter

@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 
 import pytest
+from file_bearings import read_bearings
 from some import some
 from tests.unit.analysis.test_bearings import (
     PLANE,
@@ -15,7 +16,6 @@ from tests.unit.analysis.test_bearings import (
 )
 from tests.unit.analysis.test_tags_of_several_logs import as_log
 
-from uavrt.analysis.estimates.bearings import read_bearings
 from uavrt.analysis.estimates.positions import read_positions
 from uavrt.analysis.survey import read_survey
 from uavrt.core.clock import iso_utc

@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from archived import flight_task
 from depth import seeds
+from file_bearings import read_bearings
 from some import some
 from turned import TurnedFlight, turned_flight
 
-from uavrt.analysis.estimates.bearings import read_bearings
 from uavrt.analysis.estimates.positions import read_positions
 from uavrt.analysis.estimates.records import bearing_record, position_record
 from uavrt.analysis.survey import read_survey

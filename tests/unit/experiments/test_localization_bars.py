@@ -15,6 +15,7 @@ from uavrt_experiments.commands.localization import localization
 from uavrt_experiments.figures import measured, median
 from uavrt_experiments.localization.experiments import EXPERIMENTS
 from uavrt_experiments.localization.posterior_calibration import (
+    FAULT_RUNS,
     FAULTS,
     LEAST_P,
     RANKS,
@@ -38,6 +39,7 @@ RUNS = {
     "L6": count(2, 3),
     "L7": count(2, 3),
     "L8": count(1, 20),
+    "L9": count(1, 20),
     "M1": count(2, 20),
 }
 
@@ -58,13 +60,13 @@ def test_no_bar_is_contradicted(name: str) -> None:
 
 @pytest.mark.parametrize("name", RANKS)
 def test_ranks_of_truths_in_posteriors_are_uniform(name: str) -> None:
-    assert p_uniform(name, count(60, 400), 21) > LEAST_P / len(RANKS)
+    assert p_uniform(RANKS[name], count(60, 400), 21) > LEAST_P / len(RANKS)
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_the_calibration_fails_with_a_seeded_fault(fault: str) -> None:
-    name, seeded = FAULTS[fault]
-    assert p_uniform(name, 200, 21, seeded) < LEAST_P
+    _, seeded = FAULTS[fault]
+    assert p_uniform(seeded, FAULT_RUNS, 21) < LEAST_P
 
 
 def test_the_default_is_better_than_the_original_by_far() -> None:

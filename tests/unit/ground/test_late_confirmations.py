@@ -7,10 +7,11 @@ from typing import Any
 import pytest
 
 from uavrt.core.errors import CommandRefused, LinkError
+from uavrt.core.messages import Tag
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.motions import page_motions as flying
 from uavrt.ground.link.motions.motion_requests import confirm
-from uavrt.ground.link.motions.page_motions import MotionCommands
+from uavrt.ground.link.motions.page_motions import MotionCommands, with_names
 from uavrt.link.tunnel.own_messages.motion_messages import (
     MotionConfirmation,
     MotionState,
@@ -104,3 +105,19 @@ async def test_an_offer_runs_out_also_while_the_drone_is_not_heard(
     with pytest.raises(CommandRefused, match="has expired"):
         await page.confirm(wish, "page")
     assert hands.sent == [5]
+
+
+def test_the_reason_of_a_search_names_the_animal() -> None:
+    otter, owl = (
+        Tag(
+            tag_id=number,
+            frequency_hz=150e6,
+            pulse_width_s=0.02,
+            pulse_intervals_s=(1.2,),
+            name=name,
+        )
+        for number, name in ((4, "otter"), (14, ""))
+    )
+    reason = "fly 40 m NW: to learn more about tag 4"
+    assert with_names(reason, [otter, owl]) == f"{reason} (otter)"
+    assert with_names("tag 14 was found", [otter, owl]) == "tag 14 was found"

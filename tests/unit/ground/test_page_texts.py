@@ -479,7 +479,7 @@ def test_a_remedy_has_its_words_also_where_the_fault_has_none() -> None:
 
 def test_what_is_quoted_may_be_in_any_language_and_is_noticed() -> None:
     words, left = in_german("cannot change /x/starred: the disk is asleep")
-    assert words == "/x/starred ist nicht zu ändern: the disk is asleep"
+    assert words == "/x/starred lässt sich nicht ändern: the disk is asleep"
     assert left == ["the disk is asleep"]
     assert in_german("cannot change /x/starred: Permission denied")[1] == []
 
@@ -487,7 +487,7 @@ def test_what_is_quoted_may_be_in_any_language_and_is_noticed() -> None:
 def test_names_of_people_fit_every_gap() -> None:
     assert in_german("1 of 2 detected: alter Luchs") == ("1 von 2 entdeckt: alter Luchs", [])
     assert in_german("cannot run alter Luchs: junger luchs")[0] == (
-        "alter Luchs ist nicht zu starten: junger luchs"
+        "alter Luchs lässt sich nicht starten: junger luchs"
     )
 
 

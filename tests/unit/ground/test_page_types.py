@@ -53,7 +53,7 @@ def test_the_page_asks_for_columns_that_there_are() -> None:
 
 
 def test_every_column_is_a_field_of_a_pulse_or_of_its_pose() -> None:
-    fields = {*schema.PULSE_COLUMNS.split(", "), *schema.POSE_COLUMNS.split(", ")}
+    fields = {*schema.PULSES.types, *schema.POSES.types}
     # Of the other tags that a pulse may be of the first.
     assert set(PULSE_COLUMNS) - {"also_possible_tag_id"} <= fields
 

@@ -3,7 +3,7 @@ import socket
 import pytest
 
 from uavrt.core.messages import StatusText
-from uavrt.drone.ipc.record_link import ChildLink, SupervisorGone
+from uavrt.drone.ipc.record_link import RecordSocket, SupervisorGone
 from uavrt.drone.ipc.topics import decode_record, encode_record
 
 
@@ -14,7 +14,7 @@ def text(number: int) -> StatusText:
 def test_what_the_socket_does_not_take_goes_out_later() -> None:
     ours, theirs = socket.socketpair()
     with ours, theirs:
-        link = ChildLink(ours)
+        link = RecordSocket(ours)
         for number in range(2000):
             link.send("status_text", text(number))
         got = b""
@@ -29,7 +29,7 @@ def test_what_the_socket_does_not_take_goes_out_later() -> None:
 def test_records_are_received_in_order_and_garbage_is_counted() -> None:
     ours, theirs = socket.socketpair()
     with ours, theirs:
-        link = ChildLink(ours)
+        link = RecordSocket(ours)
         theirs.sendall(
             encode_record("status_text", text(1))
             + b"garbage\n"
@@ -45,7 +45,7 @@ def test_records_are_received_in_order_and_garbage_is_counted() -> None:
 def test_a_child_whose_supervisor_has_gone_is_told() -> None:
     ours, theirs = socket.socketpair()
     with ours:
-        link = ChildLink(ours)
+        link = RecordSocket(ours)
         theirs.close()
         with pytest.raises(SupervisorGone):
             link.receive()
@@ -54,7 +54,7 @@ def test_a_child_whose_supervisor_has_gone_is_told() -> None:
 def test_what_a_supervisor_sent_before_it_was_killed_is_received_first() -> None:
     ours, theirs = socket.socketpair()
     with ours:
-        link = ChildLink(ours)
+        link = RecordSocket(ours)
         theirs.sendall(encode_record("status_text", text(1)) + b"half a li")
         theirs.close()
         assert link.receive(timeout_s=1.0) == [("status_text", text(1))]

@@ -18,7 +18,7 @@ from uavrt.config.settings import MavlinkSettings, RecordingSettings, Settings
 from uavrt.core.clock import Clock
 from uavrt.core.messages import Command, CommandReply, Health, Pose, Pulse, PulsePose, Recorded
 from uavrt.drone.ipc.process import ProcessFrame
-from uavrt.drone.ipc.record_link import ChildLink, LineBuffer
+from uavrt.drone.ipc.record_link import LineBuffer, RecordSocket
 from uavrt.drone.ipc.tag_assignment import Assignment
 from uavrt.drone.ipc.topics import decode_record, encode_record
 from uavrt.drone.processes.connection import ConnectionProcess
@@ -79,7 +79,7 @@ class Bay:
         self._sock, theirs = socket.socketpair()
         self._sock.setblocking(False)
         loop = asyncio.get_running_loop()
-        frame = ProcessFrame(ChildLink(theirs), self.assignment)
+        frame = ProcessFrame(RecordSocket(theirs), self.assignment)
         self.process = ConnectionProcess(frame)
         self.autopilot = FakeAutopilot(turning, self.autopilot_settings, self.clock)
         lines = LineBuffer()

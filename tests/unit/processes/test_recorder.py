@@ -28,7 +28,7 @@ from uavrt.core.messages import (
     Taken,
 )
 from uavrt.drone.ipc.process import ProcessFrame
-from uavrt.drone.ipc.record_link import ChildLink, LineBuffer
+from uavrt.drone.ipc.record_link import LineBuffer, RecordSocket
 from uavrt.drone.ipc.tag_assignment import Assignment
 from uavrt.drone.ipc.topics import decode_record, encode_record
 from uavrt.drone.processes.recorder import MOST_COMMANDS, POSE_PATIENCE_S, Recorder
@@ -99,7 +99,7 @@ class Drone:
             flight=self.outbox.flight,
             last_flights=self.last_flights,
         )
-        self.recorder = Recorder(ProcessFrame(ChildLink(theirs), assignment))
+        self.recorder = Recorder(ProcessFrame(RecordSocket(theirs), assignment))
         self.frame = self.recorder._frame
         if assignment.flight is not None:
             self.recorder.open(assignment.flight)

@@ -90,7 +90,7 @@ def test_no_more_tags_are_taken_than_the_computer_carries(tmp_path: Path) -> Non
     refused = say(mission, 8, "add_tag", tag=replace(TAG, tag_id=8))
     assert (refused.accepted, refused.message) == (
         False,
-        "at most 3 tags: see detection.maximum_tags",
+        "more than 3 tags: send fewer, or raise detection.maximum_tags",
     )
     assert say(mission, 9, "add_tag", tag=replace(TAG, tag_id=6)).accepted, "a repetition"
     assert len(mission.upload.tags) == 3
@@ -157,7 +157,7 @@ def test_a_start_with_fewer_tags_than_were_sent_is_refused(tmp_path: Path) -> No
     assert say(mission, 21, "end_tags").accepted
     refused = say(mission, 22, "start_detection", tag_count=3)
     assert not refused.accepted
-    assert refused.message == "only 2 of 3 tags came: send them all again"
+    assert refused.message == "only 2 of 3 tags arrived: send them all again"
     assert mission.flights.flight is None
     # As many or more: some may have come by another wire.
     assert say(mission, 23, "start_detection", tag_count=1).accepted

@@ -74,7 +74,7 @@ def test_a_corrected_frequency_is_searched_and_remembered_under_the_same_name(
     ("tag", "words"),
     [
         (replace(TAG, tag_id=4), "send stop first"),
-        (replace(TAG, frequency_hz=151_000_000.0), "not received at 148.7"),
+        (replace(TAG, frequency_hz=151_000_000.0), "148.7"),
         (replace(TAG, frequency_hz=-1.0), "frequency"),
         (replace(TAG, pulse_width_s=0.0025, gaps_s=(0.022, 0.0488)), "coded"),
     ],

@@ -108,7 +108,7 @@ def test_an_incomplete_upload_is_remembered_whoever_starts_and_whatever_restarts
     for _ in range(2):
         reply = drone.ask("start_detection", source)
         if source != "mavlink 255/190":  # which does not command
-            assert reply.message == "only 2 of 3 tags came: send them all again"
+            assert reply.message == "only 2 of 3 tags arrived: send them all again"
         assert not reply.accepted
         reply = drone.ask("set_parameter", source, parameter="DET_RUN", value=1.0)
         assert not reply.accepted

@@ -147,7 +147,10 @@ def _ends(url: str, folder: Path, *, whole: bool = False) -> Path:
         system, path = _opened(url)
         size = _size_of(system, path, url)
         if whole and size > MOST_META_BYTES:
-            raise StoreError(f"{url} is too large for a metadata file", remedy="Check the file")
+            raise StoreError(
+                f"{url} has {size / 1e6:.0f} MB, too large for a metadata file",
+                remedy="Name the .sigmf-meta file, not the samples",
+            )
         with copy.open("wb") as file:
             file.truncate(size)
             middle = size if whole else min(size, ENDS_BYTES)

@@ -131,7 +131,7 @@ _NO_TEXT = "its name is not UTF-8 text (rename it)"
 
 def find_recordings(
     paths: Sequence[Path | str],
-    told: Mapping[Path, Recording] | None = None,
+    manifest: Mapping[Path, Recording] | None = None,
     *,
     known: Collection[Path] = (),
 ) -> Found:
@@ -143,7 +143,7 @@ def find_recordings(
     ----------
     paths : sequence of Path or str
         Files and folders; addresses in object stores, in which flights are skipped.
-    told : mapping of Path to Recording, optional
+    manifest : mapping of Path to Recording, optional
         Entries of a manifest (`read_manifest`), by resolved path.
     known : collection of Path
         Files with another purpose, such as the manifest itself.
@@ -155,7 +155,7 @@ def find_recordings(
     StoreError
         A store does not answer.
     """
-    search = _Search(told or {}, {_resolved(one) for one in known})
+    search = _Search(manifest or {}, {_resolved(one) for one in known})
     for one in paths:
         if is_url(str(one)):
             search.store(str(one))

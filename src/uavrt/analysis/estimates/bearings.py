@@ -105,23 +105,14 @@ def heard_in_flight(
     )
 
 
-def read_bearings(
-    *paths: str | os.PathLike[str],
-    how: ReadAs | None = None,
-    warn: Callable[[str], None] = lambda text: None,
+def bearings_together(
+    recorded: Sequence[Recorded], how: ReadAs, warn: Callable[[str], None]
 ) -> list[TagBearing]:
-    """Estimate the bearings of flights or pulse logs that share one antenna.
+    """Estimate the bearings of flights and logs in memory that share one antenna.
 
     The method ``pattern_ml`` first corrects the antenna pattern by all turns, also those of
     past flights; `warn` receives a sentence on the flights that contributed.
     """
-    return bearings_together([read_recorded(path) for path in paths], how or ReadAs(), warn)
-
-
-def bearings_together(
-    recorded: Sequence[Recorded], how: ReadAs, warn: Callable[[str], None]
-) -> list[TagBearing]:
-    """Estimate the bearings of flights and logs in memory, as `read_bearings` does."""
     check_method(how.bearing_method, (*get_args(BearingMethod), *ADDED_METHODS))
     antennas = [one.turning() if how.antenna is None else how.antenna for one in recorded]
     heard = [one.heard(USUAL_ANTENNA) for one in recorded]

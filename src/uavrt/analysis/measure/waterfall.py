@@ -19,7 +19,8 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 COLUMNS: Final = 1024
 """Number of spectrogram columns, about as many as a picture has pixels across."""
 TRACE_POINTS: Final = 1 << 21
-"""Maximum number of points in a level trace; then pairs are joined: 5.8 h of 20 ms pulses."""
+"""Maximum number of points in a level trace (5.8 h of 20 ms pulses), above which neighbouring
+points are combined."""
 
 _MOST_OFF: Final = 0.75
 """Time error above which spectra are realigned with the block times [half pulse widths]."""

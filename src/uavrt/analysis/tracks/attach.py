@@ -64,8 +64,8 @@ class ClockOffset:
     """Source of the offset: ``"given"`` by the user, or estimated from the pulses' ``"poses"``
     or SNR (``"powers"``)."""
     sigma_s: float | None = None
-    """Standard deviation of the offset, by a jackknife over eighths of the flight [s]; None:
-    given."""
+    """Standard deviation of the offset, by a jackknife over eighths of the flight [s]; None if
+    the offset was given."""
     heading_sigma_deg: float | None = None
     """Heading error caused by the clock offset's error at the flown turn rate [deg]."""
 

@@ -72,7 +72,9 @@ class IntegratedTag:
 
     @property
     def ambiguous(self) -> OtherTrain | None:
-        """Pulse train that may be this tag's, at e.g. 3/2 of its interval; None if found."""
+        """Pulse train that may be this tag's, at e.g. 3/2 of its interval; None if the tag was
+        found.
+        """
         if self.found:
             return None
         return next((one for one in self.others if one.ratio is not None), None)

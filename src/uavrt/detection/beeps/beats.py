@@ -134,7 +134,9 @@ def _jitter_s(beat: Beat) -> float:
 
 
 def _merit(beat: Beat) -> float:
-    """Number of a beat's pulses minus half the missing ones: half the interval scores less."""
+    """Number of a beat's pulses minus half the missing ones, so that half the interval scores
+    less.
+    """
     steps = int(beat.numbers[-1]) + 1
     return beat.numbers.size - 0.5 * max(0, steps - beat.numbers.size)
 
@@ -172,7 +174,8 @@ def _chance(beat: Beat, bursts: int, span_s: float) -> float:
     """Expected number of chains as good as this one among `bursts` random pulses.
 
     Two pulses set the interval; each later expected time has a pulse with the probability
-    density × tolerance. Choices of the first two, and of the missing pulses, multiply it.
+    density × tolerance. This is multiplied by the number of ways to choose the first two pulses
+    and the missing ones.
     """
     density = bursts / max(span_s, 1e-9)
     hit = min(1.0, 2.0 * tolerance_s(beat.interval_s) * density)

@@ -73,7 +73,9 @@ class _Band:
         return 0 if self._search is None else self._search.dropped
 
     def trains(self, receiver: Receiver, *, ended: bool) -> list[Train]:
-        """Return the trains so far, at absolute frequencies; of a live stream, recent ones."""
+        """Return the trains found so far, at absolute frequencies; in a live stream, only
+        recent ones.
+        """
         if self._search is None or not self.received:
             return []
         since_s = max(0.0, self.received / self._rate_hz - LISTENING.recent_s)

@@ -24,8 +24,9 @@ def chain_with_switches(
 ) -> tuple[float, list[tuple[int, NDArray[np.intp]]]]:
     """Follow a tag that switches between two intervals.
 
-    An interval with a small ratio to another continues through it: 1333 ms meets every second
-    pulse of 2000 ms. Followed with both, the chain switches where that explains more pulses.
+    A chain at one interval can run on through pulses sent at another: one of 1333 ms meets
+    every second pulse of 2000 ms. Followed with both, the chain switches where that explains
+    more pulses.
 
     `times_s` (n,): pulses, ascending. Returns (merit, stretches): number of pulses less the
     cost of missing ones and switches; the interval (0 or 1) and the pulses of each stretch, in

@@ -84,7 +84,8 @@ class TrainTuning:
     renewing_ratio: float = 3.0
     """Minimum ratio of new to old pulses at one frequency for it to be searched again."""
     renewing_share: float = 0.125
-    """New pulses outside known trains, as a share of the old pulses, up to which these stay."""
+    """Maximum number of new pulses outside the known trains, as a share of the old pulses, with
+    which the known trains are kept."""
     most_intervals: int = 8
     """Maximum number of intervals found among the pulses of one frequency."""
     strays: int = 2

@@ -206,7 +206,9 @@ def _best(
 
 
 def least_pulses(pulses: int) -> int:
-    """Minimum number of undisturbed pulses in a burst: all but two, at least three or all."""
+    """Minimum number of undisturbed pulses in a burst: all but two, and at least three (all of
+    fewer).
+    """
     return max(min(3, pulses), pulses - 1) if pulses <= 4 else pulses - 2
 
 

@@ -63,7 +63,9 @@ def refine(
 def _prefix(
     cells: Cells, row: int, firsts: NDArray[np.int64]
 ) -> tuple[NDArray[np.bool_], NDArray[np.complex128]]:
-    """Stored pulses, and running sums of samples: (frequencies, bursts, pulses, n + 1)."""
+    """True for pulses whose samples are stored, (bursts, pulses); running sums of the samples
+    around each, shifted to the frequencies tried: (frequencies, bursts, pulses, n + 1).
+    """
     count = 2 * REFINE.margin_columns * cells.hop + cells.length + 1
     first = (firsts - cells.base) * cells.hop
     within = (first >= 0) & (first + count <= (cells.end - cells.base) * cells.hop)

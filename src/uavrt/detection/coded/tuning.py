@@ -18,7 +18,8 @@ class CellTuning:
     noise_pieces: int = 25
     """Number of stretches of samples, 10 s in all, whose median powers give the noise level."""
     least_rise: float = 0.85
-    """Minimum noise level over the newest estimate; a rise of the noise is then no burst."""
+    """Minimum noise level, as a share of the newest estimate; with it, a rise of the noise is
+    not taken for a burst."""
     kept_s: float = 130.0
     """Duration for which spectrogram cells are stored, to sum several bursts [s]."""
     step_s: float = 0.4
@@ -138,7 +139,8 @@ class ShapeTuning:
     loud_energy: float = 20.0
     """Minimum energy of a signal whose leakage is considered [noise energies]."""
     rounded: float = 1.0 - 1e-6
-    """Share of the required sum below which possible bursts are dropped; 1 but for rounding."""
+    """Share of the required sum below which possible bursts are dropped; below 1 only for
+    rounding."""
     least_amplitude: float = 0.33
     """Minimum amplitude of a pulse relative to another of the same burst."""
     hit_amplitude: float = 0.5

@@ -21,7 +21,7 @@ from uavrt.detection.search.tuning import GROUPS, NULL
 
 
 class AnchorSearch(RateSearch):
-    """Search of one rate for groups of up to eight pulses; parameters as of `RateSearch`."""
+    """Search of one rate for groups of up to eight pulses; parameters as for `RateSearch`."""
 
     def __init__(self, **parameters: Any) -> None:
         super().__init__(**parameters)
@@ -30,13 +30,15 @@ class AnchorSearch(RateSearch):
             GROUPS.measured_columns + math.ceil((k - 1 - p) * self.intervals[-1])
             for p in range(k)
         ]
-        """(K,) columns from a strong cell, as each of the K pulses, to its group's end."""
+        """(K,) number of columns from a strong cell to its group's end, if it is that one of K
+        pulses."""
         others = np.stack([np.delete(self._offsets[p], p, axis=0) for p in range(k)])
         first = others.min(axis=2, initial=np.iinfo(np.intp).max, keepdims=True)
         self.rest = others - first
         """(K, K - 1, intervals) delay of each other pulse after its earliest one [columns]."""
         self.lows = first[:, :, 0] - reach
-        """(K, K - 1) columns from a strong cell to the first searched for each other pulse."""
+        """(K, K - 1) number of columns from a strong cell, if it is that one of K pulses, to
+        the first column searched for each other pulse."""
         self.stretch = int(self.rest.max(initial=0)) + 2 * reach + 1
         """Number of spectrogram columns searched for one other pulse of a group."""
         self.length = self.span + self.piece + 2 * reach + 4 + GROUPS.measured_columns

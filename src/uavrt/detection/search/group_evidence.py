@@ -22,13 +22,19 @@ from uavrt.detection.search.thresholds import begun_within_s, decision_interval_
 from uavrt.detection.search.tuning import EVIDENCE, THRESHOLDS
 
 
-def gate(k: int) -> float:
-    """Minimum score of a candidate of K pulses, as a share of the search's threshold."""
-    return EVIDENCE.gate if k == EVIDENCE.tested_k else 1.0
+def gate(tag: Tag) -> float:
+    """Minimum score of a tag's candidates, as a share of the search's threshold.
+
+    Below 1 only where their likelihood is tested: with a jitter of many pulse widths the number
+    of lattices to sum, and their memory, would have no limit.
+    """
+    most_jitter_s = EVIDENCE.most_jitter_widths * tag.pulse_width_s
+    tested = tag.k == EVIDENCE.tested_k and tag.interval_jitter_s <= most_jitter_s
+    return EVIDENCE.gate if tested else 1.0
 
 
 class Evidence:
-    """Tests candidates near the threshold by their likelihood."""
+    """Tests candidates near the threshold by their likelihood, for tags of a `gate` below 1."""
 
     def __init__(self, tag: Tag, *, grid: Grid, refiner: Refiner) -> None:
         self._tag = tag
@@ -50,13 +56,12 @@ class Evidence:
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> bool:
         """True if noise causes such a candidate less often than the tag's false-alarm rate."""
-        share = gate(search.k)
-        if share == 1.0 or candidate.score >= EVIDENCE.sure_score:
+        if candidate.score >= EVIDENCE.sure_score:
             return True
         steady, first = self._bounds[candidate.rate - 1]
         bound = steady if search.steady else first
         # Increase of the threshold by the margin for uncertain noise, in the tail's exponent.
-        bound += search.threshold * max(0.0, search.margin / share - 1.0)
+        bound += search.threshold * max(0.0, search.margin / EVIDENCE.gate - 1.0)
         starts = np.array([self._grid.start(column) for column in candidate.columns])
         offset = float(self._grid.offsets_hz[candidate.row])
         strength = search.threshold / search.k
@@ -64,7 +69,7 @@ class Evidence:
         return self.weigh(starts, offset, level, strength) >= bound
 
     def _bounds_of(self, rate: int) -> tuple[float, float]:
-        """Minimum log-likelihood ratio of a group: usually, and for the first decision."""
+        """Minimum log-likelihood ratio of a group: usually, and at the first decision."""
         tag, grid = self._tag, self._grid
         width_s = tag.pulse_width_s
         usual_s = decision_interval_s(tag, rate)
@@ -73,9 +78,9 @@ class Evidence:
         lattices = (
             band_hz * usual_s * (1.0 + (tag.k - 1) * tag.interval_uncertainty_s / width_s)
         )
-        factor = EVIDENCE.factor_log if tag.k == EVIDENCE.tested_k else 0.0
-        allowed = tag.false_alarm_probability / len(tag.pulse_intervals_s)
-        bound = math.log(lattices) + factor - EVIDENCE.slope * math.log(allowed)
+        rates = len(tag.pulse_intervals_s)
+        allowed_log = math.log(tag.false_alarm_probability) - math.log(rates)
+        bound = math.log(lattices) + EVIDENCE.factor_log - EVIDENCE.slope * allowed_log
         return bound, bound + math.log(THRESHOLDS.first_share * min(1.0, begun_s / usual_s))
 
     def weigh(

@@ -17,7 +17,7 @@ from uavrt.detection.search.tuning import GROUPS, THRESHOLDS
 
 
 class LongSearch(RateSearch):
-    """Search of one rate for groups of nine pulses or more; parameters as of `RateSearch`."""
+    """Search of one rate for groups of nine pulses or more; parameters as for `RateSearch`."""
 
     def __init__(self, **parameters: Any) -> None:
         super().__init__(**parameters)

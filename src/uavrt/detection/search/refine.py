@@ -201,7 +201,12 @@ class Refiner:
         half_band_hz: float,
         frequencies: int,
     ) -> tuple[NDArray[np.float64] | None, NDArray[np.int64]]:
-        """Matched-filter power (pulses, frequencies, starts) or None; shifts of `first`."""
+        """Matched-filter power (pulses, frequencies, starts), and by how much each `first` was
+        shifted.
+
+        The starts are shifted into the stored samples; the power is None if these are too
+        short.
+        """
         length = self._window + count - 1
         latest = self.upto - length
         if latest < self._buffer.start:

@@ -53,7 +53,11 @@ def begun_within_s(tag: Tag, rate: int = 1) -> float:
 
 
 def _tail(k: int, spread: float, limit: float) -> tuple[np.ndarray, np.ndarray]:
-    """Tail P(sum ≥ x) and its x, for one exponential plus k - 1 maxima of `spread` ones."""
+    """Sums x, and the probability that noise reaches each, for one hypothesis of K pulses.
+
+    Summed are an exponential and k - 1 maxima, each of `spread` exponentials; every term is
+    limited to `limit`.
+    """
     top = limit if math.isfinite(limit) else 60.0
     x = np.arange(0.0, top + THRESHOLDS.tail_step, THRESHOLDS.tail_step)
     anchor = 1.0 - np.exp(-x)

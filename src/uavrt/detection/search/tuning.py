@@ -71,7 +71,8 @@ class NoiseLevelTuning:
     past_slots: int = 80
     """Number of past slots of half a pulse, from which noise levels are estimated."""
     stretches: tuple[int, ...] = (6, 10, 16, 26, 42, 80)
-    """Numbers of slots (half pulses) over which noise is averaged; the least locates steps."""
+    """Numbers of slots (half pulses) over which noise is averaged; the smallest one locates
+    steps."""
     most_splits: int = 4
     """Maximum number of divisions of the bands into groups of different noise levels."""
     split_log: float = 6.5
@@ -184,8 +185,8 @@ class NullTuning:
     """Rise of the threshold by each group counted at another interval [noise powers]."""
     # While coloured noise is new a group adds `eager_gain` over the groups awaited since it
     # began plus `eager_groups`: the steps of stochastic approximation. 1.6, the mean excess of
-    # a group in such noise, would be faster, but cost a tag of 14 dB beside a carrier one pulse
-    # in a hundred.
+    # a group in such noise, would be faster, but cost a tag of 14 dB next to a carrier one
+    # pulse in a hundred.
     eager_gain: float = 0.7
     """Rise of the threshold by the first group counted in new coloured noise [noise powers]."""
     eager_groups: float = 3.0
@@ -227,6 +228,9 @@ class EvidenceTuning:
     """Score above which no likelihood is tested: two cells at the limit, one above noise."""
     tested_k: int = 3
     """Number of pulses K of the groups whose likelihood is tested."""
+    most_jitter_widths: float = 6.0
+    """Largest jitter of a tag whose groups' likelihood is tested [pulse widths]; at this limit
+    45 000 lattices are summed in a millisecond."""
     factor_log: float = -3.7
     """Constant of the minimum log-likelihood ratio, from noise groups counted at K = 3."""
     slope: float = 1.2

@@ -64,7 +64,9 @@ class Intake:
     def admit(
         self, samples: NDArray[np.complex64], time_ns: int, *, after: int
     ) -> Literal["taken", "refused", "later", "earlier"]:
-        """Add a block by its time; ``later``, ``earlier``: not added, time jumped too far."""
+        """Add a block by its time; ``later`` or ``earlier``, and no block added, after a jump
+        of time.
+        """
         buffer, counters = self.buffer, self._counters
         if not buffer.empty:
             late_s = buffer.deviation_ns(time_ns) * 1e-9

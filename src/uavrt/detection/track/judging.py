@@ -37,8 +37,15 @@ class Judge:
         self._grid = grid
         self._buffer = buffer
         self._refiner = refiner
-        self.evidence = Evidence(tag, grid=grid, refiner=refiner)
+        self._gate = gate(tag)
+        self._evidence = Evidence(tag, grid=grid, refiner=refiner) if self._gate < 1.0 else None
         self._intervals = Intervals(bounds, grid=grid, refiner=refiner)
+
+    def suffices(
+        self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
+    ) -> bool:
+        """True if noise causes such a candidate less often than the tag's false-alarm rate."""
+        return self._evidence is None or self._evidence.suffices(candidate, search, noise)
 
     def known(self, tracks: list[Track]) -> KnownPulses | None:
         """Pulses of confirmed tracks, which need not be found again; None if there are none."""
@@ -137,7 +144,7 @@ class Judge:
             pulse.contrast = self._refiner.contrast(pulse)
             local = pulse.power / pulse.contrast
             total += min(pulse.power / (local if local > 3.0 else 1.0), search.limit)
-        least = search.threshold * gate(search.k)
+        least = search.threshold * self._gate
         few = JUDGE.pulses_per_foreign * (len(places) - len(own)) <= len(places)
         if reason is not None and (not few or without < least or flanks > JUDGE.most_flanks):
             return [], reason
@@ -169,7 +176,7 @@ class Judge:
             for place, pulse in places
             if foreign[place]
         )
-        if without < search.threshold * gate(search.k):
+        if without < search.threshold * self._gate:
             return "another tag's interval"
         return None
 

@@ -90,8 +90,9 @@ class SearchBand:
             circular=half_width_hz >= grid.sample_rate_hz / 2.0,
         )
         self._searches = make_searches(tag, grid, half_width_hz)
+        self._gate = gate(tag)
         for search in self._searches:
-            search.own_margin = gate(search.k)
+            search.own_margin = self._gate
         steady = self._searches[0]
         self.leveller = Leveller(
             rows=grid.rows,
@@ -210,7 +211,7 @@ class SearchBand:
     def weakest_enr_db(self) -> float:
         """Energy-to-noise ratio at which 90 % of groups reach the present threshold [dB]."""
         search = self._searches[0]
-        return weakest_enr_db(search.k, search.threshold * search.margin / gate(search.k))
+        return weakest_enr_db(search.k, search.threshold * search.margin / self._gate)
 
     def take_over(self, other: "SearchBand", upto: int) -> None:
         """Begin at an index in mid-stream with the noise estimate of a wider band."""
@@ -288,7 +289,7 @@ class SearchBand:
         error = self._noise.relative_error
         more = BAND.many_lines_margin if self._noise.ragged else 1.0
         for search in self._searches:
-            search.own_margin = gate(search.k) * young_margin(search.threshold, error) * more
+            search.own_margin = self._gate * young_margin(search.threshold, error) * more
         self._unsure = error > THRESHOLDS.noise_error
 
 

@@ -113,7 +113,7 @@ class Tracking:
         for candidate in judge.unexplained(found, search, known):
             if not judge.is_new(candidate, search, taken):
                 continue
-            if not judge.evidence.suffices(candidate, search, window.band.noise):
+            if not judge.suffices(candidate, search, window.band.noise):
                 continue
             places = judge.measure(candidate, search, window.band.noise)
             if places is None:

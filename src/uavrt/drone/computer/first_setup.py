@@ -107,7 +107,7 @@ class FirstSetup:
             "plugged_in": sorted({radio.kind for radio in usb_radios()}),
         }
 
-    def take(self, step: str, values: object) -> tuple[StepFault, ...]:
+    def take(self, step: str, values: dict[str, Any]) -> tuple[StepFault, ...]:
         """Check a step's values and, if all are valid, write them; returns the faults found."""
         judge: dict[str, Callable[[dict[str, Any]], tuple[StepFault, ...]]] = {
             "name": self._name,
@@ -118,8 +118,6 @@ class FirstSetup:
         }
         if step not in judge:
             raise NotFound(f"there is no step {step[:40]!r}")
-        if not isinstance(values, dict):
-            raise UsageError("the values of a step must be an object")
         self._require_wanted()
         with _writing(self.config.parent):
             faults = judge[step](values)

@@ -22,7 +22,7 @@ from uavrt.core.log import configure_logging, get_logger
 from uavrt.core.messages import FlightInfo, Health, StatusText
 from uavrt.core.runtime.heap import HeapKeeper
 from uavrt.drone.ipc.parent import die_with_parent
-from uavrt.drone.ipc.record_link import ChildLink, SupervisorGone
+from uavrt.drone.ipc.record_link import RecordSocket, SupervisorGone
 from uavrt.drone.ipc.tag_assignment import Assignment
 from uavrt.drone.ipc.topics import TOPICS
 
@@ -32,7 +32,7 @@ HEALTH_PERIOD_S = TOPICS["health"].every_s or 1.0
 class ProcessFrame:
     """Link to the supervisor, clock, health reports and shutdown of a child process."""
 
-    def __init__(self, link: ChildLink, assignment: Assignment) -> None:
+    def __init__(self, link: RecordSocket, assignment: Assignment) -> None:
         self.link = link
         self.assignment = assignment
         self.clock = Clock(assignment.clock_offset_ns)
@@ -52,7 +52,7 @@ class ProcessFrame:
         """
         die_with_parent(signal.SIGTERM if finishes else signal.SIGKILL)
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        link = ChildLink.from_environment()
+        link = RecordSocket.from_environment()
         assignment = link.wait_for_assignment()
         gc.freeze()  # what was imported stays: see `HeapKeeper`
         configure_logging(assignment.process)

@@ -1,7 +1,7 @@
-"""A child process's end of the socket to the supervisor.
+"""A program's end of a socket to the supervisor: a child process, or a local viewer.
 
-The socket never blocks the child: unwritten data waits in memory until the next call. When the
-supervisor is gone, the child exits.
+The socket never blocks the program: unwritten data waits in memory until the next call. When
+the supervisor is gone, a child exits.
 """
 
 import os
@@ -37,7 +37,7 @@ class SupervisorGone(ConnectionError):
     """Raised when the supervisor's end of the socket is closed."""
 
 
-class ChildLink:
+class RecordSocket:
     """Sends and receives records over a stream socket to the supervisor."""
 
     def __init__(self, sock: socket.socket) -> None:
@@ -53,7 +53,7 @@ class ChildLink:
         """Number of lines that `receive` has returned or refused since the start."""
 
     @classmethod
-    def from_environment(cls) -> "ChildLink":
+    def from_environment(cls) -> "RecordSocket":
         """Open the socket that the supervisor passed to this process."""
         return cls(socket.socket(fileno=int(os.environ[LINK_VARIABLE])))
 

@@ -536,7 +536,7 @@ class Guide:
             "ways_not_given": self.paths_refused,
             "lessons_of_power": self._energy_learning.learnt,
             "hover_w": round(self._energy_learning.energy.power_w(0.0)),
-            "others_told": len(self._shared.others(monotonic_s())),
+            "other_drones": len(self._shared.others(monotonic_s())),
         }
 
 

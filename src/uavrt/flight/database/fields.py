@@ -6,19 +6,19 @@ files of ``uavrt detect`` and of the page's records.
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from enum import StrEnum
 from functools import lru_cache
 from operator import attrgetter
-from types import NoneType, UnionType
+from types import MappingProxyType, NoneType, UnionType
 from typing import Any, Generic, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import msgspec
 
 R = TypeVar("R")
 Row = tuple[Any, ...]
-Kind = Literal["whole", "real", "switch", "word", "wholes", "reals"]
+Kind = Literal["whole", "real", "switch", "word", "wholes", "reals", "named"]
 
 IN_NO_TABLE = "in no table"
 """Key in a field's dataclass metadata: the field gets no column, as its value is nested."""
@@ -30,6 +30,7 @@ SQL_TYPES: dict[Kind, str] = {
     "word": "TEXT",
     "wholes": "TEXT",
     "reals": "TEXT",
+    "named": "TEXT",
 }
 
 
@@ -66,6 +67,8 @@ def _field(name: str, hint: Any, *, defaulted: bool) -> RecordField:
     if get_origin(hint) is tuple:
         kind = "reals" if get_args(hint)[0] is float else "wholes"
         length = None if Ellipsis in get_args(hint) else len(get_args(hint))
+    elif get_origin(hint) is dict:
+        kind = "named"
     elif hint in _KINDS:
         kind = _KINDS[hint]
     elif get_origin(hint) is not Literal and not issubclass(hint, StrEnum):
@@ -78,54 +81,67 @@ def _field(name: str, hint: Any, *, defaulted: bool) -> RecordField:
 class Columns(Generic[R]):
     """Columns of a table of records, and the conversion of a record to a row and back.
 
-    A list of numbers is stored as text, with spaces or (`lists_as_json`) as JSON; NaN as NULL.
+    A list of numbers is stored as text, with spaces or (`lists_as_json`) as JSON; numbers by
+    name as JSON; NaN as NULL. The numbers of a field in `spread` have a column each.
     """
 
     def __init__(
-        self, kind: type[R], order: Sequence[str] = (), *, lists_as_json: bool = False
+        self,
+        kind: type[R],
+        order: Sequence[str] = (),
+        *,
+        lists_as_json: bool = False,
+        spread: Mapping[str, Sequence[str]] = MappingProxyType({}),
     ) -> None:
         described = {one.name: one for one in fields_of(kind)}
-        columns = [described[name] for name in order or described]
-        self.types = {one.name: SQL_TYPES[one.kind] for one in columns}
+        self._kind = kind
+        self._names = tuple(order or described)
+        self._values = attrgetter(*self._names)
+        self.types: dict[str, str] = {}
+        self._spread: list[slice] = []
+        self._encode: list[tuple[int, Callable[[Any], Any]]] = []
+        self._decode: list[tuple[int, Callable[[Any], Any]]] = []
+        self._reals: list[int] = []
+        for place, one in enumerate(described[name] for name in self._names):
+            if one.name in spread:
+                first = len(self.types)
+                self.types |= dict.fromkeys(spread[one.name], "REAL")
+                self._spread.append(slice(first, len(self.types)))
+                continue
+            self.types[one.name] = SQL_TYPES[one.kind]
+            if one.kind == "switch":
+                self._decode.append((place, bool))
+            elif one.kind == "real" and not one.optional:
+                self._reals.append(place)
+            elif one.kind in ("wholes", "reals", "named"):
+                encode, decode = _text_codec(one.kind, as_json=lists_as_json)
+                self._encode.append((place, encode))
+                self._decode.append((place, decode))
         self.names = ", ".join(self.types)
         """Names of the table's columns in order, separated by commas as in SQL."""
         self.declared = ", ".join(f"{name} {sql}" for name, sql in self.types.items())
-        self._kind = kind
-        self._values = attrgetter(*self.types)
-        self._lists: list[tuple[int, Callable[[Any], float]]] = []
-        self._switches: list[int] = []
-        self._reals: list[int] = []
-        for place, one in enumerate(columns):
-            if one.kind in ("wholes", "reals"):
-                self._lists.append((place, int if one.kind == "wholes" else float))
-            elif one.kind == "switch":
-                self._switches.append(place)
-            elif one.kind == "real" and not one.optional:
-                self._reals.append(place)
-        self._json = lists_as_json
 
     def row(self, record: R) -> Row:
         """A record's values, converted for SQLite, in the order of the columns."""
         row = list(self._values(record))
-        for place, _ in self._lists:
-            numbers = row[place]
-            text = json.dumps(numbers) if self._json else " ".join(map(repr, numbers))
-            row[place] = text if numbers else None
+        for place, encode in self._encode:
+            row[place] = encode(row[place])
+        for cells in self._spread:
+            row[cells.start : cells.start + 1] = row[cells.start]
         return tuple(row)
 
     def values(self, row: Row) -> dict[str, Any]:
-        """Values of a row by column name; raises `ValueError` or `TypeError` if invalid."""
+        """Values of a row by field name; raises `ValueError` or `TypeError` if invalid."""
         values = list(row)
+        for cells in reversed(self._spread):
+            numbers = tuple(math.nan if one is None else one for one in values[cells])
+            values[cells] = [numbers]
         for place in self._reals:
             if values[place] is None:
                 values[place] = math.nan
-        for place in self._switches:
-            values[place] = bool(values[place])
-        for place, number in self._lists:
-            text = values[place]
-            parts = _from_json(text or "[]") if self._json else str(text or "").split()
-            values[place] = tuple(map(number, parts))
-        return dict(zip(self.types, values, strict=True))
+        for place, decode in self._decode:
+            values[place] = decode(values[place])
+        return dict(zip(self._names, values, strict=True))
 
     def record(self, row: Row) -> R:
         """Make a record from a row; raises `ValueError` or `TypeError` for invalid values."""
@@ -134,3 +150,21 @@ class Columns(Generic[R]):
 
 _from_json = lru_cache(maxsize=256)(json.loads)
 """Parse a JSON list of numbers, cached because thousands of tags share few intervals."""
+
+
+def _text_codec(
+    kind: Kind, *, as_json: bool
+) -> tuple[Callable[[Any], str | None], Callable[[Any], Any]]:
+    """Functions that convert numbers to a text and back; an empty list is NULL."""
+    if kind == "named":
+        return json.dumps, json.loads
+    number = int if kind == "wholes" else float
+    if as_json:
+        return (
+            lambda numbers: json.dumps(numbers) if numbers else None,
+            lambda text: tuple(map(number, _from_json(text or "[]"))),
+        )
+    return (
+        lambda numbers: " ".join(map(repr, numbers)) or None,
+        lambda text: tuple(map(number, str(text or "").split())),
+    )

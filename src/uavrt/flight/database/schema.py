@@ -7,8 +7,9 @@ be NaN allow NULL, since SQLite stores NaN so, and one odd record must not block
 import json
 import math
 import sqlite3
+from collections.abc import Callable
 from dataclasses import replace
-from typing import cast
+from typing import Any, cast
 
 import msgspec
 
@@ -39,6 +40,8 @@ SEARCHED = Columns(
     ),
 )
 PULSES, BEEPS = Columns(Pulse), Columns(Beep)
+POSES = Columns(Pose, spread={"quaternion_wxyz": [f"quaternion_{one}" for one in "wxyz"]})
+HEALTH = Columns(Health, ("time_ns", "process", "status", "ok", "counters"))
 TAGS = Columns(
     Tag,
     (
@@ -56,23 +59,13 @@ _COLUMNS = {
 """SQL types, by table, of columns that flights of older versions may lack."""
 PULSE_COLUMNS = PULSES.names
 """Column names of a pulse; columns that older flights lack are read as NULL."""
-POSE_COLUMNS = (
-    "time_ns, latitude_deg, longitude_deg, altitude_amsl_m, altitude_relative_m, "
-    "quaternion_w, quaternion_x, quaternion_y, quaternion_z, extrapolated"
-)
 PULSE_POSE_COLUMNS = ", ".join(
     [
         *(f"pulses.{name}" for name in PULSES.types),
-        *(f"pulse_poses.{name}" for name in POSE_COLUMNS.split(", ")),
+        *(f"pulse_poses.{name}" for name in POSES.types),
     ]
 )
 """Column names of pulses joined with their poses."""
-_POSE_FIELDS = POSE_COLUMNS.split(", ")[:5]
-POSE_DECLARED = ", ".join(
-    f"{name} {'INTEGER' if name in ('time_ns', 'extrapolated') else 'REAL'}"
-    for name in POSE_COLUMNS.split(", ")
-)
-
 
 TABLES = f"""
 CREATE TABLE IF NOT EXISTS flight (
@@ -87,14 +80,12 @@ CREATE TABLE IF NOT EXISTS pulses (
     UNIQUE (tag_id, start_time_ns)
 );
 CREATE TABLE IF NOT EXISTS pulse_poses (
-    pulse_id INTEGER PRIMARY KEY REFERENCES pulses, {POSE_DECLARED}
+    pulse_id INTEGER PRIMARY KEY REFERENCES pulses, {POSES.declared}
 );
 CREATE TABLE IF NOT EXISTS poses (
-    {POSE_DECLARED.replace("INTEGER", "INTEGER PRIMARY KEY", 1)}
+    {POSES.declared.replace("INTEGER", "INTEGER PRIMARY KEY", 1)}
 );
-CREATE TABLE IF NOT EXISTS health (
-    time_ns INTEGER, process TEXT, status TEXT, ok INTEGER, counters TEXT
-);
+CREATE TABLE IF NOT EXISTS health ({HEALTH.declared});
 CREATE TABLE IF NOT EXISTS status_texts (time_ns INTEGER, severity INTEGER, text TEXT);
 CREATE TABLE IF NOT EXISTS commands (
     time_ns INTEGER, request_id INTEGER, name TEXT, source TEXT, detail TEXT,
@@ -119,20 +110,14 @@ def insertion(table: str, columns: str) -> str:
 
 
 INSERT_TAG = insertion("tags", TAGS.names)
-REPLACE_TAG = INSERT_TAG.replace("OR IGNORE", "OR REPLACE")
 INSERT_PULSE = insertion("pulses", PULSE_COLUMNS)
-INSERT_POSE = insertion("poses", POSE_COLUMNS)
-INSERT_PULSE_POSE = insertion("pulse_poses", f"pulse_id, {POSE_COLUMNS}")
-INSERT_HEALTH = insertion("health", "time_ns, process, status, ok, counters")
+INSERT_PULSE_POSE = insertion("pulse_poses", f"pulse_id, {POSES.names}")
 INSERT_STATUS_TEXT = insertion("status_texts", "time_ns, severity, text")
 INSERT_COMMAND = insertion(
     "commands", "time_ns, request_id, name, source, detail, accepted, message"
 )
-INSERT_SEARCH_REPORT = insertion("search_reports", SEARCHED.names)
-INSERT_BEEP = insertion("beeps", BEEPS.names)
 SEARCH_NOTE_COLUMNS = "time_ns, order_id, event, text, reason, detail"
 """Column names for queries on search notes; the whole record is in ``detail``."""
-INSERT_SEARCH_NOTE = insertion("search_notes", SEARCH_NOTE_COLUMNS)
 INSERT_DELIVERY = (
     "INSERT OR IGNORE INTO deliveries (pulse_id, store, time_ns) "
     "SELECT pulse_id, ?, ? FROM pulses WHERE tag_id = ? AND start_time_ns = ?"
@@ -147,9 +132,7 @@ SELECT_PULSES_WITHOUT_POSE = (
     f"SELECT {PULSE_COLUMNS} FROM pulses WHERE NOT EXISTS (SELECT 1 FROM pulse_poses"
     " WHERE pulse_poses.pulse_id = pulses.pulse_id) ORDER BY pulse_id LIMIT ?"
 )
-SELECT_POSES = (
-    f"SELECT {POSE_COLUMNS} FROM poses WHERE time_ns BETWEEN ? AND ? ORDER BY time_ns"
-)
+SELECT_POSES = f"SELECT {POSES.names} FROM poses WHERE time_ns BETWEEN ? AND ? ORDER BY time_ns"
 
 
 def bring_up_to_date(database: sqlite3.Connection) -> None:
@@ -208,22 +191,13 @@ def pulse_from_row(row: Row) -> Pulse:
 
 
 def pose_row(pose: Pose | None) -> Row:
-    """Values of a pose in the order of `POSE_COLUMNS`; all NULL without a pose."""
-    if pose is None:
-        return (None,) * 10
-    numbers = (getattr(pose, name) for name in _POSE_FIELDS)
-    return (*numbers, *pose.quaternion_wxyz, int(pose.extrapolated))
+    """Values of a pose in the order of `POSES`; all NULL without a pose."""
+    return (None,) * len(POSES.types) if pose is None else POSES.row(pose)
 
 
 def pose_from_row(row: Row) -> Pose | None:
     """Make a pose from a row, None if all are NULL; raises `ValueError` for wrong values."""
-    if row[0] is None:
-        return None
-    time_ns, *numbers, extrapolated = row
-    numbers = [_number(one) for one in numbers]
-    record = dict(zip(_POSE_FIELDS, (time_ns, *numbers[:4]), strict=True))
-    turned = {"quaternion_wxyz": tuple(numbers[4:]), "extrapolated": bool(extrapolated)}
-    return msgspec.convert(record | turned, Pose)
+    return None if row[0] is None else POSES.record(row)
 
 
 def pulse_pose_from_row(row: Row) -> PulsePose:
@@ -258,19 +232,6 @@ def search_note_from_row(row: Row) -> SearchNote:
     return msgspec.json.decode(row[5], type=SearchNote)
 
 
-def health_row(health: Health) -> Row:
-    """Values of a health record in the order of its columns."""
-    counters = json.dumps(health.counters)
-    return (health.time_ns, health.process, health.status, int(health.ok), counters)
-
-
-def health_from_row(row: Row) -> Health:
-    """Make a health record from a row; raises `ValueError` or `TypeError`."""
-    time_ns, process, status, ok, counters = row
-    fields = {"process": process, "time_ns": time_ns, "status": status, "ok": bool(ok)}
-    return msgspec.convert(fields | {"counters": json.loads(counters)}, Health)
-
-
 def command_row(command: Command, reply: CommandReply | None, time_ns: int) -> Row:
     """Values of a command and its answer, in the order of the columns."""
     detail = {
@@ -292,5 +253,12 @@ def command_row(command: Command, reply: CommandReply | None, time_ns: int) -> R
     )
 
 
-def _number(value: float | None) -> float:
-    return math.nan if value is None else value
+WRITTEN: dict[type, tuple[str, Callable[[Any], Row]]] = {
+    Beep: (insertion("beeps", BEEPS.names), BEEPS.row),
+    Health: (insertion("health", HEALTH.names), HEALTH.row),
+    Pose: (insertion("poses", POSES.names), POSES.row),
+    SearchNote: (insertion("search_notes", SEARCH_NOTE_COLUMNS), search_note_row),
+    SearchReport: (insertion("search_reports", SEARCHED.names), SEARCHED.row),
+    Tag: (INSERT_TAG.replace("OR IGNORE", "OR REPLACE"), TAGS.row),
+}
+"""SQL statement and conversion to its row, by type of record."""

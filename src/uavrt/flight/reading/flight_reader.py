@@ -72,7 +72,7 @@ def read_flight(directory: str | os.PathLike[str]) -> Flight:
             poses=tuple(
                 pose
                 for row in database.execute(
-                    f"SELECT {schema.POSE_COLUMNS} FROM poses ORDER BY time_ns"
+                    f"SELECT {schema.POSES.names} FROM poses ORDER BY time_ns"
                 )
                 if (pose := schema.pose_from_row(row)) is not None
             ),
@@ -96,20 +96,19 @@ def read_flight(directory: str | os.PathLike[str]) -> Flight:
 def ground_states_in(database: sqlite3.Connection) -> GroundStates:
     """Arming and landing states of the autopilot, as recorded by drone or ground station."""
     rows = database.execute(
-        "SELECT time_ns, process, status, ok, counters FROM health"
+        f"SELECT {schema.HEALTH.names} FROM health"
         " WHERE process IN ('connection', ?) ORDER BY time_ns",
         (GROUND_STATION,),
     )
     states = GroundStates()
-    for one in map(schema.health_from_row, rows):
+    for one in map(schema.HEALTH.record, rows):
         states.add(one.time_ns, *ground_state(one))
     return states
 
 
 def read_health(directory: str | os.PathLike[str]) -> tuple[Health, ...]:
     """Read the health records of all processes; raises `FormatError`."""
-    columns = "time_ns, process, status, ok, counters"
-    return _records(directory, "health", columns, schema.health_from_row)
+    return _records(directory, "health", schema.HEALTH.names, schema.HEALTH.record)
 
 
 def read_search_reports(directory: str | os.PathLike[str]) -> tuple[SearchReport, ...]:

@@ -116,7 +116,7 @@ def read_gpx(path: Path) -> VehicleTrack:
             places += [] if found is None else [found]
     except (ET.ParseError, ValueError, OverflowError) as error:
         raise FormatError(
-            f"{path} is not a GPX file: {error}", remedy="Give a GPX file"
+            f"{path} is not a GPX file: {error}", remedy="Export the track as GPX again"
         ) from error
     if len(astray) > len(places):
         at, fault = astray[0]
@@ -138,7 +138,10 @@ def _track(
     warnings: tuple[str, ...] = (),
 ) -> VehicleTrack:
     if not places:
-        raise FormatError(f"{path} has no point with time and position", remedy="Give a track")
+        raise FormatError(
+            f"{path} has no point with time and position",
+            remedy="Name a log that was recorded with GPS reception",
+        )
     positions = over_the_first(places)
     attitudes = tuple(turns) or tuple(headings_of_course(positions))
     return filled(

@@ -5,11 +5,9 @@ Each command returns a text for the operator, or raises an error of the drone or
 
 import asyncio
 import contextlib
-import sys
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import replace
 from functools import partial
-from math import nan
 from typing import Any, Final
 
 from uavrt.config.tags.tag_corrections import TagCorrection, correction_of
@@ -28,6 +26,7 @@ from uavrt.ground.link.button_states import (
     wait_for,
 )
 from uavrt.ground.link.drone_link import GroundLink
+from uavrt.ground.link.page_values import number_in, places_in
 from uavrt.ground.link.served_vehicle import ServedVehicle
 
 _SWITCHED_OFF_S: Final = 300.0
@@ -35,27 +34,18 @@ _SWITCHED_OFF_S: Final = 300.0
 would have returned by its failsafe before."""
 
 
-def _parameter(wish: Any) -> tuple[str, float]:
+def _parameter(wish: dict[str, Any]) -> tuple[str, float]:
     """Read a parameter's name and value; raises `FormatError`."""
-    name = wish.get("name") if isinstance(wish, dict) else ""
+    name = wish.get("name")
     if not isinstance(name, str) or not name.isascii() or not 0 < len(name) <= 16:
         raise FormatError("name must be the name of a parameter")
-    return name, _number(wish, "value")
+    return name, number_in(wish, "value")
 
 
-def _number(body: Any, name: str) -> float:
-    """Read a finite number of a request; raises `FormatError`."""
-    value = body.get(name) if isinstance(body, dict) else None
-    number = value if isinstance(value, int | float) else nan
-    if isinstance(value, bool) or not abs(number) <= sys.float_info.max:
-        raise FormatError(f"{name} must be a number")
-    return float(number)
-
-
-def _correction(vehicle: ServedVehicle, request: Any) -> TagCorrection:
+def _correction(vehicle: ServedVehicle, request: dict[str, Any]) -> TagCorrection:
     """Find the requested correction of a tag, or its undoing; raises `FormatError`."""
     now_ns = vehicle.clock.now_ns()
-    tag_id = request.get("tag_id") if isinstance(request, dict) else None
+    tag_id = request.get("tag_id")
     tag = next((one for one in vehicle.store.tags if one.tag_id == tag_id), None)
     if tag is None:
         raise FormatError("tag_id must be the number of a listed tag")
@@ -64,9 +54,7 @@ def _correction(vehicle: ServedVehicle, request: Any) -> TagCorrection:
         if last is None:
             raise FormatError(f"tag {tag_id} has no correction to undo")
         return last.undone(tag, now_ns)
-    frequency_hz = request.get("frequency_hz")
-    if not isinstance(frequency_hz, int | float):
-        raise FormatError("frequency_hz must be a number")
+    frequency_hz = number_in(request, "frequency_hz")
     for beep in vehicle.drone.beeps:
         if tag.tag_id in beep.tag_ids and abs(beep.frequency_hz - frequency_hz) < 1.0:
             correction = correction_of(tag, beep, now_ns, vehicle.drone.beeps)
@@ -81,16 +69,12 @@ def _gain_in_words(correction: TagCorrection) -> str:
     return gain_in_words(correction.before, correction.after)
 
 
-def _place(wish: Any) -> tuple[float, float] | None:
+def _place(wish: dict[str, Any]) -> tuple[float, float] | None:
     """Read the position of a mark; None if the request has none. Raises `FormatError`."""
-    if not isinstance(wish, dict) or "latitude_deg" not in wish:
+    if "latitude_deg" not in wish:
         return None
-    place = wish.get("latitude_deg"), wish.get("longitude_deg")
-    match place:
-        case (int() | float() as north, int() | float() as east):
-            if abs(north) <= 90.0 and abs(east) <= 180.0:
-                return float(north), float(east)
-    raise FormatError("latitude_deg and longitude_deg must be a position on earth")
+    (place,) = places_in([[wish["latitude_deg"], wish.get("longitude_deg")]])
+    return place
 
 
 class Commands:
@@ -99,15 +83,14 @@ class Commands:
     def __init__(self, vehicle: ServedVehicle) -> None:
         self._vehicle = vehicle
 
-    def by_name(self, body: Any) -> dict[str, Callable[[], Awaitable[str]]]:
+    def by_name(self, body: dict[str, Any]) -> dict[str, Callable[[], Awaitable[str]]]:
         """The page's commands, by the action of their button; `body` holds the values."""
-        text = str(body.get("text", "")) if isinstance(body, dict) else ""
         return {
             "send_tags": self.send_tags,
             "start": self.start,
             "stop": self.stop,
             "capture": self.capture,
-            "mark": lambda: self.mark(text, _place(body)),
+            "mark": lambda: self.mark(str(body.get("text", "")), _place(body)),
             **{one.action: partial(self.ask, one, body) for one in BUTTONS if one.asking},
             "set_parameter": lambda: self.set_parameter(body),
             "correct_tag": lambda: self.correct_tag(body),
@@ -164,17 +147,17 @@ class Commands:
             name=name,
         )
 
-    async def ask(self, button: Button, body: Any) -> str:
+    async def ask(self, button: Button, body: dict[str, Any]) -> str:
         """Send a maintenance command; `body` holds a number for each of its fields."""
         row = COMMAND_OF_ACTION[button.action]
-        values = {one.name: _number(body, one.name) for one in row.fields}
+        values = {one.name: number_in(body, one.name) for one in row.fields}
         if fault := row.fault([*values.values()]):
             raise FormatError(fault)
         link = self._allowed(button.action)
         async with self._working(button.action, button.asking):
             return await link.ask(row.name, values) or button.done
 
-    async def correct_tag(self, request: Any) -> str:
+    async def correct_tag(self, request: dict[str, Any]) -> str:
         """Correct a listed tag by a measurement, on the drone and then in the list.
 
         ``{"tag_id": …, "frequency_hz": …}`` identifies the measured signal by its frequency;
@@ -234,7 +217,7 @@ class Commands:
         """Query the drone's parameters; return the values by name."""
         return await self._allowed("parameters").parameters.list_all()
 
-    async def set_parameter(self, wish: Any) -> str:
+    async def set_parameter(self, wish: dict[str, Any]) -> str:
         """Set a parameter of the drone: ``{"name": …, "value": …}``."""
         name, value = _parameter(wish)
         link = self._allowed("parameters")

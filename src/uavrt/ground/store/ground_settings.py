@@ -2,7 +2,7 @@
 
 import contextlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, get_args
@@ -84,10 +84,8 @@ class GroundSettings:
             dem=self.dem,
         )
 
-    def changed(self, values: object) -> "GroundSettings":
+    def changed(self, values: Mapping[str, object]) -> "GroundSettings":
         """Copy with changes from the page; raises `UsageError`."""
-        if not isinstance(values, dict):
-            raise UsageError("settings must be an object")
         unknown = set(values) - set(asdict(self))
         if unknown:
             raise NotFound(f"there is no setting {sorted(unknown)[0][:40]!r}")

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from uavrt.core.errors import FormatError, NotFound, RecordingError, UsageError, os_errors_as
 from uavrt.core.messages import DetectionStatus, Pulse, PulsePose, Tag
+from uavrt.flight.database.fields import Row
 from uavrt.flight.database.plain_database import open_plain
-from uavrt.flight.database.schema import POSE_COLUMNS, pose_row, read_older
+from uavrt.flight.database.schema import POSES, PULSE_POSE_COLUMNS, PULSES, pose_row, read_older
 from uavrt.flight.flight_layout import FlightLayout
 from uavrt.flight.flight_order import flown_name, order_noted
 from uavrt.flight.reading.flight_cache import FlightCache
@@ -79,18 +80,18 @@ _CELLS: dict[str, tuple[str, Callable[[Pulse], float]]] = {
     "clipped": ("coalesce(p.clipped, 0)", lambda pulse: pulse.clipped),
 }
 """Conversion of non-numeric fields to a number, each as SQL and as a Python function."""
-_OF_POSE = POSE_COLUMNS.split(", ")
 _SELECT_PULSES = (
     "SELECT "
     + ", ".join(
-        _CELLS[name][0] if name in _CELLS else f"{'q' if name in _OF_POSE else 'p'}.{name}"
+        _CELLS[name][0] if name in _CELLS else f"{'q' if name in POSES.types else 'p'}.{name}"
         for name in PULSE_COLUMNS
     )
-    + "{more} FROM pulses p LEFT JOIN pulse_poses q USING (pulse_id) ORDER BY p.pulse_id"
+    + " FROM pulses p LEFT JOIN pulse_poses q USING (pulse_id) ORDER BY p.pulse_id"
 )
-_SELECT_CELLS = _SELECT_PULSES.format(more="")
-_LISTS = ("also_possible_tag_ids", "burst_starts_ns", "burst_snrs_db")
-_SELECT_RECORDS = _SELECT_PULSES.format(more="".join(f", p.{name}" for name in _LISTS))
+_SELECT_RECORDS = (
+    f"SELECT {PULSE_POSE_COLUMNS} FROM pulses LEFT JOIN pulse_poses USING (pulse_id) "
+    "ORDER BY pulse_id"
+)
 _SELECT_POSES = (
     f"SELECT time_ns, {', '.join(PLACE_COLUMNS)} FROM poses "
     "WHERE latitude_deg IS NOT NULL ORDER BY time_ns"
@@ -285,7 +286,7 @@ class FlightLibrary:
     def pulses(self, flight_id: str) -> NDArray[np.float64]:
         """Read the pulses of a flight: array (len(PULSE_COLUMNS), n)."""
         with self._database(flight_id) as database:
-            return _columns(database, "pulses", _SELECT_CELLS, len(PULSE_COLUMNS))
+            return _columns(database, "pulses", _SELECT_PULSES, len(PULSE_COLUMNS))
 
     def poses(self, flight_id: str) -> NDArray[np.float64]:
         """Read the poses of a flight: array (8, m), as `Columns.poses`."""
@@ -295,24 +296,8 @@ class FlightLibrary:
     def records(self, flight_id: str, after: int, limit: int) -> list[dict[str, Any]]:
         """Read at most `limit` pulses as stored records, skipping the first `after`."""
         with self._database(flight_id) as database:
-            rows = database.execute(
-                f"{_SELECT_RECORDS} LIMIT ? OFFSET ?", (limit, after)
-            ).fetchall()
-            records = []
-            for *row, others, starts, snrs in rows:
-                record = dict(zip(PULSE_COLUMNS, row, strict=True))
-                del record["also_possible_tag_id"]
-                record["also_possible_tag_ids"] = [
-                    int(number) for number in str(others or "").split()
-                ]
-                if starts:
-                    record["burst_starts_ns"] = [int(number) for number in starts.split()]
-                    record["burst_snrs_db"] = [float(snr) for snr in str(snrs or "").split()]
-                record["clipped"] = bool(record["clipped"])
-                record["detection_status"] = STATUSES[record["detection_status"]]
-                record["confirmed"] = record["detection_status"] == "confirmed"
-                records.append(record)
-        return records
+            rows = database.execute(f"{_SELECT_RECORDS} LIMIT ? OFFSET ?", (limit, after))
+            return [_record(row) for row in rows]
 
     def log(self, flight_id: str) -> list[dict[str, Any]]:
         """Status texts and notes of a flight in order of time."""
@@ -337,9 +322,22 @@ class FlightLibrary:
             raise FormatError(f"{path} cannot be read: {error}") from error
 
 
+def _record(row: Row) -> dict[str, Any]:
+    """A pulse with its pose as the page gets it, from a row of `PULSE_POSE_COLUMNS`."""
+    width = len(PULSES.types)
+    pulse = PULSES.values(row[:width])
+    values = pulse | dict(zip(POSES.types, row[width:], strict=True))
+    record = {name: values[name] for name in PULSE_COLUMNS if name in values}
+    lists = ["also_possible_tag_ids"]
+    if pulse["burst_starts_ns"]:
+        lists += ["burst_starts_ns", "burst_snrs_db"]
+    confirmed = pulse["detection_status"] == "confirmed"
+    return record | {name: list(pulse[name]) for name in lists} | {"confirmed": confirmed}
+
+
 def pulse_cells(item: PulsePose) -> tuple[float, ...]:
     """A pulse as numbers, in the order of `PULSE_COLUMNS`."""
-    pose = dict(zip(_OF_POSE, pose_row(item.pose), strict=True))
+    pose = dict(zip(POSES.types, pose_row(item.pose), strict=True))
     cells = []
     for name in PULSE_COLUMNS:
         if name in _CELLS:

@@ -167,7 +167,7 @@ class Authority:
         self.tick(now_s)
         order = self._order
         if order is None or order_id != order.offer.order_id:
-            raise CommandRefused(f"not in command: {self.reason or 'another order is'}")
+            raise CommandRefused(f"not in command: {self.reason or 'another order is flown'}")
         first = order.motion is None and not stops
         order.check(wish, self.vehicle, now_s, first=first, stops=stops)
         command = self._writer.command(

@@ -56,7 +56,8 @@ class YawWatch:
     _courses: deque[tuple[float, float, float]] = field(default_factory=deque)
     """Times [s], headings and courses over ground [°] of the last `SAFETY.course_follow_s`."""
     _turn_s: float = field(init=False)
-    """Time since which an earlier turn may continue [s]: the command, or passing of the aim."""
+    """Start of the time in which an earlier turn may continue [s]: the command, or the last
+    time at which the heading setpoint passed its aim."""
     _seen_s: float = field(init=False)
     """Time of the last report of a heading [s]."""
     _stood_s: float = 0.0

@@ -113,7 +113,7 @@ class RosCommands:
             and not self._begun
         ):
             self._upload.resume((tag.tag_id for tag in status.tags), self._lost_tags())
-            self._log.write(4, "the gateway restarted while tags came: send all tags again")
+            self._log.write(4, "the gateway restarted during the upload: send all tags again")
 
     def nothing_came(self) -> None:
         """Note the tag messages lost so far, so that the next upload does not count them."""

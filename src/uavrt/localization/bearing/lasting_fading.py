@@ -23,9 +23,9 @@ class Whitened:
     residual: _Floats
     """(n,) residuals of the pulses' powers, in order of time [standard deviations]."""
     level_slope: _Floats
-    """(n,) derivative of expected powers by the tag's level [standard deviations per dB]."""
+    """(n,) change of expected powers with the tag's level [standard deviations per dB]."""
     bearing_slope: _Floats
-    """(n,) derivative of expected powers by the bearing [standard deviations per degree]."""
+    """(n,) change of expected powers with the bearing [standard deviations per degree]."""
     fading_part: _Floats
     """(n,) share of fading in a power's standard deviation; the rest is uncorrelated noise."""
 

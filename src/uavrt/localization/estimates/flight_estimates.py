@@ -580,7 +580,7 @@ def place(
 
 
 def _of_tag(tag_id: int, found: Sequence[Found]) -> list[Found]:
-    """Data of receivers for which a tag number means the same animal, by its frequency."""
+    """Select the receivers for which a tag number means the same animal, by frequency."""
     known_by = [*found[:1], *(each for each in found[1:] if each.has_tag(tag_id))]
     hz = [each.frequencies_hz[tag_id] for each in known_by if tag_id in each.frequencies_hz]
     if not hz:

@@ -274,9 +274,9 @@ def height_warning(ground_m: float, said_m: float) -> tuple[str, ...]:
     ):  # also if one of the heights is unknown
         return ()
     return (
-        f"the elevation files have the take-off at {ground_m:.0f} m, the flight at "
-        f"{said_m:.0f} m: another datum, or another place; heights are counted from the "
-        "elevation files' take-off on",
+        f"the take-off is at {ground_m:.0f} m in the elevation files and at {said_m:.0f} m in "
+        "the flight: another datum, or another place. Heights count from the take-off in the "
+        "elevation files",
     )
 
 

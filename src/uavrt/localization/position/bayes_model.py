@@ -228,14 +228,10 @@ def _prior_of_distance(around: Area, east_m: _Floats, north_m: _Floats) -> _Floa
 
 
 def _prior_near_track(surveyed: Area, length_m: float, height_m: float) -> LogDensity:
-    """Log-prior of a position for a power survey, which is flown where the tag is expected.
+    """Standard deviation of a normal shift that moves a position as far as the possible shifts
+    do [m].
 
-    The prior is uniform inside the surveyed rectangle. Each line covers half a spacing to both
-    sides. Outside, the prior falls by a factor e per quarter of the lines' spacing, which is
-    the rectangle's area over the track's length. Power alone hardly separates a tag beyond the
-    outermost line from its mirror image. Along a single line, a tenth of the extent replaces
-    the quarter spacing. This distance is at least a quarter of the height, since lines closer
-    than the height reach no farther.
+    `share`: probability at which the circles of both have equal radii. `point`: the position.
     """
     wide, high = surveyed.east_m - surveyed.west_m, surveyed.north_m - surveyed.south_m
     scale_m = 0.1 * max(wide, high)

@@ -12,7 +12,6 @@ from uavrt.localization.position.moving import path_by_bearings, path_by_powers
 from uavrt.localization.position.survey_walk import SurveyWalk, survey_walk
 from uavrt.localization.position.tuning import TRACK, WALK
 from uavrt.localization.results import Position, TrackPoint
-from uavrt.localization.tuning import LEVELS
 
 Follow = Literal["never", "contradicted", "always"]
 """Condition for computing a tag's path: never, contradicted (data rule out rest), or always."""
@@ -66,13 +65,17 @@ def _by_powers(
         return position
     east, north = model.plane.to_local(position.latitude_deg, position.longitude_deg)
     first = last = (float(east), float(north))
-    fading_db = LEVELS.fading_db
+    fading_db, astray_m_s = WALK.resting_fading_db, 0.5 * TRACK.fastest_m_s
     if walk is not None and walked and powers.time_s is not None:
-        half_s = 0.5 * float(np.ptp(powers.time_s))
-        first, last = walk.at(-half_s), walk.at(half_s)
-        fading_db = walk.fading_db
+        first, last = (walk.at(float(one)) for one in (min(powers.time_s), max(powers.time_s)))
+        fading_db, astray_m_s = walk.fading_db, TRACK.end_m_s
     way = path_by_powers(
-        powers, model.plane, (first, last), fading_db=fading_db, hills=model.hills
+        powers,
+        model.plane,
+        (first, last),
+        astray_m_s=astray_m_s,
+        fading_db=fading_db,
+        hills=model.hills,
     )
     if walk is None or not walked:
         return replace(position, track=way)

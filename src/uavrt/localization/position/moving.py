@@ -1,26 +1,33 @@
 """Estimate the path of a moving animal, from the bearings or powers of a whole flight.
 
 A particle tracker follows the animal, and each surviving hypothesis has a path through the
-whole flight. Far before the present, few different paths survive. So one tracker runs forwards
-and one backwards, and each gives the half of the flight that it processed last.
+whole flight. Far before the present, few different paths survive, and a tracker may have lost
+the true one among similar paths. So one tracker runs forwards and one backwards. At each time,
+their paths are weighted by the trackers' evidence and by the number of different positions.
 """
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.core.errors import UsageError
+from uavrt.core.runtime.lean_scipy import special
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 from uavrt.localization.position.bayes_fix import Area
 from uavrt.localization.position.bearings.bearing_evidence import von_mises
 from uavrt.localization.position.bearings.stations import Stations
 from uavrt.localization.position.levels.level_belief import Listening
 from uavrt.localization.position.levels.power_evidence import PowerTrack
-from uavrt.localization.position.trackers import ParticleTracker, TagPrior, TrackEstimate
+from uavrt.localization.position.trackers import (
+    ParticleTracker,
+    PastPlaces,
+    TagPrior,
+    circles_around,
+)
 from uavrt.localization.position.tuning import BEARING_FIX, TRACK
 from uavrt.localization.results import TrackPoint
 from uavrt.localization.terrain.hill_losses import HillLosses
@@ -40,8 +47,10 @@ def path_by_bearings(
         turning_m_s_per_root_s=TRACK.turning_m_s_per_root_s,
     )
 
-    def take(tracker: ParticleTracker, number: int) -> None:
-        tracker.take_bearing(float(east[number]), float(north[number]), posterior[number])
+    def take(tracker: ParticleTracker, number: int) -> float:
+        return tracker.take_bearing(
+            float(east[number]), float(north[number]), posterior[number]
+        )
 
     return _forwards_and_backwards((prior, prior), times, take, plane, stations.origin_ns)
 
@@ -51,16 +60,17 @@ def path_by_powers(
     plane: TangentPlane,
     ends: tuple[tuple[float, float], tuple[float, float]],
     *,
+    astray_m_s: float,
     fading_db: float,
     hills: HillLosses | None = None,
 ) -> tuple[TrackPoint, ...]:
     """Estimate the path of a tag through the pulses of a flight, missed pulses included.
 
-    Hypotheses begin around `ends`; there are too few to cover the whole area.
+    Hypotheses begin around `ends`, which are uncertain by `astray_m_s` times the duration.
     """
     times = _checked(powers.time_s, "pulses")
     east, north = plane.to_local(powers.latitude_deg, powers.longitude_deg)
-    half_m = TRACK.end_m + TRACK.end_m_s * float(np.ptp(times))
+    half_m = TRACK.end_m + astray_m_s * float(np.ptp(times))
     thresholds_db = np.broadcast_to(powers.threshold_db, times.shape)
     prior = TagPrior(
         area=_around(ends[0], half_m),
@@ -71,9 +81,9 @@ def path_by_powers(
         hills=hills,
     )
 
-    def take(tracker: ParticleTracker, number: int) -> None:
+    def take(tracker: ParticleTracker, number: int) -> float:
         snr_db = float(powers.snr_db[number])
-        tracker.listen(
+        expected = tracker.listen(
             Listening(
                 east_m=float(east[number]),
                 north_m=float(north[number]),
@@ -83,6 +93,7 @@ def path_by_powers(
                 yaw_deg=None if powers.yaw_deg is None else float(powers.yaw_deg[number]),
             )
         )
+        return expected.log_probability
 
     priors = (prior, replace(prior, area=_around(ends[1], half_m)))
     return _forwards_and_backwards(priors, times, take, plane, powers.origin_ns)
@@ -138,20 +149,32 @@ def _blurred(posterior: _Floats, sigma_deg: float) -> _Floats:
 def _forwards_and_backwards(
     priors: tuple[TagPrior, TagPrior],
     times: _Floats,
-    take: Callable[[ParticleTracker, int], None],
+    take: Callable[[ParticleTracker, int], float],
     plane: TangentPlane,
     origin_ns: int,
 ) -> tuple[TrackPoint, ...]:
     points_s = _point_times(times)
     forwards = _trail(priors[0], times, points_s, take)
-    backwards = _trail(priors[1], -times, [-one for one in reversed(points_s)], take)[::-1]
-    middle = 0.5 * (points_s[0] + points_s[-1])
+    backwards = _trail(priors[1], -times, [-one for one in reversed(points_s)], take)
     found = []
-    for time_s, ahead, back in zip(points_s, forwards, backwards, strict=True):
-        first, second = (back, ahead) if time_s < middle else (ahead, back)
-        place = first or second
-        if place is None:
+    for time_s, ahead, back in zip(
+        points_s, forwards.places, backwards.places[::-1], strict=True
+    ):
+        every = ((ahead, forwards.log_evidence), (back, backwards.log_evidence))
+        both = tuple(one for one in every if one[0].distinct)
+        if not both:
             continue
+        share = special.softmax([log + math.log(one.distinct) for one, log in both])
+        place = circles_around(
+            np.concatenate([one.east_m for one, _ in both]),
+            np.concatenate([one.north_m for one, _ in both]),
+            np.concatenate(
+                [
+                    np.full(len(one.east_m), part / len(one.east_m))
+                    for (one, _), part in zip(both, share, strict=True)
+                ]
+            ),
+        )
         latitude, longitude = plane.to_geodetic(place.east_m, place.north_m)
         found.append(
             TrackPoint(
@@ -180,22 +203,32 @@ def _point_times(times: _Floats) -> list[float]:
     return points_s
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Trail:
+    """Positions at the times of a path by one tracker, and its log evidence."""
+
+    places: list[PastPlaces]
+    log_evidence: float
+
+
 def _trail(
     prior: TagPrior,
     times: _Floats,
     points_s: list[float],
-    take: Callable[[ParticleTracker, int], None],
-) -> list[TrackEstimate | None]:
-    tracker = ParticleTracker(prior, np.random.default_rng(0), particles=TRACK.particles)
-    waiting = list(points_s)
+    take: Callable[[ParticleTracker, int], float],
+) -> _Trail:
+    tracker = ParticleTracker(
+        prior, np.random.default_rng(0), particles=TRACK.particles, first=TRACK.first_particles
+    )
+    waiting, evidence = list(points_s), 0.0
     for number in np.argsort(times, kind="stable"):
         while waiting and waiting[0] < times[number]:
             _remember_at(tracker, waiting.pop(0))
         tracker.advance_to(float(times[number]))
-        take(tracker, int(number))
+        evidence += take(tracker, int(number))
     for time_s in waiting:
         _remember_at(tracker, time_s)
-    return tracker.trail()
+    return _Trail(places=tracker.past(), log_evidence=evidence)
 
 
 def _remember_at(tracker: ParticleTracker, time_s: float) -> None:

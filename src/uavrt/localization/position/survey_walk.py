@@ -31,12 +31,15 @@ class SurveyWalk:
     velocity_m_s: tuple[float, float]
     """Velocity of the tag towards east and north [m/s]."""
     place: tuple[float, float]
-    """East and north of the tag in the middle of the flight [m]."""
+    """East and north of the tag at `place_s` [m]."""
+    place_s: float
+    """Time at which the tag's pulses were strongest [s]."""
     fading_db: float
     """Standard deviation of pulses' fading [dB], more if neighbouring pulses correlate."""
 
-    def at(self, since_s: float) -> tuple[float, float]:
-        """East and north of the tag at a time after the middle of the flight [m]."""
+    def at(self, time_s: float) -> tuple[float, float]:
+        """East and north of the tag at a time [m]."""
+        since_s = time_s - self.place_s
         return (
             self.place[0] + self.velocity_m_s[0] * since_s,
             self.place[1] + self.velocity_m_s[1] * since_s,
@@ -61,7 +64,9 @@ class _Moved:
     east_m: _Floats
     north_m: _Floats
     since_s: _Floats
-    """(n,) times of the pulses after the middle of the flight [s]."""
+    """(n,) times of the pulses after `place_s` [s]."""
+    place_s: float
+    """Time for which positions are compared [s]."""
     track: PowerTrack
     propagation: Propagation
 
@@ -101,11 +106,14 @@ def survey_walk(
     heard = ~np.isnan(powers.snr_db)
     if heard.sum() < WALK.least_pulses or np.ptp(powers.time_s[heard]) < WALK.least_span_s:
         return None
-    middle = 0.5 * float(powers.time_s.min() + powers.time_s.max())
+    # When its pulses are strongest, a walker is close to the lines, wherever it is later.
+    strength = np.where(heard, 10.0 ** (np.nan_to_num(powers.snr_db, nan=-99.0) / 10.0), 0.0)
+    place_s = float(powers.time_s @ strength / strength.sum())
     moved = _Moved(
         east_m=east_m,
         north_m=north_m,
-        since_s=powers.time_s - middle,
+        since_s=powers.time_s - place_s,
+        place_s=place_s,
         track=powers,
         propagation=propagation,
     ).of(heard)
@@ -135,6 +143,7 @@ def _weighed(moved: _Moved, around: Area, rest: _Peak, walk: _Peak) -> SurveyWal
         probability=float(1.0 / (1.0 + np.exp(-np.clip(odds, -500.0, 500.0)))),
         velocity_m_s=walk.velocity,
         place=walk.place,
+        place_s=moved.place_s,
         fading_db=_fading_db(moved, best),
     )
 

@@ -6,7 +6,7 @@ need no association.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -100,9 +100,17 @@ class TagPrior:
         return LevelGround(shadowing_db=self.shadowing_db)
 
 
-def _estimate(
-    east_m: _Floats, north_m: _Floats, level_db: _Floats, weight: _Floats
-) -> TrackEstimate:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Circles:
+    """Point estimate of a position, and the circles around it."""
+
+    east_m: float
+    north_m: float
+    radius50_m: float
+    radius95_m: float
+
+
+def circles_around(east_m: _Floats, north_m: _Floats, weight: _Floats) -> Circles:
     """Point with the smallest expected error from weighted positions, and circles around it."""
     x, y = float(weight @ east_m), float(weight @ north_m)
     for _ in range(20):
@@ -115,12 +123,11 @@ def _estimate(
     order = np.argsort(distance)
     held = np.cumsum(weight[order])
     half, most = np.interp([0.5, 0.95], held, distance[order])
-    return TrackEstimate(
+    return Circles(
         east_m=x,
         north_m=y,
         radius50_m=shifted_m(float(half), 0.5),
         radius95_m=shifted_m(float(most), 0.95),
-        level_db=float(weight @ level_db),
     )
 
 
@@ -231,6 +238,16 @@ class _Remembered:
     east_m: _Singles
     north_m: _Singles
     origin: NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PastPlaces:
+    """Equally probable earlier positions of a tag, traced back from a tracker's hypotheses."""
+
+    east_m: _Singles
+    north_m: _Singles
+    distinct: int
+    """Number of different positions: hypotheses that survived until later data."""
 
 
 class _MotionModel:
@@ -415,18 +432,16 @@ class _StoredPaths:
         )
         state.origin = np.arange(len(state.mode), dtype=np.int32)
 
-    def trail(self, state: _Particles, kept: NDArray[np.intp]) -> list[TrackEstimate | None]:
-        found: list[TrackEstimate | None] = []
-        level = state.mean_db[kept]
-        index = state.origin[kept]
+    def traced(self, state: _Particles, kept: NDArray[np.intp]) -> "list[PastPlaces]":
+        index, found = state.origin[kept], []
         for then in reversed(self._remembered):
-            traced = np.flatnonzero(index >= 0)
-            past = index[traced]
-            weight = np.full(len(traced), 1.0 / max(1, len(traced)))
+            past = index[index >= 0]
             found.append(
-                _estimate(then.east_m[past], then.north_m[past], level[traced], weight)
-                if len(traced)
-                else None
+                PastPlaces(
+                    east_m=then.east_m[past],
+                    north_m=then.north_m[past],
+                    distinct=len(np.unique(past)),
+                )
             )
             index = np.where(index >= 0, then.origin[np.maximum(index, 0)], -1)
         return found[::-1]
@@ -440,15 +455,23 @@ class ParticleTracker:
     `prior`: area, strength, antenna, walk.
     `rng`: the same seed gives the same track.
     `particles`: number of hypotheses.
+    `first`: number of hypotheses at the beginning, if larger. Each resampling halves it, down
+        to `particles`: a wide prior takes more hypotheses than what the pulses leave of it.
     """
 
     def __init__(
-        self, prior: TagPrior, rng: Generator, *, particles: int = TRACK.particles
+        self,
+        prior: TagPrior,
+        rng: Generator,
+        *,
+        particles: int = TRACK.particles,
+        first: int = 0,
     ) -> None:
-        self._prior, self._rng, self._count = prior, rng, particles
+        self._prior, self._rng, self._least = prior, rng, particles
         self._walk = _MotionModel(prior, rng)
-        self._state = self._walk.fresh(particles)
-        self._weight: _Singles = np.full(particles, 1.0 / particles, np.float32)
+        self._count = max(first, particles)
+        self._state = self._walk.fresh(self._count)
+        self._even()
         self._time_s: float | None = None
         self._surprise = 0.0
         self._past = _StoredPaths()
@@ -573,26 +596,30 @@ class ParticleTracker:
     def estimate(self) -> TrackEstimate:
         """Estimate the tag's present position."""
         state, weight = self._state, self._weight
-        found = _estimate(state.east_m, state.north_m, state.mean_db, weight)
-        return replace(
-            found,
+        found = circles_around(state.east_m, state.north_m, weight)
+        return TrackEstimate(
+            east_m=found.east_m,
+            north_m=found.north_m,
+            radius50_m=found.radius50_m,
+            radius95_m=found.radius95_m,
+            level_db=float(weight @ state.mean_db),
             east_m_s=float(weight @ state.east_m_s),
             north_m_s=float(weight @ state.north_m_s),
         )
 
     def remember(self) -> None:
-        """Store the hypotheses' present positions for `trail`."""
+        """Store the hypotheses' present positions for `past`."""
         self._past.remember(self._state)
 
-    def trail(self) -> list[TrackEstimate | None]:
-        """Estimates of the tag's position at each stored time, from all data until now.
+    def past(self) -> list[PastPlaces]:
+        """Positions of the tag at each stored time, from all data until now.
 
         Each present hypothesis has a path, and these paths give the earlier positions (the
-        paths of the filter; Kitagawa 1996, J. Comput. Graph. Stat. 5, 1-25). None for a time
-        before which all hypotheses were replaced.
+        paths of the filter; Kitagawa 1996, J. Comput. Graph. Stat. 5, 1-25). There are none at
+        a time before which all hypotheses were replaced.
         """
         kept = _systematic_indices(self._weight, (np.arange(TRACK.paths) + 0.5) / TRACK.paths)
-        return self._past.trail(self._state, kept)
+        return self._past.traced(self._state, kept)
 
     def spread(self) -> Spread:
         """Mean and covariance of the hypotheses' positions."""
@@ -628,7 +655,7 @@ class ParticleTracker:
         self._even()
 
     def _even(self) -> None:
-        self._weight = np.full(self._count, 1.0 / self._count, np.float32)
+        self._weight: _Singles = np.full(self._count, 1.0 / self._count, np.float32)
 
     def _weigh(self, log_likelihood: _Floats) -> float:
         top = float(log_likelihood.max())
@@ -648,6 +675,7 @@ class ParticleTracker:
 
     def _spread_out(self) -> None:
         if 1.0 / float(self._weight @ self._weight) < self._count / 2:
+            self._count = max(self._least, self._count // 2)
             self._state = self._walk.resampled(self._state, self._weight, self._count)
             self._even()
 

@@ -270,6 +270,8 @@ class WalkTuning:
     """Number of tag velocities in each direction in the fine comparison of walk and rest."""
     rounds: Guard[int] = 3
     """Number of times that the fine comparison of walk and rest halves its steps."""
+    resting_fading_db: float = 6.0
+    """Fading assumed when tracking the path of a tag that rests in the survey [dB]."""
     survey_margin: Guard[float] = 0.25
     """Margin around a survey that is searched for a walking tag, as a share of its extent."""
 
@@ -353,6 +355,8 @@ class TrackTuning:
     """Minimum number of bearings or pulses for a moving tag's path."""
     particles: Guard[int] = 10_000
     """Number of position hypotheses (particles) for a moving tag's path."""
+    first_particles: Guard[int] = 80_000
+    """Number of position hypotheses at the beginning of a moving tag's path."""
     point_step_s: Resolution[float] = 15.0
     """Minimum time between two points of a tag's path that are not at a bearing [s]."""
     most_points: Guard[int] = 40
@@ -364,7 +368,7 @@ class TrackTuning:
     end_m: float = 120.0
     """Constant part of the uncertainty of a tag's first and last position in a survey [m]."""
     end_m_s: float = 0.15
-    """Growth of a tag's position uncertainty at both ends with a survey's duration [m/s]."""
+    """Growth of a walking tag's uncertainty at both ends with a survey's duration [m/s]."""
     fading_factor: float = 1.1
     """Factor on a pulse's fading, because ten thousand hypotheses are too few for a survey's
     sharp likelihood. Without it, circles held 85 % of the tags walking at 1 m/s."""

@@ -80,13 +80,13 @@ class Elevation:
         said = []
         if ELLIPSOID in self.datums:
             said.append(
-                "the elevation files count from the ellipsoid: heights are taken from the "
-                "take-off on, for which only differences count"
+                "the elevation files give heights above the ellipsoid: only differences from "
+                "the take-off are used"
             )
         if len(self.datums) > 1:
             said.append(
-                f"the elevation files count from several datums ({', '.join(self.datums)}): "
-                "where they meet the ground may have a step of some metres"
+                f"the elevation files have several height datums ({', '.join(self.datums)}): "
+                "where they meet, the ground may have a step of some metres"
             )
         return tuple(said)
 

@@ -29,13 +29,11 @@ def _check_datums(path: Path, rasters: tuple[Raster, ...]) -> None:
     above = next((one for one in rasters if one.datum == ELLIPSOID), None)
     other = next((one for one in rasters if one.datum != ELLIPSOID), None)
     if above is not None and other is not None:
-        says = "does not say what its heights count from"
-        if other.datum is not None:
-            says = f"from {other.datum}"
         raise FormatError(
-            f"{path} mixes datums: {Path(above.name).name} counts from the ellipsoid, "
-            f"{Path(other.name).name} {says}: up to 100 m apart",
-            remedy="Keep files of one datum in a folder, or turn one into the other's: "
+            f"{path} mixes height datums: that of {Path(above.name).name} is the ellipsoid, "
+            f"that of {Path(other.name).name} is {other.datum or 'unknown'}; they differ by up "
+            "to 100 m",
+            remedy="Keep files of one datum in a folder, or convert them to one datum: "
             "gdalwarp -s_srs EPSG:4979 -t_srs EPSG:4326+5773",
         )
 

@@ -451,9 +451,9 @@ def _marks(
 ) -> NDArray[np.float32]:
     """Marks of strong pulses: 1 each, plus less than a half in total for central slots.
 
-    A pulse marks the slots within its jitter and the frequencies of its flanks, so many trains
-    have equally many marks. The train through the middles, at the strongest frequency, has
-    most.
+    A pulse marks the slots within its jitter and the frequencies of its flanks. Many trains
+    therefore have equally many marks. The train through the middles, at the strongest
+    frequency, has most.
     """
     marks = np.zeros(energies.loud.shape, np.float32)
     most = math.ceil(energies.loud.shape[1] * energies.slot_s / shortest_s) + 1

@@ -293,7 +293,7 @@ def _by_place(settings: RadioSettings, until_s: float) -> RadioSettings:
     listed = _DEVICE_LINE.findall(finished.stderr)
     if len(alike := [place for place, serial in listed if serial == wanted]) > 1:
         raise RadioAmbiguous(
-            f"{len(alike)} radios {program.title} have the serial number {wanted}",
+            f"{len(alike)} {program.title} radios have the serial number {wanted}",
             remedy=f'Set [radio] serial to its place in their list, "{alike[0]}" or '
             f'"{alike[1]}", or give each a number of its own with rtl_eeprom',
         )

@@ -82,7 +82,8 @@ _SLOW_RATE: Final = 0.003
 """Minimum rise of the delay of arrivals that marks a slow source [s/s]."""
 _SCATTER_S: Final = 0.0005
 _SCATTER_SHARE: Final = 0.002
-"""Fraction of the delays' total rise that, with `_SCATTER_S`, divides their scatter."""
+"""Part of the delays' rise that is added to `_SCATTER_S`; the delays' scatter is divided by the
+sum."""
 _STEP: Final = 2.0
 """Smallest step of arrivals' delay at a loss, over the rise before and after it."""
 

@@ -247,7 +247,7 @@ class SearchDemo:
                 count = int(one.counters.get("motion_commands_sent", 0.0))
                 seen.commands = max(seen.commands, count)
             if one.process == "guide":
-                seen.has_others |= one.counters.get("others_told", 0.0) > 0.0
+                seen.has_others |= one.counters.get("other_drones", 0.0) > 0.0
             if one.process == "guide" and seen.notes and not seen.ended:
                 seen.guide.append((time.monotonic(), one))
 

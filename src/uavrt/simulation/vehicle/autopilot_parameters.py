@@ -45,7 +45,7 @@ _SIZES = {"PROTOCOL": MavParamType.INT8, "BAUD": MavParamType.INT32}
 
 
 class AutopilotParameters:
-    """Parameters set and in force of a simulated PX4 or ArduPilot, and answers to requests."""
+    """Set and active parameters of a simulated PX4 or ArduPilot; answers requests for them."""
 
     def __init__(self, flavour: Flavour, changes: Mapping[str, float]) -> None:
         self._flavour = flavour

@@ -40,7 +40,7 @@ class Bursts:
             uncertainty_s=0.0,
             reach_s=0.0,
         )
-        """Rate of noise peaks above a power of P times the noise, over exp(-P) [1/s]."""
+        """Rate of noise peaks above P noise powers, divided by exp(-P) [1/s]."""
         self._pending: tuple[list[int], list[int], list[float]] = ([], [], [])
         self._time_s = np.zeros(0)
         self._row = np.zeros(0, np.intp)

@@ -406,7 +406,7 @@ def _normal(train: Train[H], center_s: float, bound_s: float) -> float:
 
 
 def _unsettled_pulses(track: Track) -> list[Slot]:
-    """Pulses that began or just confirmed a track; none once it is assigned to a tag."""
+    """Pulses by which a track began or was just confirmed; none once a tag is assigned."""
     if track.dead or track.confirmed_at_assignment:
         return []
     accepted = track.received
@@ -461,9 +461,9 @@ class _Reported(Generic[H]):
                     yield times_ns
 
 
-def _mark_reported(track: Track, told_ns: Iterable[int]) -> None:
+def _mark_reported(track: Track, reported_ns: Iterable[int]) -> None:
     near_ns = 0.75e9 * track.tag.pulse_width_s
-    times = list(told_ns)
+    times = list(reported_ns)
     for slot in track.slots:
         if slot.state == "accepted" and any(
             abs(slot.time_ns - time_ns) < near_ns for time_ns in times

@@ -5,19 +5,21 @@ Connects the sender (`uavrt.link.tunnel.pulses.reliable`) to the flight's databa
 that a slow disk does not delay queued pulses.
 """
 
-from collections import OrderedDict, deque
+from collections import deque
 from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from pathlib import Path
 
 from uavrt.core.errors import RecordingError, TunnelError
 from uavrt.core.log import get_logger
-from uavrt.core.messages import Delivered, PulsePose
+from uavrt.core.messages import Delivered, PulseKey, PulsePose
+from uavrt.core.newest import Newest
 from uavrt.core.runtime.disk_thread import Disk, at_once
 from uavrt.core.units import ns_from_s
 from uavrt.flight.database.spool import undelivered
 from uavrt.link.tunnel.own_messages.burst import BURST_TYPE, encode_burst
 from uavrt.link.tunnel.own_messages.private import Receipt
+from uavrt.link.tunnel.pulses.delivery import PulseDelivery
 from uavrt.link.tunnel.pulses.receiving_stations import PLAIN
 from uavrt.link.tunnel.pulses.reliable import ReliableSender
 from uavrt.link.tunnel.pulses.underway import ItemKey
@@ -48,11 +50,12 @@ class PulseOutlet:
         self.sender: ReliableSender[PulsePose] = ReliableSender(
             encode, lambda item: encode_burst(item.pulse), BURST_TYPE
         )
+        self.delivery = PulseDelivery()
         self._note = note
         self._disk = disk
         self._reading = False
         self._flights: deque[str] = deque(maxlen=FLIGHTS)
-        self._recent: OrderedDict[tuple[int, ItemKey], int] = OrderedDict()
+        self._recent: Newest[tuple[int, ItemKey], int] = Newest(RECENT)
         self._next_refill_ns = first_refill_ns
         self.bad_receipts = 0
         self.receipts = 0
@@ -67,9 +70,11 @@ class PulseOutlet:
         if resumed:
             self.sender.stores.disk_has_news()
 
-    def disk_has_news(self) -> None:
-        """Record that the database has a pulse that this process has not received."""
-        self.sender.stores.disk_has_news()
+    def recorded(self, keys: Sequence[PulseKey]) -> None:
+        """Register recorded pulses; those that a station may lack are read from disk."""
+        known = [self.delivery.recorded(key) for key in keys]
+        if not all(known):
+            self.sender.stores.disk_has_news()
 
     def add(self, pulse_pose: PulsePose) -> None:
         """Add a pulse with its pose, to be sent."""
@@ -86,9 +91,13 @@ class PulseOutlet:
             log.seldom(self.bad_receipts, "bad receipt", reason=error.message)
             return False, None
         self.receipts += 1
+        stores = self.sender.stores
+        before = stores.present, stores.confirmed
         new = self.sender.receipt(receipt.store, receipt.hashes, place, now_ns)
         self._delivered(receipt.store, new, now_ns)
-        return receipt.store in self.sender.stores.confirmed, self.sender.underway.fresh_trip_s
+        if stores.present - before[0] or stores.confirmed - before[1]:
+            self.delivery.station_came()
+        return receipt.store in stores.confirmed, self.sender.underway.fresh_trip_s
 
     def tick(self, now_ns: int) -> None:
         """Report deliveries to stations without receipts; read pulses from disk if needed."""
@@ -105,6 +114,7 @@ class PulseOutlet:
         """Counts of pulses and receipts, for the health report."""
         sender = self.sender
         return {
+            "pulses_waiting_for_recorder": self.delivery.unrecorded,
             "pulses_to_send": sender.pulses.waiting,
             "pulses_unacknowledged": len(sender.underway),
             "pulses_sent": sender.first_sends,
@@ -122,8 +132,7 @@ class PulseOutlet:
             return
         for key in keys:
             self._recent[store, key] = now_ns
-        since_ns = now_ns - RECENT_NS
-        while len(self._recent) > RECENT or next(iter(self._recent.values())) < since_ns:
+        while next(iter(self._recent.values())) < now_ns - RECENT_NS:
             self._recent.popitem(last=False)
         self._note(Delivered(time_ns=now_ns, store=store, pulses=tuple(keys)))
 

@@ -18,7 +18,6 @@ from uavrt.flight.database.spool import heard_tags
 from uavrt.link.mavlink.mavlink_connection import Connection
 from uavrt.link.mavlink.sending.pacing import Priority
 from uavrt.link.tunnel.drone_exchange import Exchange
-from uavrt.link.tunnel.pulses.delivery import PulseDelivery
 
 log = get_logger()
 
@@ -44,7 +43,6 @@ class PulsePath:
         self._send_record, self._now_ns = frame.send, frame.clock.now_ns
         self._link, self._linked = link, linked
         self._poses, self._status = poses, status
-        self._delivery = PulseDelivery()
         self.outlet = PulseOutlet(
             exchange.pulse,
             self._note_delivered,
@@ -101,20 +99,18 @@ class PulsePath:
         This includes pulses to which the recorder has given a reconstructed pose.
         """
         for pulse_pose in pulse_poses:
-            if self._delivery.may_send(pulse_pose.pulse.key):
+            if self.outlet.delivery.may_send(pulse_pose.pulse.key):
                 self._send_record("pulse_pose", pulse_pose)
                 self._send(pulse_pose)
 
     def pose_reconstructed(self, pulse_pose: PulsePose) -> None:
         """Send to the ground a pulse whose pose the recorder has reconstructed."""
-        if self._delivery.may_send(pulse_pose.pulse.key):
+        if self.outlet.delivery.may_send(pulse_pose.pulse.key):
             self._send(pulse_pose)
 
     def recorded(self, record: Recorded) -> None:
         """Register pulses that are now in the flight's database."""
-        known = [self._delivery.recorded(key) for key in record.pulses]
-        if not all(known):
-            self.outlet.disk_has_news()
+        self.outlet.recorded(record.pulses)
 
     def _send(self, pulse_pose: PulsePose) -> None:
         if self._linked:
@@ -132,11 +128,8 @@ class PulsePath:
 
     def receipt(self, payload: bytes, place: tuple[int, int]) -> None:
         """Handle a ground station's receipt for pulses."""
-        now_ns, stores = self._now_ns(), self.outlet.sender.stores
-        before = stores.present, stores.confirmed
+        now_ns = self._now_ns()
         confirmed, trip_s = self.outlet.receipt(payload, place, now_ns)
-        if stores.present - before[0] or stores.confirmed - before[1]:
-            self._delivery.station_came()
         if confirmed:
             self._link.tunnel.rate.acknowledged(trip_s, now_ns)
         self._link.tunnel.wake()
@@ -159,10 +152,7 @@ class PulsePath:
 
     def counters(self) -> dict[str, float]:
         """Counts of pulses and receipts, for the health report."""
-        return {
-            "pulses_waiting_for_recorder": self._delivery.unrecorded,
-            **self.outlet.counters(),
-        }
+        return self.outlet.counters()
 
 
 def _heard_before(directory: str) -> tuple[str, dict[int, tuple[int, int]]]:

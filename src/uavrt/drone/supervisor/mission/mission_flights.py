@@ -217,7 +217,10 @@ class Flights:
         reach_hz = max(abs(one.frequency_hz - center_hz) for one in flight.tags)
         reach_hz = max(reach_hz, _USABLE_HALF_BAND * flight.sample_rate_hz)
         if abs(tag.frequency_hz - center_hz) > reach_hz:
-            raise UavrtError(f"not received at {center_hz / 1e6:.6f} MHz: send stop first")
+            raise UavrtError(
+                f"the radio at {center_hz / 1e6:.6f} MHz cannot receive tag {tag.tag_id}: "
+                "send stop first"
+            )
         settings = self._settings.in_flight
         (searched,) = tags_with_overrides(settings, (tag,))
         tags = tuple(searched if one.tag_id == tag.tag_id else one for one in flight.tags)

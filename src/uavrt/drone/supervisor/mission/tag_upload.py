@@ -46,7 +46,9 @@ class TagUpload:
         check_tag(tag)
         most = maximum_tags or _MOST_TAGS
         if tag.tag_id not in self._tags and len(self._tags) >= most:
-            raise UavrtError(f"at most {most} tags: see detection.maximum_tags")
+            raise UavrtError(
+                f"more than {most} tags: send fewer, or raise detection.maximum_tags"
+            )
         self._tags[tag.tag_id] = tag
 
     def end(self, tag_count: int | None) -> str:
@@ -65,7 +67,9 @@ class TagUpload:
         """Raise `UavrtError` if fewer tags arrived than the sender announced."""
         sent = max(self.sent, tag_count or 0)
         if len(self._tags) < sent:
-            raise UavrtError(f"only {len(self._tags)} of {sent} tags came: send them all again")
+            raise UavrtError(
+                f"only {len(self._tags)} of {sent} tags arrived: send them all again"
+            )
 
     def correct(self, tag: Tag) -> None:
         """Replace a tag's values in the list and in its copy on disk."""

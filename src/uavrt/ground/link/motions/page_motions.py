@@ -1,4 +1,4 @@
-"""Request, confirm and stop motions of the drone for the page; the drone decides.
+"""Request, confirm and stop motions of the drone for the page.
 
 The drone decides, and reports what it would fly; this module only passes messages. Previews use
 the drone's own planning functions.
@@ -6,18 +6,18 @@ the drone's own planning functions.
 
 import asyncio
 import itertools
-import sys
-from collections.abc import Awaitable, Callable
+import re
+from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass
-from math import nan
 from typing import Any
 
 from uavrt.core.earth.geodesy import distance_m
 from uavrt.core.errors import CommandRefused, FormatError, LinkError, UsageError
-from uavrt.core.messages import KeepOut, MotionRequest
+from uavrt.core.messages import KeepOut, MotionRequest, Tag
 from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.motions.motion_requests import ask, confirm, motion_request, stop
+from uavrt.ground.link.page_values import Places, number_in, places_in
 from uavrt.ground.link.served_vehicle import ServedVehicle
 from uavrt.guidance.files.area_text import (
     MOST_CORNERS,
@@ -38,7 +38,6 @@ each second."""
 OFFER_NS = ns_from_s(SAFETY.offer_holds_s)
 """Time for which the drone waits for the confirmation of a proposed motion [ns]."""
 PATTERNS = ("lines", "around", "points")
-Places = tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,6 +51,12 @@ class ProposedMotion:
     """Name of the page that requested the motion; None for a script."""
 
 
+def with_names(text: str, tags: Iterable[Tag]) -> str:
+    """Add the names of tags to a text from the drone, which knows only their numbers."""
+    names = {str(one.tag_id): f" ({one.name})" for one in tags if one.name}
+    return re.sub(r"\btag (\d+)\b", lambda found: found[0] + names.get(found[1], ""), text)
+
+
 class MotionCommands:
     """Requests and confirms the motions of one vehicle."""
 
@@ -61,7 +66,7 @@ class MotionCommands:
         self._heard_ns = 0
         self._offered: ProposedMotion | None = None
         self._flown: ProposedMotion | None = None
-        self._told = ("", "")
+        self._noted = ("", "")
 
     def take(self, state: MotionState) -> None:
         """Store the drone's report of its motion."""
@@ -71,8 +76,8 @@ class MotionCommands:
         self._state = state
         if state.standing == "out":
             self._flown = None
-        if (state.standing, state.text) != self._told:
-            before, self._told = self._told[0], (state.standing, state.text)
+        if (state.standing, state.text) != self._noted:
+            before, self._noted = self._noted[0], (state.standing, state.text)
             if before and before != state.standing:
                 self._vehicle.feed.note(5, f"motion: {state.standing}, {state.text}")
             self._vehicle.feed.send_state()
@@ -80,7 +85,7 @@ class MotionCommands:
     def forget(self) -> None:
         """Clear the motion state, because another vehicle is now served."""
         self._state = self._offered = self._flown = None
-        self._heard_ns, self._told = 0, ("", "")
+        self._heard_ns, self._noted = 0, ("", "")
 
     def record(self) -> dict[str, Any] | None:
         """Motion state for the page; None if the drone does not report any."""
@@ -94,23 +99,24 @@ class MotionCommands:
         offered = self._offered
         if offered is not None and now_ns - offered.time_ns > OFFER_NS:
             offered = self._offered = None
+        tags = self._vehicle.store.tags
         return {
             "standing": state.standing,
-            "text": state.text,
+            "text": with_names(state.text, tags),
             "heard": heard,
             "way": [] if self._flown is None else _listed(self._flown.way),
             "offer": None
             if offered is None
             else {
                 "order_id": offered.state.order_id,
-                "text": offered.state.text,
+                "text": with_names(offered.state.text, tags),
                 "page": offered.page,
                 "left_s": (OFFER_NS - (now_ns - offered.time_ns)) / NANOSECONDS_PER_SECOND,
                 "way": _listed(offered.way),
             },
         }
 
-    def plan(self, wish: Any) -> dict[str, Any]:
+    def plan(self, wish: dict[str, Any]) -> dict[str, Any]:
         """Preview a motion without involving the drone, as far as the ground can plan it."""
         way = self._way(_request(wish))
         home = self._home()
@@ -122,7 +128,7 @@ class MotionCommands:
             else max((distance_m(*home, *place) for place in way), default=0.0),
         }
 
-    async def ask(self, wish: Any, page: str | None) -> dict[str, Any]:
+    async def ask(self, wish: dict[str, Any], page: str | None) -> dict[str, Any]:
         """Request a motion; return the drone's proposed order. Nothing moves yet."""
         request = _request(wish)
         way = self._way(request)
@@ -134,11 +140,9 @@ class MotionCommands:
         self._vehicle.feed.send_state()
         return {"order_id": offer.order_id, "text": offer.text, "way": _listed(way)}
 
-    async def confirm(self, wish: Any, page: str | None) -> dict[str, Any]:
+    async def confirm(self, wish: dict[str, Any], page: str | None) -> dict[str, Any]:
         """Confirm the order that this page shows; the drone then moves."""
-        number = wish.get("order_id") if isinstance(wish, dict) else None
-        unseen = wish.get("sticks_unseen") if isinstance(wish, dict) else None
-        offered = self._offered
+        number, unseen, offered = wish.get("order_id"), wish.get("sticks_unseen"), self._offered
         if offered is None or number != offered.state.order_id or page != offered.page:
             raise CommandRefused("the proposed motion has expired", remedy="Request it again")
         self._offered = None
@@ -151,7 +155,7 @@ class MotionCommands:
         return {"standing": state.standing, "text": state.text}
 
     async def upload(
-        self, wish: Any, call: Callable[..., Awaitable[Any]] = asyncio.to_thread
+        self, wish: dict[str, Any], call: Callable[..., Awaitable[Any]] = asyncio.to_thread
     ) -> dict[str, Any]:
         """Upload a survey as the autopilot's mission; `call` checks the path in a thread."""
         order = Order.of(_request(wish))
@@ -211,17 +215,15 @@ class MotionCommands:
         return ()
 
 
-def area_of_file(wish: Any) -> dict[str, Any]:
+def area_of_file(wish: dict[str, Any]) -> dict[str, Any]:
     """Read an area's file, ``{"name": …, "text": …}``, or a circle; raises `FormatError`."""
-    if isinstance(wish, dict) and "radius_m" in wish:
+    if "radius_m" in wish:
         (center,) = places_in([wish.get("center")])
-        places = circle(center, number_in(wish, "radius_m", 0.0))
+        places = circle(center, number_in(wish, "radius_m"))
         return {"places": _listed(places), "keep_out": []}
-    name, text = (
-        (wish.get("name"), wish.get("text")) if isinstance(wish, dict) else (None, None)
-    )
+    name, text = wish.get("name"), wish.get("text")
     if not isinstance(name, str) or not isinstance(text, str):
-        raise FormatError("an area must be a name and a text")
+        raise FormatError("an area must have a name and a text, or a center and a radius_m")
     places, keep_out = area_in(text, name[:80]), keep_out_in(text, name[:80])
     if len(places) > MAX_PLACES:
         raise FormatError(
@@ -248,10 +250,8 @@ def area_of_file(wish: Any) -> dict[str, Any]:
     }
 
 
-def _request(wish: Any) -> MotionRequest:
+def _request(wish: dict[str, Any]) -> MotionRequest:
     """Parse a motion request of the page; raises `FormatError` or `UsageError`."""
-    if not isinstance(wish, dict):
-        raise FormatError("a motion must be an object")
     height = wish.get("height_m")
     pattern = wish.get("pattern", "lines")
     if pattern not in PATTERNS:
@@ -265,12 +265,12 @@ def _request(wish: Any) -> MotionRequest:
     return motion_request(
         str(wish.get("action")),
         places,
-        height_m=None if height is None else number_in(wish, "height_m", 0.0),
+        height_m=None if height is None else number_in(wish, "height_m"),
         duration_s=number_in(wish, "duration_s", 60.0),
         clockwise=wish.get("clockwise", True) is not False,
         spacing_m=number_in(wish, "spacing_m", 60.0),
         pattern=pattern,
-        radius_m=None if wish.get("radius_m") is None else number_in(wish, "radius_m", 0.0),
+        radius_m=None if wish.get("radius_m") is None else number_in(wish, "radius_m"),
         wish_m=number_in(wish, "wish_m", 25.0),
         tags=_tags(wish.get("tags", [])),
         keep_out=_keep_out(wish.get("keep_out", [])),
@@ -293,25 +293,11 @@ def _keep_out(given: Any) -> tuple[KeepOut, ...]:
             raise FormatError(
                 "each item of keep_out must be an outline, or a place with a radius"
             )
-        radius_m = None if radius is None else number_in(one, "radius_m", 0.0)
+        radius_m = None if radius is None else number_in(one, "radius_m")
         if radius_m is not None and not radius_m > 0.0:
             raise FormatError("radius_m must be above 0")
         found.append(KeepOut(places=places, radius_m=radius_m))
     return tuple(found)
-
-
-def places_in(given: Any) -> Places:
-    """Read a list of [latitude, longitude] in degrees; raises `FormatError`."""
-    places = []
-    for one in given if isinstance(given, list) else [None]:
-        match one:
-            case [int() | float() as north, int() | float() as east]:
-                on_earth = abs(north) <= 90.0 and abs(east) <= 180.0
-                if on_earth and not isinstance(north, bool) and not isinstance(east, bool):
-                    places.append((float(north), float(east)))
-                    continue
-        raise FormatError("places must be latitudes and longitudes on earth")
-    return tuple(places)
 
 
 def _tags(given: Any) -> tuple[int, ...]:
@@ -319,15 +305,6 @@ def _tags(given: Any) -> tuple[int, ...]:
     if isinstance(given, list) and all(type(one) is int for one in given):
         return tuple(given)
     raise FormatError("tags must be whole numbers")
-
-
-def number_in(wish: dict[str, Any], name: str, default: float) -> float:
-    """Read the finite number of a given name; raises `FormatError`."""
-    value = wish.get(name, default)
-    number = value if isinstance(value, int | float) else nan
-    if isinstance(value, bool) or not abs(number) <= sys.float_info.max:
-        raise FormatError(f"{name} must be a number")
-    return float(number)
 
 
 def _listed(places: Places) -> list[list[float]]:

@@ -24,7 +24,7 @@ from uavrt.ground.web.routes import map_routes as maps
 from uavrt.ground.web.routes.flight_api import FlightApi
 from uavrt.ground.web.routes.motion_api import MotionApi
 from uavrt.ground.web.routes.page_records import MAX_PAGE_NAME
-from uavrt.ground.web.routes.routing import Answer, Row, json_body, json_object, page_of
+from uavrt.ground.web.routes.routing import Answer, Row, json_object, page_of
 from uavrt.ground.web.routes.tag_api import TagApi
 from uavrt.ground.web.work.exports import EXPORTS
 from uavrt.ground.web.work.foreign_worker import ForeignWorker
@@ -90,7 +90,7 @@ class Api:
     async def put_settings(self, request: Request) -> Any:
         """Change the given settings, and return all."""
         store = self._vehicle.store
-        wanted = store.settings.changed(await json_body(request))
+        wanted = store.settings.changed(await json_object(request))
         await store.disk.run(store.set_settings, wanted)
         self._session.settings_changed()
         return asdict(store.settings)
@@ -101,7 +101,7 @@ class Api:
 
     async def put_facts(self, request: Request) -> Any:
         """Change some texts; they apply to all flights without a report.toml of their own."""
-        values, folder = await json_body(request), self._vehicle.store.directory
+        values, folder = await json_object(request), self._vehicle.store.directory
         return await asyncio.to_thread(change_facts, folder, values)
 
     async def choices(self, request: Request) -> Any:
@@ -162,7 +162,7 @@ class Api:
 
     async def command(self, request: Request) -> Any:
         """Send a command to the drone; return its acknowledgement."""
-        commands = self._session.commands.by_name(await json_body(request))
+        commands = self._session.commands.by_name(await json_object(request))
         name = request.path_params["name"]
         if name not in commands:
             return Answer(404, {"error": f"there is no command {name[:40]!r}"})

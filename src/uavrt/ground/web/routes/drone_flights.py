@@ -6,9 +6,9 @@ from typing import Any
 
 from starlette.requests import Request
 
-from uavrt.core.errors import FormatError, NotFound, UsageError
+from uavrt.core.errors import FormatError, NotFound
 from uavrt.ground.session import GroundSession
-from uavrt.ground.web.routes.routing import Row, json_body, json_object
+from uavrt.ground.web.routes.routing import Row, json_object
 from uavrt.ground.web.work.waterfalls import LiveWaterfall, recorded_picture, recordings, tag_of
 
 
@@ -43,9 +43,7 @@ class ExtraApi:
 
     async def start_download(self, request: Request) -> Any:
         """Start to download a flight: ``{"flight_id": …, "everything": false}``."""
-        wanted = await json_body(request)
-        if not isinstance(wanted, dict):
-            raise UsageError("a download must be an object with a flight_id")
+        wanted = await json_object(request)
         everything = wanted.get("everything") is True
         started = self._session.downloads.start(
             str(wanted.get("flight_id", "")), everything=everything

@@ -6,9 +6,10 @@ from typing import Any
 
 from starlette.requests import Request
 
-from uavrt.core.errors import UavrtError, UsageError
+from uavrt.core.errors import UavrtError
 from uavrt.ground.fleet import Fleet
 from uavrt.ground.link.command_sender import Commands
+from uavrt.ground.link.page_values import whole_in
 from uavrt.ground.session import GroundSession
 from uavrt.ground.web.routes.api import FOR_ALL
 from uavrt.ground.web.routes.routing import Answer, Row, json_object, page_of
@@ -42,10 +43,7 @@ class FleetApi:
 
     async def serve(self, request: Request) -> Any:
         """Serve a further vehicle: ``{"system_id": 2}``."""
-        number = (await json_object(request)).get("system_id")
-        if not isinstance(number, int) or isinstance(number, bool):
-            raise UsageError("system_id must be a vehicle's number, 1 to 255")
-        await self._fleet.serve(number)
+        await self._fleet.serve(whole_in(await json_object(request), "system_id"))
         return self._fleet.records()
 
     async def leave(self, request: Request) -> Any:

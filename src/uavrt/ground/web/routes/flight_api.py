@@ -18,7 +18,6 @@ from uavrt.ground.web.routes.routing import (
     Answer,
     Row,
     download,
-    json_body,
     json_object,
     whole_number,
 )
@@ -30,7 +29,6 @@ from uavrt.ground.web.work.flight_maps import (
     integrated_record,
 )
 from uavrt.ground.web.work.integration_jobs import IntegrationJobs, fold_pictures
-from uavrt.ground.web.work.map_jobs import is_repeated
 from uavrt.ground.web.work.report_jobs import POLICY, Reporter
 
 T = TypeVar("T")
@@ -155,13 +153,15 @@ class FlightApi:
 
     async def silence(self, request: Request) -> Any:
         """Map of where a tag would have been detected, or the computation's progress."""
-        path, wanted = await self._path(request), await json_body(request)
+        path, wanted = await self._path(request), await json_object(request)
         asked = CoverageMapRequest.from_request(path, self._antenna, wanted)
-        return await asyncio.to_thread(self._silence.answer, asked, again=is_repeated(wanted))
+        return await asyncio.to_thread(
+            self._silence.answer, asked, again=wanted.get("again") is True
+        )
 
     async def absence(self, request: Request) -> Any:
         """Probability that an undetected tag is outside an outline."""
-        path, wanted = await self._path(request), await json_body(request)
+        path, wanted = await self._path(request), await json_object(request)
         asked = CoverageMapRequest.from_request(path, self._antenna, wanted)
         return await asyncio.to_thread(self._silence.absence, asked, wanted)
 

@@ -7,10 +7,9 @@ from starlette.requests import Request
 
 from uavrt.ground.link.motions.page_motions import MotionCommands
 from uavrt.ground.store.ground_settings import GroundStore
-from uavrt.ground.web.routes.routing import Row, json_body, page_of
+from uavrt.ground.web.routes.routing import Row, json_object, page_of
 from uavrt.ground.web.work.foreign_requests import area_in_body
 from uavrt.ground.web.work.foreign_worker import ForeignWorker
-from uavrt.ground.web.work.map_jobs import is_repeated
 from uavrt.ground.web.work.plan_maps import PlanMapRequest, plan_map_jobs
 
 
@@ -41,25 +40,26 @@ class MotionApi:
 
     async def plan(self, request: Request) -> Any:
         """Preview a motion without involving the drone."""
-        return self._flying.plan(await json_body(request))
+        return self._flying.plan(await json_object(request))
 
     async def coverage(self, request: Request) -> Any:
         """Map of where a tag would be detected along a plan, or the computation's progress."""
-        store, wanted = self._store, await json_body(request)
+        store, wanted = self._store, await json_object(request)
         asked = PlanMapRequest.from_request(wanted, store.tags, store.settings.antenna_choice)
-        return await asyncio.to_thread(self._foresight.answer, asked, again=is_repeated(wanted))
+        again = wanted.get("again") is True
+        return await asyncio.to_thread(self._foresight.answer, asked, again=again)
 
     async def upload(self, request: Request) -> Any:
         """Upload a survey to the autopilot as its mission. Nothing moves yet."""
-        return await self._flying.upload(await json_body(request), self._worker.call)
+        return await self._flying.upload(await json_object(request), self._worker.call)
 
     async def ask(self, request: Request) -> Any:
         """Request a motion; return the drone's proposed order. Nothing moves yet."""
-        return await self._flying.ask(await json_body(request), page_of(request))
+        return await self._flying.ask(await json_object(request), page_of(request))
 
     async def confirm(self, request: Request) -> Any:
         """Confirm an order, ``{"order_id": …, "sticks_unseen": false}``; the drone moves."""
-        return await self._flying.confirm(await json_body(request), page_of(request))
+        return await self._flying.confirm(await json_object(request), page_of(request))
 
     async def stop(self, request: Request) -> Any:
         """Stop the drone. Every page may do this."""

@@ -12,7 +12,7 @@ from starlette.routing import Route
 from uavrt.core.errors import CommandRefused, FormatError, LinkError, NotFound, UavrtError
 from uavrt.ground.commanding_page import Commander
 from uavrt.ground.page_listeners import encode
-from uavrt.ground.web.work.foreign_requests import read_body
+from uavrt.ground.web.work.foreign_requests import read_body, read_object
 
 Handler = Callable[[Request], Awaitable[Any]]
 """Function that answers a request with a value for JSON, an `Answer`, or a response."""
@@ -96,8 +96,7 @@ async def json_body(request: Request) -> Any:
 
 async def json_object(request: Request) -> dict[str, Any]:
     """Parse the request body as a JSON object; raises `FormatError`."""
-    body = await json_body(request)
-    return body if isinstance(body, dict) else {}
+    return read_object(await request.body())
 
 
 def whole_number(request: Request, name: str, default: int, most: int) -> int:

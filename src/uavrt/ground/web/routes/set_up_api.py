@@ -12,7 +12,7 @@ from uavrt.config.loader import load_settings
 from uavrt.core.errors import UavrtError
 from uavrt.core.messages import SystemStatus
 from uavrt.ground.session import GroundSession
-from uavrt.ground.web.routes.routing import Answer, Row, json_body
+from uavrt.ground.web.routes.routing import Answer, Row, json_object
 
 if TYPE_CHECKING:
     from uavrt.drone.computer.first_setup import FirstSetup
@@ -49,7 +49,7 @@ class SetUpApi:
     async def take(self, request: Request) -> Any:
         """Check and write a step; 422 with ``faults: [{field, text}]``, or its new values."""
         setup = self._setup
-        body = await json_body(request)
+        body = await json_object(request)
         faults = await asyncio.to_thread(setup.take, request.path_params["step"], body)
         if faults:
             return Answer(422, {"faults": [asdict(fault) for fault in faults]})

@@ -7,15 +7,16 @@ coverage map; the page polls until it is ready.
 import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from uavrt.core.errors import FormatError, UsageError
 from uavrt.flight.integrated import read_integrated
 from uavrt.flight.reading.flight_reader import read_flight
+from uavrt.ground.link.page_values import power_in, whole_in
 from uavrt.ground.store.estimates import AntennaChoice
-from uavrt.ground.web.work.map_jobs import MapJobs, OnStep, Record, map_record, power_in
+from uavrt.ground.web.work.map_jobs import MapJobs, OnStep, Record, map_record
 from uavrt.localization.terrain.elevation_files import open_elevation
 
 if TYPE_CHECKING:
@@ -58,16 +59,14 @@ class CoverageMapRequest:
 
     @classmethod
     def from_request(
-        cls, flight: Path, antenna: AntennaChoice, wanted: object
+        cls, flight: Path, antenna: AntennaChoice, wanted: dict[str, Any]
     ) -> "CoverageMapRequest":
         """Read a page's request; raises `FormatError` or `UsageError`."""
-        if not isinstance(wanted, dict):
-            raise FormatError("the request must be an object")
-        tag_id = wanted.get("tag_id")
-        if type(tag_id) is not int:
-            raise FormatError("tag_id must be a whole number")
         return cls(
-            flight=flight, tag_id=tag_id, tag_power_dbm=power_in(wanted), antenna=antenna
+            flight=flight,
+            tag_id=whole_in(wanted, "tag_id"),
+            tag_power_dbm=power_in(wanted),
+            antenna=antenna,
         )
 
 
@@ -77,7 +76,7 @@ class CoverageMapJobs(MapJobs[CoverageMapRequest, "SilentMap"]):
     def __init__(self) -> None:
         super().__init__(_made, _record, "map of silence")
 
-    def absence(self, asked: CoverageMapRequest, wanted: object) -> Record:
+    def absence(self, asked: CoverageMapRequest, wanted: dict[str, Any]) -> Record:
         """Probability that an undetected tag is outside an outline, as a record."""
         # Loaded with the first question only, as in `_made`.
         from uavrt.analysis.covered.coverage_maps import inside
@@ -107,8 +106,8 @@ class CoverageMapJobs(MapJobs[CoverageMapRequest, "SilentMap"]):
         return {**asdict(absent), "prior_is": "anywhere on the map alike"}
 
 
-def _outline(wanted: object) -> list[list[float]]:
-    outline = wanted.get("outline") if isinstance(wanted, dict) else None
+def _outline(wanted: dict[str, Any]) -> list[list[float]]:
+    outline = wanted.get("outline")
     good = isinstance(outline, list) and 3 <= len(outline) <= _MOST_CORNERS
     if not good or not all(_is_place(one) for one in outline or ()):
         raise FormatError("an outline is a list of 3 or more [longitude, latitude]")

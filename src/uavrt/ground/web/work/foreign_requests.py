@@ -16,6 +16,14 @@ def read_body(content: bytes, limit: Limit = REQUEST) -> Any:
         raise FormatError(f"the request is not valid JSON: {error}") from error
 
 
+def read_object(content: bytes, limit: Limit = REQUEST) -> dict[str, Any]:
+    """Decode the body of a request that is an object; raises `FormatError`."""
+    found = read_body(content, limit)
+    if not isinstance(found, dict):
+        raise FormatError("the request must be an object")
+    return found
+
+
 def checked_tags(content: bytes) -> dict[str, Any]:
     """Check a table while it is typed; return its faults, or without any its warnings."""
     tags, faults = tag_table.tags_from_rows(read_body(content))
@@ -24,8 +32,8 @@ def checked_tags(content: bytes) -> dict[str, Any]:
 
 def imported_tags(content: bytes) -> dict[str, Any]:
     """Read table rows from tag files, given as texts by file name."""
-    files = read_body(content, UPLOADED_FILE)
-    if not isinstance(files, dict) or not all(isinstance(one, str) for one in files.values()):
+    files = read_object(content, UPLOADED_FILE)
+    if not all(isinstance(one, str) for one in files.values()):
         raise FormatError("files must be an object of texts by file name")
     rows = tag_table.import_rows(files)
     tags, _ = tag_table.tags_from_rows(rows)
@@ -38,4 +46,4 @@ def imported_tags(content: bytes) -> dict[str, Any]:
 
 def area_in_body(content: bytes) -> dict[str, Any]:
     """Read the area in a file, or a circle; raises `FormatError`."""
-    return area_of_file(read_body(content, UPLOADED_FILE))
+    return area_of_file(read_object(content, UPLOADED_FILE))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
-from uavrt.core.errors import FormatError, UavrtError, UsageError
+from uavrt.core.errors import UavrtError
 from uavrt.core.log import get_logger
 from uavrt.formats.png import chance, png_bytes
 
@@ -23,7 +23,6 @@ OnStep = Callable[[int, int], None]
 """Function that receives the number of finished steps and their total."""
 Asked = TypeVar("Asked")
 Found = TypeVar("Found")
-_POWER_DBM = (-100.0, 40.0)
 _ANOTHER = "another map was requested meanwhile. Request this map again"
 
 
@@ -101,22 +100,6 @@ class MapJobs(Generic[Asked, Found]):
         except Exception as error:  # a page that asks must not wait forever
             log.exception("map could not be made; the page shows the error")
             work.fault = f"the map could not be made: {error}"
-
-
-def is_repeated(wanted: object) -> bool:
-    """True if a page repeats its request for a map, to poll its progress."""
-    return isinstance(wanted, dict) and wanted.get("again") is True
-
-
-def power_in(wanted: dict[str, object]) -> float:
-    """Read a tag's radiated power [dBm]; raises `FormatError` or `UsageError`."""
-    power = wanted.get("tag_power_dbm")
-    if isinstance(power, bool) or not isinstance(power, int | float):
-        raise FormatError("tag_power_dbm must be a number")
-    low, high = _POWER_DBM
-    if not low <= power <= high:
-        raise UsageError(f"a tag's power must be {low:g} to {high:g} dBm")
-    return float(power)
 
 
 def map_record(coverage: "Coverage") -> Record:

@@ -10,7 +10,7 @@ import numpy as np
 from uavrt.core.earth.geodesy import distance_m
 from uavrt.core.errors import FormatError, NotFound, UsageError
 from uavrt.core.messages import Tag
-from uavrt.ground.link.motions.page_motions import number_in, places_in
+from uavrt.ground.link.page_values import number_between, places_in, power_in, whole_in
 from uavrt.ground.store.estimates import AntennaChoice
 from uavrt.ground.web.work.map_jobs import (
     MapJobs,
@@ -18,7 +18,6 @@ from uavrt.ground.web.work.map_jobs import (
     Record,
     figures,
     map_record,
-    power_in,
 )
 from uavrt.localization.antenna import pattern_named
 from uavrt.localization.terrain.elevation_files import open_elevation
@@ -60,22 +59,20 @@ class PlanMapRequest:
 
     @classmethod
     def from_request(
-        cls, wanted: object, tags: tuple[Tag, ...], antenna: AntennaChoice
+        cls, wanted: dict[str, Any], tags: tuple[Tag, ...], antenna: AntennaChoice
     ) -> "PlanMapRequest":
         """Read a page's request; raises `FormatError` or `UsageError`."""
         from uavrt.analysis.covered.coverage_maps import assumed_tag
 
-        if not isinstance(wanted, dict):
-            raise FormatError("the request must be an object")
-        tag_id = wanted.get("tag_id")
+        asked = wanted.get("tag_id") is not None
         places, spacing_m = _plan_in(wanted)
         return cls(
             places=places,
             spacing_m=spacing_m,
             heights_m=_heights_in(wanted),
-            speed_m_s=_between(wanted, "speed_m_s", _SPEED_M_S, 0.5, 100.0),
-            tag=assumed_tag() if tag_id is None else _listed(tag_id, tags),
-            listed=tag_id is not None,
+            speed_m_s=number_between(wanted, "speed_m_s", 0.5, 100.0, _SPEED_M_S),
+            tag=_listed(whole_in(wanted, "tag_id"), tags) if asked else assumed_tag(),
+            listed=asked,
             tag_power_dbm=power_in(wanted),
             antenna=antenna,
         )
@@ -115,31 +112,18 @@ def _plan_in(wanted: dict[str, Any]) -> tuple[tuple[tuple[float, float], ...], f
         )
     if way is not None:
         return places, None
-    return places, _between(wanted, "spacing_m", _SPACING_M, 5.0, 1000.0)
+    return places, number_between(wanted, "spacing_m", 5.0, 1000.0, _SPACING_M)
 
 
 def _heights_in(wanted: dict[str, Any]) -> tuple[float, ...]:
     given = wanted.get("heights_m", [_HEIGHT_M])
     if not isinstance(given, list) or not 1 <= len(given) <= _MOST_HEIGHTS:
         raise FormatError(f"heights_m must be a list of 1 to {_MOST_HEIGHTS} numbers")
-    heights = {
-        _between({"heights_m": one}, "heights_m", _HEIGHT_M, 1.0, 20_000.0) for one in given
-    }
+    heights = {number_between({"heights_m": one}, "heights_m", 1.0, 20_000.0) for one in given}
     return tuple(sorted(heights))
 
 
-def _between(
-    wanted: dict[str, Any], name: str, default: float, least: float, most: float
-) -> float:
-    number = number_in(wanted, name, default)
-    if not least <= number <= most:
-        raise UsageError(f"{name} must be {least:g} to {most:g}")
-    return number
-
-
-def _listed(tag_id: object, tags: tuple[Tag, ...]) -> Tag:
-    if type(tag_id) is not int:
-        raise FormatError("tag_id must be a whole number")
+def _listed(tag_id: int, tags: tuple[Tag, ...]) -> Tag:
     for one in tags:
         if one.tag_id == tag_id:
             return one

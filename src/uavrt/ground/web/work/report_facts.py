@@ -2,6 +2,7 @@
 
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from uavrt.analysis.inputs.flight_facts import NAME, Facts, read_facts, write_facts
 from uavrt.core.errors import ConfigError, UsageError
@@ -14,11 +15,9 @@ def facts_in(folder: Path) -> dict[str, str]:
     return {name: text or "" for name, text in asdict(found).items()}
 
 
-def change_facts(folder: Path, values: object) -> dict[str, str]:
+def change_facts(folder: Path, values: dict[str, Any]) -> dict[str, str]:
     """Change some fields; return all. Raises `UsageError` or `ConfigError`."""
     now = facts_in(folder)
-    if not isinstance(values, dict):
-        raise UsageError("facts must be an object")
     for name, text in values.items():
         if name not in now:
             raise UsageError(f"reports have no field {str(name)[:40]!r}")

@@ -20,7 +20,8 @@ CLEAR_SPAN_S = 0.5
 WINDOW_NS = ns_from_s(20.0)
 """Time for which a round trip counts [ns]."""
 KEPT_SHARE = 0.6
-"""Share used for the line, the shortest ones, of the shortest round trips of every 2 s."""
+"""Share of round trips to which the line is fitted: the shortest of those that are the shortest
+in every 2 s."""
 JUMP_NS = ns_from_s(0.08)
 """Error beyond the uncertainty of round trips and skew that means another clock [ns]; below one
 second it must occur in two consecutive answers."""
@@ -123,7 +124,9 @@ class TimeSync:
         }
 
     def add_round_trip(self, sent_ns: int, remote_ns: int, received_ns: int) -> None:
-        """Handle an answered request: local times of request and answer, boot time between."""
+        """Add an answered TIMESYNC request [ns]: local times of request and answer, and the
+        autopilot's boot time in the answer.
+        """
         if received_ns < sent_ns:
             return
         trip = RoundTrip(remote_ns, (sent_ns + received_ns) // 2, received_ns - sent_ns)
@@ -156,7 +159,10 @@ class TimeSync:
             self._one_way[-1] = (received_ns, offset)
 
     def local_ns(self, remote_ns: int) -> int | None:
-        """Local time of a boot time [ns]; from one-way delays after 3 s without round trips."""
+        """Local time at which the boot clock shows a given time [ns].
+
+        After 3 s without round trips, one-way delays of messages give it.
+        """
         if self._line is not None:
             remote, local, skew = self._line
             delta = remote_ns - remote

@@ -4,8 +4,6 @@ The recorder confirms a pulse later. After a restart of the connection process, 
 database shows which pulses have a pose and were received on the ground.
 """
 
-from collections import deque
-
 from uavrt.core.messages import PulseKey
 from uavrt.core.newest import Newest
 
@@ -20,9 +18,7 @@ class PulseDelivery:
 
     def __init__(self) -> None:
         self._unrecorded: Newest[PulseKey, None] = Newest(MOST_UNRECORDED)
-        self._recent: deque[PulseKey] = deque()
-        self._recorded = set[PulseKey]()
-        """Keys of the pulses in `_recent`, for quick look-up."""
+        self._recorded: Newest[PulseKey, None] = Newest(REMEMBERED)
         self._news = set[PulseKey]()
         """Keys of sent pulses that were not yet recorded when a new ground station appeared."""
 
@@ -51,10 +47,7 @@ class PulseDelivery:
             return True
         known = self._unrecorded.pop(key, key) is None
         if known:
-            self._recorded.add(key)
-            self._recent.append(key)
-            while len(self._recent) > REMEMBERED:
-                self._recorded.discard(self._recent.popleft())
+            self._recorded[key] = None
         if key in self._news:
             self._news.discard(key)
             return False

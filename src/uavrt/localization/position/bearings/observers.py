@@ -42,8 +42,9 @@ class Observer:
     def corrected(self, bearing: Bearing, number: int) -> Bearing:
         """Bearing without the person's mean error, and with the person's standard deviation.
 
-        `number`: this person's bearings in a position that also uses others'; else 0. Each has
-        `number` times the shared errors' variance, so that together they weigh as one place.
+        `number`: how many bearings of this person a position uses, if it also uses other
+        people's; else 0. Each bearing gets `number` times the variance of the errors that they
+        share, so that together they count as one.
         """
         shared = np.hypot(self.heading_error_sigma_deg, np.degrees(self.displaced))
         return replace(

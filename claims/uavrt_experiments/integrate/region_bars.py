@@ -1,0 +1,259 @@
+"""I8: regions of whole flights, in the estimator's own world and in worlds unlike it.
+
+No constant of the estimator may be chosen by these worlds.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from uavrt.core.units import wrap_degrees_180
+from uavrt.localization.antenna import PATTERNS, AntennaPattern
+from uavrt.localization.position.tuning import COMMON
+from uavrt.localization.tuning import FLIGHT
+from uavrt.localization.whole_flight.ground_cells import Cells
+from uavrt.localization.whole_flight.heard_train import HeardTrain, train_pulses
+from uavrt.localization.whole_flight.train_place import place_belief
+from uavrt_experiments.detection.cases import Case, Experiment
+from uavrt_experiments.figures import measured, share
+from uavrt_experiments.integrate.flights import (
+    RATE_HZ,
+    Course,
+    add_pulses,
+    lawnmower,
+    looked_at,
+    passing,
+    silence,
+    stops,
+    turning,
+)
+from uavrt_experiments.integrate.place import from_middle
+from uavrt_experiments.integrate.sensitivity import best_train, narrow_world
+from uavrt_experiments.localization.posterior_calibration import LEAST_P
+from uavrt_experiments.result import Row
+
+_Floats = NDArray[np.float64]
+_LASTING_DB, _ALIKE = 1.0, 0.6
+"""Fading that neighbouring pulses share [dB], and its correlation from one to the next."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conditions:
+    """How a flight differs from an exact one."""
+
+    name: str
+    heading_deg: float = 0.0
+    """Error of all headings [deg]."""
+    heading_sigma_deg: float = 0.0
+    fading_db: float = 1.0
+    """Standard deviation of each pulse's fading [dB]."""
+    lasting_db: float = 0.0
+    back_db: float = 0.0
+    """Level of the true pattern over the table's behind the antenna [dB]."""
+    line_db: float | None = None
+    """Noise of a power line over the receiver's own, on boresight [dB]."""
+    exponent: tuple[float, float] = (2.0, 0.0)
+    """Mean and standard deviation of the path loss exponent, at least 2."""
+
+
+OWN = Conditions(
+    name="own world",
+    heading_sigma_deg=COMMON.heading_sigma_deg,
+    lasting_db=_LASTING_DB,
+    exponent=(2.5, 0.7),
+)
+OTHER = Conditions(
+    name="2 dB of pattern behind, 2° of heading, 2 dB of fading",
+    heading_deg=2.0,
+    fading_db=2.0,
+    back_db=2.0,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Regions:
+    """Result of locating a tag after a flight."""
+
+    off_deg: float
+    arc90_deg: float
+    rank: float
+    """Probability of all positions that the posterior holds for likelier than the tag's."""
+    held50: bool
+    held90: bool
+    held95: bool
+
+
+def _near(course: Course, half_m: float) -> Course:
+    """The same course; the tag is anywhere in a square around its middle."""
+
+    def place(rng: np.random.Generator) -> tuple[float, float]:
+        east, north = rng.uniform(-half_m, half_m, 2)
+        return float(east), float(north)
+
+    return replace(course, tag_at=place)
+
+
+def _nose_first(course: Course) -> Course:
+    """The same course with a directional antenna that points along the path."""
+    along = np.degrees(np.arctan2(np.gradient(course.east_m), np.gradient(course.north_m)))
+    return replace(course, antenna="RA-23K", yaw_deg=along)
+
+
+COURSES = {
+    "turning on the spot": (turning(225), 8.0),
+    "8 stops 150 m apart": (_near(stops(8, 50, apart_m=150.0), 700.0), 14.0),
+    "5 lanes": (_nose_first(lawnmower(tag="inside", side_m=800.0)), 14.0),
+    "pass": (_nose_first(passing(225, aside_m=400.0)), 10.0),
+}
+"""Courses by name, with the level of the strongest pulse [dB]."""
+
+
+def _with_back(pattern: AntennaPattern, more_db: float) -> AntennaPattern:
+    """Pattern with a higher level behind, rising from 60 to 100° off boresight."""
+    angle = np.linspace(0.0, 180.0, len(pattern.e_plane_db))
+    more = more_db * np.clip((angle - 60.0) / 40.0, 0.0, 1.0)
+    return replace(
+        pattern, e_plane_db=tuple(float(x) for x in np.asarray(pattern.e_plane_db) + more)
+    )
+
+
+def _rank(cells: Cells, east_m: float, north_m: float) -> float:
+    """Probability of all cells denser than a position's, and half of its own cell's."""
+    density = cells.probability / cells.area
+    bearing = np.degrees(np.arctan2(east_m, north_m))
+    turn = np.abs(wrap_degrees_180(cells.bearing_deg - bearing)) / cells.width_deg
+    apart = np.abs(np.log(np.hypot(east_m, north_m) / cells.range_m)) / np.log(cells.ratio)
+    here = int(np.argmin(np.maximum(turn, apart)))
+    likelier = float(cells.probability[density > density[here]].sum())
+    return likelier + 0.5 * float(cells.probability[here])
+
+
+def located(
+    rng: np.random.Generator, course: Course, enr_db: float, world: Conditions
+) -> Regions | None:
+    """Fly, search and locate a tag; None if it was not found."""
+    heard_by = narrow_world(course)
+    pattern = PATTERNS[course.antenna]
+    exponent = max(2.0, float(rng.normal(*world.exponent)))
+    turned = world.heading_deg + float(rng.normal(0.0, world.heading_sigma_deg))
+    true = replace(course, exponent=exponent, yaw_deg=course.yaw_deg + turned)
+    truth = heard_by.truth(rng)
+    sent = replace(heard_by, course=true).pulses(
+        rng, truth, enr_db, pattern=_with_back(pattern, world.back_db)
+    )
+    fading = rng.normal(0.0, world.lasting_db, len(sent))
+    for number in range(1, len(sent)):
+        fading[number] *= math.sqrt(1.0 - _ALIKE**2)
+        fading[number] += _ALIKE * fading[number - 1]
+    fading += rng.normal(0.0, world.fading_db, len(sent))
+    samples = silence(rng, course)
+    if world.line_db is not None:
+        line = rng.uniform(0.0, 360.0)
+        over = 1.0 + 10.0 ** ((world.line_db + pattern.gain_db(line - true.yaw_deg)) / 10.0)
+        at_s = np.arange(len(samples)) / RATE_HZ
+        samples *= np.sqrt(np.interp(at_s, course.time_s, over)).astype(np.float32)
+    sent = [
+        replace(one, enr_db=one.enr_db + float(more))
+        for one, more in zip(sent, fading, strict=True)
+    ]
+    add_pulses(rng, samples, sent)
+    energies = heard_by.energies(samples)
+    train = best_train(heard_by, energies)
+    if not (train.loud or train.false_alarm_probability <= 0.01):
+        return None
+    places, chosen = looked_at(course)
+    pulses = train_pulses(energies, train, places.gain[chosen[train.place]], places.time_s)
+    belief = place_belief([HeardTrain.among(energies, pulses, places, rates=1)])
+    shift = rng.normal(0.0, FLIGHT.place_sigma_m, 2)
+    east_m, north_m = from_middle(belief, truth.east_m + shift[0], truth.north_m + shift[1])
+    cells = belief.cells
+    bearing = math.degrees(math.atan2(east_m, north_m))
+    return Regions(
+        off_deg=float(wrap_degrees_180(belief.bearing_deg - bearing)),
+        arc90_deg=belief.arc_deg(0.9),
+        rank=_rank(cells, east_m, north_m),
+        held50=cells.holds(east_m, north_m, 0.5),
+        held90=cells.holds(east_m, north_m, 0.9),
+        held95=cells.holds(east_m, north_m, 0.95),
+    )
+
+
+def _region_case(world: Conditions, bars: dict[str, tuple[float | None, float | None]]) -> Case:
+    """Flights of all courses in turn."""
+    names = list(COURSES)
+
+    def trial(rng: np.random.Generator, number: int) -> Regions | None:
+        course, enr_db = COURSES[names[number % len(names)]]
+        return located(rng, course, enr_db, world)
+
+    def rows(outcomes: Sequence[Regions | None]) -> list[Row]:
+        made = []
+        for name, each in ((world.name, outcomes), *_by_course(names, world, outcomes)):
+            found = outcomes_found(each)
+            for quantity, held in (
+                ("50 % region holds", [float(one.held50) for one in found]),
+                ("90 % region holds", [float(one.held90) for one in found]),
+                ("95 % region holds", [float(one.held95) for one in found]),
+            ):
+                least, most = bars.get(quantity[:4], (None, None))
+                own = {} if each is not outcomes else {"least": least, "most": most}
+                made.append(measured("I8", name, quantity, held, share, **own))
+        return made
+
+    return Case(name=world.name, trials=600, seconds=2.0, trial=trial, rows=rows, least=4)
+
+
+def _by_course(
+    names: Sequence[str], world: Conditions, outcomes: Sequence[Regions | None]
+) -> list[tuple[str, Sequence[Regions | None]]]:
+    return [
+        (f"{world.name}: {name}", outcomes[number :: len(names)])
+        for number, name in enumerate(names)
+    ]
+
+
+def outcomes_found(outcomes: Sequence[Regions | None]) -> list[Regions]:
+    """Outcomes of flights in which the tag was found."""
+    return [one for one in outcomes if one is not None]
+
+
+def _rank_case(name: str, world: Conditions, **bar: float) -> Case:
+    """Ranks of true positions after turning on the spot (Talts et al. 2018)."""
+    course, enr_db = COURSES["turning on the spot"]
+
+    def rows(outcomes: Sequence[Regions | None]) -> list[Row]:
+        ranks = [one.rank for one in outcomes_found(outcomes)]
+        chance = float(stats.kstest(ranks, "uniform").pvalue)
+        return [Row.counted("I8", "chance of the ranks", name, chance, len(ranks), **bar)]
+
+    return Case(
+        name=name,
+        trials=400,
+        seconds=1.0,
+        trial=lambda rng, _: located(rng, course, enr_db, world),
+        rows=rows,
+        least=4,
+    )
+
+
+I8 = Experiment(
+    name="I8",
+    title="Regions in other worlds",
+    cases=(
+        _region_case(OWN, {"50 %": (0.45, 0.60), "95 %": (0.92, 0.98)}),
+        _region_case(OTHER, {"50 %": (0.40, None), "95 %": (0.88, None)}),
+        *(
+            _region_case(
+                replace(OWN, name=f"power line, {line_db:g} dB", line_db=line_db),
+                {"90 %": (0.86, 0.94)},
+            )
+            for line_db in (3.0, 6.0, 12.0)
+        ),
+        _rank_case("ranks, own world", OWN, least=LEAST_P),
+        _rank_case("ranks, headings 6° off", replace(OWN, heading_deg=6.0), most=LEAST_P),
+    ),
+)

@@ -1,0 +1,57 @@
+"""Read numbers and positions in the requests of a page."""
+
+import sys
+from math import nan
+from typing import Any
+
+from uavrt.core.errors import FormatError, UsageError
+
+Places = tuple[tuple[float, float], ...]
+
+
+def number_in(wish: dict[str, Any], name: str, default: float = nan) -> float:
+    """Read the finite number of a given name; raises `FormatError`."""
+    value = wish.get(name, default)
+    number = value if isinstance(value, int | float) else nan
+    if isinstance(value, bool) or not abs(number) <= sys.float_info.max:
+        raise FormatError(f"{name} must be a number")
+    return float(number)
+
+
+def number_between(
+    wish: dict[str, Any], name: str, least: float, most: float, default: float = nan
+) -> float:
+    """Read a number within limits; raises `FormatError` or `UsageError`."""
+    number = number_in(wish, name, default)
+    if not least <= number <= most:
+        raise UsageError(f"{name} must be {least:g} to {most:g}")
+    return number
+
+
+def power_in(wish: dict[str, Any]) -> float:
+    """Read a tag's radiated power [dBm]; raises `FormatError` or `UsageError`."""
+    power_dbm = number_in(wish, "tag_power_dbm")
+    if not -100.0 <= power_dbm <= 40.0:
+        raise UsageError("a tag's power must be -100 to 40 dBm")
+    return power_dbm
+
+
+def whole_in(wish: dict[str, Any], name: str) -> int:
+    """Read a whole number; raises `FormatError`."""
+    if type(value := wish.get(name)) is not int:
+        raise FormatError(f"{name} must be a whole number")
+    return value
+
+
+def places_in(given: Any) -> Places:
+    """Read a list of [latitude, longitude] in degrees; raises `FormatError`."""
+    places = []
+    for one in given if isinstance(given, list) else [None]:
+        match one:
+            case [int() | float() as north, int() | float() as east]:
+                on_earth = abs(north) <= 90.0 and abs(east) <= 180.0
+                if on_earth and not isinstance(north, bool) and not isinstance(east, bool):
+                    places.append((float(north), float(east)))
+                    continue
+        raise FormatError("places must be latitudes and longitudes on earth")
+    return tuple(places)
