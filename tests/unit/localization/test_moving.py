@@ -161,7 +161,7 @@ def test_asked_for_the_way_of_a_tag_that_rests_the_place_stays_as_good() -> None
 def test_a_walker_is_told_and_followed_in_a_survey_by_strength() -> None:
     rng = np.random.default_rng(45)
     within: list[bool] = []
-    for number in seeds(8, 9):
+    for number in seeds(4, 5):
         track, tag = flown_over(rng, (0.5, 1.0)[number % 2])
         found = estimate_position(None, track, follow=True)
         assert [one.name for one in found.cautions] == ["walk"]

@@ -97,25 +97,16 @@ class Cells:
         Each cell's probability is spread by its width and by a shift that all share.
         """
         east, north, step = _even_axes(self.around(GRID.map_share), count, 2.5 * sigma_m)
-        sigmas_m = np.sqrt(self.width_m**2 / 12.0 + sigma_m**2 + step**2 / 12.0)
         density = np.zeros((len(north), len(east)))
-        for one_m in np.unique(sigmas_m):
-            own = sigmas_m == one_m
-            reach = int(np.ceil(GRID.map_sigmas * one_m / step))
-            far = reach > GRID.map_reach
-            (columns, across), (rows, along) = (
-                _near(axis, centres[own], one_m, None if far else reach)
-                for axis, centres in ((east, self.east_m), (north, self.north_m))
-            )
-            along *= self.probability[own, None]
-            if far:
-                density += along.T @ across
-            else:
-                points = rows[:, :, None] * len(east) + columns[:, None, :]
-                spread = along[:, :, None] * across[:, None, :]
-                density += np.bincount(
-                    points.ravel(), spread.ravel(), minlength=density.size
-                ).reshape(density.shape)
+        for width_m in np.unique(self.width_m):
+            own = np.flatnonzero(self.width_m == width_m)
+            own = own[np.argsort(self.north_m[own])]
+            # Cells of one width share few rows and columns of their grid.
+            rows, starts = np.unique(self.north_m[own], return_index=True)
+            columns, column = np.unique(self.east_m[own], return_inverse=True)
+            one_m = float(np.sqrt(width_m**2 / 12.0 + sigma_m**2 + step**2 / 12.0))
+            across = self.probability[own, None] * _normal(columns, east, one_m)[column]
+            density += _normal(rows, north, one_m).T @ np.add.reduceat(across, starts)
         return east, north, np.asarray(density / density.sum())
 
     def around(self, share: float) -> Area:
@@ -322,23 +313,10 @@ def _even_axes(
     return np.asarray(east), np.asarray(north), step
 
 
-def _near(
-    axis: _Floats, centres: _Floats, sigma_m: float, reach: int | None
-) -> tuple[NDArray[np.intp], _Floats]:
-    """Points of an even axis near each centre (n, k), and a normal density there.
-
-    `reach`: number of points on each side; None: the whole axis, once for all centres (1, k).
-    """
-    step = axis[1] - axis[0]
-    if reach is None:
-        near = np.arange(len(axis), dtype=np.intp)[None, :]
-    else:
-        nearest = np.rint((centres - axis[0]) / step).astype(np.intp)[:, None]
-        near = nearest + np.arange(-reach, reach + 1, dtype=np.intp)
-    away = (axis[0] + step * near - centres[:, None]) / sigma_m
-    density = np.exp(-0.5 * away**2) / sigma_m
-    density *= (near >= 0) & (near < len(axis))
-    return np.clip(near, 0, len(axis) - 1), density
+def _normal(centres: _Floats, axis: _Floats, sigma_m: float) -> _Floats:
+    """(centres, axis) normal density, up to a constant, at an axis around each centre."""
+    away = (axis - centres[:, None]) / sigma_m
+    return np.asarray(np.exp(-0.5 * away**2) / sigma_m)
 
 
 def _squares(area: Area, count: int) -> tuple[_Floats, _Floats, _Floats]:

@@ -580,6 +580,13 @@ class ParticleTracker:
         )
         return gained
 
+    def confine(self, area: Area) -> float:
+        """Exclude hypotheses outside of an area; returns the log share of those inside."""
+        state = self._state
+        inside = (state.east_m >= area.west_m) & (state.east_m <= area.east_m)
+        inside &= (state.north_m >= area.south_m) & (state.north_m <= area.north_m)
+        return self._weigh(np.where(inside, np.float32(0.0), np.float32(-80.0)))
+
     def exponent(self) -> tuple[float, float]:
         """Mean and variance of the path loss exponent over the hypotheses."""
         exponent, weight = self._state.exponent, self._weight
