@@ -464,7 +464,7 @@ class ParticleTracker:
         prior: TagPrior,
         rng: Generator,
         *,
-        particles: int = 10_000,
+        particles: int = TRACK.particles,
         first: int = 0,
     ) -> None:
         self._prior, self._rng, self._least = prior, rng, particles
