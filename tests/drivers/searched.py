@@ -13,9 +13,9 @@ from some import some
 from uavrt.core.earth.geodesy import distance_m
 from uavrt.core.messages import Pulse, PulsePose, SearchNote, SearchReport, Tag
 from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
-from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.control.authority import ControlStage
 from uavrt.guidance.operator_orders import Limits, Order, VehicleNow
-from uavrt.guidance.pilot import Pilot
+from uavrt.guidance.order_execution import OrderExecution
 from uavrt.guidance.search.search_task import Equipment
 from uavrt.guidance.search.seeker import Choice, Seeker
 from uavrt.localization.antenna import PATTERNS
@@ -93,7 +93,7 @@ class Searched:
         equipment = Equipment(pattern=PATTERN, seed=self.seed)
         return Seeker(order, self.tags, now, self.limits, BEHAVIOURS[self.flavour], equipment)
 
-    def begin(self) -> Pilot:
+    def begin(self) -> OrderExecution:
         """Ask for the search and confirm it."""
         flown, order = self.flown, self.order()
         self.seeker = self.seeker_of(order)
@@ -101,11 +101,11 @@ class Searched:
         now = some(flown.now())
         choice = self.seeker.begin(self.time_ns, now)
         self.notes.extend(choice.notes)
-        self.pilot = Pilot(order, self.seeker.plan, self.limits, waits=True)
-        self.pilot.redirect(some(choice.steps), now)
-        flown.pilot = self.pilot
+        self.execution = OrderExecution(order, self.seeker.plan, self.limits, waits=True)
+        self.execution.redirect(some(choice.steps), now)
+        flown.execution = self.execution
         self.begun_s = self._think_s = self._report_s = flown.time_s
-        return self.pilot
+        return self.execution
 
     @property
     def time_ns(self) -> int:
@@ -113,7 +113,7 @@ class Searched:
 
     @property
     def out(self) -> bool:
-        return self.flown.authority.standing is Standing.OUT
+        return self.flown.authority.standing is ControlStage.OUT
 
     def run(self, seconds: float, until: Callable[[], bool] | None = None) -> None:
         ended = until or (lambda: self.out)
@@ -146,17 +146,17 @@ class Searched:
         if now is None:
             return
         self.seeker.place(self.time_ns, now)
-        self.think(now)
+        self.decide(now)
 
-    def think(self, now: VehicleNow) -> None:
+    def decide(self, now: VehicleNow) -> None:
         """As the guide does, in no time."""
         if self.is_time:
-            choice = self.seeker.think(self.time_ns, now, idle=self.pilot.idle)
+            choice = self.seeker.decide(self.time_ns, now, idle=self.execution.idle)
             self.take_up(choice, now)
 
     @property
     def is_time(self) -> bool:
-        due = self.flown.time_s >= self._think_s - (4.5 if self.pilot.idle else 0.0)
+        due = self.flown.time_s >= self._think_s - (4.5 if self.execution.idle else 0.0)
         if due:
             self._think_s = self.flown.time_s + 5.0
         return due
@@ -164,7 +164,7 @@ class Searched:
     def take_up(self, choice: Choice, now: VehicleNow) -> None:
         self._note(choice.notes)
         if choice.steps is not None:
-            self.pilot.redirect(choice.steps, now)
+            self.execution.redirect(choice.steps, now)
 
     def _note(self, notes: tuple[SearchNote, ...]) -> None:
         self.notes.extend(notes)

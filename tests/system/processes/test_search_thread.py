@@ -24,11 +24,11 @@ class Slow:
     def pulse(self, _: Any) -> None:
         self.pulses += 1
 
-    def think(self, _time_ns: int, _now: VehicleNow, *, idle: bool, others: Any) -> Choice:
+    def decide(self, _time_ns: int, _now: VehicleNow, *, idle: bool, others: Any) -> Choice:
         assert others == ()
         self.asked += 1
         self.go.wait(60.0)
-        return Choice(steps=None, said=f"idle {idle}", notes=())
+        return Choice(steps=None, status_text=f"idle {idle}", notes=())
 
 
 def now_at(time_s: float) -> VehicleNow:
@@ -47,7 +47,7 @@ def test_nothing_waits_for_a_slow_decision() -> None:
     slow.go.set()
     (choice,) = until(planner.results)
     assert isinstance(choice, Choice)
-    assert choice.said == "idle True"
+    assert choice.status_text == "idle True"
     assert slow.asked == 1
 
 

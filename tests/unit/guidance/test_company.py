@@ -44,7 +44,7 @@ def heights(now: VehicleNow) -> VehicleNow:
 def choice(north_m: float, east_m: float, held: tuple[int, ...] = ()) -> Choice:
     found = (FoundTag(tag_id=9, place=FLOWN.place(0.0, 50.0), radius95_m=20.0),)
     way = (FLOWN.place(0.0, 0.0), FLOWN.place(north_m, east_m))
-    return Choice(steps=(), said="", notes=(), way=way, held=held, found=found)
+    return Choice(steps=(), status_text="", notes=(), way=way, held=held, found=found)
 
 
 @pytest.mark.parametrize(

@@ -24,8 +24,8 @@ from uavrt.core.messages import (
     Tag,
     VehicleFence,
     VehicleReport,
-    VehicleSeen,
-    VehicleWish,
+    VehicleRequest,
+    VehicleStatus,
 )
 from uavrt.drone.processes.guide import Guide
 
@@ -68,8 +68,8 @@ class Hub:
             "home": self.flown.place(0.0, 0.0),
             "battery_percent": 90.0,
             "obeyed": False,
-            "wishes_sent": 0,
-            "wishes_refused": 0,
+            "requests_sent": 0,
+            "requests_refused": 0,
             "turned_deg": 0.0,
             "ground_silent_s": 0.0,
         }
@@ -81,12 +81,12 @@ class Hub:
             reason="",
             order_id=None,
             mode="Position",
-            seen=VehicleSeen(**seen),
+            seen=VehicleStatus(**seen),
         )
         return replace(report, **values)
 
     def ask(self, action: Any, **values: Any) -> MotionOffer:
-        request = MotionRequest(request_id=3, asker=(254, 190), action=action, **values)
+        request = MotionRequest(request_id=3, requester=(254, 190), action=action, **values)
         self.guide.take("motion", request)
         return self.offer()
 
@@ -97,10 +97,10 @@ class Hub:
         assert isinstance(offer, MotionOffer)
         return offer
 
-    def confirmed(self, offer: MotionOffer, north_m: float, **values: Any) -> VehicleWish:
+    def confirmed(self, offer: MotionOffer, north_m: float, **values: Any) -> VehicleRequest:
         values = {"standing": "confirmed", "order_id": offer.order_id} | values
         self.guide.take("vehicle", self.report(north_m, **values))
-        assert isinstance(self.sent[-1], VehicleWish)
+        assert isinstance(self.sent[-1], VehicleRequest)
         return self.sent[-1]
 
 
@@ -164,26 +164,28 @@ def test_a_fence_that_cannot_be_read_or_leaves_home_out_is_not_flown_with(hub: H
 @pytest.mark.parametrize("action", ["hold", "rotate"])
 def test_here_is_where_the_drone_is_when_the_order_is_confirmed(hub: Hub, action: str) -> None:
     offer = hub.ask(action)
-    wish = hub.confirmed(offer, north_m=120.0).wish
-    assert isinstance(wish, FlyThere)
+    manoeuvre = hub.confirmed(offer, north_m=120.0).manoeuvre
+    assert isinstance(manoeuvre, FlyThere)
     there = hub.flown.place(120.0, 0.0)
-    assert distance_m(wish.latitude_deg, wish.longitude_deg, *there) < 0.1
+    assert distance_m(manoeuvre.latitude_deg, manoeuvre.longitude_deg, *there) < 0.1
 
 
 def test_the_height_is_the_one_that_was_offered(hub: Hub) -> None:
     offer = hub.ask("hold")
-    wish = hub.confirmed(offer, 0.0, altitude_amsl_m=490.0, altitude_relative_m=60.0).wish
-    assert isinstance(wish, FlyThere)
-    assert wish.altitude_amsl_m == pytest.approx(470.0)
+    manoeuvre = hub.confirmed(
+        offer, 0.0, altitude_amsl_m=490.0, altitude_relative_m=60.0
+    ).manoeuvre
+    assert isinstance(manoeuvre, FlyThere)
+    assert manoeuvre.altitude_amsl_m == pytest.approx(470.0)
 
 
 def test_what_cannot_be_flown_any_more_when_it_is_confirmed_ends_with_the_reason(
     hub: Hub,
 ) -> None:
     offer = hub.ask("goto", places=(hub.flown.place(300.0, 0.0),), height_m=40.0)
-    wish = hub.confirmed(offer, 0.0, battery_percent=30.0)
-    assert (wish.ends, wish.order_id) == (True, offer.order_id)
-    assert "Wh" in wish.said
+    request = hub.confirmed(offer, 0.0, battery_percent=30.0)
+    assert (request.ends, request.order_id) == (True, offer.order_id)
+    assert "Wh" in request.status_text
 
 
 @pytest.mark.parametrize("action", ["goto", "search", "return"])
@@ -199,9 +201,12 @@ def test_what_was_planned_around_another_home_is_not_flown(hub: Hub, action: str
     }
     values = asked[action]
     moved = hub.flown.place(100.0, 0.0)
-    wish = hub.confirmed(hub.ask(action, **values), 0.0, home=moved)
-    assert wish.ends
-    assert wish.said == "home was moved while the order was planned. Request the motion again"
+    request = hub.confirmed(hub.ask(action, **values), 0.0, home=moved)
+    assert request.ends
+    assert (
+        request.status_text
+        == "home was moved while the order was planned. Request the motion again"
+    )
     hub.guide.take("vehicle", hub.report(home=moved))
     assert not hub.ask(action, **values).refused
 
@@ -325,13 +330,15 @@ def test_an_order_is_flown_on_while_another_is_being_planned(
     hub.confirmed(flown, 0.0)
     hub.plans_at_once = False
     for number in (4, 5):
-        hub.guide.take("motion", MotionRequest(request_id=number, asker=(1, 1), action="hold"))
+        hub.guide.take(
+            "motion", MotionRequest(request_id=number, requester=(1, 1), action="hold")
+        )
     begun = len(hub.sent)
     for _ in range(20):
         clock_of_test.now_s += 0.1
         hub.guide.take("vehicle", hub.report(standing="confirmed", order_id=flown.order_id))
         hub.guide.tick()
-    assert any(one.wish is None for one in hub.sent[begun:])
+    assert any(one.manoeuvre is None for one in hub.sent[begun:])
     assert not any(isinstance(one, MotionOffer) for one in hub.sent)
     for number in (4, 5):  # one after the other
         (plan,) = hub.begun

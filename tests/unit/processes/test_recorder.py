@@ -24,8 +24,8 @@ from uavrt.core.messages import (
     Pulse,
     PulsePose,
     Recorded,
+    RecordsHandled,
     StatusText,
-    Taken,
 )
 from uavrt.drone.ipc.process import ProcessFrame
 from uavrt.drone.ipc.record_link import LineBuffer, RecordSocket
@@ -125,7 +125,7 @@ class Drone:
         except BlockingIOError:
             return
         for topic, record in map(decode_record, self._lines.feed(data)):
-            if isinstance(record, Taken):
+            if isinstance(record, RecordsHandled):
                 self.outbox.taken(record.records)
             else:
                 self.said.append((topic, record))

@@ -26,10 +26,10 @@ from uavrt.core.messages import (
     PulseKey,
     PulsePose,
     Recorded,
+    RecordsHandled,
     SearchNote,
     SearchReport,
     StatusText,
-    Taken,
 )
 from uavrt.core.newest import Newest
 from uavrt.drone.ipc.process import ProcessFrame
@@ -321,7 +321,7 @@ class Recorder:
         lines = self._frame.link.lines
         if lines != self._reported_lines:
             self._reported_lines = lines
-            self._frame.link.send("taken", Taken(records=lines))
+            self._frame.link.send("records_handled", RecordsHandled(records=lines))
 
     def _report_fault(self, error: RecordingError) -> None:
         if not self._fault:

@@ -75,7 +75,7 @@ class SearchThread:
         """Request the next decision, if due; it appears in `results`."""
         if self.is_time(now, idle=idle):
             self._deciding, self._asked_s = True, now.time_s
-            self._put(lambda: self._seeker.think(time_ns, now, idle=idle, others=others))
+            self._put(lambda: self._seeker.decide(time_ns, now, idle=idle, others=others))
 
     def is_time(self, now: VehicleNow, *, idle: bool) -> bool:
         """True if no request is pending and the last decision was long enough ago."""

@@ -20,9 +20,9 @@ from uavrt.core.messages import (
     CommandReply,
     FlightInfo,
     Health,
+    RecordsHandled,
     StatusText,
     SystemStatus,
-    Taken,
 )
 from uavrt.core.runtime.heap import HeapKeeper
 from uavrt.drone.ipc.topics import TOPICS, decode_record, encode_record, topic_of
@@ -325,7 +325,7 @@ class Supervisor:
                 self._end_capture_when_over()
             case StatusText():
                 log.info(record.text, child=instance.name)
-            case Taken():
+            case RecordsHandled():
                 instance.outbox.taken(record.records)
 
     def _on_output(self, instance: Instance, line: bytes) -> None:

@@ -13,7 +13,7 @@ from uavrt.core.errors import PlanError
 from uavrt.core.messages import Course, Neighbour
 from uavrt.guidance.height_frames import target_amsl_m
 from uavrt.guidance.operator_orders import Place, VehicleNow
-from uavrt.guidance.pilot import stopping_place
+from uavrt.guidance.order_execution import stopping_place
 from uavrt.guidance.safety import SAFETY
 from uavrt.guidance.search.neighbour_drones import SEPARATION, nearest_m, paths_of
 from uavrt.planning.drone_model.other_drones import OtherDrones

@@ -55,14 +55,14 @@ class Answer:
     """A payload for the ground station that sent a request."""
 
     payload: bytes
-    asker: Ids
+    requester: Ids
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _PendingCommand:
     """A request that waits for the supervisor's reply: sender, command and generation."""
 
-    asker: Ids
+    requester: Ids
     number: int
     generation: Generation
     request_id: int = 0
@@ -112,7 +112,7 @@ class Operations:
             step_count=operation.step_count,
             message=operation.message,
         )
-        return Answer(step.encode(), question.asker)
+        return Answer(step.encode(), question.requester)
 
 
 class Exchange:
@@ -155,25 +155,25 @@ class Exchange:
         """Protocol generation of the pulse messages sent."""
         return self._fixed or self._heard
 
-    def refuse(self, payload: bytes, reason: str, asker: Ids) -> Answer | None:
+    def refuse(self, payload: bytes, reason: str, requester: Ids) -> Answer | None:
         """Make the acknowledgement that refuses an unread payload; None if not a command."""
         self.counters["commands_not_allowed"] += 1
-        return self._refusal(payload, reason, asker)
+        return self._refusal(payload, reason, requester)
 
     def receive(
-        self, payload: bytes, asker: Ids, *, coded_tag: bool = False
+        self, payload: bytes, requester: Ids, *, coded_tag: bool = False
     ) -> Command | Answer | None:
         """Handle a ground station's payload; return a command, an answer or None."""
         try:
             message = CodedTag.decode(payload) if coded_tag else decode(payload)
             if isinstance(message, g2.Requests):
-                return self._request(message, payload, asker)
+                return self._request(message, payload, requester)
             if isinstance(message, CodedTag) and message.request_id:
-                return self._request(message, payload, asker)
-            return self._command(message, asker)
+                return self._request(message, payload, requester)
+            return self._command(message, requester)
         except TunnelError as error:
             self.counters["payloads_refused"] += 1
-            return self._refusal(payload, str(error), asker)
+            return self._refusal(payload, str(error), requester)
 
     def reply(self, reply: CommandReply) -> Answer | None:
         """Convert the supervisor's reply to an acknowledgement for the sender."""
@@ -230,19 +230,19 @@ class Exchange:
         return self._next_id - 1
 
     def _request(
-        self, message: g2.Requests | CodedTag, payload: bytes, asker: Ids
+        self, message: g2.Requests | CodedTag, payload: bytes, requester: Ids
     ) -> Command | Answer | None:
         """Handle a command of version 4 or later; a repeated one gets the same answer."""
-        known = self._requests.repeated(asker, message.request_id, payload, self._clock_s())
+        known = self._requests.repeated(requester, message.request_id, payload, self._clock_s())
         if known is True:
             return None  # its acknowledgement is on its way
         if known is not False:
             self.counters["acknowledgements_replayed"] += 1
-            return Answer(known, asker)
+            return Answer(known, requester)
         number = acked_command_of(payload)
         assert number is not None
         question = _PendingCommand(
-            asker=asker, number=number, generation="G2", request_id=message.request_id
+            requester=requester, number=number, generation="G2", request_id=message.request_id
         )
         try:
             if isinstance(message, g2.INFERRED) and not self._experimental:
@@ -262,19 +262,19 @@ class Exchange:
     ) -> Command | Answer:
         match message:
             case CodedTag():
-                self._open_upload(message).check_tag(message, question.asker)
+                self._open_upload(message).check_tag(message, question.requester)
                 question = replace(question, tag_index=message.tag_index)
                 return replace(self._ask(question, "add_tag"), tag=message.tag)
             case g2.UploadG2(command=CommandId.START_TAGS):
-                upload = open_upload(message, question.asker)
+                upload = open_upload(message, question.requester)
                 return self._ask(replace(question, upload=upload), "start_tags")
             case g2.UploadG2():
-                self._open_upload(message).check_end(message, question.asker)
+                self._open_upload(message).check_end(message, question.requester)
                 return self._ask(question, "end_tags")
             case g2.TagG2(upload_id=0):  # a correction in flight
                 return replace(self._ask(question, "add_tag"), tag=tag_from_wire(message.tag))
             case g2.TagG2():
-                self._open_upload(message).check_tag(message, question.asker)
+                self._open_upload(message).check_tag(message, question.requester)
                 tag = tag_from_wire(message.tag)
                 question = replace(question, tag_index=message.tag_index)
                 return replace(self._ask(question, "add_tag"), tag=tag)
@@ -292,22 +292,22 @@ class Exchange:
         return self._upload
 
     def _command(
-        self, message: TunnelMessage | CodedTag, asker: Ids
+        self, message: TunnelMessage | CodedTag, requester: Ids
     ) -> Command | Answer | None:
         """Handle a command of the protocol generations without request ids."""
         match message:
             case CodedTag(tag=tag):
-                question = self._plain(CommandId.TAG, asker, "G1")
+                question = self._plain(CommandId.TAG, requester, "G1")
                 return replace(self._ask(question, "add_tag"), tag=tag)
             case TagG0() | TagG1():
                 tag = tag_from_wire(message)
-                question = self._plain(CommandId.TAG, asker, generation_of(message))
+                question = self._plain(CommandId.TAG, requester, generation_of(message))
                 return replace(self._ask(question, "add_tag"), tag=tag)
             case CommandMessage():
-                question = self._plain(message.command, asker, generation_of(message))
+                question = self._plain(message.command, requester, generation_of(message))
                 return self._ask_with(question, message)
             case HeaderMessage(command=command):
-                question = self._plain(command, asker, generation_of(message))
+                question = self._plain(command, requester, generation_of(message))
                 return self._ask(question, COMMAND_OF_NUMBER[command].name)
             case _:
                 # Acknowledgements, pulses and heartbeats are only sent by us.
@@ -315,10 +315,12 @@ class Exchange:
                 return None
 
     def _plain(
-        self, number: CommandId, asker: Ids, spoken: Generation | None
+        self, number: CommandId, requester: Ids, spoken: Generation | None
     ) -> _PendingCommand:
         generation = self._fixed or spoken or self._heard
-        return _PendingCommand(asker=asker, number=number, generation=generation, spoken=spoken)
+        return _PendingCommand(
+            requester=requester, number=number, generation=generation, spoken=spoken
+        )
 
     def _ask_with(self, question: _PendingCommand, message: CommandMessage) -> Command:
         row = COMMAND_OF_NUMBER[message.command]
@@ -332,10 +334,12 @@ class Exchange:
             self.counters["replies_missing"] += 1
         self._pending[number] = question
         self.counters["commands"] += 1
-        asker = question.asker
-        return Command(name=name, request_id=number, source=f"mavlink {asker[0]}/{asker[1]}")
+        requester = question.requester
+        return Command(
+            name=name, request_id=number, source=f"mavlink {requester[0]}/{requester[1]}"
+        )
 
-    def _refusal(self, payload: bytes, reason: str, asker: Ids) -> Answer | None:
+    def _refusal(self, payload: bytes, reason: str, requester: Ids) -> Answer | None:
         """Make the acknowledgement that refuses an unreadable payload; None if no command."""
         number = acked_command_of(payload)
         if number is None or number == CommandId.ACK:
@@ -343,12 +347,12 @@ class Exchange:
         generation = self.generation
         request_id = int.from_bytes(payload[4:8], "little") if generation == "G2" else 0
         message = ack_to_wire(number, False, reason, generation, request_id)
-        return Answer(message.encode(), asker)
+        return Answer(message.encode(), requester)
 
     def _answer(self, question: _PendingCommand, accepted: bool, text: str) -> Answer:
         message = ack_to_wire(
             question.number, accepted, text, question.generation, question.request_id
         )
         payload = message.encode()
-        self._requests.answered(question.asker, question.request_id, payload)
-        return Answer(payload, question.asker)
+        self._requests.answered(question.requester, question.request_id, payload)
+        return Answer(payload, question.requester)

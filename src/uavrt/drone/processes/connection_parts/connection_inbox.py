@@ -29,7 +29,7 @@ from uavrt.core.messages import (
     SearchReport,
     StatusText,
     SystemStatus,
-    VehicleWish,
+    VehicleRequest,
 )
 from uavrt.drone.processes.connection_parts.ground_stations import GroundStations
 from uavrt.drone.processes.connection_parts.ground_status import GroundStatus
@@ -114,7 +114,10 @@ class ConnectionInbox:
             SystemStatus: self._take_system,
         }
         if motion is not None:
-            self._records |= {MotionOffer: motion.orders.offer, VehicleWish: motion.wish}
+            self._records |= {
+                MotionOffer: motion.orders.offer,
+                VehicleRequest: motion.handle_request,
+            }
         if linked:
             self._records |= {
                 LiveBearing: self._send_bearing,
@@ -149,14 +152,14 @@ class ConnectionInbox:
     def _take_command(
         self, payload: bytes, peer: Peer, *, sealed: bool, coded_tag: bool = False
     ) -> None:
-        asker, gate = peer.place, self.stations.gate
+        requester, gate = peer.place, self.stations.gate
         self.stations.asked(peer)
-        reason = gate.refusal(asker, sealed=sealed)
+        reason = gate.refusal(requester, sealed=sealed)
         if reason is not None:
-            refused = self._exchange.refuse(payload, reason, asker)
+            refused = self._exchange.refuse(payload, reason, requester)
             self.stations.answer(refused, urgent=not gate.locked)
             return
-        result = self._exchange.receive(payload, asker, coded_tag=coded_tag)
+        result = self._exchange.receive(payload, requester, coded_tag=coded_tag)
         if isinstance(result, Command):
             self._ask(replace(result, sealed=sealed))
         else:
@@ -174,16 +177,16 @@ class ConnectionInbox:
         self._parameters.receive_sealed(payload, peer, refusal, number)
 
     def _take_motion(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
-        asker = peer.place
+        requester = peer.place
         self.stations.asked(peer)
-        with self.stations.gate.order(payload, asker, sealed=sealed) as refusal:
+        with self.stations.gate.order(payload, requester, sealed=sealed) as refusal:
             if self._motion is not None:
-                self._motion.orders.receive(payload, asker, refusal, sealed=sealed)
+                self._motion.orders.receive(payload, requester, refusal, sealed=sealed)
                 return
             text = "this drone takes no orders of motion: see guidance.enabled"
             number = number_of(payload)
             state = MotionState(kind="refused", standing="out", text=text, request_id=number)
-            self.stations.answer_motion(encode_state(state), asker)
+            self.stations.answer_motion(encode_state(state), requester)
 
     def _take_neighbour(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
         if self._motion is not None:
@@ -204,7 +207,7 @@ class ConnectionInbox:
     def _reply(self, reply: CommandReply) -> None:
         answer = self._exchange.reply(reply)
         if answer is not None and reply.accepted:
-            self.stations.accepted(answer.asker)
+            self.stations.accepted(answer.requester)
         self.stations.answer(answer)
         self._parameters.reply(reply)
         if self._motion is not None:

@@ -96,7 +96,7 @@ class GroundStatus:
         if self._due("heartbeat", HEARTBEAT_NS, now_ns):
             self._send(self._exchange.heartbeat(state, cpu_temperature_c()))
             for step in self._exchange.operations.again():
-                self._sender.send_tunnel(step.payload, Priority.STATUS, Peer(*step.asker))
+                self._sender.send_tunnel(step.payload, Priority.STATUS, Peer(*step.requester))
         if self._beeps and self._due("beep", BEEP_NS, now_ns):
             self._send_beep()
         if self._due("computer", COMPUTER_NS, now_ns):

@@ -67,9 +67,9 @@ class Capture:
             return None
         self._why = self._recorder.trouble or self._why
         self._recorder.close()
-        return "captured" if self.said() else "not captured"
+        return "captured" if self.status_text() else "not captured"
 
-    def said(self) -> str:
+    def status_text(self) -> str:
         """Text on the samples recorded and the reason if incomplete; empty if none were."""
         recorded = self._earlier + self._recorder.written_samples
         if not recorded:

@@ -92,7 +92,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
             "status_text",
             "health",
         ),
-        produces=("pulse_pose", "recorded", "taken", "health", "status_text"),
+        produces=("pulse_pose", "recorded", "records_handled", "health", "status_text"),
         acks_taken=True,
         cpu_budget_percent=2.0,
         memory_limit_mb=60.0,
@@ -120,7 +120,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
             "flight_end",
             "corrected_tags",
             "motion_offer",
-            "wish",
+            "vehicle_request",
             "course",
         ),
         produces=(
@@ -180,7 +180,14 @@ PROCESSES: tuple[ProcessRow, ...] = (
             "pulse_pose",
             "search_report",
         ),
-        produces=("motion_offer", "wish", "course", "search_note", "health", "status_text"),
+        produces=(
+            "motion_offer",
+            "vehicle_request",
+            "course",
+            "search_note",
+            "health",
+            "status_text",
+        ),
         backlog=500,
         cpu_budget_percent=5.0,
         memory_limit_mb=80.0,
@@ -234,7 +241,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
     ),
 )
 
-SUPERVISOR_TOPICS = ("command", "health", "status_text", "taken")
+SUPERVISOR_TOPICS = ("command", "health", "status_text", "records_handled")
 
 
 def consumers_of(

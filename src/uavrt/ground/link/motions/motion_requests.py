@@ -32,7 +32,7 @@ def motion_request(
     named: MotionAction = action
     return MotionRequest(
         request_id=new_number(),
-        asker=(0, 0),
+        requester=(0, 0),
         action=named,
         places=tuple(places),
         **values,  # type: ignore[arg-type]
