@@ -416,7 +416,7 @@ class AttackedWorld(World):
             self._take_order(inside, refusal)
 
     def _take_order(self, order: bytes, refusal: str | None) -> None:
-        """Act as `MotionDesk` does, with the consent of supervisor and guide."""
+        """Act as `MotionHandler` does, with the consent of supervisor and guide."""
         link, message = self.link, decode_motion(order, GROUND)
         number = message.request_id
         if refusal is not None:

@@ -16,8 +16,8 @@ from uavrt.core.messages import (
     VehicleReport,
     VehicleRequest,
 )
-from uavrt.drone.processes.motions.motion_control import Outlets
-from uavrt.drone.processes.motions.motion_desk import MotionDesk
+from uavrt.drone.processes.motions.motion_control import MotionOutputs
+from uavrt.drone.processes.motions.motion_handler import MotionHandler
 from uavrt.guidance.control.authority import ControlStage
 from uavrt.guidance.operator_orders import Order, VehicleNow
 from uavrt.guidance.vehicle_reports import now_of
@@ -59,14 +59,14 @@ class Desked(Flown):
         self._numbers = iter(range(1, 1_000_000))
         self._hub = random.Random(str(values.get("phase_s")))
         limits = values.get("limits")
-        self.desk = MotionDesk(
+        self.desk = MotionHandler(
             GuidanceSettings(
                 enabled=True,
                 battery_wh=120.0,
                 may_take_off=True,
                 fence_m=500.0 if limits is None else limits.fence_m,
             ),
-            Outlets(
+            MotionOutputs(
                 command=self._command,
                 leaves=lambda: self.leaves,
                 state=lambda payload, _: self.states.append(decode_state(payload)),

@@ -16,8 +16,8 @@ from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
 from uavrt.guidance.control.authority import ControlStage
 from uavrt.guidance.operator_orders import Limits, Order, VehicleNow
 from uavrt.guidance.order_execution import OrderExecution
+from uavrt.guidance.search.search_run import Choice, SearchRun
 from uavrt.guidance.search.search_task import Equipment
-from uavrt.guidance.search.seeker import Choice, Seeker
 from uavrt.localization.antenna import PATTERNS
 from uavrt.simulation.vehicle.airframe import Flavour, Frame
 from uavrt.simulation.vehicle.simulated_flying import FlyingVehicle
@@ -88,20 +88,22 @@ class Searched:
             **values,
         )
 
-    def seeker_of(self, order: Order) -> Seeker:
+    def seeker_of(self, order: Order) -> SearchRun:
         now = some(self.flown.now())
         equipment = Equipment(pattern=PATTERN, seed=self.seed)
-        return Seeker(order, self.tags, now, self.limits, BEHAVIOURS[self.flavour], equipment)
+        return SearchRun(
+            order, self.tags, now, self.limits, BEHAVIOURS[self.flavour], equipment
+        )
 
     def begin(self) -> OrderExecution:
         """Ask for the search and confirm it."""
         flown, order = self.flown, self.order()
-        self.seeker = self.seeker_of(order)
+        self.search_run = self.seeker_of(order)
         flown.confirm(order)
         now = some(flown.now())
-        choice = self.seeker.begin(self.time_ns, now)
+        choice = self.search_run.begin(self.time_ns, now)
         self.notes.extend(choice.notes)
-        self.execution = OrderExecution(order, self.seeker.plan, self.limits, waits=True)
+        self.execution = OrderExecution(order, self.search_run.plan, self.limits, waits=True)
         self.execution.redirect(some(choice.steps), now)
         flown.execution = self.execution
         self.begun_s = self._think_s = self._report_s = flown.time_s
@@ -141,17 +143,17 @@ class Searched:
         if self.listens and flown.time_s >= self._report_s:
             self._report_s += 1.0
             for tag in self.tags:
-                self.seeker.searched(report(tag.tag_id, self.time_ns))
+                self.search_run.searched(report(tag.tag_id, self.time_ns))
         now = flown.now()
         if now is None:
             return
-        self.seeker.place(self.time_ns, now)
+        self.search_run.place(self.time_ns, now)
         self.decide(now)
 
     def decide(self, now: VehicleNow) -> None:
         """As the guide does, in no time."""
         if self.is_time:
-            choice = self.seeker.decide(self.time_ns, now, idle=self.execution.idle)
+            choice = self.search_run.decide(self.time_ns, now, idle=self.execution.idle)
             self.take_up(choice, now)
 
     @property
@@ -183,7 +185,7 @@ class Searched:
     def _beep(self, tag: Tag, animal: Animal) -> None:
         snr = snr_db(animal, self.flown.vehicle) + 2.0 * float(self.rng.normal())
         if snr > HEARD_DB:
-            self.seeker.pulse(self.heard(tag, snr))
+            self.search_run.pulse(self.heard(tag, snr))
 
     def heard(self, tag: Tag, snr_db: float) -> PulsePose:
         vehicle = self.flown.vehicle

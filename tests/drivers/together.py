@@ -13,7 +13,7 @@ from searched import Animal, Searched
 from uavrt.core.messages import Course, Neighbour
 from uavrt.ground.link.motions.path_assignments import PathAssignments
 from uavrt.guidance.operator_orders import Limits, Order, VehicleNow
-from uavrt.guidance.search.seeker import Choice
+from uavrt.guidance.search.search_run import Choice
 from uavrt.guidance.search.shared_search import SharedSearch
 from uavrt.link.tunnel.own_messages.neighbour_messages import (
     decode_course,
@@ -90,11 +90,11 @@ class Among(Searched):
                 self.take_up(replace(choice, notes=decided), now)
             else:
                 self.not_given += 1
-                self.seeker.withdraw()
+                self.search_run.withdraw()
         elif self.is_time:
             others = self.shared.begin_decision(now.time_s)
             idle = self.execution.idle
-            choice = self.seeker.decide(self.time_ns, now, idle=idle, others=others)
+            choice = self.search_run.decide(self.time_ns, now, idle=idle, others=others)
             flown_now = choice.steps is None or self.shared.choose(choice, now)
             if flown_now:
                 self.take_up(choice, now)

@@ -33,8 +33,8 @@ from uavrt.guidance.control.vehicle_commands import VehicleCommand
 from uavrt.guidance.operator_orders import Limits, Order, VehicleNow
 from uavrt.guidance.order_execution import OrderExecution
 from uavrt.guidance.search.neighbour_drones import SEPARATION
+from uavrt.guidance.search.search_run import Choice, SearchRun
 from uavrt.guidance.search.search_task import Equipment
-from uavrt.guidance.search.seeker import Choice, Seeker
 from uavrt.guidance.search.shared_search import SharedSearch
 from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.autopilot.vehicle_messages import command_message
@@ -279,11 +279,11 @@ class Drone:
         self.shared.begin(now.time_s)
         self.shared.check(now, order.height_m or now.altitude_relative_m)
         behaviour = BEHAVIOURS[self.aircraft.vehicle.flavour]
-        seeker = Seeker(order, self._tags, now, self._limits, behaviour, self._equipment)
+        search_run = SearchRun(order, self._tags, now, self._limits, behaviour, self._equipment)
         self.aircraft.confirm(order)
-        self._execution = OrderExecution(order, seeker.plan, self._limits, waits=True)
+        self._execution = OrderExecution(order, search_run.plan, self._limits, waits=True)
         self.aircraft.execution = self._execution
-        self._planner = _AtOnce(seeker)
+        self._planner = _AtOnce(search_run)
         self._planner.begin(self.time_ns, now)
         self._take_thoughts(now)
         self.shared.go((now.latitude_deg, now.longitude_deg))

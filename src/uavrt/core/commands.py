@@ -122,7 +122,7 @@ BETWEEN_FLIGHTS: States = {
 
 
 class PermittedSender(StrEnum):
-    """Who may send a command, if only one station commands (`mission.who_commands`)."""
+    """Who may send a command, if only one station commands (`mission.commanding_station`)."""
 
     ANYBODY = "anybody"
     """Any station, because the command changes nothing."""

@@ -10,7 +10,7 @@ from until import until
 from uavrt.core.messages import SearchNote
 from uavrt.drone.processes.search_thread import SearchFailed, SearchThread
 from uavrt.guidance.operator_orders import VehicleNow
-from uavrt.guidance.search.seeker import Choice
+from uavrt.guidance.search.search_run import Choice
 from uavrt.guidance.search_rules import SEARCH_RULES
 
 
@@ -76,7 +76,7 @@ def test_the_last_thought_sums_up() -> None:
     search = Searched("px4", [Animal(50.0, 0.0)])
     search.begin()
     search.run(3.0)
-    planner = SearchThread(search.seeker)
+    planner = SearchThread(search.search_run)
     planner.end(search.time_ns, now_at(search.flown.time_s), "a pilot took over")
     (note,) = until(planner.results)
     assert isinstance(note, SearchNote)

@@ -14,7 +14,7 @@ from uavrt.config.parameters import OFFERED
 from uavrt.config.settings import Settings
 from uavrt.core.commands import CommandId
 from uavrt.core.messages import Command, Course, PulsePose
-from uavrt.drone.processes.connection_parts.parameter_desk import ParameterDesk
+from uavrt.drone.processes.connection_parts.parameter_handler import ParameterHandler
 from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.ground.link.protocol import GroundProtocol
 from uavrt.ground.link.requests.drone_parameters import DroneParameters
@@ -165,7 +165,7 @@ def test_two_changes_of_one_parameter_are_confirmed_one_after_the_other() -> Non
 def test_a_drone_with_a_key_lists_its_parameters_for_sealed_requests(tmp_path: Path) -> None:
     path = key_file(tmp_path)
     gate, asked = Gate((), str(path)), list[Any]()
-    desk = ParameterDesk(
+    desk = ParameterHandler(
         Settings(),
         lambda: True,
         send=lambda value, _: asked.append(value.param_id),

@@ -10,7 +10,7 @@ from uavrt.core.errors import PlanError
 from uavrt.core.messages import Course, FoundTag, Neighbour
 from uavrt.guidance.operator_orders import VehicleNow
 from uavrt.guidance.safety import SAFETY
-from uavrt.guidance.search.seeker import Choice
+from uavrt.guidance.search.search_run import Choice
 from uavrt.guidance.search.shared_search import SharedSearch
 
 

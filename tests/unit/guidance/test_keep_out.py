@@ -182,15 +182,15 @@ def test_the_next_way_is_judged_from_where_the_drone_comes_to_a_stand(flavour: F
     search = Searched(flavour, [Animal(150.0, -60.0)], limits=limits)
     search.begin()
     planner = _Now(60.0, 0.0)
-    search.seeker._search._planner = planner
+    search.search_run._search._planner = planner
     vehicle = search.flown.vehicle
     search.run(60.0, until=lambda: vehicle.body.east_m > 20.0)
     assert math.hypot(*vehicle.body.velocity_m_s) > 7.0
     was_m = vehicle.body.east_m
     planner.decision = Decision(action=FlyTo(east_m=0.0, north_m=55.0), reason="as told")
     now = search.flown.now()
-    choice = search.seeker.decide(search.time_ns, some(now), idle=False)
-    stand, entered = planner.states[-1], search.seeker.area.entered_area
+    choice = search.search_run.decide(search.time_ns, some(now), idle=False)
+    stand, entered = planner.states[-1], search.search_run.area.entered_area
     assert stand.east_m > was_m + 5.0
     assert entered(np.array([was_m, 0.0]), np.array([0.0, 55.0])) is None
     assert "enters the keep-out 'tent'" in choice.status_text

@@ -28,8 +28,8 @@ from uavrt.core.messages import (
     VehicleReport,
     VehicleRequest,
 )
-from uavrt.drone.processes.motions.motion_control import Outlets
-from uavrt.drone.processes.motions.motion_desk import MotionDesk
+from uavrt.drone.processes.motions.motion_control import MotionOutputs
+from uavrt.drone.processes.motions.motion_handler import MotionHandler
 from uavrt.drone.processes.motions.reported_autopilot import SIMULATOR_NUMBER
 from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.links.address import parse_address
@@ -72,9 +72,9 @@ class Link:
     def __post_init__(self) -> None:
         follow(lambda: self.flown.time_s)
         numbers = iter(range(1, 1000))
-        self.desk = MotionDesk(
+        self.desk = MotionHandler(
             self.settings,
-            Outlets(
+            MotionOutputs(
                 command=self.command,
                 leaves=lambda: self.leaves,
                 state=lambda payload, _: self.states.append(decode_state(payload)),

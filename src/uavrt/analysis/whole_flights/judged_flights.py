@@ -41,7 +41,7 @@ POSITION_M = 2000.0
 """Radius of a tag's 95 % circle above which only a bearing is reported [m]."""
 LEAST_PART = 0.05
 """Minimum probability at which one of several possible tag positions is listed."""
-_LOOK_S = 0.5
+_POLL_S = 0.5
 _MOST_CHANNELS = 8
 """Maximum number of recorded channels in memory at once; ten minutes of one are 36 MB."""
 
@@ -286,7 +286,7 @@ def channel_samples(
     done = 0
     while True:
         try:
-            block = source.read(_LOOK_S)
+            block = source.read(_POLL_S)
         except EOFError:
             break
         except FormatError as error:

@@ -26,7 +26,7 @@ from uavrt.drone.status_reader import StatusReader, status_socket_path
 from uavrt.drone.supervisor.tree.table import PROCESSES
 
 RESTART = "systemctl restart uavrt.service"
-LOOK_S = 3.0
+POLL_S = 3.0
 TURN_S = 0.5
 
 
@@ -138,7 +138,7 @@ def _require_still(settings: Settings, *, bench: bool) -> Needs:
             seen.heartbeat_s = None if seen.armed is None else monotonic_s()
     else:
         with contextlib.closing(reader):
-            end_s = monotonic_s() + LOOK_S
+            end_s = monotonic_s() + POLL_S
             while monotonic_s() < end_s:
                 for _, record in reader.read(0.2):
                     seen.take(record, monotonic_s())

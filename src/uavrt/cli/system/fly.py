@@ -63,7 +63,7 @@ def fly(
     pattern: SurveyPattern = "lines",
     radius: Metres | None = None,
     tags: str | None = None,
-    radius_wish: Metres = 25.0,
+    accuracy: Metres = 25.0,
     minutes: Minutes = 15.0,
     sticks_unseen: Flag = False,
     save: Path | None = None,
@@ -116,7 +116,7 @@ def fly(
         Search within this radius [m] of the drone, in place of --area.
     tags
         Numbers of the tags to search for, like 2,4; by default all that are listed.
-    radius_wish
+    accuracy
         A tag counts as found when it is within this radius [m] with 95 % probability.
     minutes
         Longest duration of a search: the drone returns then, or once all tags are found.
@@ -166,7 +166,7 @@ def fly(
             pattern=pattern,
             tags=_numbers(tags),
             radius_m=radius,
-            wish_m=radius_wish,
+            wish_m=accuracy,
             keep_out=_keep_out(area, keep_out),
         )
         _check_search(action, request)

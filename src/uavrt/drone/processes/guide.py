@@ -46,8 +46,8 @@ from uavrt.guidance.operator_orders import Limits, Order, VehicleNow
 from uavrt.guidance.order_execution import OrderExecution
 from uavrt.guidance.plans import plan_of
 from uavrt.guidance.safety import SAFETY
+from uavrt.guidance.search.search_run import Choice, SearchRun
 from uavrt.guidance.search.search_task import Equipment
-from uavrt.guidance.search.seeker import Choice, Seeker
 from uavrt.guidance.search.shared_search import SharedSearch
 from uavrt.guidance.search_rules import SEARCH_RULES
 from uavrt.guidance.vehicle_reports import now_of
@@ -60,7 +60,7 @@ if TYPE_CHECKING:
 log = get_logger()
 
 Found = TypeVar("Found")
-InBackground = Callable[[Callable[[], None]], None]
+RunInBackground = Callable[[Callable[[], None]], None]
 """Function that runs slow work elsewhere, such as in a thread, and returns at once."""
 
 TICK_S = 0.05
@@ -162,7 +162,7 @@ class _Planned:
     home: tuple[float, float]
     execution: OrderExecution
     limits: Limits
-    seeker: Seeker | None
+    search_run: SearchRun | None
     summary: str
 
 
@@ -173,7 +173,7 @@ class _Planning:
     order being flown.
     """
 
-    def __init__(self, asked: _OrderRequest, in_background: InBackground) -> None:
+    def __init__(self, asked: _OrderRequest, in_background: RunInBackground) -> None:
         self.asked = asked
         self.found: _Planned | str | None = None
         """The plan, or a text on why no plan was found; None while planning."""
@@ -188,21 +188,21 @@ def _plan(asked: _OrderRequest) -> _Planned:
     behaviour = behaviour_of(asked.vehicle.autopilot)
     ground = ground_of(guidance, now.home)
     limits = fenced(replace(limits_of(guidance), ground=ground), asked.fence)
-    seeker = None
+    search_run = None
     if order.action == "search":
         hills = hills_of(guidance, now.home)
         equipment = replace(equipment_of(asked.settings), hills=hills)
-        seeker = Seeker(order, asked.tags, now, limits, behaviour, equipment)
-        plan = seeker.plan
+        search_run = SearchRun(order, asked.tags, now, limits, behaviour, equipment)
+        plan = search_run.plan
     else:
         plan = plan_of(order, now, limits, behaviour)
         order = replace(order, height_m=_height_m(order, now))
     unknown = "" if asked.fence is not None else "; own fence not known"
     return _Planned(
         home=now.home,
-        execution=OrderExecution(order, plan, limits, waits=seeker is not None),
+        execution=OrderExecution(order, plan, limits, waits=search_run is not None),
         limits=limits,
-        seeker=seeker,
+        search_run=search_run,
         summary=cut_text(plan.summary, f"{unknown}; out of {asked.vehicle.mode}"),
     )
 
@@ -229,8 +229,8 @@ class Guide:
     def __init__(
         self,
         frame: ProcessFrame,
-        in_background: InBackground = in_thread,
-        planner: Callable[[Seeker], SearchThread] = SearchThread,
+        in_background: RunInBackground = in_thread,
+        planner: Callable[[SearchRun], SearchThread] = SearchThread,
     ) -> None:
         self._frame = frame
         self._in_background, self._make_planner = in_background, planner
@@ -397,15 +397,15 @@ class Guide:
         self._execution = self._offered = None
         if now is None:
             return
-        order, seeker = offered.execution.order, offered.seeker
+        order, search_run = offered.execution.order, offered.search_run
         self.flown += 1
         execution = _attempt(lambda: self._plan_again(offered, vehicle, now))
         if isinstance(execution, str):
             self._end(order.order_id, execution)
             return
         self._execution = execution
-        if seeker is not None:
-            self._planner = self._make_planner(seeker)
+        if search_run is not None:
+            self._planner = self._make_planner(search_run)
             self._planner.begin(self._frame.clock.now_ns(), now)
 
     def _plan_again(
@@ -419,11 +419,11 @@ class Guide:
             raise PlanError(
                 "home was moved while the order was planned", remedy="Request the motion again"
             )
-        execution, seeker = offered.execution, offered.seeker
+        execution, search_run = offered.execution, offered.search_run
         self._shared.begin(now.time_s)
-        if seeker is not None:
+        if search_run is not None:
             self._shared.check(now, _height_m(execution.order, now))
-            seeker.check(now)
+            search_run.check(now)
             return execution
         plan = plan_of(execution.order, now, offered.limits, behaviour_of(vehicle.autopilot))
         return OrderExecution(execution.order, plan, offered.limits)

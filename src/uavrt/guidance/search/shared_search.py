@@ -19,7 +19,7 @@ from uavrt.guidance.search.neighbour_drones import SEPARATION, nearest_m, paths_
 from uavrt.planning.drone_model.other_drones import OtherDrones
 
 if TYPE_CHECKING:
-    from uavrt.guidance.search.seeker import Choice
+    from uavrt.guidance.search.search_run import Choice
 
 _ROUND = 0x10000
 _Tag = TypeVar("_Tag")

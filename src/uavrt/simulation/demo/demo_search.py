@@ -24,7 +24,7 @@ from uavrt.simulation.scene.scenario import Scenario
 from uavrt.simulation.vehicle.airframe import Flavour
 
 RADIUS_M = 260.0
-WISH_M = 35.0
+ACCURACY_M = 35.0
 """Target accuracy of positions [m]; a walking animal 30 m away is seldom located better."""
 BATTERY_WH = 120.0
 SPEED_M_S = 8.0
@@ -218,7 +218,7 @@ class SearchDemo:
                 "fly",
                 *("fly", "search", "--yes", "--sticks-unseen", "--json"),
                 *("--mavlink", f"udpout://127.0.0.1:{self._direct}"),
-                *("--radius", str(RADIUS_M), "--radius-wish", str(WISH_M)),
+                *("--radius", str(RADIUS_M), "--accuracy", str(ACCURACY_M)),
                 *("--minutes", str(self._limit_s / 60.0)),
                 *(() if self._among is None else ("--height", str(self._among.height_m))),
             )

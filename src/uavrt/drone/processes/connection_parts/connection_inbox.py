@@ -33,10 +33,10 @@ from uavrt.core.messages import (
 )
 from uavrt.drone.processes.connection_parts.ground_stations import GroundStations
 from uavrt.drone.processes.connection_parts.ground_status import GroundStatus
-from uavrt.drone.processes.connection_parts.parameter_desk import ParameterDesk
-from uavrt.drone.processes.connection_parts.pose_desk import PoseDesk
+from uavrt.drone.processes.connection_parts.parameter_handler import ParameterHandler
+from uavrt.drone.processes.connection_parts.pose_collector import PoseCollector
 from uavrt.drone.processes.connection_parts.pulse_path import PulsePath
-from uavrt.drone.processes.motions.motion_desk import MotionDesk
+from uavrt.drone.processes.motions.motion_handler import MotionHandler
 from uavrt.link.mavlink.dialect import ParamRequestList
 from uavrt.link.mavlink.discovery import Peer
 from uavrt.link.mavlink.mavlink_connection import Connection
@@ -77,10 +77,10 @@ class ConnectionInbox:
         stations: GroundStations,
         exchange: Exchange,
         pulses: PulsePath,
-        poses: PoseDesk,
+        poses: PoseCollector,
         status: GroundStatus,
-        parameters: ParameterDesk,
-        motion: MotionDesk | None,
+        parameters: ParameterHandler,
+        motion: MotionHandler | None,
         *,
         ask: Callable[[Command], None],
         text: Callable[[StatusText], None],

@@ -39,7 +39,7 @@ STOP_WITHIN_S = 1.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outlets:
+class MotionOutputs:
     """Functions that send messages of motion control to their receivers."""
 
     command: Callable[[Message], None]
@@ -60,7 +60,7 @@ class MotionControl:
     def __init__(
         self,
         settings: GuidanceSettings,
-        outlets: Outlets,
+        outlets: MotionOutputs,
         own_place: Callable[[], tuple[int, int]],
         changed: Callable[[float], None],
     ) -> None:

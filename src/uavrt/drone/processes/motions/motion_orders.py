@@ -12,7 +12,7 @@ from uavrt.core.messages import Command, CommandReply, MotionOffer, MotionReques
 from uavrt.core.newest import Newest
 from uavrt.drone.processes.motions.motion_control import (
     MotionControl,
-    Outlets,
+    MotionOutputs,
     Requester,
     TakeBack,
 )
@@ -28,7 +28,7 @@ from uavrt.link.tunnel.own_messages.neighbour_messages import decode_neighbour
 log = get_logger()
 
 PENDING = 16
-ANSWERS_WITHIN_S = 2.0
+SUPERVISOR_TIMEOUT_S = 2.0
 """Longest wait for the supervisor when an order is confirmed [s]; stations wait no longer."""
 SENDER_S = 10.0
 """Silence of the station that reports other drones after which another station may do so [s].
@@ -36,7 +36,7 @@ Two stations at once could assign the same path twice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Question:
+class _PendingRequest:
     name: CommandName
     about: MotionRequest | MotionConfirmation
     requester: Requester
@@ -48,7 +48,7 @@ class MotionOrders:
 
     def __init__(
         self,
-        outlets: Outlets,
+        outlets: MotionOutputs,
         autopilot: ReportedAutopilot,
         control: MotionControl,
         take_back: TakeBack,
@@ -58,7 +58,7 @@ class MotionOrders:
         self._out, self._autopilot, self._control = outlets, autopilot, control
         self._take_back, self._reports = take_back, reports
         self._next_request_id = next_request_id
-        self._pending: Newest[int, _Question] = Newest(PENDING)
+        self._pending: Newest[int, _PendingRequest] = Newest(PENDING)
         self._offered_to: Requester | None = None
         self.refused = 0
         """Number of orders that were unauthenticated or invalid."""
@@ -102,7 +102,7 @@ class MotionOrders:
         sealed: bool,
     ) -> None:
         number = self._next_request_id()
-        self._pending[number] = _Question(
+        self._pending[number] = _PendingRequest(
             name=name, about=about, requester=requester, asked_s=monotonic_s()
         )
         self._out.ask(
@@ -126,7 +126,7 @@ class MotionOrders:
             self._reports.answer("refused", reply.message, requester, about.request_id)
         elif isinstance(about, MotionRequest):
             self._out.record("motion", about)
-        elif waited_s > ANSWERS_WITHIN_S:
+        elif waited_s > SUPERVISOR_TIMEOUT_S:
             text = f"the confirmation waited {waited_s:.0f} s on the drone: ask again"
             self._reports.answer("refused", text, requester, about.request_id)
         else:
@@ -168,7 +168,7 @@ class NeighbourReports:
 
     def __init__(
         self,
-        outlets: Outlets,
+        outlets: MotionOutputs,
         autopilot: ReportedAutopilot,
         own_place: Callable[[], tuple[int, int]],
     ) -> None:

@@ -5,7 +5,7 @@ from math import inf
 
 from uavrt.core.log import get_logger
 from uavrt.core.messages import StatusText, VehicleReport
-from uavrt.drone.processes.motions.motion_control import MotionControl, Outlets, Requester
+from uavrt.drone.processes.motions.motion_control import MotionControl, MotionOutputs, Requester
 from uavrt.drone.processes.motions.reported_autopilot import ReportedAutopilot
 from uavrt.guidance.control.authority import Authority, ControlStage
 from uavrt.link.tunnel.own_messages.motion_messages import MotionState, StateKind, encode_state
@@ -22,7 +22,7 @@ class MotionReports:
     """Sends reports and answers about the motion order in progress."""
 
     def __init__(
-        self, outlets: Outlets, control: MotionControl, autopilot: ReportedAutopilot
+        self, outlets: MotionOutputs, control: MotionControl, autopilot: ReportedAutopilot
     ) -> None:
         self._out, self._control, self._autopilot = outlets, control, autopilot
         self._silent_s: Mapping[Requester, float] = {}

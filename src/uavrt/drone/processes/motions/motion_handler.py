@@ -13,7 +13,7 @@ from uavrt.core.messages import VehicleRequest
 from uavrt.drone.processes.motions.fence_watch import FenceWatch
 from uavrt.drone.processes.motions.motion_control import (
     MotionControl,
-    Outlets,
+    MotionOutputs,
     Requester,
     TakeBack,
 )
@@ -28,13 +28,13 @@ from uavrt.link.mavlink.links.address import Address
 from uavrt.link.mavlink.message import Message
 
 
-class MotionDesk:
+class MotionHandler:
     """Passes each message of autopilot and guide to the parts that need it, in a safe order."""
 
     def __init__(
         self,
         settings: GuidanceSettings,
-        outlets: Outlets,
+        outlets: MotionOutputs,
         *,
         own_place: Callable[[], tuple[int, int]],
         next_request_id: Callable[[], int],

@@ -19,7 +19,7 @@ OWN_SOURCES = ("capture", "command line")
 """Command sources on the drone itself: the supervisor and the program that started it."""
 
 
-class Commander:
+class CommandingStation:
     """Keeps which station is in command; unless `pinned`, every station may command."""
 
     def __init__(

@@ -58,7 +58,7 @@ class _Course:
     status_text: str = "searching"
 
 
-class Seeker:
+class SearchRun:
     """Runs one search; raises `PlanError`, with reason and remedy, if it cannot be flown."""
 
     def __init__(
