@@ -246,9 +246,9 @@ def turn_away(flown: Framed, rng: random.Random) -> None:
     flown.vehicle.command(turn)
 
 
-def ask_velocity(flown: Framed, rng: random.Random) -> None:
+def set_velocity(flown: Framed, rng: random.Random) -> None:
     still = rng.random() < 0.5
-    flown.vehicle.ask_velocity(*((0.0, 0.0) if still else (rng.uniform(-2, 2), 1.0)), 0.0)
+    flown.vehicle.set_velocity(*((0.0, 0.0) if still else (rng.uniform(-2, 2), 1.0)), 0.0)
 
 
 def move_stick(flown: Framed, rng: random.Random) -> None:
@@ -286,7 +286,7 @@ TAKEOVERS: dict[str, Takeover] = {
     "go nearby": (go_nearby, 0.1, 0.1),
     "turn at our target": (turn_at_our_target, 0.6, 0.0),
     "turn": (turn_away, 0.0, 2.0),
-    "velocity": (ask_velocity, 0.0, 0.3),
+    "velocity": (set_velocity, 0.0, 0.3),
     "mode": (other_mode, 0.5, 0.1),
     "stick": (move_stick, 0.2, 0.2),
     "remote lost": (lose_remote, 1.75, 1.75),

@@ -198,7 +198,7 @@ class Together:
 
     def _up(self, one: Among, payload: bytes) -> None:
         def take() -> None:
-            if self.ways.take(one.number, decode_course(payload), self.time_s):
+            if self.ways.receive_course(one.number, decode_course(payload), self.time_s):
                 self._tell()
 
         self._send(one.number, take)
@@ -212,7 +212,7 @@ class Together:
     def _down(self, one: Among, told: Neighbour) -> None:
         payload = encode_neighbour(told)
         self._send(
-            one.number, lambda: one.shared.take(decode_neighbour(payload), one.flown.time_s)
+            one.number, lambda: one.shared.receive(decode_neighbour(payload), one.flown.time_s)
         )
 
     def _measure(self) -> None:

@@ -247,7 +247,7 @@ TAKEOVERS: tuple[Takeover, ...] = (
     Takeover(name="turn by 115", act=_condition_yaw, flavours=("ardupilot",)),
     Takeover(
         name="velocity",
-        act=lambda scene: scene.hand.ask_velocity(1.5, 1.0),
+        act=lambda scene: scene.hand.set_velocity(1.5, 1.0),
         flavours=("ardupilot",),
         real_only=True,
     ),

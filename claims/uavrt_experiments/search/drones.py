@@ -336,7 +336,7 @@ class Drone:
             if not isinstance(choice, Choice):
                 raise TypeError(f"the search failed: {choice}")
             self._note_found(choice)
-            if choice.way is None or self.shared.choose(choice, now):
+            if choice.leg is None or self.shared.choose(choice, now):
                 self._redirect(choice, now)
             else:
                 self._course_s = -math.inf
@@ -375,7 +375,7 @@ class Drone:
         self._course_s = now.time_s
         searching = self._planner is not None
         course = shared.course(now, searching=searching, height_m=self._order.height_m)
-        return ways.take(self.number + 1, course, now.time_s)
+        return ways.receive_course(self.number + 1, course, now.time_s)
 
 
 def _pulse(tag: Tag, time_ns: int, snr_db: float) -> Pulse:
@@ -514,7 +514,7 @@ class FlightOfDrones:
             self._sent_s = time_s
             for one in self.drones:
                 for report in self._ways.reports_for(one.number + 1, time_s):
-                    one.shared.take(report, time_s)
+                    one.shared.receive(report, time_s)
 
     def _pass_second(self) -> None:
         self.second += 1

@@ -677,7 +677,7 @@ class Course:
     """Number of the leg that the ground assigned and the drone is flying; 0: none."""
     asked: int = 0
     """Number of the leg that the drone requests; 0: none."""
-    asked_way: tuple[tuple[float, float], ...] = ()
+    requested_leg: tuple[tuple[float, float], ...] = ()
     """Start and end of the requested leg, as latitude and longitude [°]; empty: none."""
     given: tuple[tuple[int, int], ...] = ()
     """Ids of the other drones, each with the version of its leg that this request considers."""
@@ -701,7 +701,7 @@ class Neighbour:
     age_s: float = 0.0
     """Time since the other drone's last report [s]."""
     course: Course | None = None
-    """Last report of the other drone, or None; `asked_way`: leg assigned but not yet begun."""
+    """Last report of the other drone, or None; `requested_leg`: leg assigned, not yet begun."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

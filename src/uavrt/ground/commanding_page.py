@@ -34,7 +34,7 @@ class CommandingPage:
         if self._there[page] <= 0:
             del self._there[page]
 
-    def take(self, page: str) -> None:
+    def claim(self, page: str) -> None:
         """Make this page the commanding one."""
         self.page = page
 

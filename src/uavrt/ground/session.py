@@ -71,8 +71,8 @@ class GroundSession:
         make_link = partial(
             GroundLink,
             clock.now_ns,
-            on_event=lambda event: self.reception.take(event),
-            on_frame=lambda frame: self.reception.take_frame(frame),
+            on_event=lambda event: self.reception.receive_event(event),
+            on_frame=lambda frame: self.reception.receive_frame(frame),
             component_id=keys.component_id,
             as_gcs=keys.as_gcs,
             key=keys.command,

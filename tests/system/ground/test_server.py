@@ -21,7 +21,7 @@ from uavrt.analysis.inputs.flight_facts import Facts, facts_of
 from uavrt.core.clock import Clock
 from uavrt.core.errors import CommandRefused
 from uavrt.drone.supervisor.mission.storage.flight_removal import removable
-from uavrt.ground.commanding_page import Commander
+from uavrt.ground.commanding_page import CommandingPage
 from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.ground.web.access.password_limit import TRIES
 
@@ -310,7 +310,7 @@ async def test_a_second_page_looks_on_until_it_takes_command(served: Any) -> Non
 
 
 def test_after_a_restart_in_flight_the_page_that_is_back_first_does_not_command() -> None:
-    commander = Commander("first")
+    commander = CommandingPage("first")
     commander.come("second")
     assert commander.present is None
     commander.come("first")

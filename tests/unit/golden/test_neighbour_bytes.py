@@ -26,7 +26,7 @@ GIVEN_BY_USER = Course(
     searching=True,
     flown=6,
     asked=7,
-    asked_way=((47.3981419, 8.5455938), (47.3981419, 8.5475938)),
+    requested_leg=((47.3981419, 8.5455938), (47.3981419, 8.5475938)),
     given=((2, 3), (5, 258)),
     held=(2, 4),
     found=(FoundTag(tag_id=6, place=(47.3967419, 8.5445938), radius95_m=24.0),),

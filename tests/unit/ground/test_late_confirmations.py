@@ -96,7 +96,7 @@ async def test_an_offer_runs_out_also_while_the_drone_is_not_heard(
     wish = {"order_id": 5, "sticks_unseen": True}
     page = MotionCommands(vehicle)
     if heard:
-        page.take(MotionState(kind="state", standing="out", text="x"))
+        page.receive_state(MotionState(kind="state", standing="out", text="x"))
     await page.ask({"action": "hold"}, "page")
     hands.time_ns += 9 * SECOND_NS
     await page.confirm(wish, "page")

@@ -127,7 +127,7 @@ def test_a_fast_turn_goes_on_as_far_as_its_reported_rate_lets_expect() -> None:
     for number, yaw_deg in enumerate(FAST[:2]):
         at_s = 10.0 + 0.1 * number
         seen = replace(BEFORE, time_s=at_s, boot_s=at_s, yaw_deg=yaw_deg)
-        vehicle.take(replace(seen, yaw_rate_deg_s=FAST_DEG_S))
+        vehicle.store(replace(seen, yaw_rate_deg_s=FAST_DEG_S))
     assert vehicle.target_turning_deg_s == FAST_DEG_S
     for rate_deg_s, expected in ((FAST_DEG_S, False), (10.0 * (FAST[1] - FAST[0]), True)):
         watch = replace(watch_of(rate_deg_s, FAST[1]), wanted_deg=-4.1)

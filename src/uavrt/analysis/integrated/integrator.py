@@ -106,7 +106,7 @@ class Integration:
             self._begin(frame.assignment.flight)
         threading.Thread(target=self._work, name="integration", daemon=True).start()
 
-    def take(self, topic: str, record: object) -> None:
+    def receive(self, topic: str, record: object) -> None:
         """Handle a message from the supervisor: the flight begins or ends."""
         if isinstance(record, FlightInfo) and topic == "flight":
             self._begin(record)
@@ -194,7 +194,7 @@ def main() -> None:
             return
         while frame.running:
             for topic, record in frame.receive(timeout_s=TICK_S):
-                integration.take(topic, record)
+                integration.receive(topic, record)
             integration.tick()
             fault = integration.fault
             frame.report(

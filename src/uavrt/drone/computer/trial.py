@@ -62,15 +62,15 @@ class Seen:
     restarted: tuple[str, ...] = ()
     """Names of the processes restarted since the previous status record."""
 
-    def take(self, record: Any, now_s: float) -> None:
+    def add(self, record: Any, now_s: float) -> None:
         """Add a record of the system; only poses and status records are used."""
         match record:
             case Poses():
                 self.poses_s = now_s
             case SystemStatus():
-                self._take_status(record, now_s)
+                self._receive_status(record, now_s)
 
-    def _take_status(self, status: SystemStatus, now_s: float) -> None:
+    def _receive_status(self, status: SystemStatus, now_s: float) -> None:
         self.status_s, self.state = now_s, status.state
         restarts = {process.process: process.restarts for process in status.processes}
         self.restarted = tuple(
@@ -119,7 +119,7 @@ class Trial:
     def judge(self, records: list[Any], now_s: float) -> Verdict:
         """Evaluate new records; return the decision on the new version, or to wait."""
         for record in records:
-            self.seen.take(record, now_s)
+            self.seen.add(record, now_s)
             if self.seen.restarted:
                 self._good_from_s = None
                 self.fault = f"{', '.join(self.seen.restarted)} had to be restarted"

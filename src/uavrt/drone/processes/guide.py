@@ -253,7 +253,7 @@ class Guide:
         self.offers = self.flown = self.decisions = self.paths_refused = 0
         frame.send("vehicle_request", VehicleRequest(order_id=None, ends=True))
 
-    def take(self, topic: str, record: object) -> None:
+    def receive(self, topic: str, record: object) -> None:
         """Handle a record from the supervisor: order, vehicle, other drone, flight or pulse."""
         match record:
             case VehicleReport():
@@ -264,7 +264,7 @@ class Guide:
             case MotionRequest():
                 self._offer(record)
             case Neighbour():
-                self._shared.take(record, monotonic_s())
+                self._shared.receive(record, monotonic_s())
             case FlightInfo():
                 self._tags = record.tags if topic == "flight" else ()
             case PulsePose() if self._planner is not None:
@@ -469,7 +469,7 @@ class Guide:
 
     def _choose(self, choice: Choice, execution: OrderExecution, now: VehicleNow) -> None:
         """Fly a search decision; if other drones search too, once its path is assigned."""
-        if choice.steps is None or choice.way is None or self._shared.choose(choice, now):
+        if choice.steps is None or choice.leg is None or self._shared.choose(choice, now):
             self._follow(choice, choice.notes, execution, now)
             return
         self._note([note for note in choice.notes if note.event != "decision"])
@@ -558,7 +558,7 @@ def main() -> None:
         guide = Guide(frame)
         while frame.running:
             for topic, record in frame.receive(timeout_s=TICK_S):
-                guide.take(topic, record)
+                guide.receive(topic, record)
             guide.tick()
             frame.report(guide.status, counters=guide.counters)
 

@@ -104,7 +104,7 @@ class Authority:
         Raises `CommandRefused` if the order is not the proposed one, the confirmation is late,
         or the vehicle's state has changed.
         """
-        offer = self._offers.take(order_id, nonce, now_s)
+        offer = self._offers.confirmed(order_id, nonce, now_s)
         vehicle, before = self.vehicle, self._order
         _, place, home = self._check_vehicle(now_s, takeoff=offer.takeoff)
         offer.check(vehicle)
@@ -241,7 +241,7 @@ class Authority:
         if restarted is not None:
             self._end(restarted, seen.time_s)
             self.vehicle = ObservedVehicle(self.behaviour, self.vehicle.failsafe)
-        if not self.vehicle.take(seen):
+        if not self.vehicle.store(seen):
             return
         self._offers.observe(seen, self.vehicle)
         self._end(ended_by(seen), seen.time_s)

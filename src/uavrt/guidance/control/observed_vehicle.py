@@ -43,7 +43,7 @@ class ObservedVehicle:
         """Last reported failsafe; valid until too old, even if the autopilot restarts."""
         self._lateness = ReportDelay()
 
-    def take(self, seen: Observation) -> bool:
+    def store(self, seen: Observation) -> bool:
         """Store a report; False if a newer report of the kind has arrived before."""
         match seen:
             case PositionReport():

@@ -92,7 +92,7 @@ class Offers:
         self._used.add(offer.nonce)
         self._withdrawn, self._offer = None, offer
 
-    def take(self, order_id: int, nonce: int, now_s: float) -> Offer:
+    def confirmed(self, order_id: int, nonce: int, now_s: float) -> Offer:
         """Return the proposed order for confirmation; `CommandRefused` if not allowed."""
         offer, self._offer = self._offer, None
         if offer is None and self._withdrawn is not None and self._withdrawn[0] == nonce:

@@ -38,7 +38,7 @@ class Choice:
     status_text: str
     """Text for the operator on the decision, one line."""
     notes: tuple[SearchNote, ...]
-    way: tuple[Place, Place] | None = None
+    leg: tuple[Place, Place] | None = None
     """Start and end of the path that the steps fly, equal for a stay; None: no change."""
     returning: bool = False
     held: tuple[int, ...] = ()
@@ -125,7 +125,7 @@ class SearchRun:
             steps=(stay,),
             status_text=self._course.status_text,
             notes=(replace(note, area=task.outline),),
-            way=(stay.place, stay.place),
+            leg=(stay.place, stay.place),
         )
 
     def place(self, time_ns: int, now: VehicleNow) -> None:
@@ -207,7 +207,7 @@ class SearchRun:
             steps=self._steps(decision.action, now, stand),
             status_text=status_text,
             notes=tuple(notes),
-            way=(stand, stand if goal is None else self._task.place(*goal)),
+            leg=(stand, stand if goal is None else self._task.place(*goal)),
             returning=ends,
             held=self._decisions.held,
             found=self._notes.all_found(),

@@ -67,7 +67,7 @@ class _PendingCommand:
     generation: Generation
     request_id: int = 0
     tag_index: int | None = None
-    spoken: Generation | None = None
+    sender_generation: Generation | None = None
     """Protocol generation of the sender's messages; None if they do not show it."""
     upload: TagUpload | None = None
     """Tag upload that the request opens if it is accepted; None: it opens none."""
@@ -182,7 +182,7 @@ class Exchange:
             return None
         if reply.accepted:
             # Only now: a refused sender must not change the generation of others.
-            self._heard = question.spoken or self._heard
+            self._heard = question.sender_generation or self._heard
             self._upload = question.upload or self._upload
         if reply.accepted and question.generation == "G2":
             if question.tag_index is not None and self._upload is not None:
@@ -251,7 +251,7 @@ class Exchange:
                     payload,
                 )
             if self._experimental:
-                question = replace(question, spoken="G2")
+                question = replace(question, sender_generation="G2")
             return self._numbered_command(message, question)
         except TunnelError as error:
             self.counters["payloads_refused"] += 1
@@ -279,7 +279,7 @@ class Exchange:
                 question = replace(question, tag_index=message.tag_index)
                 return replace(self._ask(question, "add_tag"), tag=tag)
             case CommandMessage():
-                return self._ask_with(question, message)
+                return self._request_with(question, message)
             case g2.SetLogLevel():
                 self.counters["log_levels"] += 1
                 return self._answer(question, True, "all levels are recorded")
@@ -305,7 +305,7 @@ class Exchange:
                 return replace(self._ask(question, "add_tag"), tag=tag)
             case CommandMessage():
                 question = self._plain(message.command, requester, generation_of(message))
-                return self._ask_with(question, message)
+                return self._request_with(question, message)
             case HeaderMessage(command=command):
                 question = self._plain(command, requester, generation_of(message))
                 return self._ask(question, COMMAND_OF_NUMBER[command].name)
@@ -315,14 +315,17 @@ class Exchange:
                 return None
 
     def _plain(
-        self, number: CommandId, requester: Ids, spoken: Generation | None
+        self, number: CommandId, requester: Ids, sender_generation: Generation | None
     ) -> _PendingCommand:
-        generation = self._fixed or spoken or self._heard
+        generation = self._fixed or sender_generation or self._heard
         return _PendingCommand(
-            requester=requester, number=number, generation=generation, spoken=spoken
+            requester=requester,
+            number=number,
+            generation=generation,
+            sender_generation=sender_generation,
         )
 
-    def _ask_with(self, question: _PendingCommand, message: CommandMessage) -> Command:
+    def _request_with(self, question: _PendingCommand, message: CommandMessage) -> Command:
         row = COMMAND_OF_NUMBER[message.command]
         if fault := row.fault(message.numbers):
             raise TunnelError(fault, message.encode())

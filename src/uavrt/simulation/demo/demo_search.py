@@ -147,7 +147,7 @@ class SearchDemo:
         self._among = among
         self.scenario = scenario
         self._limit_s, self._flight_dir = limit_s, flight_dir
-        self._say = say
+        self._print = say
         self._rig = Rig(autopilot)
         self._seen = _Seen()
 
@@ -235,11 +235,11 @@ class SearchDemo:
             match record:
                 case SearchNote():
                     self._seen.notes.append(record)
-                    self._say(in_plain_words(record))
+                    self._print(in_plain_words(record))
                 case SystemStatus() if topic == "system_status":
-                    self._take_status(record)
+                    self._receive_status(record)
 
-    def _take_status(self, status: SystemStatus) -> None:
+    def _receive_status(self, status: SystemStatus) -> None:
         seen = self._seen
         seen.flight_directory = status.flight_directory or seen.flight_directory
         for one in status.processes:

@@ -93,13 +93,13 @@ class ConnectionInbox:
         """Latest status of the system; None until the supervisor sends it, so that a restarted
         connection does not report an idle drone."""
         self._payloads: dict[int, _Handler] = {
-            PLAIN_INSIDE: self._take_command,
-            RECEIPT_INSIDE: self._take_receipt,
-            PARAMETER_INSIDE: self._take_parameter,
-            MOTION_INSIDE: self._take_motion,
-            CODED_TAG_INSIDE: partial(self._take_command, coded_tag=True),
-            NEIGHBOUR_INSIDE: self._take_neighbour,
-            ALIVE_INSIDE: self._take_keepalive,
+            PLAIN_INSIDE: self._receive_command,
+            RECEIPT_INSIDE: self._receive_receipt,
+            PARAMETER_INSIDE: self._receive_parameter,
+            MOTION_INSIDE: self._receive_motion,
+            CODED_TAG_INSIDE: partial(self._receive_command, coded_tag=True),
+            NEIGHBOUR_INSIDE: self._receive_neighbour,
+            ALIVE_INSIDE: self._receive_keepalive,
         }
         self._records: dict[type, Callable[[Any], None]] = {
             Pulse: pulses.add,
@@ -111,7 +111,7 @@ class ConnectionInbox:
             CommandReply: self._reply,
             Settings: self._changed,
             StatusText: text,
-            SystemStatus: self._take_system,
+            SystemStatus: self._receive_system,
         }
         if motion is not None:
             self._records |= {
@@ -149,7 +149,7 @@ class ConnectionInbox:
             refusal = self.stations.gate.refusal(peer.place, sealed=False)
             self._parameters.receive(message, peer, refusal, self._exchange.next_request_id())
 
-    def _take_command(
+    def _receive_command(
         self, payload: bytes, peer: Peer, *, sealed: bool, coded_tag: bool = False
     ) -> None:
         requester, gate = peer.place, self.stations.gate
@@ -165,18 +165,18 @@ class ConnectionInbox:
         else:
             self.stations.answer(result)
 
-    def _take_receipt(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
+    def _receive_receipt(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
         if self.stations.gate.locked and not sealed:
             self._exchange.counters["payloads_ignored"] += 1
         else:
             self._pulses.receipt(payload, peer.place)
 
-    def _take_parameter(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
+    def _receive_parameter(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
         refusal = self.stations.gate.refusal(peer.place, sealed=sealed)
         number = self._exchange.next_request_id()
         self._parameters.receive_sealed(payload, peer, refusal, number)
 
-    def _take_motion(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
+    def _receive_motion(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
         requester = peer.place
         self.stations.asked(peer)
         with self.stations.gate.order(payload, requester, sealed=sealed) as refusal:
@@ -188,12 +188,12 @@ class ConnectionInbox:
             state = MotionState(kind="refused", standing="out", text=text, request_id=number)
             self.stations.answer_motion(encode_state(state), requester)
 
-    def _take_neighbour(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
+    def _receive_neighbour(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
         if self._motion is not None:
             refusal = self.stations.gate.refusal(peer.place, sealed=sealed)
             self._motion.neighbours.receive(payload, peer.place, refusal, sealed=sealed)
 
-    def _take_keepalive(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
+    def _receive_keepalive(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
         assert sealed
         self.stations.answer_keepalive(payload, peer)
 
@@ -218,7 +218,7 @@ class ConnectionInbox:
         self._status.radio_set(settings.radio)
         self._poses.use(settings.pose)
 
-    def _take_system(self, status: SystemStatus) -> None:
+    def _receive_system(self, status: SystemStatus) -> None:
         self.system = status
         self.stations.commander(status.commander)
         self._parameters.running(status.state is SystemState.DETECTING and not status.ending)

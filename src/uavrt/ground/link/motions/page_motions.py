@@ -45,7 +45,7 @@ class ProposedMotion:
     """Motion that the drone proposes, and flies only after a confirmation."""
 
     state: MotionState
-    way: Places
+    path: Places
     time_ns: int
     page: str | None
     """Name of the page that requested the motion; None for a script."""
@@ -68,7 +68,7 @@ class MotionCommands:
         self._flown: ProposedMotion | None = None
         self._noted = ("", "")
 
-    def take(self, state: MotionState) -> None:
+    def receive_state(self, state: MotionState) -> None:
         """Store the drone's report of its motion."""
         self._heard_ns = self._vehicle.clock.now_ns()
         if state.kind != "state":
@@ -104,7 +104,7 @@ class MotionCommands:
             "standing": state.standing,
             "text": with_names(state.text, tags),
             "heard": heard,
-            "way": [] if self._flown is None else _listed(self._flown.way),
+            "way": [] if self._flown is None else _listed(self._flown.path),
             "offer": None
             if offered is None
             else {
@@ -112,33 +112,33 @@ class MotionCommands:
                 "text": with_names(offered.state.text, tags),
                 "page": offered.page,
                 "left_s": (OFFER_NS - (now_ns - offered.time_ns)) / NANOSECONDS_PER_SECOND,
-                "way": _listed(offered.way),
+                "way": _listed(offered.path),
             },
         }
 
     def plan(self, wish: dict[str, Any]) -> dict[str, Any]:
         """Preview a motion without involving the drone, as far as the ground can plan it."""
-        way = self._way(_request(wish))
+        path = self._planned_path(_request(wish))
         home = self._home()
         return {
-            "way": _listed(way),
-            "length_m": _length_m(way),
+            "way": _listed(path),
+            "length_m": _length_m(path),
             "farthest_m": None
             if home is None
-            else max((distance_m(*home, *place) for place in way), default=0.0),
+            else max((distance_m(*home, *place) for place in path), default=0.0),
         }
 
     async def ask(self, wish: dict[str, Any], page: str | None) -> dict[str, Any]:
         """Request a motion; return the drone's proposed order. Nothing moves yet."""
         request = _request(wish)
-        way = self._way(request)
+        path = self._planned_path(request)
         self._offered = None
         offer = await ask(self._link(), request)
         now_ns = self._vehicle.clock.now_ns()
-        self._offered = ProposedMotion(state=offer, way=way, time_ns=now_ns, page=page)
+        self._offered = ProposedMotion(state=offer, path=path, time_ns=now_ns, page=page)
         self._vehicle.feed.note(6, f"the drone proposes to {offer.text}")
         self._vehicle.feed.send_state()
-        return {"order_id": offer.order_id, "text": offer.text, "way": _listed(way)}
+        return {"order_id": offer.order_id, "text": offer.text, "way": _listed(path)}
 
     async def confirm(self, wish: dict[str, Any], page: str | None) -> dict[str, Any]:
         """Confirm the order that this page shows; the drone then moves."""
@@ -150,7 +150,7 @@ class MotionCommands:
             raise CommandRefused("the proposed motion has expired", remedy="Request it again")
         state = await confirm(self._link(), offered.state, sticks_unseen=unseen is True)
         self._flown = offered
-        self.take(state)
+        self.receive_state(state)
         self._vehicle.feed.note(5, f"confirmed: {offered.state.text}")
         return {"standing": state.standing, "text": state.text}
 
@@ -176,7 +176,7 @@ class MotionCommands:
         self._offered = None
         self._vehicle.feed.note(5, "stopped by the operator")
         state = await stop(self._link())
-        self.take(state)
+        self.receive_state(state)
         return {"standing": state.standing, "text": state.text}
 
     def _link(self) -> GroundLink:
@@ -191,7 +191,7 @@ class MotionCommands:
         watch = self._vehicle.connection.watch
         return None if watch is None else watch.home
 
-    def _way(self, request: MotionRequest) -> Places:
+    def _planned_path(self, request: MotionRequest) -> Places:
         pose = self._vehicle.connection.watch.pose if self._vehicle.connection.watch else None
         here: Places = () if pose is None else ((pose.latitude_deg, pose.longitude_deg),)
         match request.action:
@@ -311,5 +311,5 @@ def _listed(places: Places) -> list[list[float]]:
     return [list(place) for place in places]
 
 
-def _length_m(way: Places) -> float:
-    return sum(distance_m(*a, *b) for a, b in itertools.pairwise(way))
+def _length_m(path: Places) -> float:
+    return sum(distance_m(*a, *b) for a, b in itertools.pairwise(path))
