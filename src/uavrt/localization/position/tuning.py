@@ -349,7 +349,8 @@ class LossErrorTuning:
     """Shadowing in units of its standard deviation. Its correlation is exponential in the path,
     and falls to 1 / e over 8 m in towns and 500 m in suburbs (Gudmundson 1991, "Correlation
     model for shadow fading in mobile radio systems"). The phase of the ray that level ground
-    reflects changes by 1 rad over 40 to 160 m (drone at 40 m, tag at 1 m, 100 to 200 m away)."""
+    reflects changes by 1 rad over 40 to 160 m (drone at 40 m, tag at 1 m, distance 100 to
+    200 m)."""
     pulse_share: float = 0.05
     """Standard deviation of errors that differ between pulses, as a share of a hill's loss."""
     grazing_db: float = 6.0
