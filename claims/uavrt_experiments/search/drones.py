@@ -326,7 +326,7 @@ class Drone:
             now.began and execution.ended is None and planner.is_time(now, idle=execution.idle)
         ):
             others, began = self.shared.begin_decision(now.time_s), time.process_time()
-            planner.ask(self.time_ns, now, idle=execution.idle, others=others)
+            planner.request_decision(self.time_ns, now, idle=execution.idle, others=others)
             self.decision_s.append(time.process_time() - began)
             self._take_thoughts(now)
 

@@ -41,7 +41,7 @@ def test_nothing_waits_for_a_slow_decision() -> None:
     slow: Any = Slow()
     planner = SearchThread(slow)
     for time_s in (100.0, 101.0, 120.0):
-        planner.ask(0, now_at(time_s), idle=True)
+        planner.request_decision(0, now_at(time_s), idle=True)
         planner.pulse(None)  # type: ignore[arg-type]
         assert planner.results() == []
     slow.go.set()
@@ -57,7 +57,7 @@ def test_decisions_under_way_are_a_cycle_apart() -> None:
     planner = SearchThread(slow)
     early_s, late_s = (100.0 + share * SEARCH_RULES.cycle_s for share in (0.9, 1.1))
     for time_s in (100.0, early_s, late_s):
-        planner.ask(0, now_at(time_s), idle=False)
+        planner.request_decision(0, now_at(time_s), idle=False)
         if time_s != early_s:
             until(planner.results)
     assert slow.asked == 2
@@ -66,7 +66,7 @@ def test_decisions_under_way_are_a_cycle_apart() -> None:
 def test_a_fault_of_ours_ends_the_search() -> None:
     broken: Any = object()
     planner = SearchThread(broken)
-    planner.ask(0, now_at(100.0), idle=True)
+    planner.request_decision(0, now_at(100.0), idle=True)
     (failed,) = until(planner.results)
     assert isinstance(failed, SearchFailed)
     assert "has failed" in failed.reason

@@ -11,7 +11,7 @@ from searched import Animal
 
 from uavrt.core.earth.geodesy import distance_m
 from uavrt.core.messages import PulsePose, SearchNote
-from uavrt.ground.link.motions.motion_requests import ask, confirm, motion_request
+from uavrt.ground.link.motions.motion_requests import confirm, motion_request, request_motion
 from uavrt.guidance.control.authority import ControlStage
 from world import World, until
 
@@ -54,7 +54,7 @@ async def test_a_search_of_minutes_goes_on_through_every_fault(tmp_path: Path) -
         await link.start_detection()
         search = motion_request("search", radius_m=200.0, wish_m=25.0, duration_s=SEARCH_S)
         await asyncio.sleep(5.0)  # by then the drone knows its autopilot
-        offer = await ask(link, search)
+        offer = await request_motion(link, search)
         await confirm(link, offer, sticks_unseen=True)
         begun_ns = world.clock.now_ns()
         await until(lambda: world.standing is ControlStage.IN_COMMAND)

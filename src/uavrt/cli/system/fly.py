@@ -19,7 +19,12 @@ from uavrt.core.foreign import SHAPES
 from uavrt.core.messages import KeepOut, MotionRequest, SurveyPattern
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.keys import LinkKeys, read_link_keys
-from uavrt.ground.link.motions.motion_requests import ask, confirm, motion_request, stop
+from uavrt.ground.link.motions.motion_requests import (
+    confirm,
+    motion_request,
+    request_motion,
+    stop,
+)
 from uavrt.ground.link.protocol import GroundEvent
 from uavrt.guidance.files.area_text import area_in, keep_out_in
 from uavrt.guidance.files.mission import NOT_CHECKED, NOT_CHECKED_ABOARD, survey_items
@@ -391,7 +396,7 @@ class _Terminal:
         if request is None:
             self._show(await stop(link))
             return 0
-        offer = await ask(link, request)
+        offer = await request_motion(link, request)
         self._say("offer", offer.text)
         if not await self._agreed():
             self._say("cancelled", "nothing was confirmed, nothing moves")

@@ -465,7 +465,7 @@ class Guide:
             now.began and execution.ended is None and planner.is_time(now, idle=execution.idle)
         ):
             others = shared.begin_decision(now.time_s)
-            planner.ask(time_ns, now, idle=execution.idle, others=others)
+            planner.request_decision(time_ns, now, idle=execution.idle, others=others)
 
     def _choose(self, choice: Choice, execution: OrderExecution, now: VehicleNow) -> None:
         """Fly a search decision; if other drones search too, once its path is assigned."""

@@ -178,7 +178,7 @@ class Receiver:
         for fault in self._input_check.check(block):
             self._notify(4, fault)
         band = self._front_end.decimate(block)
-        self._check.look(band)
+        self._check.check(band)
         if self._recorder is not None:
             self._recorder.put(band)
             if (trouble := self._recorder.trouble) is not None:

@@ -69,7 +69,7 @@ class SearchThread:
         self._deciding = True
         self._put(lambda: self._search_run.begin(time_ns, now))
 
-    def ask(
+    def request_decision(
         self, time_ns: int, now: VehicleNow, *, idle: bool, others: Sequence[Neighbour] = ()
     ) -> None:
         """Request the next decision, if due; it appears in `results`."""

@@ -84,7 +84,7 @@ class Capture:
         """Decimate and record a block; samples beyond the set duration are dropped."""
         band = self._front_end.decimate(block)
         self._lost += block.lost_before
-        self._check.look(band)
+        self._check.check(band)
         room = self._wanted - self._taken
         if self.status is not None or not len(band.samples):
             return
