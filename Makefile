@@ -82,11 +82,12 @@ bench: $(STAMP)         ## speed of every stage, written to benchmarks/results.m
 docs: $(STAMP)          ## the manual, as HTML in docs/_build
 	$(BIN)/sphinx-build -W -q docs docs/_build
 
-browser:                ## Chromium, which the tests of the page drive
-	@command -v chromium >/dev/null || { \
-	  if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
-	    apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium >/dev/null; \
-	  else echo "The tests of the page need Chromium: sudo apt install chromium"; fi; }
+browser:                ## Chromium without windows, which the tests of the page drive
+	@command -v chromium-headless-shell >/dev/null || { \
+	  [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && apt-get update -qq && \
+	  apt-get install -y -qq --no-install-recommends chromium-headless-shell >/dev/null; } || \
+	  command -v chromium >/dev/null || \
+	  echo "The tests of the page need Chromium: sudo apt install chromium-headless-shell"
 
 disk-tools:             ## what packs an image for the drone, of which the tests pack a small one
 	@PATH=$$PATH:/usr/sbin:/sbin; { command -v sfdisk && command -v mkfs.vfat && command -v mcopy; } >/dev/null || { \

@@ -24,7 +24,9 @@ from willing_drone import WillingDrone
 
 from uavrt.simulation.demo.demo_programs import free_udp_port
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser")
+CHROMIUM = next(filter(None, map(shutil.which, BROWSERS)), None)
+"""The shell without windows takes less than half of the processor time for each page."""
 ARGUMENTS = (
     "--headless",
     "--no-sandbox",

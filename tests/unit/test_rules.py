@@ -42,6 +42,13 @@ NUMBERS = {
     "guidance": 15,
 }
 """Most numbers in modules and classes that are no frozen record; fewer is better."""
+TUNED = 127
+"""Most tuned numbers of localization and whole flights; fewer is better."""
+KINDS = ("Guard[", "Resolution[", "Fixed[")
+NEUTRAL = {"0", "0.0", "1", "((1.0, 0.0, 0.0),)"}
+"""Values that stand for nothing: no error, one of a kind, one case without an error."""
+GUARDS_OF_PARTS = {"limits"}
+"""Fields of kind `Guard` in a record that is part of another, as of `LastingError`."""
 AMBIGUOUS = 0
 """Most names that stand for different numbers in them; fewer is better."""
 NOT_COUNTED = (
@@ -211,6 +218,57 @@ def numbers_of(package: str) -> list[tuple[str, str]]:
 def test_numbers_stand_in_frozen_records() -> None:
     found = {package: len(numbers_of(package)) for package in NUMBERS}
     assert all(found[package] <= most for package, most in NUMBERS.items()), found
+
+
+def tuned_in(tree: ast.Module) -> Iterator[str]:
+    """Fields and options of a module that are set to numbers which no kind excuses.
+
+    A record within a record counts by its numbers.
+    """
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ClassDef):
+            for field in node.body:
+                if isinstance(field, ast.AnnAssign):
+                    yield from tuned_as(field.target, field.annotation, field.value)
+        elif isinstance(node, ast.FunctionDef):
+            given = node.args
+            usual = list(zip(given.args[::-1], given.defaults[::-1], strict=False))
+            for arg, value in usual[::-1] + list(
+                zip(given.kwonlyargs, given.kw_defaults, strict=True)
+            ):
+                yield from tuned_as(ast.Name(arg.arg), arg.annotation, value)
+
+
+def tuned_as(
+    name: ast.expr, annotation: ast.expr | None, value: ast.expr | None
+) -> Iterator[str]:
+    if annotation and ast.unparse(annotation).startswith(KINDS):
+        return
+    if isinstance(value, ast.Call):
+        for part in value.keywords:
+            if part.arg not in GUARDS_OF_PARTS:
+                whole = ast.Name(f"{ast.unparse(name)}.{part.arg}")
+                yield from tuned_as(whole, None, part.value)
+    elif value and is_number(value) and ast.unparse(value) not in NEUTRAL:
+        yield ast.unparse(name)
+
+
+def test_few_numbers_of_localization_are_tuned() -> None:
+    found = [
+        f"{path.relative_to(SOURCE)}: {name}"
+        for path in sorted((SOURCE / "localization").rglob("*.py"))
+        if not path.relative_to(SOURCE).as_posix().startswith(NOT_COUNTED)
+        for name in tuned_in(ast.parse(path.read_text()))
+    ]
+    assert len(found) <= TUNED, found
+
+
+def test_what_counts_as_tuned() -> None:
+    text = (
+        "class A:\n    a: Guard[float] = 3.0\n    b: float = 2.0\n    c: float = 0.0\n"
+        "    d: B = B(e=2.0, f=0.0)\ndef g(h, i=2.0, *, j=0.0, k=(2, 3)):\n    pass\n"
+    )
+    assert list(tuned_in(ast.parse(text))) == ["b", "d.e", "i", "k"]
 
 
 def test_a_name_stands_for_one_number() -> None:

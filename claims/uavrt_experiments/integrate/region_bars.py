@@ -105,8 +105,8 @@ def _nose_first(course: Course) -> Course:
 
 COURSES = {
     "turning on the spot": (turning(225), 8.0),
-    "8 stops 150 m apart": (_near(stops(8, 50, apart_m=150.0), 700.0), 14.0),
-    "5 lanes": (_nose_first(lawnmower(tag="inside", side_m=800.0)), 14.0),
+    "8 stops 150 m apart": (_near(stops(8, 28, apart_m=150.0), 700.0), 14.0),
+    "4 lanes": (_nose_first(lawnmower(tag="inside", side_m=600.0, legs=4)), 14.0),
     "pass": (_nose_first(passing(225, aside_m=400.0)), 10.0),
 }
 """Courses by name, with the level of the strongest pulse [dB]."""

@@ -1,4 +1,4 @@
-"""Experiment L9: circles along the paths of animals that move, which the estimator never drew.
+"""Experiment L9: circles along the paths of animals that move.
 
 No constant of the estimator may be chosen by these walks.
 """
@@ -17,7 +17,7 @@ from uavrt.localization.position.bearings.stations import Stations
 from uavrt.localization.position.estimate_position import estimate_position
 from uavrt.localization.position.levels.power_evidence import PowerTrack
 from uavrt.localization.results import Position
-from uavrt_experiments.figures import mean, measured, median
+from uavrt_experiments.figures import mean, measured, median, share
 from uavrt_experiments.localization.position_bars import flown_lines
 from uavrt_experiments.result import Row
 
@@ -221,9 +221,11 @@ def moving_tags(runs: int, seed: int, only: str = "") -> list[Row]:
         each = [follow(np.random.default_rng([seed, number])) for number in range(runs)]
         half, most = ([one.share_held(percent) for one in each] for percent in (50, 95))
         off_m = [float(np.median(one.off_m())) for one in each]
+        seen = [float(any(two.name == "walk" for two in one.found.cautions)) for one in each]
         rows += [
             measured("L9", name, "median along the path [m]", off_m, median),
             measured("L9", name, "50 % circles hold", half, mean),
             measured("L9", name, "95 % circles hold", most, mean, least=0.92),
+            measured("L9", name, "walk recognised", seen, share),
         ]
     return rows

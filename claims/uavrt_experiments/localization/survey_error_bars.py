@@ -8,8 +8,8 @@ from numpy.random import Generator
 from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.localization.position.estimate_position import estimate_position
 from uavrt.localization.position.levels.level_evidence import Propagation
-from uavrt.localization.position.tuning import SURVEY
 from uavrt.localization.results import Position
+from uavrt.localization.tuning import LEVELS
 from uavrt_experiments.figures import measured, share
 from uavrt_experiments.localization.circle_bars import height_error_m
 from uavrt_experiments.localization.position_bars import survey
@@ -67,7 +67,7 @@ def flown(rng: Generator, case: Case) -> tuple[Position, bool]:
         exponent=exponent,
     )
     if case.drawn:
-        foreign = rng.random(len(track.snr_db)) < SURVEY.foreign_share
+        foreign = rng.random(len(track.snr_db)) < LEVELS.outlier_share
         middle_db = float(np.median(track.snr_db))
         anything = middle_db + rng.uniform(-0.5, 0.5, len(foreign)) * _ANY_DB
         track = replace(track, snr_db=np.where(foreign, anything, track.snr_db))

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.core.runtime.lean_scipy import fft, special
-from uavrt.localization.tuning import POWER_LAW
+from uavrt.localization.number_kinds import Guard
+from uavrt.localization.tuning import LEVELS, POWER_LAW
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -52,7 +53,7 @@ def power_tables(
     *,
     folds: int = 1,
     fadings_db: tuple[float, ...] = POWER_LAW.fadings_db,
-    spread_db: float = 40.0,
+    spread_db: Guard[float] = 40.0,
 ) -> PowerTables:
     """Tabulate log p(power given level), first of received pulses, then of missed pulses.
 
@@ -72,8 +73,8 @@ def power_tables(
     exact = np.concatenate(rows)
     # Scaled by each row's best, so that exp() neither over- nor underflows where it matters.
     likelihood = np.exp(exact - exact.max(axis=1, keepdims=True))
-    outlier = POWER_LAW.outlier_share * likelihood.mean(axis=1)
-    mixed = (1.0 - POWER_LAW.outlier_share) * _faded(likelihood, fadings_db) + outlier[
+    outlier = LEVELS.outlier_share * likelihood.mean(axis=1)
+    mixed = (1.0 - LEVELS.outlier_share) * _faded(likelihood, fadings_db) + outlier[
         :, None, None
     ]
     tables = np.log(mixed).astype(np.float32)

@@ -5,23 +5,45 @@ The records of single estimators are in `bearing.tuning` and `position.tuning`.
 
 from dataclasses import dataclass
 
+from uavrt.localization.number_kinds import Guard, Resolution
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PowerLawTuning:
     """Constants for the tables of a pulse power's probability, given its expected level."""
 
-    level_step_db: float = 0.25
+    level_step_db: Resolution[float] = 0.25
     """Step between two expected pulse levels in the likelihood tables [dB]."""
-    lowest_level_db: float = -30.0
+    lowest_level_db: Guard[float] = -30.0
     """Lowest tabulated pulse level over noise [dB]; a weaker pulse adds 0.1 % power."""
-    fadings_db: tuple[float, ...] = (0.5, 0.9, 1.5, 2.5, 4.0, 6.5)
+    fadings_db: Resolution[tuple[float, ...]] = (0.5, 0.9, 1.5, 2.5, 4.0, 6.5)
     """Candidate standard deviations of fading from pulse to pulse [dB]."""
-    outlier_share: float = 0.01
-    """Prior share of pulses with arbitrary power, by interference or a turn of the animal."""
-    gaussian_from: float = 1000.0
+    gaussian_from: Guard[float] = 1000.0
     """Power over noise above which it is distributed normally in decibels to 1 %: 30 dB."""
-    least_density: float = 1e-300
+    least_density: Guard[float] = 1e-300
     """Lower limit of a pulse's probability density, so that its logarithm is finite."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LevelPriors:
+    """Prior knowledge of received levels, for all estimators and trackers."""
+
+    exponent: float = 2.5
+    """Mean path loss exponent: 2 in free space, 4 beyond the break point over ground."""
+    exponent_sigma: float = 0.7
+    """Standard deviation of the path loss exponent."""
+    shadowing_db: float = 3.0
+    """Standard deviation of shadowing, the loss by ground and plants at a position, and of a
+    tag's level between flights [dB]."""
+    fading_db: float = 4.0
+    """Standard deviation of fading from pulse to pulse [dB]."""
+    outlier_share: float = 0.02
+    """Share of pulses that geometry does not explain: missed or of any strength by chance, or
+    another sender's."""
+    any_strength_db: float = 120.0
+    """Range of powers over which such pulses are uniformly distributed [dB]."""
+    threshold_db: float = 10.0
+    """SNR above which a pulse is detected, where nothing says otherwise [dB]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,21 +61,17 @@ class AcceptanceLimits:
 class FlightTuning:
     """Limits for poses, pulses, turns and bearings that are read from a flight."""
 
-    pose_step_ns: int = 180_000_000
+    pose_step_ns: Resolution[int] = 180_000_000
     """Minimum time between two drone poses in use [ns]; closer ones add nothing to a turn."""
-    pose_gap_ns: int = 2_000_000_000
+    pose_gap_ns: Guard[int] = 2_000_000_000
     """Gap between telemetry poses above which poses stored with pulses are used [ns]."""
-    most_missed: int = 100_000
+    most_missed: Guard[int] = 100_000
     """Maximum number of missed pulses of one tag in a flight: those of a day."""
     reported_height_m: float = 20.0
     """Minimum difference of reported height to that by elevation map for a warning [m]."""
-    least_tag_hz: float = 1e6
+    least_tag_hz: Guard[float] = 1e6
     """Minimum frequency of a tag [Hz]; some logs contain whole megahertz instead."""
-    on_ground_m: float = 5.0
-    """Maximum height of a flight's first pose that counts as the take-off [m]."""
-    one_place_m: float = 30.0
-    """Maximum distance of pulses from their median position in a log of one position [m]."""
-    hills_digits: int = 4
+    hills_digits: Resolution[int] = 4
     """Power of ten to which frequencies are rounded for losses behind hills: 10 kHz."""
 
     own_heading_sigma_deg: float = 1.0
@@ -64,43 +82,38 @@ class FlightTuning:
     miss_threshold_db: float = 13.0
     """SNR above which a detector that follows a tag misses no pulse [dB]. Three pulses of 11.4
     dB are found with 90 % (docs/reference); the rest is margin for losses."""
-    least_pulses: int = 3
+    least_pulses: Guard[int] = 3
     """Minimum number of pulses in a drone's turn for a bearing."""
     least_turn_deg: float = 45.0
     """Minimum angle of a drone's turn in progress for a provisional bearing [°]."""
     whole_turn_deg: float = 270.0
     """Minimum angle of a drone's finished turn [°]."""
-    in_progress_ns: int = 10_000_000_000
+    in_progress_ns: Guard[int] = 10_000_000_000
     """Time before the last pose within which a turn may still be in progress [ns]."""
-    one_flight_s: float = 7200.0
+    one_flight_s: Guard[float] = 7200.0
     """Longest span of bearings in which a tag may move [s]; over a longer one it rests."""
     other_tag_hz: float = 10_000.0
     """Frequency difference above which one tag number means two tags [Hz]; drift is less."""
-    least_turns: int = 3
+    least_turns: Guard[int] = 3
     """Minimum number of whole turns from which an antenna's pattern is learned."""
-    learning_pulses: int = 12
+    learning_pulses: Guard[int] = 12
     """Minimum number of pulses in a turn that is used to learn the antenna's pattern."""
-    most_turns: int = 24
+    most_turns: Guard[int] = 24
     """Maximum number of turns used to learn the antenna's pattern: a limit on work."""
-    tick_ns: int = 256
+    tick_ns: Guard[int] = 256
     """Resolution of times in pulse logs [ns]: a float of seconds since 1970."""
-    least_height_m: float = 2.0
+    least_height_m: Guard[float] = 2.0
     """Lower limit of the antenna's height above the tag [m]."""
     place_sigma_m: float = 2.0
     """Standard deviation, in each direction, of the error that all positions of a flight share
     [m]. Single-frequency GNSS is off by 1.5 to 3 m for minutes."""
-    gain_pulses: int = 6
+    gain_pulses: Guard[int] = 6
     """Number of pulses compared before and after a possible change of receiver gain."""
     gain_step_db: float = 3.0
     """Smallest step of the noise level that counts as a change of receiver gain [dB]."""
-    steady_noise_db: float = 2.0
-    """Range of the noise of `gain_pulses` pulses below which it is steady [dB]. Measured
-    densities scatter by 0.3 dB (standard deviation)."""
 
-    live_turn_ns: int = 900_000_000_000
+    live_turn_ns: Guard[int] = 900_000_000_000
     """Longest duration of a turn in flight [ns]; older poses and pulses are dropped."""
-    drone_level_sigma_db: float = 1.0
-    """Standard deviation assumed for levels from the drone, whose message has none [dB]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,13 +124,13 @@ class ReceiverTuning:
     """Maximum movement with which a receiver counts as standing still [m]."""
     one_heading_deg: float = 20.0
     """Maximum heading change for which a directional antenna counts as not turned [°]."""
-    least_pulses: int = 3
+    least_pulses: Guard[int] = 3
     """Minimum number of pulses at a standing receiver's position for it to be used."""
-    most_places: int = 24
+    most_places: Guard[int] = 24
     """Maximum number of a receiver's positions, those with the most pulses: a limit on work."""
-    received_share: float = 0.5
+    received_share: Guard[float] = 0.5
     """Least share of pulses received by a standing receiver; below it, levels are biased up."""
 
 
-POWER_LAW, ACCEPTANCE = PowerLawTuning(), AcceptanceLimits()
+POWER_LAW, LEVELS, ACCEPTANCE = PowerLawTuning(), LevelPriors(), AcceptanceLimits()
 FLIGHT, RECEIVERS = FlightTuning(), ReceiverTuning()

@@ -29,7 +29,7 @@ def _gain_changes(noise_db: _Floats, snr_db: _Floats) -> list[int]:
     if len(noise_db) < 2 * side:
         return []
     noise, snr = (np.lib.stride_tricks.sliding_window_view(x, side) for x in (noise_db, snr_db))
-    steady = np.ptp(noise, axis=1) < FLIGHT.steady_noise_db
+    steady = np.ptp(noise, axis=1) < FLIGHT.gain_step_db
     steps, falls = (np.median(x, axis=1) for x in (noise, snr))
     steps, falls = steps[side:] - steps[:-side], falls[side:] - falls[:-side]
     found = steady[side:] & steady[:-side] & (np.abs(steps) >= FLIGHT.gain_step_db)

@@ -200,7 +200,7 @@ def test_a_whole_flight_is_flown_through_the_page(
     before = page.evaluate("() => window.uavrt.store.pulses.count")
     page.reload()
     page.wait_for_function(f"() => window.uavrt?.store.pulses.count >= {before}")
-    second = watch(ground.address, color_scheme="dark", plain_map=False)
+    second = watch(ground.address, color_scheme="dark", plain_map=not SCREENSHOTS)
     second.page.wait_for_function(f"() => window.uavrt?.store.pulses.count >= {before}")
     second.page.wait_for_selector(".rose", timeout=WAIT_MS)
 

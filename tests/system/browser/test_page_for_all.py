@@ -173,7 +173,7 @@ def test_texts_that_are_longer_by_two_fifths_break_no_view_of_a_phone(scene: Sce
 def test_a_fresh_stations_season_says_in_german_what_is_wrong_and_what_to_do(
     scene: Scene,
 ) -> None:
-    watched = scene.watch(locale="de-DE", plain_map=False)
+    watched = scene.watch(locale="de-DE")
     page = watched.page
     page.click("#tab-flights")
     page.click("#season-show")
@@ -183,7 +183,7 @@ def test_a_fresh_stations_season_says_in_german_what_is_wrong_and_what_to_do(
 
 
 def test_the_page_finds_the_words_that_the_tests_find(scene: Scene) -> None:
-    watched = scene.watch(locale="de-DE", plain_map=False)
+    watched = scene.watch(locale="de-DE")
     texts = [*filled_forms("7"), *filled_forms(GOES_ON), *filled_forms("link. Try again")]
     texts += [
         "no answer about x. Nobody has words for this",
@@ -267,7 +267,7 @@ def test_a_map_that_is_drawn_slowly_is_moved_by_keyboard_again_and_again(
 
 
 def test_the_language_that_is_chosen_is_kept(station: Scene) -> None:
-    watched = station.watch(locale="de-DE", plain_map=False)
+    watched = station.watch(locale="de-DE")
     page = watched.page
     expect(page.locator("#tab-setup")).to_have_text("Einrichten")
     page.click("#tab-setup")
@@ -286,7 +286,7 @@ def test_a_phone_reads_the_way_to_the_page_and_its_wi_fi(
     monkeypatch.setenv("UAVRT_ACCESS_POINT", wi_fi)
     scene.start("--listen", "0.0.0.0", "--host-name", "lynx-1.local")
     address = f"http://127.0.0.1:{scene.ground.port}/"
-    watched = scene.watch(address, color_scheme="dark", plain_map=False)
+    watched = scene.watch(address, color_scheme="dark")
     page = watched.page
     page.fill("input[type=password]", "marmot-7")
     page.keyboard.press("Enter")

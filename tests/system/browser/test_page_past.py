@@ -40,7 +40,7 @@ def exported(page: Page, row: str, name: str) -> bytes:
 def test_a_flight_is_starred_by_one_press_and_loses_the_star_by_another(scene: Scene) -> None:
     here = scene.here
     first, _ = write_flight(here, 120.0, 300.0), write_flight(here, 150.0, 300.0)
-    watched = scene.watch(plain_map=False)
+    watched = scene.watch()
     page = watched.page
     page.click("#tab-flights")
     star = page.locator(f'tr[data-flight="{first}"] .star')
@@ -75,7 +75,7 @@ def test_many_flights_are_sought_by_tag_and_day_here_and_in_the_archive(
     (without / "duckdb.py").write_text("raise ImportError(name='duckdb')\n")
     monkeypatch.setenv("PYTHONPATH", str(without))
     ground = scene.start()
-    watched = scene.watch(plain_map=False)
+    watched = scene.watch()
     page = watched.page
     rows, archived = page.locator("tr[data-flight]"), page.locator("tr[data-archived]")
     page.click("#tab-flights")

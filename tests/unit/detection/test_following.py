@@ -40,6 +40,31 @@ def test_a_frequency_that_drifts_ten_hertz_a_second_is_followed(drift_hz_per_s: 
     assert result.false_confirmed == 0
 
 
+@pytest.mark.parametrize(("enr_db", "settling_s"), [(12.0, 0.003), (14.0, None)])
+def test_pulses_whose_frequency_slides_by_400_hz_are_found(
+    enr_db: float, settling_s: float | None
+) -> None:
+    rng = np.random.default_rng(902)
+    samples = noise(rng, round(80.0 * RATE_HZ))
+    starts_s = np.arange(0.7, 79.0, 1.27) + rng.uniform(-0.005, 0.005, 62)
+    for start_s in starts_s:
+        first = round(start_s * RATE_HZ)
+        t_s = np.arange(75) / RATE_HZ
+        # Evenly over the pulse, or as an oscillator that settles.
+        turns = 1e4 * t_s**2 - 200.0 * t_s
+        if settling_s is not None:
+            turns = 400.0 * settling_s * (1.0 - np.exp(-t_s / settling_s))
+        amplitude = np.sqrt(10.0 ** (0.1 * enr_db) / 75.0)
+        phase = rng.uniform(0.0, 2.0 * np.pi)
+        samples[first : first + 75] += amplitude * np.exp(1j * (2.0 * np.pi * turns + phase))
+    pulses, _ = detect(samples, THESIS_TAG, frequency_window_hz=500.0)
+    found_s = np.array([(pulse.start_time_ns - START_NS) * 1e-9 for pulse in pulses])
+    near = np.abs(found_s[:, None] - starts_s).min(axis=0) < 0.02
+    assert near.mean() >= 0.85
+    sure_s = found_s[[pulse.confirmed for pulse in pulses]]
+    assert sum(np.abs(starts_s - at_s).min() > 0.02 for at_s in sure_s) <= 2
+
+
 @pytest.mark.parametrize("block", [327, 1024])
 def test_a_block_that_another_overtakes_costs_no_pulse(block: int) -> None:
     rng = np.random.default_rng(901)

@@ -160,11 +160,33 @@ def test_a_whitener_leaves_white_noise_and_strong_pulses_as_they_are() -> None:
         assert not whitener.active
 
 
+def test_the_pulses_of_a_weak_tag_do_not_raise_its_own_threshold() -> None:
+    rng = np.random.default_rng(12)
+    samples = noise(rng, round(100.0 * RATE_HZ))
+    for first_s in np.arange(3.0, 95.0, 10.0):
+        for pulse in pulse_train(
+            rng,
+            duration_s=float(first_s) + 4.0,
+            first_s=float(first_s),
+            interval_s=1.27,
+            offset_hz=rng.uniform(-400.0, 400.0),
+            enr_db=12.0,
+        ):
+            add_pulse(samples, pulse, sample_rate_hz=RATE_HZ, width_s=0.02, phase=0.0)
+    detector = made_detector(THESIS_TAG, RATE_HZ, frequency_window_hz=500.0)
+    factors = []
+    for block, time_ns in blocks_of(samples):
+        detector.process(block, time_ns)
+        factors += [one.margin / one.own_margin for one in detector.band.anchor_searches]
+    # With the limit of the search on a cell it rose by 0.2 dB.
+    assert np.mean(factors) < 1.03  # 0.13 dB
+
+
 def lattices() -> NullLattices:
     return NullLattices(
         lows=np.zeros((3, 2), np.intp),
         interval=500.0,
-        expected_per_column=1e-4,
+        expected_per_column=5.4e-5,
         threshold=25.0,
         limit=20.0,
     )
@@ -177,9 +199,9 @@ def test_an_excess_of_groups_raises_the_threshold_sooner_in_coloured_noise(
     null = lattices()
     null.coloured = coloured
     hits = iter(range(10**9))
-    # 1.4 times the groups of white noise, which are 0.68 of those calculated.
+    # 1.2 times the groups of white noise, which are 1.25 of those calculated.
     for _ in range(400):
-        null.count(1000, lambda _lows, _shorter: next(hits) * 7919 % 1000 < 95)
+        null.count(1000, lambda _lows, _shorter: next(hits) * 7919 % 1000 < 81)
     assert (null.factor(25.0) > 1.02) == raised
     assert raised or null.factor(25.0) == 1.0
 
@@ -188,7 +210,7 @@ def test_an_excess_of_groups_raises_the_threshold_sooner_in_coloured_noise(
 def test_the_threshold_is_found_within_a_few_groups_where_coloured_noise_begins(
     coloured: bool, least: float, most: float
 ) -> None:
-    # Each noise power that is added to the threshold takes away half of the groups: eight times
+    # Each noise power that is added to the threshold takes away half of the groups: nine times
     # those tolerated are balanced by three.
     null = lattices()
     null.coloured = coloured

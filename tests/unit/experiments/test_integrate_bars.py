@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from depth import share
+from depth import count, share
+from foreign_flight import fly as fly_foreign
 
 from uavrt.core.errors import UsageError
 from uavrt_experiments.commands.integrate import integrate
@@ -14,6 +15,7 @@ from uavrt_experiments.integrate.catalogue import EXPERIMENTS
 from uavrt_experiments.integrate.false_alarms import flown, gumbel_share, white
 from uavrt_experiments.integrate.flights import (
     INTERVAL_S,
+    RATE_HZ,
     Course,
     World,
     lawnmower,
@@ -22,7 +24,7 @@ from uavrt_experiments.integrate.flights import (
     turning,
 )
 from uavrt_experiments.integrate.place import placed
-from uavrt_experiments.integrate.sensitivity import Heard, fly
+from uavrt_experiments.integrate.sensitivity import Heard, best_train, fly, narrow_world
 from uavrt_experiments.integrate.several import fly_past, worlds
 from uavrt_experiments.integrate.ways import ordinary_and_whole, samples_and_energies
 
@@ -116,6 +118,24 @@ def test_regions_hold_the_tag_and_a_straight_pass_has_two_places() -> None:
     assert all(one is not None and one.off_m <= 1.3 * one.bound_m for one in passed)
 
 
+def test_regions_hold_the_tag_in_its_own_world_and_another() -> None:
+    for number, case in enumerate(EXPERIMENTS["I8"].cases[: count(2, 5)]):
+        flights = count(4, 40)
+        outcomes = [
+            case.trial(np.random.default_rng((12, number, n)), n) for n in range(flights)
+        ]
+        assert not [row for row in case.rows(outcomes) if row.contradicted]
+
+
+def test_headings_that_are_wrong_show_in_the_ranks_of_whole_flights() -> None:
+    sound, wrong = EXPERIMENTS["I8"].cases[-2:]
+    chances = []
+    for case in (sound, wrong):
+        outcomes = [case.trial(np.random.default_rng((13, n)), n) for n in range(count(14, 60))]
+        chances.append(case.rows(outcomes)[0])
+    assert all(row.met for row in chances)
+
+
 def test_the_command_prints_and_files_its_table(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -182,3 +202,37 @@ def test_only_rows_of_the_stated_geometry_have_a_bar() -> None:
     assert {case.split(",")[0] for case in barred} == {"5 lanes over 2 km square"}
     assert sorted(barred.values()) == [0.9, 2.4, 4.6]
     assert any("anywhere inside" in row.case and row.most is None for row in rows)
+
+
+def found_in_a_foreign_flight(seed: int, strongest_db: float) -> bool:
+    """True if a tag is found in 400 pulses of an independently made flight."""
+    rng = np.random.default_rng((27, seed))
+    flown = fly_foreign(
+        rng,
+        strongest_db=strongest_db,
+        pulses=400,
+        interval_s=INTERVAL_S + rng.uniform(-0.0016, 0.0016),
+        jitter_s=0.010,
+        offset_hz=rng.uniform(-45.0, 45.0),
+        rate_hz=RATE_HZ,
+    )
+    world = narrow_world(
+        Course(
+            name="turning on the spot in gusts",
+            antenna="RA-23K",
+            exponent=2.0,
+            duration_s=float(flown.time_s[-1]),
+            east_m=flown.east_m,
+            north_m=flown.north_m,
+            yaw_deg=flown.yaw_deg,
+            tag_at=lambda _: (0.0, 0.0),
+        )
+    )
+    train = best_train(world, world.energies(flown.samples))
+    return train.false_alarm_probability <= 0.01
+
+
+def test_half_of_the_tags_are_found_in_flights_that_the_simulator_did_not_make() -> None:
+    # At 2.7 dB 27 of 40 were found.
+    assert sum(found_in_a_foreign_flight(seed, 3.0) for seed in range(12)) >= 6
+    assert not any(found_in_a_foreign_flight(seed, -20.0) for seed in range(3))

@@ -15,6 +15,7 @@ from uavrt.core.messages import Command
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 from uavrt.flight.reading.flight_reader import read_flight
 from uavrt.ground.store.tag_table import table_version
+from uavrt.ground.web.work.foreign_worker import ForeignWorker
 from world import THESIS_TAG, World, until
 
 SECOND_NS = NANOSECONDS_PER_SECOND
@@ -52,6 +53,20 @@ async def test_a_drone_is_found_and_its_state_shown(
         state = await page.state()
         assert state["drone"]["cpu_temperature_c"] == 51.5
         assert state["actions"]["start"]["reason"] == "Send the tags first"
+
+
+async def test_a_page_without_maps_starts_no_process_to_read_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    called: list[Any] = []
+    async with flown(tmp_path) as (_, page):
+        monkeypatch.setattr(ForeignWorker, "result", lambda _, *given: called.append(given))
+        assert (await page.ask("GET", "/api/choices")).json["maps"] == []
+        assert not called
+        (page.directory / "maps").mkdir(exist_ok=True)
+        (page.directory / "maps" / "sea.pmtiles").write_bytes(b"")
+        await page.ask("GET", "/api/choices")
+        assert called
 
 
 async def test_a_start_and_a_stop_right_after_the_tags_are_taken(tmp_path: Path) -> None:

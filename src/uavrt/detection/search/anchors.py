@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from uavrt.core.runtime.native import kernels
 from uavrt.detection.search.hypotheses import Anchors, Candidate, RateSearch, best_first
 from uavrt.detection.search.null_lattices import NullLattices
-from uavrt.detection.search.tuning import GROUPS, NULL
+from uavrt.detection.search.tuning import GROUPS
 
 
 class AnchorSearch(RateSearch):
@@ -302,9 +302,9 @@ def _search_by_kernel(
     if fresh:
         search.take_due(due, 0)
 
-    def rated(lows: NDArray[np.intp], least: float) -> Any:
+    def rated(lows: NDArray[np.intp], least: float, limit: float) -> Any:
         return native.rate(
-            *(*ring, search.stretch, search.reach, search.limit, lows, search.rest, level),
+            *(*ring, search.stretch, search.reach, limit, lows, search.rest, level),
             *(due.columns, due.rows, due.powers, due.places, least),
         )
 
@@ -312,16 +312,14 @@ def _search_by_kernel(
 
     def makes_group(lows: NDArray[np.intp], shorter: int) -> bool:
         assert null is not None
-        hits = rated(
-            lows, NULL.counted_share * search.threshold * null.factor(search.threshold)
-        )[1]
+        hits = rated(lows, null.least(search.threshold), null.cell_limit(search.threshold))[1]
         return bool(hits) and bool(search.candidates(due, hits, shorter))
 
     if fresh and null is not None:
         null.count(fresh, makes_group if due.columns else None)
     if not due.columns:
         return []
-    largest, hits = rated(search.lows, search.threshold * search.margin)
+    largest, hits = rated(search.lows, search.threshold * search.margin, search.limit)
     search.best = max(search.best, largest / search.threshold)
     if hits and len(due.columns) > GROUPS.anchors_at_once:
         found: list[list[Candidate]] = [[]]
@@ -341,10 +339,10 @@ def _count_null(
 
     def makes_group(lows: NDArray[np.intp], shorter: int) -> bool:
         lattice = copy.copy(search)
-        lattice.lows = lows
+        lattice.lows, lattice.limit = lows, null.cell_limit(search.threshold)
         member = np.zeros(len(column), np.intp)
         tested = _test([lattice], member, column, row, place, power, level[np.newaxis])
-        least = NULL.counted_share * search.threshold * null.factor(search.threshold)
+        least = null.least(search.threshold)
         some = bool((tested.best >= least).any())
         return some and bool(search.collect(tested, slice(None), least, shorter))
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.search.tuning import NULL
+from uavrt.detection.search.tuning import GROUPS, NULL
 
 _WHITE_K = np.log(NULL.ks)
 Test = Callable[[NDArray[np.intp], int], bool]
@@ -48,6 +48,7 @@ class NullLattices:
         """True while the noise is coloured: it forms more groups than white noise."""
         self._awaited = 0.0
         """Expected number of counted groups since the noise became coloured, times a margin."""
+        self._k = k
         self._most = max(0.0, NULL.most_share * k * limit - threshold)
         self._more = 0.0
         """Rise of the threshold by counted groups [noise powers], including that by chance."""
@@ -69,3 +70,21 @@ class NullLattices:
     def factor(self, threshold: float) -> float:
         """Factor on a threshold that gives as many false groups as white noise."""
         return 1.0 + max(0.0, self._more - NULL.by_chance) / threshold
+
+    def least(self, threshold: float) -> float:
+        """Least sum of the powers of a group that is counted [noise powers]."""
+        return NULL.counted_share * threshold * self.factor(threshold)
+
+    def cell_limit(self, threshold: float) -> float:
+        """Limit on a cell in a counted group at the present threshold [noise powers]."""
+        return counted_cell_limit(self._k, threshold * self.factor(threshold))
+
+
+def counted_cell_limit(k: int, threshold: float) -> float:
+    """Limit on a cell in a counted group of K [noise powers].
+
+    With a lower limit than that of the search, one pulse of a tag that is too weak to be found
+    forms few groups with noise, and does not raise the threshold of its own tag.
+    """
+    share = NULL.cell_share + (1.0 - NULL.cell_share) / k
+    return min(GROUPS.cell_limit, share * threshold)

@@ -7,6 +7,7 @@ from uavrt.detection.search.anchors import AnchorSearch
 from uavrt.detection.search.grid import Grid
 from uavrt.detection.search.hypotheses import RateSearch, jitter_reach
 from uavrt.detection.search.long_groups import LongSearch
+from uavrt.detection.search.null_lattices import counted_cell_limit
 from uavrt.detection.search.thresholds import (
     begun_within_s,
     decision_interval_s,
@@ -60,9 +61,9 @@ def make_searches(tag: Tag, grid: Grid, frequency_window_hz: float) -> list[Rate
             first_columns=math.ceil(first_s / grid.hop_s),
         )
         if isinstance(search, AnchorSearch):
-            at_level = group_tail(tag.k, some, NULL.counted_share * steady) / group_tail(
-                tag.k, some, steady
-            )
+            limit = counted_cell_limit(tag.k, steady)
+            counted = group_tail(tag.k, some, NULL.counted_share * steady, limit)
+            at_level = counted / group_tail(tag.k, some, steady)
             search.count_null(
                 expected / interval_time_s * grid.hop_s * at_level, interval_s / grid.hop_s
             )

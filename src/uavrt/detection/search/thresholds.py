@@ -78,11 +78,16 @@ def _log_tail(k: int, spread: float, limit: float) -> tuple[np.ndarray, np.ndarr
     return x, np.log(np.maximum(tail, 1e-300))
 
 
-def group_tail(k: int, spread: float, threshold: float) -> float:
-    """Probability that the sum of one hypothesis in noise reaches the threshold."""
+def group_tail(
+    k: int, spread: float, threshold: float, limit: float = GROUPS.cell_limit
+) -> float:
+    """Probability that the sum of one hypothesis in noise reaches the threshold.
+
+    `limit`: of a cell in the sum [noise powers].
+    """
     if k == 1:
         return math.exp(-threshold)
-    x, log_tail = _log_tail(k, round(spread, 3), GROUPS.cell_limit)
+    x, log_tail = _log_tail(k, round(spread, 3), round(limit, 2))
     return float(np.exp(np.interp(threshold, x, log_tail)))
 
 

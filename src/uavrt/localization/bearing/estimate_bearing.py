@@ -13,6 +13,7 @@ from uavrt.localization.bearing import classic_bearings as classic
 from uavrt.localization.bearing.pattern_ml import pattern_ml
 from uavrt.localization.headings import Headings
 from uavrt.localization.results import Bearing, BearingMethod
+from uavrt.localization.tuning import LEVELS
 
 _Floats = NDArray[np.float64]
 
@@ -48,7 +49,7 @@ def estimate_bearing(
     quaternion_wxyz: ArrayLike | None = None,
     matched_power: ArrayLike | None = None,
     noise_psd: ArrayLike | None = None,
-    threshold_db: float = 10.0,
+    threshold_db: float = LEVELS.threshold_db,
     elevation_deg: float = 0.0,
     folds: int = 1,
     fading_db: float | None = None,

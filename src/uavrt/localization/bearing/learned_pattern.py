@@ -15,6 +15,7 @@ from uavrt.core.errors import UsageError
 from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.bearing.estimate_bearing import estimate_bearing
 from uavrt.localization.bearing.tuning import LEARNED_PATTERN
+from uavrt.localization.tuning import LEVELS
 
 _Floats = NDArray[np.float64]
 
@@ -30,7 +31,10 @@ class TurnPulses:
 
 
 def learn_pattern(
-    turns: Sequence[TurnPulses], antenna: AntennaPattern, *, threshold_db: float = 10.0
+    turns: Sequence[TurnPulses],
+    antenna: AntennaPattern,
+    *,
+    threshold_db: float = LEVELS.threshold_db,
 ) -> AntennaPattern:
     """Correct an antenna's pattern by turns, whose bearings each iteration estimates again.
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from uavrt.core.errors import UsageError
 from uavrt.localization.bearing.tuning import SIMPLE
+from uavrt.localization.number_kinds import Guard
 
 _Floats = NDArray[np.float64]
 _Complex = NDArray[np.complex128]
@@ -78,7 +79,7 @@ def measure_switched_pulse(
     first_sample: int,
     frequency_hz: float,
     sample_rate_hz: float,
-    frequency_error_hz: float = 15.0,
+    frequency_error_hz: Guard[float] = 15.0,
 ) -> SwitchedPulse:
     """Measure a pulse at each position of the switch.
 

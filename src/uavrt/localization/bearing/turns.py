@@ -14,11 +14,14 @@ from uavrt.core.errors import UsageError
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 from uavrt.localization.angles import widest_gap_deg
 from uavrt.localization.bearing.tuning import TURNS
+from uavrt.localization.tuning import FLIGHT
 
 _Floats = NDArray[np.float64]
 _Ints = NDArray[np.int64]
 
-_DRIFT_M_PER_DEG = TURNS.path_m / 90.0
+_PATH_M = 0.5 * TURNS.radius_m
+"""Minimum distance between the ends of a flown path [m]."""
+_DRIFT_M_PER_DEG = _PATH_M / 90.0
 """Maximum drift of a turn in place [m/°]; a whole turn then stays within its radius."""
 
 
@@ -47,10 +50,7 @@ def find_turns(
     *,
     height_m: _Floats | None = None,
     on_ground: NDArray[np.bool_] | None = None,
-    least_turn_deg: float = 270.0,
-    speed_m_s: float = 1.5,
-    radius_m: float = 15.0,
-    longest_pause_s: float = 180.0,
+    least_turn_deg: float = FLIGHT.whole_turn_deg,
 ) -> list[Turn]:
     """Find the turns in place of a flight, in order.
 
@@ -69,12 +69,6 @@ def find_turns(
         True where the autopilot reports to be on the ground: no turn.
     least_turn_deg : float
         Least angle of a turn. UAV-RT's own software needs 270°; a turn of 8 stops has 315°.
-    speed_m_s : float
-        Largest speed of hovering in wind.
-    radius_m : float
-        Largest distance from the middle of a turn.
-    longest_pause_s : float
-        Longest stop within a turn.
 
     Raises
     ------
@@ -92,7 +86,7 @@ def find_turns(
     seconds = (time_ns - time_ns[0]) / NANOSECONDS_PER_SECOND
     plane = plane_around(latitude_deg, longitude_deg)
     east, north = plane.to_local(latitude_deg, longitude_deg)
-    hovering = _speed(seconds, east, north) < speed_m_s
+    hovering = _speed(seconds, east, north) < TURNS.speed_m_s
     moves = _moves(seconds, east, north) & hovering
     hovering &= ~_walking(east, north, np.unwrap(yaw_deg, period=360.0), moves)
     if height_m is not None:
@@ -105,13 +99,12 @@ def find_turns(
         for start, stop in _cut_at_paths(yaw, moves[first:last], _legs(yaw), least_turn_deg):
             leg = slice(first + start, first + stop + 1)
             within = yaw[start : stop + 1]
-            for part in _without_long_pauses(seconds[leg], within, longest_pause_s):
+            for part in _without_long_pauses(seconds[leg], within):
                 span = slice(leg.start + part[0], leg.start + part[1] + 1)
                 turned = yaw[span.start - first : span.stop - first]
-                drift = np.hypot(
-                    east[span] - np.median(east[span]), north[span] - np.median(north[span])
-                )
-                if abs(turned[-1] - turned[0]) >= least_turn_deg and drift.max() <= radius_m:
+                east_m, north_m = east[span], north[span]
+                drift = np.hypot(east_m - np.median(east_m), north_m - np.median(north_m)).max()
+                if abs(turned[-1] - turned[0]) >= least_turn_deg and drift <= TURNS.radius_m:
                     place = _middle(latitude_deg[span], longitude_deg[span])
                     turns.append(_described(time_ns[span], seconds[span], turned, place))
     return turns
@@ -140,7 +133,7 @@ def _described(
 
 
 def _speed(seconds: _Floats, east: _Floats, north: _Floats) -> _Floats:
-    half = TURNS.speed_window_s / 2.0
+    half = TURNS.window_s / 2.0
     before = np.maximum(np.searchsorted(seconds, seconds - half, side="right") - 1, 0)
     after = np.minimum(np.searchsorted(seconds, seconds + half), len(seconds) - 1)
     moved = np.hypot(east[after] - east[before], north[after] - north[before])
@@ -163,11 +156,11 @@ def _moves(seconds: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool_]
 def _that_lead_away(
     moves: NDArray[np.bool_], east: _Floats, north: _Floats
 ) -> NDArray[np.bool_]:
-    """(n,) True in stretches of `moves` whose ends are at least `TURNS.path_m` apart."""
+    """(n,) True in stretches of `moves` whose ends are at least half a turn's radius apart."""
     kept = np.zeros(len(moves), bool)
     for first, last in _runs(moves):
         way_m = np.hypot(east[last - 1] - east[first], north[last - 1] - north[first])
-        kept[first:last] = way_m >= TURNS.path_m
+        kept[first:last] = way_m >= _PATH_M
     return kept
 
 
@@ -187,7 +180,7 @@ def _on_the_spot(yaw: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool
     for start, stop in _legs(yaw):
         way = np.sign(yaw[stop] - yaw[start])
         turned = np.maximum.accumulate(way * (yaw[start : stop + 1] - yaw[start]))
-        for span_deg in TURNS.drift_spans_deg:
+        for span_deg in (TURNS.drift_span_deg, 2.0 * TURNS.drift_span_deg):
             from_deg = np.arange(turned[-1] - span_deg, 0.0, -TURNS.drift_step_deg)
             begins = start + np.searchsorted(turned, from_deg, side="right") - 1
             ends = start + np.searchsorted(turned, from_deg + span_deg) + 1
@@ -249,7 +242,7 @@ def _stops(seconds: _Floats, yaw: _Floats) -> list[tuple[int, int]]:
     for index in range(1, len(yaw) + 1):
         if index < len(yaw) and abs(yaw[index] - yaw[start]) <= TURNS.stop_deg:
             continue
-        if seconds[index - 1] - seconds[start] >= TURNS.stop_s:
+        if seconds[index - 1] - seconds[start] >= TURNS.window_s:
             held = float(np.median(yaw[start:index]))
             before = stops[-1] if stops else None
             # A stop that begins with the end of a turn is divided by its own drift.
@@ -264,9 +257,7 @@ def _stops(seconds: _Floats, yaw: _Floats) -> list[tuple[int, int]]:
     return stops
 
 
-def _without_long_pauses(
-    seconds: _Floats, yaw: _Floats, longest_pause_s: float
-) -> list[tuple[int, int]]:
+def _without_long_pauses(seconds: _Floats, yaw: _Floats) -> list[tuple[int, int]]:
     """Cut a rotation at long pauses; omit rest and drift before and after the rotation.
 
     The first and the last stop keep the length of the longest one between them, so that a turn
@@ -276,7 +267,7 @@ def _without_long_pauses(
     parts: list[list[tuple[int, int]]] = []
     for run in moving:
         pause_s = seconds[run[0]] - seconds[parts[-1][-1][1] - 1] if parts else np.inf
-        if pause_s > longest_pause_s:
+        if pause_s > TURNS.longest_pause_s:
             parts.append([run])
         else:
             parts[-1].append(run)
@@ -287,7 +278,7 @@ def _with_its_stops(
     seconds: _Floats, yaw: _Floats, moving: list[tuple[int, int]]
 ) -> tuple[int, int]:
     stops = [seconds[b[0]] - seconds[a[1] - 1] for a, b in pairwise(moving)]
-    hold_s = max((one for one in stops if one >= TURNS.stop_s), default=0.0) + 0.5
+    hold_s = max((one for one in stops if one >= TURNS.window_s), default=0.0) + 0.5
     first, last = moving[0][0], moving[-1][1] - 1
     still = np.abs(yaw[: first + 1] - yaw[first]) <= TURNS.stop_deg
     still &= seconds[: first + 1] >= seconds[first] - hold_s
@@ -299,15 +290,13 @@ def _with_its_stops(
 
 
 def _turning(seconds: _Floats, yaw: _Floats) -> NDArray[np.bool_]:
-    half = TURNS.rate_window_s / 2.0
+    half = TURNS.window_s / 2.0
     before = np.maximum(np.searchsorted(seconds, seconds - half, side="right") - 1, 0)
     after = np.minimum(np.searchsorted(seconds, seconds + half), len(seconds) - 1)
     took = np.maximum(seconds[after] - seconds[before], 1e-3)
     rate = np.abs(yaw[after] - yaw[before]) / took
-    fast = rate >= TURNS.least_rate_deg_s
-    usual = float(np.median(rate[fast])) if fast.any() else 0.0
-    turning = rate >= max(TURNS.least_rate_deg_s, TURNS.least_rate_share * usual)
-    # The window reaches two seconds into what stands still: seen where it is, not around it.
+    turning = rate >= TURNS.least_rate_deg_s
+    # The window reaches into what stands still: seen where it is, not around it.
     edges = np.zeros(len(yaw), bool)
     for first, last in _runs(turning):
         span = yaw[first:last]
@@ -323,9 +312,7 @@ def _in_flight(east: _Floats, north: _Floats, height_m: _Floats) -> NDArray[np.b
     known = np.isfinite(height_m)
     if not known.any():
         return np.ones(len(height_m), bool)
-    usual = float(np.quantile(np.abs(height_m[known]), 0.9))
-    margin = float(np.clip(TURNS.ground_share * usual, *TURNS.ground_m))
-    off = ~known | (np.abs(height_m) > margin)
+    off = ~known | (np.abs(height_m) > TURNS.ground_m)
     flown = np.flatnonzero(off & known)
     if not len(flown):
         return np.ones(len(height_m), bool)
@@ -338,12 +325,12 @@ def _in_flight(east: _Floats, north: _Floats, height_m: _Floats) -> NDArray[np.b
 
 def _climbing(seconds: _Floats, height_m: _Floats) -> NDArray[np.bool_]:
     height = np.where(np.isfinite(height_m), height_m, 0.0)
-    half = TURNS.speed_window_s / 2.0
+    half = TURNS.window_s / 2.0
     before = np.maximum(np.searchsorted(seconds, seconds - half, side="right") - 1, 0)
     after = np.minimum(np.searchsorted(seconds, seconds + half), len(seconds) - 1)
     rate = (height[after] - height[before]) / np.maximum(seconds[after] - seconds[before], 1e-3)
     climbing = np.zeros(len(height), bool)
     for way in (1.0, -1.0):
-        for first, last in _runs(way * rate > TURNS.climb_m_s):
+        for first, last in _runs(way * rate > TURNS.climb_m / TURNS.path_window_s):
             climbing[first:last] |= abs(height[last - 1] - height[first]) >= TURNS.climb_m
     return climbing

@@ -15,7 +15,7 @@ from uavrt.localization.bearing.tuning import TURNS
 from uavrt.localization.headings import Headings
 from uavrt.localization.terrain.elevation import Elevation
 from uavrt.localization.terrain.hill_losses import HillLosses
-from uavrt.localization.tuning import FLIGHT
+from uavrt.localization.tuning import FLIGHT, RECEIVERS
 from uavrt.localization.usual_noise import over_usual_noise_db
 
 _Floats = NDArray[np.float64]
@@ -246,7 +246,7 @@ class FlightGround:
         )
         said = list(elevation.cautions)
         height_m = float(poses.height_m[first])
-        if height_m > FLIGHT.on_ground_m:
+        if height_m > TURNS.ground_m:
             said.append(
                 f"the flight's poses begin {height_m:.0f} m up: its heights are counted from "
                 "the ground beneath that place"
@@ -461,4 +461,4 @@ def _in_place(poses: PoseColumns) -> bool:
         longitude_deg=float(np.median(poses.longitude_deg)),
     )
     off = np.hypot(*plane.to_local(poses.latitude_deg, poses.longitude_deg))
-    return bool(off.max() <= FLIGHT.one_place_m)
+    return bool(off.max() <= RECEIVERS.one_place_m)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.localization.number_kinds import Fixed
 from uavrt.localization.position.tuning import GRID
 from uavrt.localization.results import Ellipse
 from uavrt.localization.tuning import FLIGHT
@@ -83,12 +84,12 @@ class Cells:
         held = np.cumsum(np.repeat(self.probability / 4.0, 4)[order])
         return shifted_m(float(np.interp(share, held, spread[order], left=0.0)), share, sigma_m)
 
-    def ellipse(self, sigma_m: float, share: float = 0.95) -> Ellipse:
-        """Ellipse by covariance of the posterior and of a shared error, as if normal."""
+    def ellipse(self, sigma_m: float) -> Ellipse:
+        """95 % ellipse by covariance of the posterior and of a shared error, as if normal."""
         x, y = self.mean()
         centred = np.stack([self.east_m - x, self.north_m - y])
         covariance = (centred * self.probability) @ centred.T
-        return ellipse_of(covariance + sigma_m**2 * np.eye(2), share)
+        return ellipse_of(covariance + sigma_m**2 * np.eye(2))
 
     def map(self, count: int, sigma_m: float) -> tuple[_Floats, _Floats, _Floats]:
         """Probability on a regular grid around most of it: east (x,), north (y,), (y, x).
@@ -96,25 +97,16 @@ class Cells:
         Each cell's probability is spread by its width and by a shift that all share.
         """
         east, north, step = _even_axes(self.around(GRID.map_share), count, 2.5 * sigma_m)
-        sigmas_m = np.sqrt(self.width_m**2 / 12.0 + sigma_m**2 + step**2 / 12.0)
         density = np.zeros((len(north), len(east)))
-        for one_m in np.unique(sigmas_m):
-            own = sigmas_m == one_m
-            reach = int(np.ceil(GRID.map_sigmas * one_m / step))
-            far = reach > GRID.map_reach
-            (columns, across), (rows, along) = (
-                _near(axis, centres[own], one_m, None if far else reach)
-                for axis, centres in ((east, self.east_m), (north, self.north_m))
-            )
-            along *= self.probability[own, None]
-            if far:
-                density += along.T @ across
-            else:
-                points = rows[:, :, None] * len(east) + columns[:, None, :]
-                spread = along[:, :, None] * across[:, None, :]
-                density += np.bincount(
-                    points.ravel(), spread.ravel(), minlength=density.size
-                ).reshape(density.shape)
+        for width_m in np.unique(self.width_m):
+            own = np.flatnonzero(self.width_m == width_m)
+            own = own[np.argsort(self.north_m[own])]
+            # Cells of one width share few rows and columns of their grid.
+            rows, starts = np.unique(self.north_m[own], return_index=True)
+            columns, column = np.unique(self.east_m[own], return_inverse=True)
+            one_m = float(np.sqrt(width_m**2 / 12.0 + sigma_m**2 + step**2 / 12.0))
+            across = self.probability[own, None] * _normal(columns, east, one_m)[column]
+            density += _normal(rows, north, one_m).T @ np.add.reduceat(across, starts)
         return east, north, np.asarray(density / density.sum())
 
     def around(self, share: float) -> Area:
@@ -133,10 +125,10 @@ class Cells:
         )
 
 
-def ellipse_of(covariance_m2: _Floats, share: float = 0.95) -> Ellipse:
-    """Ellipse that holds a probability of a normal distribution, from its (2, 2) covariance."""
+def ellipse_of(covariance_m2: _Floats) -> Ellipse:
+    """Ellipse that holds 95 % of a normal distribution, from its (2, 2) covariance."""
     values, vectors = np.linalg.eigh(covariance_m2)
-    scale = -2.0 * np.log(1.0 - share)
+    scale = -2.0 * np.log(1.0 - 0.95)
     minor, major = np.sqrt(np.maximum(values, 0.0) * scale)
     direction = np.degrees(np.arctan2(vectors[0, 1], vectors[1, 1])) % 180.0
     return Ellipse(
@@ -174,7 +166,7 @@ def cells_posterior(
     *,
     first_cells: int = GRID.first_cells,
     held: float = GRID.held,
-    growth: float = 1.0,
+    growth: Fixed[float] = 1.0,
     within: Area | None = None,
     shows_m: float = np.inf,
 ) -> Cells:
@@ -218,7 +210,7 @@ def _quartered(
     density: _Floats,
     rough: NDArray[np.bool_],
     held: float = GRID.held,
-    growth: float = 1.0,
+    growth: Fixed[float] = 1.0,
     within: Area | None = None,
     shows_m: float = np.inf,
 ) -> Cells:
@@ -321,23 +313,10 @@ def _even_axes(
     return np.asarray(east), np.asarray(north), step
 
 
-def _near(
-    axis: _Floats, centres: _Floats, sigma_m: float, reach: int | None
-) -> tuple[NDArray[np.intp], _Floats]:
-    """Points of an even axis near each centre (n, k), and a normal density there.
-
-    `reach`: number of points on each side; None: the whole axis, once for all centres (1, k).
-    """
-    step = axis[1] - axis[0]
-    if reach is None:
-        near = np.arange(len(axis), dtype=np.intp)[None, :]
-    else:
-        nearest = np.rint((centres - axis[0]) / step).astype(np.intp)[:, None]
-        near = nearest + np.arange(-reach, reach + 1, dtype=np.intp)
-    away = (axis[0] + step * near - centres[:, None]) / sigma_m
-    density = np.exp(-0.5 * away**2) / sigma_m
-    density *= (near >= 0) & (near < len(axis))
-    return np.clip(near, 0, len(axis) - 1), density
+def _normal(centres: _Floats, axis: _Floats, sigma_m: float) -> _Floats:
+    """(centres, axis) normal density, up to a constant, at an axis around each centre."""
+    away = (axis - centres[:, None]) / sigma_m
+    return np.asarray(np.exp(-0.5 * away**2) / sigma_m)
 
 
 def _squares(area: Area, count: int) -> tuple[_Floats, _Floats, _Floats]:

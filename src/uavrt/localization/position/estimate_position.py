@@ -127,9 +127,7 @@ def _check(stations: Stations | None, powers: PowerTrack | None) -> None:
         )
     if powers is not None:
         fields = [powers.latitude_deg, powers.longitude_deg, powers.height_m]
-        _check_lengths(
-            "powers", fields, [powers.snr_db, powers.yaw_deg, powers.time_s], finite=3
-        )
+        _check_lengths("powers", fields, [powers.snr_db, powers.yaw_deg, powers.time_s])
         if np.count_nonzero(~np.isnan(powers.snr_db)) < 3:
             raise UsageError(
                 "fewer than three powers are given", remedy="Fly nearer, or turn in place"
@@ -155,13 +153,11 @@ def _extent_m(powers: PowerTrack) -> float:
     return float(np.hypot(*spans))
 
 
-def _check_lengths(
-    what: str, needed: list[_Floats], optional: list[_Floats | None], finite: int = 3
-) -> None:
+def _check_lengths(what: str, needed: list[_Floats], optional: list[_Floats | None]) -> None:
     arrays = [*needed, *(one for one in optional if one is not None)]
     if len({one.shape for one in arrays}) != 1 or not len(needed[0]):
         raise UsageError(f"the arrays of the {what} differ in length or are empty")
-    if not all(np.all(np.isfinite(one)) for one in arrays[:finite]):
+    if not all(np.all(np.isfinite(one)) for one in arrays[:3]):
         raise UsageError(
             f"a position, height or bearing among the {what} is not finite",
             remedy=f"Leave out {what} with NaN or infinite values there",

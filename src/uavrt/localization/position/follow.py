@@ -8,10 +8,11 @@ import numpy as np
 from uavrt.localization.position.bayes_fix import Area
 from uavrt.localization.position.bayes_model import Model
 from uavrt.localization.position.levels.power_evidence import PowerTrack
-from uavrt.localization.position.moving import path_by_bearings, path_by_powers
+from uavrt.localization.position.moving import around, path_by_bearings, path_by_powers
 from uavrt.localization.position.survey_walk import SurveyWalk, survey_walk
 from uavrt.localization.position.tuning import TRACK, WALK
 from uavrt.localization.results import Position, TrackPoint
+from uavrt.localization.tuning import LEVELS
 
 Follow = Literal["never", "contradicted", "always"]
 """Condition for computing a tag's path: never, contradicted (data rule out rest), or always."""
@@ -63,19 +64,21 @@ def _by_powers(
     walked = walk is not None and walk.probability > 0.5
     if follow == "contradicted" and not walked:
         return position
-    east, north = model.plane.to_local(position.latitude_deg, position.longitude_deg)
-    first = last = (float(east), float(north))
-    fading_db, astray_m_s = WALK.resting_fading_db, 0.5 * TRACK.fastest_m_s
     if walk is not None and walked and powers.time_s is not None:
-        first, last = (walk.at(float(one)) for one in (min(powers.time_s), max(powers.time_s)))
-        fading_db, astray_m_s = walk.fading_db, TRACK.end_m_s
+        half_m = TRACK.end_m + TRACK.end_m_s * float(np.ptp(powers.time_s))
+        first, last = (
+            around([walk.at(float(one))], half_m)
+            for one in (min(powers.time_s), max(powers.time_s))
+        )
+        fading_db = walk.fading_db
+    else:
+        # The survey was flown where the tag was expected, or found as if it rested.
+        place = model.plane.to_local(position.latitude_deg, position.longitude_deg)
+        flown = model.plane.to_local(powers.latitude_deg, powers.longitude_deg)
+        first = around([place, *zip(*flown, strict=True)], TRACK.end_m)
+        last, fading_db = None, LEVELS.fading_db
     way = path_by_powers(
-        powers,
-        model.plane,
-        (first, last),
-        astray_m_s=astray_m_s,
-        fading_db=fading_db,
-        hills=model.hills,
+        powers, model.plane, first, last, fading_db=fading_db, hills=model.hills
     )
     if walk is None or not walked:
         return replace(position, track=way)

@@ -7,7 +7,7 @@ their paths are weighted by the trackers' evidence and by the number of differen
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,14 +36,14 @@ _Floats = NDArray[np.float64]
 
 
 def path_by_bearings(
-    stations: Stations, plane: TangentPlane, around: Area, *, heading_sigma_deg: float
+    stations: Stations, plane: TangentPlane, near: Area, *, heading_sigma_deg: float
 ) -> tuple[TrackPoint, ...]:
-    """Estimate the path of a tag near `around`, through the bearings of a flight."""
+    """Estimate the path of a tag near an area, through the bearings of a flight."""
     times = _checked(stations.time_s, "bearings")
     east, north = plane.to_local(stations.latitude_deg, stations.longitude_deg)
     posterior = _blurred(_posteriors(stations), heading_sigma_deg)
     prior = TagPrior(
-        area=_widened(around, float(np.ptp(times))),
+        area=_widened(near, TRACK.margin_m + 0.5 * TRACK.fastest_m_s * float(np.ptp(times))),
         turning_m_s_per_root_s=TRACK.turning_m_s_per_root_s,
     )
 
@@ -58,22 +58,22 @@ def path_by_bearings(
 def path_by_powers(
     powers: PowerTrack,
     plane: TangentPlane,
-    ends: tuple[tuple[float, float], tuple[float, float]],
+    first: Area,
+    last: Area | None,
     *,
-    astray_m_s: float,
     fading_db: float,
     hills: HillLosses | None = None,
 ) -> tuple[TrackPoint, ...]:
     """Estimate the path of a tag through the pulses of a flight, missed pulses included.
 
-    Hypotheses begin around `ends`, which are uncertain by `astray_m_s` times the duration.
+    `first`, `last`: areas of the tag at the first and last pulse. Without `last`, it is as far
+        from `first` as an animal walks.
     """
     times = _checked(powers.time_s, "pulses")
     east, north = plane.to_local(powers.latitude_deg, powers.longitude_deg)
-    half_m = TRACK.end_m + astray_m_s * float(np.ptp(times))
     thresholds_db = np.broadcast_to(powers.threshold_db, times.shape)
     prior = TagPrior(
-        area=_around(ends[0], half_m),
+        area=first,
         fading_db=TRACK.fading_factor * fading_db,
         shadowing_db=0.0,
         turning_m_s_per_root_s=TRACK.turning_m_s_per_root_s,
@@ -95,8 +95,10 @@ def path_by_powers(
         )
         return expected.log_probability
 
-    priors = (prior, replace(prior, area=_around(ends[1], half_m)))
-    return _forwards_and_backwards(priors, times, take, plane, powers.origin_ns)
+    walked_m = 0.5 * TRACK.fastest_m_s * float(np.ptp(times))
+    priors = (prior, replace(prior, area=last or _widened(first, walked_m)))
+    began = first if last is None else None
+    return _forwards_and_backwards(priors, times, take, plane, powers.origin_ns, began)
 
 
 def _checked(times: _Floats | None, what: str) -> _Floats:
@@ -108,22 +110,26 @@ def _checked(times: _Floats | None, what: str) -> _Floats:
     return times
 
 
-def _widened(around: Area, span_s: float) -> Area:
-    margin = TRACK.margin_m + 0.5 * TRACK.fastest_m_s * span_s
+def _widened(area: Area, margin_m: float) -> Area:
     return Area(
-        west_m=around.west_m - margin,
-        east_m=around.east_m + margin,
-        south_m=around.south_m - margin,
-        north_m=around.north_m + margin,
+        west_m=area.west_m - margin_m,
+        east_m=area.east_m + margin_m,
+        south_m=area.south_m - margin_m,
+        north_m=area.north_m + margin_m,
     )
 
 
-def _around(place: tuple[float, float], half_m: float) -> Area:
-    return Area(
-        west_m=place[0] - half_m,
-        east_m=place[0] + half_m,
-        south_m=place[1] - half_m,
-        north_m=place[1] + half_m,
+def around(places: Sequence[tuple[float, float]], margin_m: float) -> Area:
+    """Area that contains places (east, north), with a margin to all sides [m]."""
+    east, north = (np.asarray(one, np.float64) for one in zip(*places, strict=True))
+    return _widened(
+        Area(
+            west_m=float(east.min()),
+            east_m=float(east.max()),
+            south_m=float(north.min()),
+            north_m=float(north.max()),
+        ),
+        margin_m,
     )
 
 
@@ -152,10 +158,13 @@ def _forwards_and_backwards(
     take: Callable[[ParticleTracker, int], float],
     plane: TangentPlane,
     origin_ns: int,
+    began: Area | None = None,
 ) -> tuple[TrackPoint, ...]:
+    """`began`: area in which the path begins, which the tracker backwards learns at its end."""
     points_s = _point_times(times)
     forwards = _trail(priors[0], times, points_s, take)
-    backwards = _trail(priors[1], -times, [-one for one in reversed(points_s)], take)
+    reverse_s = [-one for one in reversed(points_s)]
+    backwards = _trail(priors[1], -times, reverse_s, take, began)
     found = []
     for time_s, ahead, back in zip(
         points_s, forwards.places, backwards.places[::-1], strict=True
@@ -216,6 +225,7 @@ def _trail(
     times: _Floats,
     points_s: list[float],
     take: Callable[[ParticleTracker, int], float],
+    ends_in: Area | None = None,
 ) -> _Trail:
     tracker = ParticleTracker(
         prior, np.random.default_rng(0), particles=TRACK.particles, first=TRACK.first_particles
@@ -228,7 +238,11 @@ def _trail(
         evidence += take(tracker, int(number))
     for time_s in waiting:
         _remember_at(tracker, time_s)
-    return _Trail(places=tracker.past(), log_evidence=evidence)
+    if ends_in is not None:
+        evidence += tracker.confine(ends_in)
+    area = prior.area  # evidence for each square metre: trackers begin in unequal areas
+    wide_m, high_m = area.east_m - area.west_m, area.north_m - area.south_m
+    return _Trail(places=tracker.past(), log_evidence=evidence + math.log(wide_m * high_m))
 
 
 def _remember_at(tracker: ParticleTracker, time_s: float) -> None:

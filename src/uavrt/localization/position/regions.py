@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.localization.number_kinds import Resolution
 from uavrt.localization.results import PositionGrid
 
 _Floats = NDArray[np.float64]
@@ -38,7 +39,7 @@ def region_outlines(grid: PositionGrid, share: float) -> list[_Floats]:
 
 
 def refined(
-    x: _Floats, y: _Floats, probability: _Floats, times: int = 4
+    x: _Floats, y: _Floats, probability: _Floats, times: Resolution[int] = 4
 ) -> tuple[_Floats, _Floats, _Floats]:
     """Interpolate a probability on a finer grid: x, y and values, cubic in the logarithm."""
     # Nothing is drawn below 1e-12 of the peak; zero has no logarithm.

@@ -28,8 +28,9 @@ from uavrt.localization.position.levels.level_belief import (
     false_pulse_density,
 )
 from uavrt.localization.position.levels.loss_error import LossError
-from uavrt.localization.position.tuning import LEVEL, TRACK
+from uavrt.localization.position.tuning import TRACK
 from uavrt.localization.terrain.hill_losses import HillLosses
+from uavrt.localization.tuning import LEVELS
 
 _Floats = NDArray[np.floating[Any]]
 _Singles = NDArray[np.float32]
@@ -66,7 +67,7 @@ class TagPrior:
     level_sigma_db: float = 12.0
     level_drift_db_per_root_s: float = 0.0
     """Random walk of a tag's strength [dB/√s]: the animal turns, plants intervene."""
-    fading_db: float = 4.0
+    fading_db: float = LEVELS.fading_db
     pattern: AntennaPattern | None = None
     """Pattern of the receiving antenna; None: upright monopole."""
     walking_m_per_root_s: float = 1.0
@@ -78,11 +79,11 @@ class TagPrior:
     motion: tuple[float, float, float] = (0.5, 0.25, 0.25)
     """Shares of the time in which an animal rests, browses, and travels."""
     exponent: float = 3.0
-    exponent_sigma: float = 0.7
+    exponent_sigma: float = LEVELS.exponent_sigma
     """Prior standard deviation of the path loss exponent; 0 if it is known."""
-    missed_share: float = LEVEL.by_chance
+    missed_share: float = LEVELS.outlier_share
     """Share of a tag's pulses missed by chance, at any strength."""
-    chance_share: float = LEVEL.by_chance
+    chance_share: float = LEVELS.outlier_share
     """Share of received pulses that are not the tag's: false alarms, interferers."""
     path_gain: PathGain | None = None
     """Propagation model: level relative to plain spreading; None: plain spreading."""
@@ -459,7 +460,12 @@ class ParticleTracker:
     """
 
     def __init__(
-        self, prior: TagPrior, rng: Generator, *, particles: int = 10_000, first: int = 0
+        self,
+        prior: TagPrior,
+        rng: Generator,
+        *,
+        particles: int = 10_000,
+        first: int = 0,
     ) -> None:
         self._prior, self._rng, self._least = prior, rng, particles
         self._walk = _MotionModel(prior, rng)
@@ -517,7 +523,7 @@ class ParticleTracker:
         if heard.snr_db is None:
             self._add_surprise(min(-evidence, TRACK.unheard_nats) - TRACK.decay_nats)
         else:
-            chance = max(prior.chance_share, LEVEL.by_chance) * false_pulse_density(heard)
+            chance = max(prior.chance_share, LEVELS.outlier_share) * false_pulse_density(heard)
             by_others = chance + elsewhere
             self._add_surprise(float(np.log(by_others)) + chance / by_others - evidence)
         return Expectation(level_db=mean, variance_db2=variance, log_probability=evidence)
@@ -570,9 +576,16 @@ class ParticleTracker:
         north = self._state.north_m.astype(np.float64)
         gained = self._weigh(evidence.log_likelihood(east, north, 1.0))
         self._add_surprise(
-            float(np.log(LEVEL.by_chance * LEVEL.any_strength_per_db)) + 1.0 - gained
+            float(np.log(LEVELS.outlier_share / LEVELS.any_strength_db)) + 1.0 - gained
         )
         return gained
+
+    def confine(self, area: Area) -> float:
+        """Exclude hypotheses outside of an area; returns the log share of those inside."""
+        state = self._state
+        inside = (state.east_m >= area.west_m) & (state.east_m <= area.east_m)
+        inside &= (state.north_m >= area.south_m) & (state.north_m <= area.north_m)
+        return self._weigh(np.where(inside, np.float32(0.0), np.float32(-80.0)))
 
     def exponent(self) -> tuple[float, float]:
         """Mean and variance of the path loss exponent over the hypotheses."""

@@ -18,6 +18,7 @@ from scipy import stats
 
 from uavrt.core.columns import chosen_rows, joined_rows
 from uavrt.core.messages import Tag
+from uavrt.localization.number_kinds import Fixed, Guard
 from uavrt.localization.whole_flight.energies.energy_grid import SlotEnergies
 from uavrt.localization.whole_flight.energies.folding import (
     base_periods,
@@ -74,7 +75,7 @@ class Weights:
     """(frequencies, places) skewness of a train's weighted energy sum in noise."""
     interval_s: float
     """Pulse interval for which deviation and skewness hold [s]; longer: fewer pulses."""
-    spread: float = 1.0
+    spread: Fixed[float] = 1.0
     """Share of the flight's time with much weight, averaged over positions; 1 if even."""
 
     @classmethod
@@ -311,7 +312,7 @@ def search_flight(
     weights: Weights,
     tag: Tag,
     *,
-    most: int = 20,
+    most: Guard[int] = 20,
     few_patterns: int = SEARCH.few_patterns,
 ) -> list[FoldedTrain]:
     """Find the likeliest trains of a tag; the least likely in noise comes first.

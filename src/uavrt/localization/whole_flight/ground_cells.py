@@ -90,9 +90,9 @@ class Cells:
                 parts.append(list(zip(latitude.tolist(), longitude.tolist(), strict=True)))
         return parts
 
-    def parts(self, share: float = 0.95) -> "list[Part]":
-        """Connected parts of a region, the most probable first."""
-        inside = np.flatnonzero(self.region(share))
+    def parts(self) -> "list[Part]":
+        """Connected parts of the region of 95 %, the most probable first."""
+        inside = np.flatnonzero(self.region(0.95))
         found = [self._part(cells) for cells in self._connected(inside)]
         return sorted(found, key=lambda one: -one.probability)
 

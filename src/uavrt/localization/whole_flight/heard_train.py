@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import interpolate, ndimage, special, stats
 
+from uavrt.localization.tuning import LEVELS
 from uavrt.localization.whole_flight.drifting import train_times_s
 from uavrt.localization.whole_flight.energies.coded_bursts_over_flight import (
     exponentials,
@@ -199,9 +200,9 @@ def _log_ratios(many: float, pulses: int, fading_db: float) -> _Floats:
         for one_db in (fading_db, max(fading_db, PLACE.odd_fading_db))
     )
     ratio = (
-        (1.0 - 2.0 * PLACE.outlier_share) * usual
-        + PLACE.outlier_share * odd
-        + PLACE.outlier_share
+        (1.0 - 2.0 * LEVELS.outlier_share) * usual
+        + LEVELS.outlier_share * odd
+        + LEVELS.outlier_share
     )
     return np.asarray(np.maximum(np.log(ratio), PLACE.least_log))
 

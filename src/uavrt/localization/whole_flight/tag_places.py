@@ -14,6 +14,7 @@ from uavrt.localization.antenna import MONOPOLE, AntennaPattern, monopole_gain_d
 from uavrt.localization.estimates.heard import PoseColumns
 from uavrt.localization.headings import Headings
 from uavrt.localization.terrain.hill_losses import HillLosses
+from uavrt.localization.tuning import LEVELS
 from uavrt.localization.whole_flight.tuning import SEARCH
 
 _Floats = NDArray[np.float64]
@@ -81,7 +82,7 @@ class Track:
                 ahead, aside = cosine * ahead + sine * aside, cosine * aside - sine * ahead
             towards = ahead / distance, aside / distance, under / distance
             gain_db[some] = self._towards_db(axes, *towards)
-            gain_db[some] -= 10.0 * SEARCH.exponent * np.log10(distance)
+            gain_db[some] -= 10.0 * LEVELS.exponent * np.log10(distance)
             if self.hills is not None:
                 gain_db[some] -= lost_db[some]
         return gain_db

@@ -13,7 +13,9 @@ from scipy import interpolate, ndimage, special
 
 from uavrt.core.units import wrap_degrees_360
 from uavrt.localization.antenna import MONOPOLE
+from uavrt.localization.number_kinds import Fixed
 from uavrt.localization.position.tuning import COMMON
+from uavrt.localization.tuning import LEVELS
 from uavrt.localization.whole_flight.ground_cells import Cells, LikelyGround
 from uavrt.localization.whole_flight.heard_train import (
     STRENGTHS_DB,
@@ -27,11 +29,14 @@ from uavrt.localization.whole_flight.tag_places import (
     RANGE_STEP,
     east_north,
 )
-from uavrt.localization.whole_flight.tuning import PLACE, SEARCH
+from uavrt.localization.whole_flight.tuning import PLACE
 
 _Floats = NDArray[np.float64]
 _EXPONENT_SHARES = np.diff(
-    special.ndtr((np.array([-np.inf, 2.25, 2.75, 3.25, 3.75, np.inf]) - SEARCH.exponent) / 0.7)
+    special.ndtr(
+        (np.array([-np.inf, 2.25, 2.75, 3.25, 3.75, np.inf]) - LEVELS.exponent)
+        / LEVELS.exponent_sigma
+    )
 )
 """Prior probability of each path loss exponent, by `level_evidence.Propagation`. The quarter
 below free space counts as free space, for tags in line of sight."""
@@ -150,7 +155,7 @@ def tag_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
     likely = np.argsort(-place.probability, kind="stable")[: PLACE.likely_places]
     held = place.probability[likely]
     table = likelihood_table(one, place.fading_db)
-    levels_db = place.level_db + PLACE.flights_sigma_db * np.linspace(-2.0, 2.0, 13)
+    levels_db = place.level_db + LEVELS.shadowing_db * np.linspace(-2.0, 2.0, 13)
     gain_db = _at_pulses_db(one, 10.0 * np.log10(gain[likely] + 1e-9)) - one.pulses.noise_db
     logs = _logs(one, gain_db, table, levels_db)
     weight = np.exp(-0.5 * np.linspace(-2.0, 2.0, 13) ** 2)
@@ -202,9 +207,9 @@ def _turned_logs(
     top_db = _strongest(gains_db)
     away_db = [_away_db(one, *east_north_m) for one in heard]
     logs = []
-    for exponent in PLACE.exponents if falls else (SEARCH.exponent,):
+    for exponent in PLACE.exponents if falls else (LEVELS.exponent,):
         over_db = [
-            gain_db + (SEARCH.exponent - exponent) * away - one.pulses.noise_db
+            gain_db + (LEVELS.exponent - exponent) * away - one.pulses.noise_db
             for one, gain_db, away in zip(heard, gains_db, away_db, strict=True)
         ]
         shift_db = top_db - _strongest(over_db)  # levels are of the strongest pulse
@@ -244,7 +249,7 @@ def _joint_logs(reading: _Reading, gains_db: Sequence[_Floats], tempered: bool) 
         if len(heard) > 1:
             top = own.max(axis=1, keepdims=True)
             blurred = ndimage.gaussian_filter1d(
-                np.exp(own - top), PLACE.flights_sigma_db, mode="nearest"
+                np.exp(own - top), LEVELS.shadowing_db, mode="nearest"
             )
             own = top + np.log(np.maximum(blurred, 1e-300))
         logs += own
@@ -264,7 +269,11 @@ def _away_db(one: HeardTrain, east_m: _Floats, north_m: _Floats) -> _Floats:
 
 
 def _logs(
-    one: HeardTrain, gain_db: _Floats, table: _Floats, levels_db: _Floats, counted: float = 1.0
+    one: HeardTrain,
+    gain_db: _Floats,
+    table: _Floats,
+    levels_db: _Floats,
+    counted: Fixed[float] = 1.0,
 ) -> _Floats:
     """(places, levels) log likelihood ratio of a flight; levels are whole table steps apart."""
     column, beyond_db = table_columns(one.pulses.energy)

@@ -5,14 +5,16 @@ Figures of noise and of positions are measured by `uavrt experiment integrate`.
 
 from dataclasses import dataclass
 
+from uavrt.localization.number_kinds import Guard, Resolution
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnergyTuning:
     """Constants for converting samples to slot energies, without strong or lost samples."""
 
-    block_s: float = 30.0
+    block_s: Guard[float] = 30.0
     """Duration of samples measured at once in flight [s]: five stretches of constant noise."""
-    chunk_s: float = 6.0
+    chunk_s: Guard[float] = 6.0
     """Duration of a channel's samples that are processed at once [s]."""
     level_s: float = 6.0
     """Time over which the noise at a frequency is taken as constant [s]."""
@@ -29,14 +31,14 @@ class EnergyTuning:
     """Distance from a strong filter window beyond which others are used [hops]: two pulses."""
     slots_beside: int = 4
     """Extent of a pulse and its jitter on each side of its time slot [slots]."""
-    most_gap_s: float = 7200.0
+    most_gap_s: Guard[float] = 7200.0
     """Longest gap between two blocks of samples that is bridged [s]."""
-    most_overlap_s: float = 0.1
+    most_overlap_s: Guard[float] = 0.1
     """Largest overlap of a block with earlier ones that counts as drift [s]. A crystal 100 ppm
     fast gathers it in 17 minutes; a clock set back by more is ignored."""
-    least_step_s: float = 0.0015
+    least_step_s: Guard[float] = 0.0015
     """Minimum time step between sample blocks that is corrected [s]; costs one window."""
-    dead_s: float = 0.1
+    dead_s: Guard[float] = 0.1
     """Minimum duration of exact zeros that means a dead radio or a filled gap [s]."""
 
 
@@ -45,79 +47,77 @@ class SearchTuning:
     """Constants for finding trains over positions, intervals, frequencies and drifts."""
 
     # Possible tag positions: bearings, and rings between two radii [m]; time step [s].
-    bearings: int = 72
-    nearest_m: float = 40.0
-    farthest_m: float = 5000.0
-    ranges: int = 14
-    step_s: float = 0.25
-    same_place_correlation: float = 0.97
+    bearings: Resolution[int] = 72
+    nearest_m: Guard[float] = 40.0
+    farthest_m: Guard[float] = 5000.0
+    ranges: Resolution[int] = 14
+    step_s: Resolution[float] = 0.25
+    same_place_correlation: Resolution[float] = 0.97
     """Correlation of two positions' weights at which one represents both: 0.13 dB loss."""
-    exponent: float = 2.5
-    """Path loss exponent in the train search; the mean of `level_evidence.Propagation`."""
     design_enr: float = 2.0
     """Energy over noise of the strongest pulse for which slot weights are optimal: 3 dB."""
-    kept_variance: float = 0.995
+    kept_variance: Resolution[float] = 0.995
     """Share of the slot weights' variance in the folded patterns: 0.01 dB loss."""
-    few_patterns: int = 8
+    few_patterns: Guard[int] = 8
     """Maximum number of weight patterns for which all positions are folded at once."""
     # Variance and correlation for the patterns and places that choose cells to examine in full:
     # three times fewer of both. A train of 7 standard deviations has 5.6 there at worst.
-    coarse_variance: float = 0.90
-    coarse_correlation: float = 0.85
-    examined_cells: int = 400
+    coarse_variance: Resolution[float] = 0.90
+    coarse_correlation: Resolution[float] = 0.85
+    examined_cells: Guard[int] = 400
     """Number of cells (train hypotheses) examined in full, the best of tens of thousands. In
     twenty minutes of noise the last has 5.0 to 5.4 standard deviations."""
-    side_by_side: int = 48
+    side_by_side: Guard[int] = 48
     """Number of train sums (frequencies times patterns) folded at once: 60 MB. An addition
     takes 0.8 ns with NumPy on the reference computer, and 1.9 ns with 12 sums."""
-    gain_block: int = 16_000
+    gain_block: Guard[int] = 16_000
     """Number of antenna gains computed at once (positions × times), to fit in the cache."""
-    moment_slots: int = 16384
-    least_skewness: float = 0.02
+    moment_slots: Guard[int] = 16384
+    least_skewness: Guard[float] = 0.02
     hypotheses: float = 6.0
     """Independent train hypotheses for each pattern and cell, from flights with noise only."""
     burst_hypotheses: float = 2.5
     """Factor on `hypotheses` for coded tags, where each burst is the best of some stretches."""
-    lags: tuple[int, ...] = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
+    lags: Resolution[tuple[int, ...]] = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
     """Lags at which the correlation of a frequency's slot energies is computed [slots]."""
     # Trains of strong pulses: share of the false alarms, hypotheses for each cell of marks,
     # minimum number of marks, share of the best log probability above which another train may
     # have the same marks, and weight for central slots, below that of any mark.
     loud_share: float = 0.02
     loud_hypotheses: float = 1.5
-    least_marks: int = 4
+    least_marks: Guard[int] = 4
     same_marks_share: float = 0.95
     middle_weight: float = 0.4
 
-    drift_step_slots: float = 6.0
+    drift_step_slots: Resolution[float] = 6.0
     """Mid-flight shift between two searched interval drifts [slots]. A train halfway between is
     shifted by a quarter of it, less than a double slot. A step of 4 would gain 0.05 dB."""
     drift_independent_slots: float = 5.0
     """Mid-flight pulse shift after which an interval drift counts as a new trial [slots]. In
     400 flights of noise, false alarms were 0.93 times the nominal; with 2 slots, 0.44."""
-    drift_patterns: int = 3
-    drift_correlation: float = 0.9
-    drift_cells: int = 120
+    drift_patterns: Guard[int] = 3
+    drift_correlation: Resolution[float] = 0.9
+    drift_cells: Guard[int] = 120
     """Number of train hypotheses with interval drift that are examined in full."""
 
     # Another train that explains one: log of the factor by which it must be less likely by
     # chance, and range of its intervals relative to the one found.
     explains_log: float = 3.0
-    shortest_ratio: float = 0.3
-    longest_ratio: float = 3.2
+    shortest_ratio: Guard[float] = 0.3
+    longest_ratio: Guard[float] = 3.2
     # Ratios of small numbers that count as the same interval, and how nearly.
-    small_number: int = 3
+    small_number: Guard[int] = 3
     same_ratio: float = 0.01
     # Maximum other trains and other codes removed before a tag counts as not found.
-    most_others: int = 4
-    most_codes: int = 12
+    most_others: Guard[int] = 4
+    most_codes: Guard[int] = 12
 
     # Several flights: allowed relative difference of the interval between them, minimum number
     # of cells of the shortest flight's fold in such a stretch, and maximum frequency error of a
     # tag in one flight, relative to its mean [rows] (25 Hz at 20 ms).
     stretch: float = 2e-4
     least_cells: float = 2.0
-    rows_beside: int = 1
+    rows_beside: Guard[int] = 1
     stretch_hypotheses: float = 8.6
     """Independent train hypotheses for each flight and cell of a range of intervals."""
     place_hypotheses: float = 1.35
@@ -129,27 +129,25 @@ class PlaceTuning:
     """Constants for a tag's position from a train's energies, and its uncertainty."""
 
     # Levels examined, relative to the strongest energies [dB], and parts of a step of 1 dB.
-    levels_db: tuple[float, float] = (-14.0, 9.0)
-    level_parts: int = 8
-    strength_step_db: float = 0.1
+    levels_db: Resolution[tuple[float, float]] = (-14.0, 9.0)
+    level_parts: Resolution[int] = 8
+    strength_step_db: Resolution[float] = 0.1
     """Step between two pulse strengths in the likelihood table [dB]. At 0.5 dB the pulses of a
     flight line are rounded alike, which alone makes positions 20 m apart differ."""
-    most_rounds: int = 4
-    likely_places: int = 100
+    most_rounds: Guard[int] = 4
+    likely_places: Guard[int] = 100
     """Number of likely positions over which it is judged if a flight's train is the tag's."""
     # Work done at once: places times pulses, places of several rates, and pairs of cells.
-    block: int = 20_000
-    rates_block: int = 300
-    pair_rows: int = 200
-    most_heading_sigmas: float = 3.0
+    block: Guard[int] = 20_000
+    rates_block: Guard[int] = 300
+    pair_rows: Guard[int] = 200
+    most_heading_sigmas: Guard[float] = 3.0
     """Largest error common to all headings that is considered [standard deviations]."""
-    flights_sigma_db: float = 3.0
-    """Standard deviation of a tag's level between flights [dB]: posture, receiver, ground."""
-    exponents: tuple[float, ...] = (2.0, 2.5, 3.0, 3.5, 4.0)
+    exponents: Resolution[tuple[float, ...]] = (2.0, 2.5, 3.0, 3.5, 4.0)
     """Candidate path loss exponents, from free space to a tag on the ground."""
-    same_range_db: float = 0.3
+    same_range_db: Guard[float] = 0.3
     """Range of 10 log10(distance) below which a position shows no path loss exponent [dB]."""
-    least_exponent_share: float = 0.02
+    least_exponent_share: Guard[float] = 0.02
     """Minimum probability of a path loss exponent under which regions must hold the tag."""
     counted: float = 0.8
     """Share of the pulses' evidence that counts, because neighbouring pulses share errors of
@@ -160,51 +158,50 @@ class PlaceTuning:
     noisy_db2: float = 10.0
     """Largest noise variance of a pulse's level at which the full `counted` applies [dB²]."""
 
-    fadings_db: tuple[float, ...] = (1.0, 2.0, 3.0, 4.5)
+    fadings_db: Resolution[tuple[float, ...]] = (1.0, 2.0, 3.0, 4.5)
     """Candidate standard deviations of single pulses' fading [dB]; the first is the usual one.
     With 1 dB for all, tags within 200 m that fade more were outside their regions."""
     more_fading_log: float = 10.0
     """Minimum log evidence for a fading of single pulses larger than the usual one."""
     loud_energy: float = 30.0
     """Minimum energy of the strongest pulses, over noise, for their fading to be estimated."""
-    fading_cells: int = 300
+    fading_cells: Guard[int] = 300
     """Number of the likeliest ground cells used to compare sizes of fading."""
-    # Share of pulses without information: blocked, covered, a moved head; as many are there,
-    # but odd by this standard deviation [dB]: half hidden by a body, two at once.
-    outlier_share: float = 0.02
     odd_fading_db: float = 6.0
-    least_log: float = -30.0
+    """Standard deviation of the levels of odd pulses, half hidden by a body or two at once
+    [dB]; as many as those without information (`LevelPriors.outlier_share`)."""
+    least_log: Guard[float] = -30.0
     loud_factor: float = 6.0
     """Factor f in f · ln E, by which a strong pulse's energy E in a slot is replaced."""
     windows: tuple[float, float] = (0.8, 0.6)
     """Shares of a pulse's energy in its two best filter windows. With all energy in one, a
     passed tag seemed farther away."""
-    least_quiet: int = 200
+    least_quiet: Guard[int] = 200
     """Minimum number of slots without pulses used to estimate the noise."""
 
     # A likely cell is divided in bearing and distance into this number of parts each: always
     # the likeliest cells, and at most this number of cells. For a strong tag the likelihood
     # varies more within such a wide cell than from cell to cell.
-    parts: int = 3
-    always_divided: int = 60
-    most_divided: int = 300
+    parts: Resolution[int] = 3
+    always_divided: Guard[int] = 60
+    most_divided: Guard[int] = 300
     # Parts are divided again if their log likelihoods differ by more than this and they are
     # larger than this [m]; the drone's positions are not more accurate.
-    even_log: float = 2.0
-    finest_m: float = 3.0
+    even_log: Resolution[float] = 2.0
+    finest_m: Resolution[float] = 3.0
     density_power: int = 8
     """Power of the probability density that weights cells in the mean reported as position."""
     alone: float = 0.9
     """Minimum probability of a region's part whose likeliest point becomes the position."""
-    points: int = 7
+    points: Resolution[int] = 7
     """Number of points along each side of a ground cell that spread its probability evenly."""
-    kept: float = 0.998
+    kept: Resolution[float] = 0.998
 
     rate_change: float = 1e-3
     """Probability that a tag changes its pulse rate from one slot to the next."""
     stray_share: float = 1e-2
     """Share of slots with a pulse of another rate by chance: two slots of an interval."""
-    log_slots: int = 8
+    log_slots: Guard[int] = 8
     """Number of slots whose inverse likelihood ratios are multiplied before a logarithm is
     taken; each is up to e^30."""
     noise_share: float = 0.05
@@ -215,9 +212,9 @@ class PlaceTuning:
 class BurstTuning:
     """Constants for recognising a coded tag's bursts in a train."""
 
-    stretches: tuple[float, ...] = (0.0, -0.67, 0.67)
+    stretches: Resolution[tuple[float, ...]] = (0.0, -0.67, 0.67)
     """Candidate stretches of a coded burst's gaps, as shares of the gaps' tolerance."""
-    loud_pulses: int = 2
+    loud_pulses: Guard[int] = 2
     """Minimum number of strong pulses in a coded burst that counts as strong."""
     most_energy: float = 40.0
     """Maximum contribution of one pulse to recognising a burst's code [noise energies]."""
@@ -230,9 +227,8 @@ class BurstTuning:
     # Another sender: standard deviations of its sum, and share of the largest sum.
     sender_sigmas: float = 4.5
     sender_share: float = 0.15
-    # Margins that belong to a burst [s] and to a pulse [slots].
     beside_s: float = 0.005
-    slots_beside: int = 4
+    """Margin on each side that belongs to a burst [s]."""
 
 
 ENERGY, SEARCH, PLACE, BURSTS = EnergyTuning(), SearchTuning(), PlaceTuning(), BurstTuning()

@@ -106,6 +106,10 @@ class Api:
 
     async def choices(self, request: Request) -> Any:
         """Choices of the settings form: serial ports, antennas, presets, maps."""
+        listed = []
+        # Most stations have no maps, and need no process to read them.
+        if await asyncio.to_thread(maps.map_paths, self._maps):
+            listed = await self._worker.call(maps.map_list, self._maps)
         return {
             "ports": await asyncio.to_thread(serial_ports),
             "antennas": {
@@ -116,7 +120,7 @@ class Api:
                 MONOPOLE: {"e_plane_db": None},
             },
             "presets": tag_table.PRESETS,
-            "maps": await self._worker.call(maps.map_list, self._maps),
+            "maps": listed,
             "maps_directory": str(self._maps.absolute()),
             "exports": list(EXPORTS),
         }

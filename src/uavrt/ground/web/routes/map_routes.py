@@ -50,12 +50,16 @@ def map_routes(directory: Path, worker: ForeignWorker) -> list[Route]:
     ]
 
 
+def map_paths(directory: Path) -> list[Path]:
+    """Paths of the map files in a folder, by name."""
+    files = sorted(directory.iterdir()) if directory.is_dir() else []
+    return [path for path in files if _NAME.fullmatch(path.name)]
+
+
 def map_list(directory: Path) -> list[dict[str, Any]]:
     """List the maps with kind, bounds and zoom levels; invalid files with their fault."""
     found = []
-    for path in sorted(directory.iterdir()) if directory.is_dir() else []:
-        if not _NAME.fullmatch(path.name):
-            continue
+    for path in map_paths(directory):
         try:
             found.append({"name": path.name, "fault": None, **_facts(read_map(path))})
         except FormatError as error:

@@ -23,18 +23,18 @@ class BearingEvidence:
         outlier_share: float,
         heading_sigma_deg: float = 0.0,
     ) -> None:
-        self._turned_steps = _nodes(heading_sigma_deg)
-        self._turned_deg = self._turned_steps * BEARING_FIX.step_deg
+        turned_steps = _nodes(heading_sigma_deg)
+        self._turned_deg = turned_steps * BEARING_FIX.step_deg
         weight = np.exp(-0.5 * (self._turned_deg / max(heading_sigma_deg, 1e-3)) ** 2)
         self._log_turned = np.log(weight / weight.sum())
         self._east_m = east_m
         self._north_m = north_m
         self._outlier = outlier_share / 360.0
         tables = self._blurred(posterior) * (1.0 - outlier_share) + self._outlier
-        # What one place needs lies together: a look-up for each error would miss the cache.
-        self._tables = np.stack(
-            [np.roll(tables, -steps, axis=2) for steps in self._turned_steps], axis=3
-        )
+        # A heading error is an offset in a table that goes round a little more than once.
+        self._offsets = (turned_steps - turned_steps[0])[:, None]
+        more = int(turned_steps[-1])
+        self._tables = np.pad(tables, ((0, 0), (0, 0), (more, more + 1)), mode="wrap")
 
     @staticmethod
     def _blurred(density: _Floats) -> _Floats:
@@ -56,45 +56,42 @@ class BearingEvidence:
         )
 
     def densities(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float) -> _Floats:
-        """(n, places, errors) density of each bearing for each position and heading error."""
-        out = np.empty((len(self._east_m), len(east_m), len(self._turned_deg)))
-        count = self._tables.shape[2]
-        for station, table in enumerate(self._tables):
+        """(n, errors, places) density of each bearing for each heading error and position."""
+        out = np.empty((len(self._east_m), len(self._turned_deg), len(east_m)))
+        count, width = round(360.0 / BEARING_FIX.step_deg), self._tables.shape[2]
+        for station, (table, high) in enumerate(zip(self._tables, out, strict=True)):
             dx, dy = east_m - self._east_m[station], north_m - self._north_m[station]
             # A cell of width c has a standard deviation of c / √12 across the ray.
             spread = np.degrees(cell_m / 3.46 / np.maximum(np.hypot(dx, dy), cell_m))
             blur = np.searchsorted(BEARING_FIX.blurs_deg[1:], spread * 0.75)
             place = np.remainder(np.degrees(np.arctan2(dx, dy)), 360.0) / BEARING_FIX.step_deg
             below = place.astype(np.intp)
-            part = (place - below)[:, None]
-            rows = table.reshape(-1, table.shape[2])
-            low = rows[blur * count + below % count]
-            high = rows[blur * count + (below + 1) % count]
-            out[station] = low + part * (high - low)
+            at = blur * width + below % count + self._offsets
+            low = table.ravel().take(at)
+            table.ravel().take(at + 1, out=high, mode="clip")
+            high -= low
+            high *= place - below
+            high += low
         return out
 
     def log_likelihoods(
         self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float
     ) -> _Floats:
-        """(places, errors) log-likelihood of all bearings plus log-prior of heading errors."""
+        """(errors, places) log-likelihood of all bearings plus log-prior of heading errors."""
         return self._log_likelihoods(self.densities(east_m, north_m, cell_m))
 
     def _log_likelihoods(self, densities: _Floats) -> _Floats:
-        # One logarithm for some stations: no product of that few is too small for a float.
-        total = np.zeros(densities.shape[1:])
-        for first in range(0, len(densities), BEARING_FIX.multiplied):
-            total += np.log(np.prod(densities[first : first + BEARING_FIX.multiplied], axis=0))
-        return np.asarray(total + self._log_turned)
+        return np.asarray(log_product(densities) + self._log_turned[:, None])
 
     def log_likelihood(
         self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float
     ) -> _Floats:
         """(places,) log-likelihood of all bearings, the heading error integrated out."""
         each = self.log_likelihoods(east_m, north_m, cell_m)
-        top = each.max(axis=1)
-        if each.shape[1] == 1:
+        top = each.max(axis=0)
+        if len(each) == 1:
             return np.asarray(top)
-        return np.asarray(np.log(np.exp(each - top[:, None]).sum(axis=1)) + top)
+        return np.asarray(np.log(np.exp(each - top).sum(axis=0)) + top)
 
     def doubts(
         self, east_m: _Floats, north_m: _Floats, probability: _Floats, cell_m: _Floats
@@ -109,12 +106,12 @@ class BearingEvidence:
         held = probability[kept] / probability[kept].sum()
         densities = self.densities(east_m[kept], north_m[kept], cell_m[kept])
         each = self._log_likelihoods(densities)
-        share = np.exp(each - each.max(axis=1, keepdims=True))
-        share *= (held / share.sum(axis=1))[:, None]
-        errors = share.sum(axis=0)
+        share = np.exp(each - each.max(axis=0))
+        share *= held / share.sum(axis=0)
+        errors = share.sum(axis=1)
         mean = float(errors @ self._turned_deg)
         variance = float(errors @ (self._turned_deg - mean) ** 2)
-        outliers = np.einsum("ipb,pb->i", self._outlier / densities, share)
+        outliers = np.einsum("iep,ep->i", self._outlier / densities, share)
         return Doubts(
             heading_error_deg=mean,
             heading_error_sigma_deg=variance**0.5,
@@ -130,6 +127,17 @@ class Doubts:
     """Posterior mean of the error that all headings share [deg]."""
     heading_error_sigma_deg: float
     outlier_probabilities: tuple[float, ...]
+
+
+def log_product(densities: _Floats) -> _Floats:
+    """Logarithm of the product over the first axis, with few logarithms.
+
+    No product of so few densities, each with its share of outliers, is too small for a float.
+    """
+    total = np.zeros(densities.shape[1:])
+    for first in range(0, len(densities), BEARING_FIX.multiplied):
+        total += np.log(np.prod(densities[first : first + BEARING_FIX.multiplied], axis=0))
+    return total
 
 
 def _nodes(sigma_deg: float) -> NDArray[np.int64]:

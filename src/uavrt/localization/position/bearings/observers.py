@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from uavrt.core.units import counted, wrap_degrees_360
 from uavrt.localization.angles import difference_deg
+from uavrt.localization.position.bearings.bearing_evidence import log_product
 from uavrt.localization.position.bearings.lenth import Rays
 from uavrt.localization.position.tuning import OBSERVER
 from uavrt.localization.results import Bearing, Caution
@@ -108,14 +109,17 @@ def _log_evidence(
     away = east - trial.east_m[:, None], north - trial.north_m[:, None]
     off = difference_deg(trial.bearing_deg[:, None], np.degrees(np.arctan2(*away)))
     variance = np.degrees(np.arctan2(np.sqrt(area / 12.0), np.hypot(*away))) ** 2
+    # Stations first; apart from the heading error, all terms are the same.
+    spread = scatter_deg[:, None] ** 2 + variance[:, None, :]
+    per_square = -0.5 / spread
+    height = (1.0 - OBSERVER.outlier_share) / np.sqrt(2.0 * np.pi * spread)
     found = np.empty((len(sigma_m), len(scatter_deg), len(heading_deg)))
     for column, heading in enumerate(heading_deg):
         squares = difference_deg(off, heading) ** 2
-        for row, scatter in enumerate(scatter_deg):
-            spread = scatter**2 + variance
-            good = np.exp(-0.5 * squares / spread) / np.sqrt(2.0 * np.pi * spread)
-            mixed = (1.0 - OBSERVER.outlier_share) * good + OBSERVER.outlier_share / 360.0
-            density = np.log(mixed).sum(axis=0)
-            top = density.max()
-            found[:, row, column] = np.log(weight @ np.exp(density - top)) + top
+        mixed = np.exp(per_square * squares[:, None, :])
+        mixed *= height
+        mixed += OBSERVER.outlier_share / 360.0
+        density = log_product(mixed)
+        top = density.max(axis=1, keepdims=True)
+        found[:, :, column] = np.log(weight @ np.exp(density - top).T) + top[:, 0]
     return found

@@ -3,7 +3,8 @@
 A fit to the received pulses alone is biased: near the threshold the loss looks flat. Each miss
 is therefore replaced by its expected level below the threshold, and the fit repeated
 (expectation maximisation of Tobin's model). Some misses have other reasons, such as an
-interferer: their share is estimated at each position in the same way.
+interferer: their share is estimated at each position in the same way. So is the probability of
+each received pulse to be another sender's, of any strength, where a fit must allow for these.
 """
 
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from uavrt.core.runtime.lean_scipy import special
 from uavrt.localization.position.levels.level_evidence import Propagation
 from uavrt.localization.position.tuning import POWER
+from uavrt.localization.tuning import LEVELS
 
 _Floats = NDArray[np.float64]
 
@@ -28,10 +30,15 @@ class PowerFit:
     exponent: _Floats
 
 
-def regression_sums(x: NDArray[np.floating], z: NDArray[np.floating]) -> _Floats:
+def regression_sums(
+    x: NDArray[np.floating],
+    z: NDArray[np.floating],
+    weight: NDArray[np.floating] | None = None,
+) -> _Floats:
     """(5, places) sums of x, z, xx, xz and zz over the pulses of (places, pulses) arrays."""
-    first = [np.asarray(one.sum(axis=1), np.float64) for one in (x, z)]
-    return np.stack([*first, dot(x, x), dot(x, z), dot(z, z)])
+    wx, wz = (x, z) if weight is None else (weight * x, weight * z)
+    first = [np.asarray(one.sum(axis=1), np.float64) for one in (wx, wz)]
+    return np.stack([*first, dot(wx, x), dot(wx, z), dot(wz, z)])
 
 
 def dot(a: NDArray[np.floating], b: NDArray[np.floating]) -> _Floats:
@@ -54,7 +61,7 @@ def _normal_tables() -> tuple[_Floats, _Floats, _Floats, _Floats]:
         1.0 / POWER.table_steps,
     )
     below = special.ndtr(u)
-    ratio = np.exp(-0.5 * u * u - POWER.log_root_two_pi - special.log_ndtr(u))
+    ratio = np.exp(-0.5 * u * u - 0.5 * np.log(2.0 * np.pi) - special.log_ndtr(u))
     return below[:-1], np.diff(below), ratio[:-1], np.diff(ratio)
 
 
@@ -89,6 +96,7 @@ def censored_fit(
     propagation: Propagation,
     *,
     correlation: float = 0.0,
+    foreign: bool = False,
 ) -> PowerFit:
     """Fit level, exponent, fading and random misses at each position.
 
@@ -97,22 +105,28 @@ def censored_fit(
     `missed_loss`, `limit_db`: (places, missed) the same for misses, with upper limits of the
         levels.
     `miss_weight`: number of misses that each represents.
+    `foreign`: True if some received pulses may be another sender's.
     """
     heard = regression_sums(loss, level_heard_db)
-    x, z, xx, xz, zz = heard
-    count, places = loss.shape[1], len(loss)
+    x, z = heard[:2]
+    places = len(loss)
+    count: int | _Floats = loss.shape[1]
 
     def energy(level: _Floats, exponent: _Floats) -> _Floats:
+        x, z, xx, xz, zz = heard
         across = zz - 2.0 * (level * z + exponent * xz)
         along = 2.0 * level * exponent * x + exponent**2 * xx
         return np.asarray(np.maximum(across + along + level**2 * count, 1e-9))
 
     exponent = np.full(places, propagation.exponent)
     level = (z - exponent * x) / count
-    sigma = np.full(places, POWER.typical_fading_db)
-    chance = np.full(places, POWER.missed_share)
-    everything = count + miss_weight * missed_loss.shape[1] + POWER.missed_pulses
-    for _ in range(POWER.censored_rounds):
+    sigma = np.full(places, LEVELS.fading_db)
+    chance = np.full(places, LEVELS.outlier_share)
+    everything = loss.shape[1] + miss_weight * missed_loss.shape[1] + POWER.missed_pulses
+    for _ in range(POWER.foreign_rounds if foreign else POWER.censored_rounds):
+        if foreign:
+            own, log_heard = _own_share(loss, level_heard_db, level, exponent, sigma)
+            heard, count = regression_sums(loss, level_heard_db, own), own.sum(axis=1)
         expected = level[:, None] + exponent[:, None] * missed_loss
         u = (limit_db - expected) / sigma[:, None]
         below, ratio = normal_tail(u)
@@ -126,32 +140,48 @@ def censored_fit(
         )
         of_missed = filled - level[:, None] - exponent[:, None] * missed_loss
         squares = energy(level, exponent) + np.sum(share * (of_missed**2 + variance), axis=1)
-        sigma = np.sqrt((squares + POWER.typical_fading_db**2) / (count + weighed + 1.0))
+        sigma = np.sqrt((squares + LEVELS.fading_db**2) / (count + weighed + 1.0))
         by_chance = miss_weight * missed_loss.shape[1] - weighed
-        chance = (by_chance + POWER.missed_share * POWER.missed_pulses) / everything
+        chance = (by_chance + LEVELS.outlier_share * POWER.missed_pulses) / everything
     expected = level[:, None] + exponent[:, None] * missed_loss
     below, _ = normal_tail((limit_db - expected) / sigma[:, None])
     misses = np.log(chance[:, None] + (1.0 - chance[:, None]) * below).sum(axis=1)
-    score = (
-        -count * np.log(sigma)
-        - 0.5 * energy(level, exponent) / sigma**2
-        + miss_weight * misses
-        + count * np.log1p(-chance)
-    )
+    if foreign:
+        log_heard = _own_share(loss, level_heard_db, level, exponent, sigma)[1]
+    else:
+        log_heard = -count * np.log(sigma) - 0.5 * energy(level, exponent) / sigma**2
+    score = log_heard + miss_weight * misses + loss.shape[1] * np.log1p(-chance)
     # Correlated fading makes neighbours count as one.
     score *= (1.0 - correlation) / (1.0 + correlation)
-    prior_pulses = POWER.missed_share * POWER.missed_pulses
+    prior_pulses = LEVELS.outlier_share * POWER.missed_pulses
     score += prior_pulses * np.log(chance)
     score += (POWER.missed_pulses - prior_pulses) * np.log1p(-chance)
     score -= 0.5 * ((exponent - propagation.exponent) / propagation.exponent_sigma) ** 2
     # The fading's own width and prior cancel those of level and exponent (Laplace).
-    score -= 0.5 * np.log(determinant) + 0.5 * (POWER.typical_fading_db / sigma) ** 2
+    score -= 0.5 * np.log(determinant) + 0.5 * (LEVELS.fading_db / sigma) ** 2
     return PowerFit(log_likelihood=score, level_db=level, exponent=exponent)
+
+
+def _own_share(
+    loss: NDArray[np.floating],
+    level_heard_db: NDArray[np.floating],
+    level: _Floats,
+    exponent: _Floats,
+    sigma: _Floats,
+) -> tuple[NDArray[np.floating], _Floats]:
+    """(places, received) probability that a pulse is the tag's; (places,) log-likelihood."""
+    level, exponent, sigma = (
+        one.astype(loss.dtype)[:, None] for one in (level, exponent, sigma)
+    )
+    off = (level_heard_db - level - exponent * loss) / sigma
+    own = np.exp(-0.5 * off * off) * (1.0 - LEVELS.outlier_share) / sigma
+    mixed = own + (2.0 * np.pi) ** 0.5 * LEVELS.outlier_share / LEVELS.any_strength_db
+    return own / mixed, np.log(mixed).sum(axis=1, dtype=np.float64)
 
 
 def _regressed(
     heard: _Floats,
-    count: int,
+    count: int | _Floats,
     missed_loss: _Floats,
     filled: _Floats,
     share: _Floats,

@@ -17,6 +17,7 @@ from uavrt.core.runtime.lean_scipy import special
 from uavrt.localization.antenna import NULL_DB, AntennaPattern
 from uavrt.localization.position.levels.loss_error import LossError
 from uavrt.localization.position.tuning import LEVEL, LOSS, POWER
+from uavrt.localization.tuning import LEVELS
 
 _Floats = NDArray[np.floating[Any]]
 """Array in single or double precision, as in the input."""
@@ -33,7 +34,7 @@ class Listening:
     """Height of the drone above the tag at the pulse [m]."""
     snr_db: float | None
     """SNR of the pulse [dB]; None: missed, which shows where the tag is not."""
-    threshold_db: float = 10.0
+    threshold_db: float = LEVELS.threshold_db
     """SNR above which the pulse would have been detected [dB]."""
     yaw_deg: float | None = None
     """Direction of the boresight [°], clockwise from true north; None: upright monopole."""
@@ -47,7 +48,7 @@ def false_pulse_density(heard: Listening) -> float:
     """
     assert heard.snr_db is not None
     over = max(float(heard.snr_db) - float(heard.threshold_db), 0.0)
-    return 0.5 * LEVEL.any_strength_per_db + 0.5 / LEVEL.false_pulse_db * exp(
+    return 0.5 / LEVELS.any_strength_db + 0.5 / LEVEL.false_pulse_db * exp(
         -over / LEVEL.false_pulse_db
     )
 
@@ -177,8 +178,8 @@ class LevelBelief:
         expected_db: _Floats,
         fading_db: _Floats | float,
         *,
-        missed_share: float = LEVEL.by_chance,
-        chance_share: float = LEVEL.by_chance,
+        missed_share: float = LEVELS.outlier_share,
+        chance_share: float = LEVELS.outlier_share,
         elsewhere: float = 0.0,
         ground: GroundEffect = NO_EFFECT,
     ) -> _Floats:
@@ -193,7 +194,7 @@ class LevelBelief:
             variance = self.spread_db2(ground) + variance
         if heard.snr_db is not None:
             innovation = float(heard.snr_db) - expected_db
-            scale = (1.0 - missed_share) / LEVEL.root_two_pi / np.sqrt(variance)
+            scale = (1.0 - missed_share) / np.sqrt(2.0 * np.pi * variance)
             density = np.exp(-0.5 * innovation * innovation / variance) * scale
             others = chance_share * false_pulse_density(heard) + elsewhere
             mixed = density + max(others, LEVEL.least_share)
@@ -207,7 +208,7 @@ class LevelBelief:
         below = np.exp(log_below) * (1.0 - missed_share)
         mixed = below + max(missed_share, LEVEL.least_share)
         if learns:
-            hazard = np.exp(-0.5 * u * u - log_below) / LEVEL.root_two_pi
+            hazard = np.exp(-0.5 * u * u - log_below) / float(np.sqrt(2.0 * np.pi))
             ratio = below / mixed * hazard
             part = np.clip(ratio * (ratio + u), 0.0, 1.0) / variance
             self._learn(ground, -ratio / np.sqrt(variance), part)

@@ -14,6 +14,7 @@ from uavrt.localization.position.levels.level_belief import antenna_gain_db
 from uavrt.localization.position.levels.over_hills import TrackHillLosses
 from uavrt.localization.position.levels.strengths import Strengths
 from uavrt.localization.position.tuning import LEVEL, POWER
+from uavrt.localization.tuning import LEVELS
 
 _Floats = NDArray[np.float64]
 
@@ -22,11 +23,9 @@ _Floats = NDArray[np.float64]
 class Propagation:
     """Knowledge of the path loss before the flight."""
 
-    exponent: float = 2.5
-    """Mean path loss exponent: 2 in free space, 4 beyond the break point over ground."""
-    exponent_sigma: float = 0.7
-    shadowing_db: float = 3.0
-    """Standard deviation of shadowing, the loss by ground and plants at a position [dB]."""
+    exponent: float = LEVELS.exponent
+    exponent_sigma: float = LEVELS.exponent_sigma
+    shadowing_db: float = LEVELS.shadowing_db
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

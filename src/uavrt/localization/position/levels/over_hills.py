@@ -6,10 +6,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.localization.number_kinds import Fixed
+from uavrt.localization.position.levels.loss_error import doubtful_db
 from uavrt.localization.position.tuning import POWER
 from uavrt.localization.terrain.hill_losses import HillLosses, LossesFrom
 
 _Floats = NDArray[np.floating[Any]]
+HILL_FACTORS = (
+    (1.0 - 3.0**0.5 * POWER.hill_error, 1.0 / 6.0),
+    (1.0, 2.0 / 3.0),
+    (1.0 + 3.0**0.5 * POWER.hill_error, 1.0 / 6.0),
+)
+"""Candidate factors on all hill losses and their probabilities, by Gauss-Hermite."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -18,7 +26,7 @@ class TrackHillLosses:
 
     hills: HillLosses
     losses: LossesFrom
-    factor: float = 1.0
+    factor: Fixed[float] = 1.0
     """Factor on the losses behind hills that are computed from the terrain."""
 
     @classmethod
@@ -41,5 +49,4 @@ class TrackHillLosses:
 
 def track_error_db(lost_db: _Floats) -> float:
     """Standard deviation of the errors of losses (n,) [dB], without their common factor."""
-    hidden = float(np.mean(lost_db > POWER.hidden_db))
-    return float(np.hypot(POWER.hill_error * np.std(lost_db), POWER.map_error_db * hidden**0.5))
+    return float(POWER.hill_error * np.std(doubtful_db(lost_db)))

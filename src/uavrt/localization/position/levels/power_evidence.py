@@ -29,6 +29,7 @@ from uavrt.localization.position.levels.censored_power import (
 from uavrt.localization.position.levels.level_evidence import Propagation
 from uavrt.localization.position.levels.over_hills import TrackHillLosses, track_error_db
 from uavrt.localization.position.tuning import POWER
+from uavrt.localization.tuning import LEVELS
 
 _DB = 10.0 / np.log(10.0)
 
@@ -47,7 +48,7 @@ class PowerTrack:
     snr_db: _Floats
     """(n,) energy of each pulse over the median noise [dB]; equal to the SNR if the noise is
     even. NaN: missed."""
-    threshold_db: float | _Floats = 10.0
+    threshold_db: float | _Floats = LEVELS.threshold_db
     """SNR above which a missed pulse would have been detected [dB]; (n,) if it varies."""
     antenna: AntennaPattern | None = None
     """Antenna pattern, which requires `yaw_deg`; None: upright monopole."""
@@ -166,6 +167,17 @@ class PowerEvidence:
         by_hills = correlation_over_hills(residual, track_error_db(lost_db), alike)
         return max(lasting_correlation(residual), by_hills)
 
+    def fit_with_foreign(self, east_m: _Floats, north_m: _Floats) -> tuple[_Floats, _Floats]:
+        """Fit received pulses, of which some may be another sender's, at positions (places,).
+
+        Returns: residuals (places, received) [dB]; log-likelihood (places,).
+        """
+        loss, z = self._heard_from(east_m, north_m)
+        none = np.zeros((len(loss), 0))
+        fit = censored_fit(loss, z, none, none, 1.0, self._prior, foreign=True)
+        residual = z - fit.level_db[:, None] - fit.exponent[:, None] * loss
+        return residual, fit.log_likelihood
+
     def _heard_from(self, east_m: _Floats, north_m: _Floats) -> tuple[_Reals, _Reals]:
         """(places, received) -10 log10(r / 100 m), and SNR over its mean less gain [dB]."""
         heard = np.flatnonzero(self._heard)
@@ -260,7 +272,7 @@ def _fit_of_heard(x: _Reals, z: _Reals, prior: Propagation) -> PowerFit:
     both = [dot(x1, x0), 0.5 * (dot(x1, z0) + dot(x0, z1)), dot(z1, z0)]
     exponent = prior.exponent ** np.arange(3)
     known = np.zeros((5, 1))
-    known[2:, 0] = (POWER.typical_fading_db / max(prior.exponent_sigma, 1e-3)) ** 2 * exponent
+    known[2:, 0] = (LEVELS.fading_db / max(prior.exponent_sigma, 1e-3)) ** 2 * exponent
     terms = np.stack(
         [
             whole + known,
@@ -278,7 +290,7 @@ def _fit_of_heard(x: _Reals, z: _Reals, prior: Propagation) -> PowerFit:
     exponent = (ones * xz - x_sum * z_sum) / determinant
     level = (z_sum - exponent * x_sum) / ones
     residual = np.maximum(zz - level * z_sum - exponent * xz, 1e-9) / white
-    score = -0.5 * (np.log(determinant) + count * np.log(residual + POWER.typical_fading_db**2))
+    score = -0.5 * (np.log(determinant) + count * np.log(residual + LEVELS.fading_db**2))
     score -= 0.5 * (count - 3) * np.log(white)
     top = score.max(axis=0)
     weight = np.exp(score - top)

@@ -15,6 +15,7 @@ from uavrt.core.earth.tangent_plane import TangentPlane, plane_around
 from uavrt.core.errors import UsageError
 from uavrt.localization.position.levels.power_evidence import PowerTrack
 from uavrt.localization.position.tuning import POWER
+from uavrt.localization.tuning import LEVELS
 
 _Floats = NDArray[np.float64]
 
@@ -46,7 +47,9 @@ class SignalSurface:
     """(y, x) interpolated SNR [dB]; NaN outside the track's convex hull."""
 
 
-def strongest_signal(track: PowerTrack, *, exponent: float = 2.5) -> StrongestSignal:
+def strongest_signal(
+    track: PowerTrack, *, exponent: float = LEVELS.exponent
+) -> StrongestSignal:
     """Strongest position of a track, six pulses averaged; `UsageError` without pulses."""
     heard = np.flatnonzero(~np.isnan(track.snr_db))
     if not len(heard):

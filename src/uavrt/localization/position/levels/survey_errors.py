@@ -2,8 +2,8 @@
 
 A wrong height (terrain, a tag on a tree, a take-off on a hill) moves the minimum and changes
 the slope of the strength. Several heights are compared together with the position. Pulses of
-other senders have any strength. A robust fit (Student's law, iteratively reweighted) finds the
-approximate position. Pulses that deviate there far more than most are excluded and counted.
+other senders have any strength. A fit that allows for them finds the approximate position.
+Pulses that deviate there far more than most are excluded and counted.
 """
 
 from collections.abc import Sequence
@@ -14,18 +14,19 @@ from numpy.typing import NDArray
 
 from uavrt.localization.position.levels.censored_power import PowerFit
 from uavrt.localization.position.levels.level_evidence import Propagation
-from uavrt.localization.position.levels.over_hills import TrackHillLosses
+from uavrt.localization.position.levels.over_hills import HILL_FACTORS, TrackHillLosses
 from uavrt.localization.position.levels.power_evidence import (
     PowerEvidence,
     PowerTrack,
     fit_each,
 )
-from uavrt.localization.position.tuning import POWER, SURVEY
+from uavrt.localization.position.tuning import SURVEY
 from uavrt.localization.results import Caution
+from uavrt.localization.tuning import LEVELS
 
-_FOREIGN_PER_DB = SURVEY.foreign_share / SURVEY.foreign_range_db
+_FOREIGN_PER_DB = LEVELS.outlier_share / LEVELS.any_strength_db
 _LOG_FOREIGN = float(np.log(_FOREIGN_PER_DB))
-_LOG_OWN = float(np.log(1.0 - SURVEY.foreign_share))
+_LOG_OWN = float(np.log(1.0 - LEVELS.outlier_share))
 
 _Floats = NDArray[np.float64]
 
@@ -93,7 +94,7 @@ class SurveyEvidence:
         score = np.full(len(east_m), -np.inf)
         middle = None
         ((own, _),) = self._evidences
-        for factor, share in POWER.hill_factors:
+        for factor, share in HILL_FACTORS:
             heights = [one.losing(factor) for one in own]
             found = self._fit_heights(heights, east_m, north_m)
             score = np.logaddexp(score, found.log_likelihood + np.log(share))
@@ -146,14 +147,14 @@ class SurveyEvidence:
         return tuple(one for one in SURVEY.shifts_m if one > -lowest)
 
     def _rough_fit(self, heard: NDArray[np.bool_]) -> tuple[tuple[float, float], float, float]:
-        """Position, search radius [m] and height error [m] of the best robust fit."""
+        """Position, search radius [m] and height error [m] of the best fit."""
         some = np.zeros(len(heard), bool)
         pulses = np.flatnonzero(heard)
         some[pulses[:: -(-len(pulses) // SURVEY.rough_pulses)]] = True
         east, north = self._coarsely(2 * SURVEY.coarse_cells)
         step = max(float(east[1] - east[0]), float(north[1] - north[0]))
         y, x = (one.ravel() for one in np.meshgrid(north, east, indexing="ij"))
-        score = self._robust(x, y, some, 0.0)[2]
+        score = self._evidence(0.0, some).fit_with_foreign(x, y)[1]
         off = np.linspace(-step, step, SURVEY.rough_fine)
         shifts = self._shifts()[::2] if len(self._shifts()) > 1 else (0.0,)
         found = []
@@ -171,33 +172,9 @@ class SurveyEvidence:
         self, east: _Floats, north: _Floats, heard: NDArray[np.bool_], shift_m: float
     ) -> tuple[float, tuple[float, float]]:
         y, x = (one.ravel() for one in np.meshgrid(north, east, indexing="ij"))
-        _, _, score = self._robust(x, y, heard, shift_m)
+        _, score = self._evidence(shift_m, heard).fit_with_foreign(x, y)
         top = int(np.argmax(score))
         return float(score[top]), (float(x[top]), float(y[top]))
-
-    def _robust(
-        self, east_m: _Floats, north_m: _Floats, heard: NDArray[np.bool_], shift_m: float
-    ) -> tuple[_Floats, _Floats, _Floats]:
-        """Robust fit to received powers: residuals (places, n), scale, log-likelihood."""
-        evidence = self._evidence(shift_m)
-        loss, gain = evidence.propagation(east_m, north_m, np.flatnonzero(heard[self.kept]))
-        z = self._track.snr_db[heard & self.kept] - gain
-        weight = np.ones_like(z)
-        prior = (4.0 / self._propagation.exponent_sigma) ** 2
-        freedom = SURVEY.freedom
-        for _ in range(SURVEY.rounds):
-            ones, x = weight.sum(axis=1), np.sum(weight * loss, axis=1)
-            level_sum, xz = np.sum(weight * z, axis=1), np.sum(weight * loss * z, axis=1)
-            xx = np.sum(weight * loss**2, axis=1) + prior
-            xz = xz + prior * self._propagation.exponent
-            slope = (ones * xz - x * level_sum) / np.maximum(ones * xx - x * x, 1e-9)
-            level = (level_sum - slope * x) / ones
-            residual = z - level[:, None] - slope[:, None] * loss
-            scale = np.sqrt(np.mean(weight * residual**2, axis=1) + SURVEY.least_db**2)
-            weight = (freedom + 1.0) / (freedom + (residual / scale[:, None]) ** 2)
-        law = np.log1p((residual / scale[:, None]) ** 2 / freedom)
-        score = -z.shape[1] * np.log(scale) - 0.5 * (freedom + 1.0) * law.sum(axis=1)
-        return residual, scale, score
 
     def _readings(
         self,
@@ -221,11 +198,11 @@ class SurveyEvidence:
         beneath = heard & (near <= reach_m)
         east = np.concatenate([east, self._east_m[beneath]])
         north = np.concatenate([north, self._north_m[beneath]])
-        residual, _, score = self._robust(east, north, heard, shift_m)
+        residual, score = self._evidence(shift_m, heard).fit_with_foreign(east, north)
         residual = residual[score > score.max() - SURVEY.mirror_nats]
         innovation, sigma = _unlike_neighbours(residual)
         own = np.exp(-0.5 * (innovation / sigma) ** 2) / (sigma * np.sqrt(2.0 * np.pi))
-        own *= 1.0 - SURVEY.foreign_share
+        own *= 1.0 - LEVELS.outlier_share
         odd = own < _FOREIGN_PER_DB
         found: list[NDArray[np.bool_]] = []
         if self._over_hills is None and np.all(heard):

@@ -13,7 +13,7 @@ from scipy import ndimage, special, stats
 
 from uavrt.config.tags.code_rules import GAP_TOLERANCE_S
 from uavrt.core.messages import Tag
-from uavrt.localization.whole_flight.tuning import BURSTS
+from uavrt.localization.whole_flight.tuning import BURSTS, ENERGY
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -136,7 +136,7 @@ def sender_of(
     profile = weight @ over[at[:, np.newaxis] + lags]
     deviation = 1.4826 * float(np.median(np.abs(profile - np.median(profile))))
     sums = weight @ picked
-    outside = np.abs(np.subtract.outer(lags, places)).min(axis=1) > BURSTS.slots_beside
+    outside = np.abs(np.subtract.outer(lags, places)).min(axis=1) > ENERGY.slots_beside
     stands_out = BURSTS.sender_sigmas * deviation
     strange = outside & (profile > max(stands_out, 0.5 * float(sums.mean())))
     chance = BURSTS.doubtful_chance if strange.any() else BURSTS.unequal_chance

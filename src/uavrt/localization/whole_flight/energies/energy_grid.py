@@ -18,6 +18,7 @@ from uavrt.core.messages import Tag
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 from uavrt.detection.search.grid import Grid, Spectrogram, make_grid, sliding_maximum
 from uavrt.dsp.zero_runs import zero_runs
+from uavrt.localization.number_kinds import Resolution
 from uavrt.localization.whole_flight.energies.coded_bursts_over_flight import (
     SinglePulses,
     burst_columns,
@@ -183,7 +184,7 @@ def slot_layout(
     sample_rate_hz: float,
     center_frequency_hz: float,
     frequency_window_hz: float,
-    slots_per_pulse: int = 2,
+    slots_per_pulse: Resolution[int] = 2,
 ) -> SlotLayout:
     """Divide a tag's channel into slots; parameters as those of `slot_energies`."""
     grid = make_grid(
@@ -249,7 +250,7 @@ def slot_energies(
     sample_rate_hz: float,
     center_frequency_hz: float,
     frequency_window_hz: float,
-    slots_per_pulse: int = 2,
+    slots_per_pulse: Resolution[int] = 2,
 ) -> SlotEnergies:
     """Measure the energy of each slot; `samples`, `there`, `start_ns` are from `gather`."""
     layout = slot_layout(

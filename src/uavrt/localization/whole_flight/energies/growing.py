@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from uavrt.core.messages import Tag
 from uavrt.core.units import NANOSECONDS_PER_SECOND
+from uavrt.localization.number_kinds import Resolution
 from uavrt.localization.whole_flight.energies.energy_grid import (
     SlotEnergies,
     joined,
@@ -31,7 +32,7 @@ class GrowingEnergies:
         sample_rate_hz: float,
         center_frequency_hz: float,
         frequency_window_hz: float,
-        slots_per_pulse: int = 2,
+        slots_per_pulse: Resolution[int] = 2,
     ) -> None:
         self._tag, self._start_ns = tag, start_ns
         self._rate_hz, self._center_hz = sample_rate_hz, center_frequency_hz
