@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.harness import Table
 from uavrt.analysis.integrated.flight_so_far import FlightSoFar
-from uavrt.analysis.whole_flights.judged_flights import JudgeAs
+from uavrt.analysis.whole_flights.judged_flights import WholeFlightOptions
 from uavrt.core.messages import ChannelBlock, FlightInfo, Pose
 from uavrt.flight.flight_recorder import FlightRecorder
 from uavrt.flight.samples.channel_recorder import ChannelRecorder
@@ -70,7 +70,7 @@ def _flown() -> tuple[dict[int, float], float, float]:
             None,
         )
         recorder = ChannelRecorder(directory, budget_mb=1000.0, minimum_free_mb=0.0)
-        flight = FlightSoFar(directory, JudgeAs(pattern=PATTERNS["RA-23K"]))
+        flight = FlightSoFar(directory, WholeFlightOptions(pattern=PATTERNS["RA-23K"]))
         before_mb = _resident_mb()
         costs = {}
         for minute in range(MINUTES):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from some import some
 
 from uavrt.planning.drone_model.drone_motion import VehicleState
-from uavrt.planning.stopping import HonestStop, StopRule
+from uavrt.planning.stopping import AccuracyStop, StopRule
 from uavrt_experiments.search.bounds import (
     LeastErrors,
     after_a_second,
@@ -143,7 +143,7 @@ def test_no_estimate_of_simulated_levels_beats_the_bound_and_the_best_comes_near
     [
         (DeterminantStop(limit_m4=1e4), lambda major, minor: (major * minor) ** 2 <= 1e4),
         (LongestAxisStop(limit_m=15.0), lambda major, minor: major <= 15.0),
-        (HonestStop(radius95_m=24.5), lambda major, minor: circle95_m(major, minor) <= 24.5),
+        (AccuracyStop(radius95_m=24.5), lambda major, minor: circle95_m(major, minor) <= 24.5),
     ],
 )
 def test_no_cloud_that_a_rule_takes_has_less_information(

@@ -14,10 +14,10 @@ from typing import Any
 import made
 
 from uavrt.config.settings import GuidanceSettings
-from uavrt.core.messages import MotionOffer, MotionRequest, VehicleReport, VehicleWish
+from uavrt.core.messages import MotionOffer, MotionRequest, VehicleReport, VehicleRequest
 from uavrt.guidance.autopilot_behaviour import behaviour_of
 from uavrt.guidance.operator_orders import Limits, Order
-from uavrt.guidance.pilot import Pilot
+from uavrt.guidance.order_execution import OrderExecution
 from uavrt.guidance.plans import plan_of
 from uavrt.guidance.vehicle_reports import now_of
 from uavrt.link.mavlink import dialect
@@ -77,13 +77,13 @@ class Guided:
         bay.assignment = replace(bay.assignment, settings=bay.settings)
         bay.autopilot_settings = replace(bay.autopilot_settings, flies=True, sticks=True)
         self.report: VehicleReport | None = None
-        self.pilot: Pilot | None = None
+        self.execution: OrderExecution | None = None
         self.out_s: float | None = None
         """When our say ended last."""
         self.lost_s: float | None = None
         """When the pilot noticed that the link was lost."""
         self.order_id = 0
-        self._offered: Pilot | None = None
+        self._offered: OrderExecution | None = None
         take = bay._take
 
         def taken(topic: str, record: object) -> None:
@@ -112,10 +112,10 @@ class Guided:
         order = Order(order_id=self.order_id, action="goto", places=request.places)
         limits = Limits(battery_wh=120.0)
         plan = plan_of(order, now, limits, behaviour_of(self.report.autopilot))
-        self._offered = Pilot(order, plan, limits)
+        self._offered = OrderExecution(order, plan, limits)
         offer = MotionOffer(
             request_id=request.request_id,
-            asker=request.asker,
+            requester=request.requester,
             order_id=self.order_id,
             nonce=NONCE + self.order_id,
             summary=plan.summary,
@@ -131,15 +131,15 @@ class Guided:
         if report.order_id is None or now is None:
             self.lost_s = None
             return
-        if self.pilot is None or self.pilot.order.order_id != report.order_id:
-            self.pilot, self.lost_s = self._offered, None
-        assert self.pilot is not None
-        wish = self.pilot.next(now)
-        record = VehicleWish(order_id=report.order_id)
-        if wish is not None:
-            record = VehicleWish(order_id=report.order_id, wish=wish)
-        self.bay.deliver("wish", record)
-        if "lost" in self.pilot.said and self.lost_s is None:
+        if self.execution is None or self.execution.order.order_id != report.order_id:
+            self.execution, self.lost_s = self._offered, None
+        assert self.execution is not None
+        manoeuvre = self.execution.next(now)
+        record = VehicleRequest(order_id=report.order_id)
+        if manoeuvre is not None:
+            record = VehicleRequest(order_id=report.order_id, manoeuvre=manoeuvre)
+        self.bay.deliver("vehicle_request", record)
+        if "lost" in self.execution.status_text and self.lost_s is None:
             self.lost_s = self._now_s()
 
 

@@ -19,7 +19,7 @@ from explored import copied
 
 from uavrt.core.errors import CommandRefused, LinkError, TunnelError
 from uavrt.core.messages import MotionRequest
-from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.control.authority import ControlStage
 from uavrt.link.tunnel import gate
 from uavrt.link.tunnel.gate import ECHO_S, Gate, Sealer
 from uavrt.link.tunnel.own_messages import seal
@@ -309,7 +309,7 @@ class AttackedWorld(World):
         for _ in range(TRIES["stop"]):
             taken.replay()
             taken.beat()
-        assert taken.authority.standing is Standing.OUT, "not out after take back"
+        assert taken.authority.standing is ControlStage.OUT, "not out after take back"
         assert taken.link.pending is None, "no answer to take back"
         lost = copied(self)
         WorldClock.now_s = lost.now_s
@@ -416,7 +416,7 @@ class AttackedWorld(World):
             self._take_order(inside, refusal)
 
     def _take_order(self, order: bytes, refusal: str | None) -> None:
-        """Act as `MotionDesk` does, with the consent of supervisor and guide."""
+        """Act as `MotionHandler` does, with the consent of supervisor and guide."""
         link, message = self.link, decode_motion(order, GROUND)
         number = message.request_id
         if refusal is not None:
@@ -523,7 +523,7 @@ def _changed(payload: bytes) -> bytes:
 
 
 def _request(number: int) -> MotionRequest:
-    return MotionRequest(request_id=number, asker=GROUND, action="hold")
+    return MotionRequest(request_id=number, requester=GROUND, action="hold")
 
 
 _checked: set[int] = set()

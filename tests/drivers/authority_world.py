@@ -12,14 +12,14 @@ from explored import Keys, copied
 from uavrt.core.errors import CommandRefused
 from uavrt.core.messages import FlyThere, GoHome
 from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
-from uavrt.guidance.control.authority import Authority, Standing
+from uavrt.guidance.control.authority import Authority, ControlStage
 from uavrt.guidance.control.observed import (
-    BootTimeSeen,
-    HomeSeen,
-    LandedSeen,
-    ModeSeen,
-    PositionSeen,
-    TargetSeen,
+    BootTimeReport,
+    HomeReport,
+    LandedReport,
+    ModeReport,
+    PositionReport,
+    TargetReport,
 )
 from uavrt.guidance.control.order_watch import OrderWatch
 from uavrt.guidance.control.vehicle_commands import CommandWriter
@@ -140,7 +140,7 @@ class World:
     def check(self) -> None:
         """Check that no order moves the drone unconfirmed, and that *Take back* ends it."""
         authority = self.authority
-        if authority.standing is not Standing.OUT:
+        if authority.standing is not ControlStage.OUT:
             assert authority.order_id == self.confirmed, (
                 f"{authority.standing} for {authority.order_id}, confirmed is {self.confirmed}"
             )
@@ -149,7 +149,7 @@ class World:
                 assert_refused(copied(authority), order_id, self.now_s)
         taken = copied(authority)
         taken.stop(self.now_s)
-        assert taken.standing is Standing.OUT, "not out after take back"
+        assert taken.standing is ControlStage.OUT, "not out after take back"
         for order_id in ORDERS:
             assert_refused(taken, order_id, self.now_s)
             try:
@@ -187,17 +187,17 @@ class World:
 
     @property
     def moved(self) -> bool:
-        return self.authority.standing is not Standing.CONFIRMED
+        return self.authority.standing is not ControlStage.CONFIRMED
 
     def report(self) -> None:
         self.heard_s = self.now_s
-        see, now_s, boot_s = self.authority.see, self.now_s, self.now_s - 50.0
-        see(BootTimeSeen(now_s, boot_s, 0.0))
-        see(ModeSeen(now_s, self.mode, armed=True))
-        see(HomeSeen(now_s, *HOME_DEG, HOME_AMSL_M))
-        see(LandedSeen(now_s, on_ground=False))
-        see(
-            PositionSeen(
+        observe, now_s, boot_s = self.authority.observe, self.now_s, self.now_s - 50.0
+        observe(BootTimeReport(now_s, boot_s, 0.0))
+        observe(ModeReport(now_s, self.mode, armed=True))
+        observe(HomeReport(now_s, *HOME_DEG, HOME_AMSL_M))
+        observe(LandedReport(now_s, on_ground=False))
+        observe(
+            PositionReport(
                 time_s=now_s,
                 boot_s=boot_s,
                 latitude_deg=latitude_deg(self.at_m),
@@ -209,11 +209,11 @@ class World:
             )
         )
         if self.own_mode and self.target_m is not None:
-            see(self.target_seen(self.target_m))
+            observe(self.target_seen(self.target_m))
         self.authority.tick(now_s)
 
-    def target_seen(self, north_m: float) -> TargetSeen:
-        return TargetSeen(
+    def target_seen(self, north_m: float) -> TargetReport:
+        return TargetReport(
             time_s=self.now_s,
             boot_s=self.now_s - 50.0,
             latitude_deg=latitude_deg(north_m),
@@ -297,7 +297,7 @@ class World:
     def reported_as_ours(self) -> None:
         """A report of our target once more, whatever the drone flies to."""
         if self.linked:
-            self.authority.see(self.target_seen(PLACES_M[0]))
+            self.authority.observe(self.target_seen(PLACES_M[0]))
 
     def arrive(self) -> None:
         for _ in range(4):
@@ -346,13 +346,13 @@ EVENTS: dict[str, Callable[[World], None]] = {
 
 
 def assert_refused(authority: Authority, order_id: int, now_s: float) -> None:
-    for wish in (flight(PLACES_M[0]), GoHome()):
+    for manoeuvre in (flight(PLACES_M[0]), GoHome()):
         for stops in (False, True):
             try:
-                authority.command(order_id, wish, now_s, stops=stops)
+                authority.command(order_id, manoeuvre, now_s, stops=stops)
             except CommandRefused:
                 continue
-            raise AssertionError(f"{wish} of order {order_id} was taken")
+            raise AssertionError(f"{manoeuvre} of order {order_id} was taken")
 
 
 def flight(north_m: float) -> FlyThere:

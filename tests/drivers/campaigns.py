@@ -16,7 +16,7 @@ from searched import Animal, Searched
 from some import some
 
 from uavrt.core.units import wrap_degrees_180
-from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.control.authority import ControlStage
 from uavrt.guidance.operator_orders import Limits
 from uavrt.guidance.safety import SAFETY
 from uavrt.link.mavlink.dialect import MavCmd
@@ -169,9 +169,9 @@ def takeoff(flavour: Flavour, seed: int) -> Framed:
         start_s = flown.vehicle.ground.idle_s + rng.uniform(0.0, 1.0)
         flown.vehicle.ground.false_flight_s = (start_s, start_s + rng.uniform(0.2, 1.2))
     flown.order("takeoff", height_m=rng.uniform(30.0, 90.0))
-    pilot, flown.pilot = flown.pilot, None
+    execution, flown.execution = flown.execution, None
     flown.run(rng.uniform(0.0, 1.0))  # until the guide begins
-    flown.pilot = pilot
+    flown.execution = execution
     return flown
 
 
@@ -203,8 +203,8 @@ def fault_of(action: str, flavour: Flavour, seed: int) -> str | None:
 
 
 def ended(flown: Flown) -> str:
-    flown.run(LONGEST_S, until=lambda: flown.authority.standing is Standing.OUT)
-    if flown.authority.standing is not Standing.OUT:
+    flown.run(LONGEST_S, until=lambda: flown.authority.standing is ControlStage.OUT)
+    if flown.authority.standing is not ControlStage.OUT:
         return "not ended"
     return flown.authority.reason
 
@@ -246,9 +246,9 @@ def turn_away(flown: Framed, rng: random.Random) -> None:
     flown.vehicle.command(turn)
 
 
-def ask_velocity(flown: Framed, rng: random.Random) -> None:
+def set_velocity(flown: Framed, rng: random.Random) -> None:
     still = rng.random() < 0.5
-    flown.vehicle.ask_velocity(*((0.0, 0.0) if still else (rng.uniform(-2, 2), 1.0)), 0.0)
+    flown.vehicle.set_velocity(*((0.0, 0.0) if still else (rng.uniform(-2, 2), 1.0)), 0.0)
 
 
 def move_stick(flown: Framed, rng: random.Random) -> None:
@@ -286,7 +286,7 @@ TAKEOVERS: dict[str, Takeover] = {
     "go nearby": (go_nearby, 0.1, 0.1),
     "turn at our target": (turn_at_our_target, 0.6, 0.0),
     "turn": (turn_away, 0.0, 2.0),
-    "velocity": (ask_velocity, 0.0, 0.3),
+    "velocity": (set_velocity, 0.0, 0.3),
     "mode": (other_mode, 0.5, 0.1),
     "stick": (move_stick, 0.2, 0.2),
     "remote lost": (lose_remote, 1.75, 1.75),
@@ -317,7 +317,7 @@ def takeover_fault(name: str, flavour: Flavour, seed: int) -> str | None:
     if name == "pause" and is_same(before, target_message(flown.vehicle, 0)):
         return CROSSED
     stood_s: float | None = None
-    while flown.authority.standing is not Standing.OUT and flown.time_s < begun_s + 40.0:
+    while flown.authority.standing is not ControlStage.OUT and flown.time_s < begun_s + 40.0:
         flown.step()
         if stood_s is None and math.hypot(*flown.vehicle.body.velocity_m_s) < STANDS_M_S:
             stood_s = flown.time_s
@@ -390,7 +390,7 @@ def flying(flavour: Flavour, rng: random.Random, name: str) -> Framed:
         action = rng.choice(("survey", "search", "rotation"))
         flown = BEGUN[action](flavour, rng.randrange(1_000_000))
         flown.run(rng.uniform(3.0, 45.0))
-        vehicle, wishes = flown.vehicle, flown.authority.standing is Standing.IN_COMMAND
+        vehicle, wishes = flown.vehicle, flown.authority.standing is ControlStage.IN_COMMAND
         moves = math.hypot(*vehicle.body.velocity_m_s) > 1.0
         last = flown.commands[-1][1] if flown.commands else None
         fits = not (name == "pause by 193" and not moves)

@@ -9,10 +9,16 @@ from virtual_time import follow
 
 from uavrt.config.settings import GuidanceSettings
 from uavrt.core.errors import CommandRefused
-from uavrt.core.messages import Command, CommandReply, MotionOffer, VehicleReport, VehicleWish
-from uavrt.drone.processes.motions.motion_control import Outlets
-from uavrt.drone.processes.motions.motion_desk import MotionDesk
-from uavrt.guidance.control.authority import Standing
+from uavrt.core.messages import (
+    Command,
+    CommandReply,
+    MotionOffer,
+    VehicleReport,
+    VehicleRequest,
+)
+from uavrt.drone.processes.motions.motion_control import MotionOutputs
+from uavrt.drone.processes.motions.motion_handler import MotionHandler
+from uavrt.guidance.control.authority import ControlStage
 from uavrt.guidance.operator_orders import Order, VehicleNow
 from uavrt.guidance.vehicle_reports import now_of
 from uavrt.link.mavlink import dialect
@@ -43,7 +49,7 @@ class Desked(Flown):
         follow(lambda: self.time_s)
         self._report: VehicleReport | None = None
         self._is_new = False
-        self._wishes: deque[tuple[int, VehicleWish]] = deque()
+        self._wishes: deque[tuple[int, VehicleRequest]] = deque()
         self.states: list[MotionState] = []
         self.stop_commands: list[Any] = []
         self._stopping = False
@@ -53,14 +59,14 @@ class Desked(Flown):
         self._numbers = iter(range(1, 1_000_000))
         self._hub = random.Random(str(values.get("phase_s")))
         limits = values.get("limits")
-        self.desk = MotionDesk(
+        self.desk = MotionHandler(
             GuidanceSettings(
                 enabled=True,
                 battery_wh=120.0,
                 may_take_off=True,
                 fence_m=500.0 if limits is None else limits.fence_m,
             ),
-            Outlets(
+            MotionOutputs(
                 command=self._command,
                 leaves=lambda: self.leaves,
                 state=lambda payload, _: self.states.append(decode_state(payload)),
@@ -80,7 +86,7 @@ class Desked(Flown):
         if message.command == dialect.MavCmd.REQUEST_MESSAGE:
             return
         self.commands.append((self.time_s, message))
-        self.sent_when_out += self.authority.standing is Standing.OUT
+        self.sent_when_out += self.authority.standing is ControlStage.OUT
         if self._stopping:
             self.stop_commands.append(message)
         self.vehicle.command(message)
@@ -97,25 +103,31 @@ class Desked(Flown):
         self._stopping = False
         self.authority = self.desk.control.authority or self.authority
         while self._wishes and self._wishes[0][0] <= self.steps:
-            self.desk.wish(self._wishes.popleft()[1])
+            self.desk.handle_request(self._wishes.popleft()[1])
         if self.alive and self._is_new:
             self._is_new = False
-            self.wish()
+            self.request_motion()
 
-    def wish(self) -> None:
+    def request_motion(self) -> None:
         """As the guide does with each report."""
-        report, pilot = self._report, self.pilot
+        report, execution = self._report, self.execution
         assert report is not None
         if report.order_id is None:
             return
-        record = VehicleWish(order_id=report.order_id)
+        record = VehicleRequest(order_id=report.order_id)
         now = self.now()
-        if pilot is not None and now is not None and report.order_id == pilot.order.order_id:
-            wish = pilot.next(now)
-            if wish is not None:
-                record = VehicleWish(order_id=pilot.order.order_id, wish=wish)
-            elif pilot.ended is not None:
-                record = VehicleWish(order_id=report.order_id, ends=True, said=pilot.ended)
+        if (
+            execution is not None
+            and now is not None
+            and report.order_id == execution.order.order_id
+        ):
+            manoeuvre = execution.next(now)
+            if manoeuvre is not None:
+                record = VehicleRequest(order_id=execution.order.order_id, manoeuvre=manoeuvre)
+            elif execution.ended is not None:
+                record = VehicleRequest(
+                    order_id=report.order_id, ends=True, status_text=execution.ended
+                )
         due = self.steps + self._hub.randint(0, SLOWEST_STEPS)
         before = self._wishes[-1][0] if self._wishes else 0
         self._wishes.append((max(due, before), record))
@@ -137,7 +149,7 @@ class Desked(Flown):
         self.desk.orders.offer(
             MotionOffer(
                 request_id=next(self._numbers),
-                asker=STATION,
+                requester=STATION,
                 order_id=order_id,
                 nonce=nonce_of(order_id),
                 summary="",

@@ -10,11 +10,11 @@ import made
 from uavrt.core.errors import CommandRefused, PlanError
 from uavrt.core.messages import VehicleReport
 from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
-from uavrt.guidance.control.authority import Authority, Standing
+from uavrt.guidance.control.authority import Authority, ControlStage
 from uavrt.guidance.control.vehicle_commands import CommandWriter
 from uavrt.guidance.energy_learning import EnergyLearning
 from uavrt.guidance.operator_orders import Limits, Order, VehicleNow
-from uavrt.guidance.pilot import Pilot
+from uavrt.guidance.order_execution import OrderExecution
 from uavrt.guidance.plans import plan_of
 from uavrt.guidance.vehicle_reports import now_of
 from uavrt.link.mavlink import dialect
@@ -71,7 +71,7 @@ class Flown:
         )
         self.through: Through = lambda _, told: told
         self.each_step: Callable[[], None] = lambda: None
-        self.pilot: Pilot | None = None
+        self.execution: OrderExecution | None = None
         self.lessons = EnergyLearning(self.limits.hover_w, self.limits.battery_wh)
         self.wind_m_s: tuple[float, float] | None = None
         """As told."""
@@ -116,29 +116,31 @@ class Flown:
         for message in self.through(self.time_s, self.telemetry()):
             self.wind_m_s = wind_of(message) or self.wind_m_s
             for seen in observations(message, self.time_s):
-                self.authority.see(seen)
+                self.authority.observe(seen)
         self.authority.tick(self.time_s)
-        if self.out_s is None and self.began and self.authority.standing is Standing.OUT:
+        if self.out_s is None and self.began and self.authority.standing is ControlStage.OUT:
             self.out_s = self.time_s
         if self.alive:
             self.authority.planner_alive(self.time_s)
-            self.wish()
+            self.request_motion()
 
     @property
     def began(self) -> bool:
         return bool(self.commands)
 
-    def wish(self) -> None:
+    def request_motion(self) -> None:
         now = self.now()
-        if self.pilot is None or now is None:
+        if self.execution is None or now is None:
             return
-        wish = self.pilot.next(now)
-        if self.pilot.ended is not None:
-            self.authority.stop(self.time_s, self.pilot.ended)
-        if wish is None:
+        manoeuvre = self.execution.next(now)
+        if self.execution.ended is not None:
+            self.authority.stop(self.time_s, self.execution.ended)
+        if manoeuvre is None:
             return
         try:
-            command = self.authority.command(self.pilot.order.order_id, wish, self.time_s)
+            command = self.authority.command(
+                self.execution.order.order_id, manoeuvre, self.time_s
+            )
         except CommandRefused:
             self.refused += 1
             return
@@ -156,8 +158,8 @@ class Flown:
             battery_percent=round(self.vehicle.body.battery_percent)
             if self.status_told
             else None,
-            wishes_sent=self.sent,
-            wishes_refused=self.refused,
+            requests_sent=self.sent,
+            requests_refused=self.refused,
             ground_silent_s=self.ground_silent_s,
         )
         report = VehicleReport(
@@ -171,7 +173,7 @@ class Flown:
         now = now_of(report, self.time_s)
         return None if now is None else self.lessons.learn(now)
 
-    def order(self, action: Any, **values: Any) -> Pilot:
+    def order(self, action: Any, **values: Any) -> OrderExecution:
         """Ask for a motion and confirm it."""
         self.next_id += 1
         order = Order(order_id=self.next_id, action=action, **values)
@@ -180,8 +182,8 @@ class Flown:
             raise PlanError("no position")
         plan = plan_of(order, now, self.limits, BEHAVIOURS[self.flavour])
         self.confirm(order)
-        self.pilot = Pilot(order, plan, self.limits)
-        return self.pilot
+        self.execution = OrderExecution(order, plan, self.limits)
+        return self.execution
 
     def confirm(self, order: Order) -> None:
         """Offer an order, and confirm it at once."""

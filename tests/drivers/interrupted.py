@@ -7,7 +7,7 @@ import subprocess
 from contextlib import suppress
 from pathlib import Path
 
-PATIENCE_S = 90.0
+TRIAL_TIMEOUT_S = 90.0
 
 
 def interrupted(program: "subprocess.Popen[str]") -> tuple[str, str, float]:
@@ -18,7 +18,7 @@ def interrupted(program: "subprocess.Popen[str]") -> tuple[str, str, float]:
     """
     spent_s, others_s = _spent_s(program.pid), _ended_s()
     os.killpg(program.pid, signal.SIGINT)
-    said, fault = program.communicate(timeout=PATIENCE_S)
+    said, fault = program.communicate(timeout=TRIAL_TIMEOUT_S)
     return said or "", fault or "", _ended_s() - others_s - spent_s
 
 

@@ -199,7 +199,7 @@ def _look(
     receiver = _receiver(status)
     words = receiver.reason[:110] or words  # the whole sentence, with its figures
     view, shown = MonitorView(), io.StringIO()
-    view.take("system_status", status, 0.0)  # a monitor that was opened only now
+    view.add("system_status", status, 0.0)  # a monitor that was opened only now
     Console(file=shown, width=300).print(view.render(0.0))
     logged = page_log = ""
     deadline_s = time.monotonic() + 10.0

@@ -80,7 +80,7 @@ class Bench:
             self.now_ns += 50_000_000
 
     def status(self, state: SystemState, *processes: ProcessStatus) -> None:
-        self.gateway.take(
+        self.gateway.receive(
             SystemStatus(
                 time_ns=self.now_ns,
                 state=state,

@@ -13,11 +13,11 @@ from some import some
 from uavrt.core.earth.geodesy import distance_m
 from uavrt.core.messages import Pulse, PulsePose, SearchNote, SearchReport, Tag
 from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
-from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.control.authority import ControlStage
 from uavrt.guidance.operator_orders import Limits, Order, VehicleNow
-from uavrt.guidance.pilot import Pilot
+from uavrt.guidance.order_execution import OrderExecution
+from uavrt.guidance.search.search_run import Choice, SearchRun
 from uavrt.guidance.search.search_task import Equipment
-from uavrt.guidance.search.seeker import Choice, Seeker
 from uavrt.localization.antenna import PATTERNS
 from uavrt.simulation.vehicle.airframe import Flavour, Frame
 from uavrt.simulation.vehicle.simulated_flying import FlyingVehicle
@@ -88,24 +88,26 @@ class Searched:
             **values,
         )
 
-    def seeker_of(self, order: Order) -> Seeker:
+    def seeker_of(self, order: Order) -> SearchRun:
         now = some(self.flown.now())
         equipment = Equipment(pattern=PATTERN, seed=self.seed)
-        return Seeker(order, self.tags, now, self.limits, BEHAVIOURS[self.flavour], equipment)
+        return SearchRun(
+            order, self.tags, now, self.limits, BEHAVIOURS[self.flavour], equipment
+        )
 
-    def begin(self) -> Pilot:
+    def begin(self) -> OrderExecution:
         """Ask for the search and confirm it."""
         flown, order = self.flown, self.order()
-        self.seeker = self.seeker_of(order)
+        self.search_run = self.seeker_of(order)
         flown.confirm(order)
         now = some(flown.now())
-        choice = self.seeker.begin(self.time_ns, now)
+        choice = self.search_run.begin(self.time_ns, now)
         self.notes.extend(choice.notes)
-        self.pilot = Pilot(order, self.seeker.plan, self.limits, waits=True)
-        self.pilot.redirect(some(choice.steps), now)
-        flown.pilot = self.pilot
+        self.execution = OrderExecution(order, self.search_run.plan, self.limits, waits=True)
+        self.execution.redirect(some(choice.steps), now)
+        flown.execution = self.execution
         self.begun_s = self._think_s = self._report_s = flown.time_s
-        return self.pilot
+        return self.execution
 
     @property
     def time_ns(self) -> int:
@@ -113,7 +115,7 @@ class Searched:
 
     @property
     def out(self) -> bool:
-        return self.flown.authority.standing is Standing.OUT
+        return self.flown.authority.standing is ControlStage.OUT
 
     def run(self, seconds: float, until: Callable[[], bool] | None = None) -> None:
         ended = until or (lambda: self.out)
@@ -141,22 +143,22 @@ class Searched:
         if self.listens and flown.time_s >= self._report_s:
             self._report_s += 1.0
             for tag in self.tags:
-                self.seeker.searched(report(tag.tag_id, self.time_ns))
+                self.search_run.searched(report(tag.tag_id, self.time_ns))
         now = flown.now()
         if now is None:
             return
-        self.seeker.place(self.time_ns, now)
-        self.think(now)
+        self.search_run.place(self.time_ns, now)
+        self.decide(now)
 
-    def think(self, now: VehicleNow) -> None:
+    def decide(self, now: VehicleNow) -> None:
         """As the guide does, in no time."""
         if self.is_time:
-            choice = self.seeker.think(self.time_ns, now, idle=self.pilot.idle)
+            choice = self.search_run.decide(self.time_ns, now, idle=self.execution.idle)
             self.take_up(choice, now)
 
     @property
     def is_time(self) -> bool:
-        due = self.flown.time_s >= self._think_s - (4.5 if self.pilot.idle else 0.0)
+        due = self.flown.time_s >= self._think_s - (4.5 if self.execution.idle else 0.0)
         if due:
             self._think_s = self.flown.time_s + 5.0
         return due
@@ -164,7 +166,7 @@ class Searched:
     def take_up(self, choice: Choice, now: VehicleNow) -> None:
         self._note(choice.notes)
         if choice.steps is not None:
-            self.pilot.redirect(choice.steps, now)
+            self.execution.redirect(choice.steps, now)
 
     def _note(self, notes: tuple[SearchNote, ...]) -> None:
         self.notes.extend(notes)
@@ -183,7 +185,7 @@ class Searched:
     def _beep(self, tag: Tag, animal: Animal) -> None:
         snr = snr_db(animal, self.flown.vehicle) + 2.0 * float(self.rng.normal())
         if snr > HEARD_DB:
-            self.seeker.pulse(self.heard(tag, snr))
+            self.search_run.pulse(self.heard(tag, snr))
 
     def heard(self, tag: Tag, snr_db: float) -> PulsePose:
         vehicle = self.flown.vehicle

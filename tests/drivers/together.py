@@ -13,7 +13,7 @@ from searched import Animal, Searched
 from uavrt.core.messages import Course, Neighbour
 from uavrt.ground.link.motions.path_assignments import PathAssignments
 from uavrt.guidance.operator_orders import Limits, Order, VehicleNow
-from uavrt.guidance.search.seeker import Choice
+from uavrt.guidance.search.search_run import Choice
 from uavrt.guidance.search.shared_search import SharedSearch
 from uavrt.link.tunnel.own_messages.neighbour_messages import (
     decode_course,
@@ -61,9 +61,9 @@ class Among(Searched):
     @property
     def homeward(self) -> bool:
         """On its way home, by our commands or the autopilot's."""
-        if not hasattr(self, "pilot") or not self.flown.vehicle.armed:
+        if not hasattr(self, "execution") or not self.flown.vehicle.armed:
             return False
-        return not self.searching or self.goes_home or self.pilot.returning
+        return not self.searching or self.goes_home or self.execution.returning
 
     def take_up(self, choice: Choice, now: VehicleNow) -> None:
         self.goes_home |= choice.returning
@@ -71,14 +71,14 @@ class Among(Searched):
 
     @property
     def searching(self) -> bool:
-        return hasattr(self, "pilot") and not self.out
+        return hasattr(self, "execution") and not self.out
 
-    def think(self, now: VehicleNow) -> None:
+    def decide(self, now: VehicleNow) -> None:
         if self.out:
             self.shared.end()
             return
-        self.pilot.shared = self.shared.has_others(now.time_s)
-        if self.pilot.returning:
+        self.execution.shared = self.shared.has_others(now.time_s)
+        if self.execution.returning:
             self.shared.go(now.home, returning=True)
         if self.shared.waits:
             answer = self.shared.answer(now)
@@ -90,11 +90,11 @@ class Among(Searched):
                 self.take_up(replace(choice, notes=decided), now)
             else:
                 self.not_given += 1
-                self.seeker.withdraw()
+                self.search_run.withdraw()
         elif self.is_time:
             others = self.shared.begin_decision(now.time_s)
-            idle = self.pilot.idle
-            choice = self.seeker.think(self.time_ns, now, idle=idle, others=others)
+            idle = self.execution.idle
+            choice = self.search_run.decide(self.time_ns, now, idle=idle, others=others)
             flown_now = choice.steps is None or self.shared.choose(choice, now)
             if flown_now:
                 self.take_up(choice, now)
@@ -178,7 +178,7 @@ class Together:
                 one.step()
             else:
                 one.flown.step()
-                if hasattr(one, "pilot"):
+                if hasattr(one, "execution"):
                     one.shared.end()
             course = one.course()
             if course is not None:
@@ -198,7 +198,7 @@ class Together:
 
     def _up(self, one: Among, payload: bytes) -> None:
         def take() -> None:
-            if self.ways.take(one.number, decode_course(payload), self.time_s):
+            if self.ways.receive_course(one.number, decode_course(payload), self.time_s):
                 self._tell()
 
         self._send(one.number, take)
@@ -212,7 +212,7 @@ class Together:
     def _down(self, one: Among, told: Neighbour) -> None:
         payload = encode_neighbour(told)
         self._send(
-            one.number, lambda: one.shared.take(decode_neighbour(payload), one.flown.time_s)
+            one.number, lambda: one.shared.receive(decode_neighbour(payload), one.flown.time_s)
         )
 
     def _measure(self) -> None:

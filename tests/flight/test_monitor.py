@@ -24,7 +24,7 @@ def show_until(drone: Any, view: MonitorView, condition: Any, timeout_s: float =
     while not condition():
         assert time.monotonic() < deadline_s, view.status
         for topic, record in drone.status.read(0.2):
-            view.take(topic, record, time.monotonic())
+            view.add(topic, record, time.monotonic())
 
 
 def drawn(view: MonitorView) -> str:

@@ -99,7 +99,7 @@ def notes_until_the_end(field: Field) -> tuple[SearchNote, ...]:
 
 def test_it_finds_an_animal_and_returns(drone_bay: DroneBay, tmp_path: Path) -> None:
     field = searching(drone_bay, "px4", tmp_path)
-    program = field.ordered("search", "--radius", "130", "--radius-wish", "40")
+    program = field.ordered("search", "--radius", "130", "--accuracy", "40")
     guide, sizes_mb = field.pid_of("guide"), [0.0]
 
     def over() -> bool:
@@ -126,7 +126,7 @@ def test_a_takeover_in_the_middle_of_a_decision_ends_a_search_for_good(
 ) -> None:
     field = searching(drone_bay, "ardupilot", tmp_path)
     qgc = field.qgc
-    program = field.ordered("search", "--radius", "130", "--radius-wish", "5")
+    program = field.ordered("search", "--radius", "130", "--accuracy", "5")
     qgc.until(lambda: program.ended or field.commands() >= 3, 60.0)
     assert not program.ended
     guide, place = field.pid_of("guide"), qgc.place
@@ -183,7 +183,7 @@ def test_a_search_that_is_killed_anywhere_leaves_the_drone_hovering(
     flavour: Flavour = rng.choice(("px4", "ardupilot"))
     victim = VICTIMS[number % len(VICTIMS)]
     field = searching(drone_bay, flavour, tmp_path)
-    program = field.ordered("search", "--radius", "130", "--radius-wish", "5")
+    program = field.ordered("search", "--radius", "130", "--accuracy", "5")
     field.qgc.listen(rng.uniform(0.0, 12.0))
     supervisor = field.drone.supervisor.pid
     os.kill(supervisor if victim == "supervisor" else field.pid_of(victim), signal.SIGKILL)

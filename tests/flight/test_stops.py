@@ -18,7 +18,7 @@ from uavrt.simulation.demo.demo_programs import free_udp_port
 
 TAG = "1, 148715000, 1000, 15, 20, 20, 3, 0.01\n"
 BAD = re.compile(r"Traceback|Exception ignored|KeyboardInterrupt|never awaited|leaked")
-PATIENCE_S = 30.0
+TRIAL_TIMEOUT_S = 30.0
 STOPPED_AFTER_S = {"midway": 3.0, "begun": 1.0, "start": 0.35}
 STARTED_CPU_S = 0.1
 """CPU time after which Python itself has started: that takes 15 ms, our imports more."""
@@ -159,10 +159,10 @@ class Started:
     def end(self) -> tuple[int, str]:
         """Get the exit code and the output; a program that does not end shows its stacks."""
         try:
-            status = self._process.wait(PATIENCE_S)
+            status = self._process.wait(TRIAL_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             self._process.send_signal(signal.SIGABRT)
-            self._process.wait(PATIENCE_S)
+            self._process.wait(TRIAL_TIMEOUT_S)
             pytest.fail(f"it did not end: {self._output.read_text()}")
         finally:
             self.close()
@@ -194,7 +194,7 @@ def test_a_stop_ends_in_order(
         time.sleep(left_s)
         for (moment, _), one in running.items():
             if moment != "start":
-                until(one.has_started, PATIENCE_S)
+                until(one.has_started, TRIAL_TIMEOUT_S)
         for (_, number), one in running.items():
             one.signal(number)
         for (moment, number), one in running.items():

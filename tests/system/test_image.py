@@ -210,10 +210,10 @@ def test_what_the_page_has_set_up_counts_from_the_next_start(
     before = computer.start()
     write_default_settings(computer.data / "uavrt/uavrt.toml")
     setup = FirstSetup(computer.data / "uavrt/uavrt.toml")
-    assert not setup.take("name", {"name": "lynx-2"})
+    assert not setup.save_step("name", {"name": "lynx-2"})
     _, keys = make_key(tmp_path, "release")
     given = {"page_password": "marmot-2026", "update_key": keys}
-    assert not setup.take("keys", given)
+    assert not setup.save_step("keys", given)
     after = computer.start()
     assert after == before | {"name": "lynx-2", "page_password": "marmot-2026"}
     environment = (computer.data / "page.env").read_text()

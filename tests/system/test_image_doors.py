@@ -61,10 +61,10 @@ def test_a_screen_says_how_to_join_until_the_computer_is_set_up(computer: Comput
 def test_who_gave_a_key_in_the_set_up_may_log_in(computer: Computer) -> None:
     computer.start()
     assert computer.login() is None
-    assert not computer.setup.take("keys", {"ssh_key": f"  {KEY}\n"})
+    assert not computer.setup.save_step("keys", {"ssh_key": f"  {KEY}\n"})
     computer.start()
     assert computer.login() == f"{KEY}\n"
-    assert not computer.setup.take("keys", {"page_password": "marmot-2026"})
+    assert not computer.setup.save_step("keys", {"page_password": "marmot-2026"})
     computer.start()
     assert computer.login() == f"{KEY}\n"
     sshd = (computer.root / "etc/ssh/sshd_config.d/uavrt.conf").read_text()
@@ -75,10 +75,12 @@ def test_a_service_that_was_broken_into_lets_nobody_in_after_the_first(
     computer: Computer,
 ) -> None:
     """Who logs in becomes root without a password."""
-    assert not computer.setup.take("keys", {"ssh_key": KEY})
+    assert not computer.setup.save_step("keys", {"ssh_key": KEY})
     computer.start()
     other = KEY.replace("A", "B")
-    assert [one.field for one in computer.setup.take("keys", {"ssh_key": other})] == ["ssh_key"]
+    assert [one.field for one in computer.setup.save_step("keys", {"ssh_key": other})] == [
+        "ssh_key"
+    ]
     (computer.data / "uavrt/set-up.conf").write_text(f"ssh_key={other}\n")
     computer.start()
     assert computer.login() == f"{KEY}\n"
@@ -97,7 +99,9 @@ def test_a_service_that_was_broken_into_lets_nobody_in_after_the_first(
 def test_a_key_that_is_none_is_refused_by_page_and_by_root(
     computer: Computer, given: str
 ) -> None:
-    assert [one.field for one in computer.setup.take("keys", {"ssh_key": given})] == ["ssh_key"]
+    assert [one.field for one in computer.setup.save_step("keys", {"ssh_key": given})] == [
+        "ssh_key"
+    ]
     (computer.data / "uavrt/set-up.conf").write_text(f"ssh_key={given}\n")
     computer.start()
     assert computer.login() is None

@@ -236,7 +236,7 @@ def system(
 def seen(*records: object) -> Seen:
     made = Seen()
     for record in records:
-        made.take(record, 0.0)
+        made.add(record, 0.0)
     return made
 
 

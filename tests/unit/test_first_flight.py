@@ -41,10 +41,10 @@ def report(tag_id: int, noise_psd: float = 1e-9) -> SearchReport:
 def heard(pose: Pose | None = POSE, clipped: bool = False) -> Bench:
     """All is well: both detectors report, one tag is on the bench."""
     bench = Bench()
-    bench.take(report(4), NOW_NS - 4 * SECOND)
-    bench.take(report(6), NOW_NS - 3 * SECOND)
+    bench.add(report(4), NOW_NS - 4 * SECOND)
+    bench.add(report(6), NOW_NS - 3 * SECOND)
     pulse = replace(made.pulse(0, noise_psd=1.2e-9), tag_id=4, confirmed=True, clipped=clipped)
-    bench.take(PulsePose(pulse=pulse, pose=pose), NOW_NS - 2 * SECOND)
+    bench.add(PulsePose(pulse=pulse, pose=pose), NOW_NS - 2 * SECOND)
     return bench
 
 
@@ -123,15 +123,15 @@ def test_a_silent_detector_and_a_tag_that_was_heard_long_ago_count_no_more() -> 
 
 def test_noise_that_rises_or_lies_on_one_frequency_is_named() -> None:
     risen = heard()
-    risen.take(report(6, 6e-9), NOW_NS)
+    risen.add(report(6, 6e-9), NOW_NS)
     assert items(FACTS, risen)["noise"].text == "8 dB more than before at 148.900 MHz"
     uneven = Bench()
-    uneven.take(report(4, 2e-8), NOW_NS)
-    uneven.take(report(6, 1e-9), NOW_NS)
+    uneven.add(report(4, 2e-8), NOW_NS)
+    uneven.add(report(6, 1e-9), NOW_NS)
     assert "13 dB more at 148.700 MHz" in items(FACTS, uneven)["noise"].text
     dead = Bench()
-    dead.take(report(4, float("nan")), NOW_NS)
-    dead.take(report(6, 0.0), NOW_NS)
+    dead.add(report(4, float("nan")), NOW_NS)
+    dead.add(report(6, 0.0), NOW_NS)
     assert items(FACTS, dead)["noise"].text == "not measured yet"
 
 
@@ -139,7 +139,7 @@ def one_tag(noise_psd: float) -> Bench:
     """Even and steady from the first report on, as the noise of any one tag is."""
     bench = Bench()
     for second in range(30):
-        bench.take(report(4, noise_psd), NOW_NS - second * SECOND)
+        bench.add(report(4, noise_psd), NOW_NS - second * SECOND)
     return bench
 
 
@@ -165,7 +165,7 @@ def test_without_a_past_flight_nobody_says_that_the_noise_is_normal() -> None:
         assert "compared with the first" in found.remedy
     # What is wrong is so without any flight.
     risen = one_tag(1e-9)
-    risen.take(report(4, 1e-8), NOW_NS)
+    risen.add(report(4, 1e-8), NOW_NS)
     found = items(facts, risen)["noise"]
     assert (found.ok, found.open) == (False, False)
     assert not any(one.open for one in items(FACTS, heard()).values())
@@ -178,7 +178,7 @@ def test_a_pulse_without_position_and_one_too_loud_are_named() -> None:
 
 def test_positions_of_the_drone_count_when_they_come() -> None:
     bench = Bench()
-    bench.take(Poses(poses=(POSE,)), NOW_NS)
+    bench.add(Poses(poses=(POSE,)), NOW_NS)
     assert bench.pose_ns == NOW_NS
     bench.reset()
     assert bench.pose_ns is None

@@ -25,9 +25,9 @@ def shown(pulse: Pulse) -> str:
     """The view after a pulse that came as the supervisor sends it."""
     view = MonitorView()
     status = made.system_status(PULSE.start_time_ns, center_frequency_hz=148.7e6, tags=(TAG,))
-    view.take("status", status, 0.0)
+    view.add("status", status, 0.0)
     topic, record = decode_record(encode_record("pulse", pulse).rstrip(b"\n"))
-    view.take(topic, record, 0.0)
+    view.add(topic, record, 0.0)
     screen = io.StringIO()
     Console(width=160, file=screen).print(view.render(1.0))
     return screen.getvalue()
@@ -48,7 +48,7 @@ def test_a_radio_that_was_absent_before_the_monitor_began_is_shown_with_the_reas
     status = made.system_status(PULSE.start_time_ns, center_frequency_hz=148.7e6, tags=(TAG,))
     process = made.process_status("receiver", status="radio absent", ok=False, reason=reason)
     view = MonitorView()
-    view.take("status", replace(status, processes=(process,)), 0.0)
+    view.add("status", replace(status, processes=(process,)), 0.0)
     screen = io.StringIO()
     Console(width=160, file=screen).print(view.render(1.0))
     assert reason in screen.getvalue()
@@ -57,16 +57,16 @@ def test_a_radio_that_was_absent_before_the_monitor_began_is_shown_with_the_reas
 def test_what_was_recorded_before_the_monitor_began_counts_and_nothing_counts_twice() -> None:
     view = MonitorView()
     status = made.system_status(PULSE.start_time_ns, center_frequency_hz=148.7e6, tags=(TAG,))
-    view.take("status", replace(status, time_ns=PULSE.start_time_ns + 90_000_000_000), 100.0)
+    view.add("status", replace(status, time_ns=PULSE.start_time_ns + 90_000_000_000), 100.0)
     heard = HeardTag(pulses=30, first_ns=1, last_ns=PULSE.start_time_ns)
     view.take_recorded({2: heard}, 100.0)
-    view.take("pulse", PULSE, 100.0)  # recorded already, and still on its way here
+    view.add("pulse", PULSE, 100.0)  # recorded already, and still on its way here
     assert view.heard[2].pulses == 30
-    view.take("pulse", replace(PULSE, start_time_ns=PULSE.start_time_ns + 1), 100.0)
+    view.add("pulse", replace(PULSE, start_time_ns=PULSE.start_time_ns + 1), 100.0)
     assert view.heard[2].pulses == 31
 
     view = MonitorView()
-    view.take("status", status, 0.0)
+    view.add("status", status, 0.0)
     view.take_recorded({2: heard}, 100.0)
     screen = io.StringIO()
     Console(width=160, file=screen).print(view.render(190.0))
@@ -75,11 +75,11 @@ def test_what_was_recorded_before_the_monitor_began_counts_and_nothing_counts_tw
 
 def test_an_occupied_frequency_is_shown_with_the_weakest_tag_that_would_be_found() -> None:
     view = MonitorView()
-    view.take("status", made.system_status(PULSE.start_time_ns, tags=(TAG,)), 0.0)
+    view.add("status", made.system_status(PULSE.start_time_ns, tags=(TAG,)), 0.0)
     report = replace(
         made.search_report(2, PULSE.start_time_ns), usable_share=0.43, weakest_enr_db=9.6
     )
-    view.take("search_report", report, 0.0)
+    view.add("search_report", report, 0.0)
     screen = io.StringIO()
     Console(width=160, file=screen).print(view.render(1.0))
     assert "43 %, from 10 dB" in screen.getvalue()
@@ -88,8 +88,8 @@ def test_an_occupied_frequency_is_shown_with_the_weakest_tag_that_would_be_found
 def test_another_flight_counts_from_its_own_beginning() -> None:
     view = MonitorView()
     status = made.system_status(PULSE.start_time_ns, tags=(TAG,), flight_directory="/flights/1")
-    view.take("status", status, 0.0)
-    view.take("pulse", PULSE, 0.0)
+    view.add("status", status, 0.0)
+    view.add("pulse", PULSE, 0.0)
     for directory, pulses in (("/flights/1", 1), (None, 1), ("/flights/2", 0)):
-        view.take("status", replace(status, flight_directory=directory), 1.0)
+        view.add("status", replace(status, flight_directory=directory), 1.0)
         assert sum(one.pulses for one in view.heard.values()) == pulses, directory

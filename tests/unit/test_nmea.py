@@ -98,7 +98,7 @@ def test_a_place_that_nobody_tells_any_more_is_none() -> None:
     mine = MyPlace(lambda: now_s)
     assert mine.place is None
     (one,) = SentenceParser().feed(sentence(RMC))
-    mine.take(one)
+    mine.receive(one)
     assert mine.place == pytest.approx((46.501, 8.002))
     now_s += SILENCE_S + 1.0
     assert mine.place is None

@@ -68,7 +68,7 @@ LARGER_CLASSES = {
     "Supervisor": 347,
     "FileServer": 340,
     "Guide": 332,
-    "Fleet": 331,
+    "ProcessTree": 331,
     "CodedDetector": 325,
     "Participant": 319,
     "PulseDetector": 311,

@@ -136,7 +136,7 @@ async def guide(frame: ProcessFrame) -> None:
     one = Guide(frame, lambda work: work(), PromptThinker)
     while frame.running:
         for topic, record in frame.receive():
-            one.take(topic, record)
+            one.receive(topic, record)
         one.tick()
         frame.report(one.status, counters=one.counters)
         await until_readable(frame, TICK_S)

@@ -55,7 +55,7 @@ from uavrt.drone.supervisor.supervisor_program import start_commands
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.session import GroundSession
 from uavrt.ground.store.ground_settings import GroundStore
-from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.control.authority import ControlStage
 from uavrt.simulation.demo.demo_programs import free_udp_port
 from uavrt.simulation.vehicle.fake_autopilot import AutopilotSettings, FakeAutopilot
 
@@ -158,7 +158,7 @@ class World:
         """Tags of the detectors that run."""
         self.records: list[tuple[str, Any]] = []
         """What passed the supervisor, but for what comes many times a second."""
-        self.unkept = {"vehicle", "wish", "poses", "search_report", "course"}
+        self.unkept = {"vehicle", "vehicle_request", "poses", "search_report", "course"}
         self.health: dict[str, Health] = {}
         self._vehicle_line = b""
         self._numbers = itertools.count()
@@ -239,9 +239,9 @@ class World:
         return self.computer.supervisor.mission
 
     @property
-    def standing(self) -> Standing:
+    def standing(self) -> ControlStage:
         """Our say over the vehicle, as the desk at the link has it."""
-        return Standing(self.vehicle_report.standing)
+        return ControlStage(self.vehicle_report.standing)
 
     @property
     def vehicle_report(self) -> VehicleReport:

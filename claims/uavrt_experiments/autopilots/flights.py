@@ -18,7 +18,12 @@ from uavrt.core.errors import LinkError, UavrtError, UsageError
 from uavrt.core.messages import PulsePose
 from uavrt.core.units import s_from_ns, wrap_degrees_180
 from uavrt.flight.reading.flight_reader import read_flight
-from uavrt.ground.link.motions.motion_requests import ask, confirm, motion_request, stop
+from uavrt.ground.link.motions.motion_requests import (
+    confirm,
+    motion_request,
+    request_motion,
+    stop,
+)
 from uavrt_experiments.autopilots.builds import Build
 from uavrt_experiments.autopilots.hand import CENTRED_US, HEIGHT_M
 from uavrt_experiments.autopilots.measures import flying_of, heading_at, reaction
@@ -269,7 +274,7 @@ class _Rehearsed:
         deadline_s = monotonic_s() + ASKS_S
         while True:
             try:
-                return await ask(self._scene.link, self._request())
+                return await request_motion(self._scene.link, self._request())
             except UavrtError:
                 if monotonic_s() > deadline_s:
                     raise

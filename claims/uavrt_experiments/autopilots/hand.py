@@ -215,7 +215,7 @@ class Hand:
         assert p is not None
         self.fly_to(moved(*self.place, self.height_m, north_m, east_m), p.alt / 1e3)
 
-    def ask_velocity(self, north_m_s: float, east_m_s: float) -> None:
+    def set_velocity(self, north_m_s: float, east_m_s: float) -> None:
         """Send a velocity setpoint to the autopilot."""
         values = (0.0, 0.0, 0.0, north_m_s, east_m_s, *(0.0,) * 6)
         payload = struct.pack("<I11fH3B", 0, *values, VELOCITY_ONLY, self.system_id, 1, 1)

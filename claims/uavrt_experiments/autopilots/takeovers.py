@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.core.units import wrap_degrees_180
-from uavrt.guidance.control.observed import FailsafeSeen
+from uavrt.guidance.control.observed import FailsafeReport
 from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.autopilot.vehicle_messages import observations
 from uavrt.link.mavlink.message import Message
@@ -69,7 +69,7 @@ def _failing(hand: Hand) -> Shows:
     other_mode = _other_mode(hand)
 
     def shows(message: Message) -> bool:
-        failing = any(isinstance(one, FailsafeSeen) for one in observations(message, 0.0))
+        failing = any(isinstance(one, FailsafeReport) for one in observations(message, 0.0))
         return failing or other_mode(message)
 
     return shows
@@ -247,7 +247,7 @@ TAKEOVERS: tuple[Takeover, ...] = (
     Takeover(name="turn by 115", act=_condition_yaw, flavours=("ardupilot",)),
     Takeover(
         name="velocity",
-        act=lambda scene: scene.hand.ask_velocity(1.5, 1.0),
+        act=lambda scene: scene.hand.set_velocity(1.5, 1.0),
         flavours=("ardupilot",),
         real_only=True,
     ),

@@ -20,7 +20,7 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import MONOPOLE, PATTERNS, AntennaPattern
 from uavrt.localization.bearing.estimate_bearing import estimate_bearing
-from uavrt.localization.estimates.flight_estimates import ReadAs, survey
+from uavrt.localization.estimates.flight_estimates import EstimationOptions, survey
 from uavrt.localization.estimates.heard import Heard, PulseColumns
 from uavrt.localization.position.bearings.stations import Stations
 from uavrt.localization.position.estimate_position import estimate_position
@@ -173,7 +173,7 @@ def _past_a_line(rng: Generator, *, line_db: float | None, noise_known: bool = T
         altitude_amsl_m=np.full(count, np.nan),
     )
     heard = Heard.of(np.ones(count, np.int64), pulses, antenna=MONOPOLE)
-    found = survey(heard, ReadAs(antenna=MONOPOLE))[0][1].position
+    found = survey(heard, EstimationOptions(antenna=MONOPOLE))[0][1].position
     assert found is not None
     x, y = PLANE.to_local(found.latitude_deg, found.longitude_deg)
     return Circle(miss_m=float(np.hypot(x - tag[0], y - tag[1])), found=found)

@@ -190,8 +190,8 @@ def _walks(make: Callable[..., Walk], speed_m_s: float) -> Walks:
 
 
 KINDS: dict[str, Callable[[Generator], Followed]] = {
-    f"{how}, {kind}": (lambda rng, see=see, walks=walks: see(rng, walks))
-    for how, see in (("six turns", by_bearings), ("survey", by_strengths))
+    f"{how}, {kind}": (lambda rng, observe=observe, walks=walks: observe(rng, walks))
+    for how, observe in (("six turns", by_bearings), ("survey", by_strengths))
     for kind, walks in (
         ("steady, 0.5 m/s", _walks(steady, 0.5)),
         ("steady, 1 m/s", _walks(steady, 1.0)),

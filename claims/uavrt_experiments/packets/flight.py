@@ -65,7 +65,7 @@ def fly(
             ground.check()
             say(f"{gap_s * 1e3:.0f} ms, {end_s - time.monotonic():.0f} s to go")
             time.sleep(min(5.0, max(0.1, end_s - time.monotonic())))
-        ground.ask_to_stop()  # stops the detection and waits for the last pulses
+        ground.terminate()  # stops the detection and waits for the last pulses
         limit_s = time.monotonic() + END_TIMEOUT_S
         while not ground.ended and time.monotonic() < limit_s:
             time.sleep(0.1)

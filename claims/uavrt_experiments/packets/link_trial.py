@@ -45,7 +45,7 @@ class Acknowledger(Protocol):
     def stored(self, payload: bytes) -> None:
         """Record that a pulse is stored."""
 
-    def take(self, now_ns: int) -> Receipt | None:
+    def next_due(self, now_ns: int) -> Receipt | None:
         """Get the receipt that is due; None if none is."""
 
 
@@ -275,7 +275,7 @@ class LinkTrial:
         self._arrivals.append((self.time.now_ns, index))
 
     def _ground_turn(self) -> None:
-        receipt = None if self._ground is None else self._ground.take(self.time.now_ns)
+        receipt = None if self._ground is None else self._ground.next_due(self.time.now_ns)
         if receipt is not None:
             message = _tunnel(receipt.encode(), RECEIPT_TYPE, (1, 191))
             self.link.send_up(self._ground_writer.encode(message))

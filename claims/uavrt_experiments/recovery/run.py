@@ -30,7 +30,7 @@ from uavrt.core.errors import UavrtError
 from uavrt.core.messages import Health, Pose, Pulse
 from uavrt.core.units import ns_from_s
 from uavrt.drone.supervisor.start.launcher import PING_S, SILENCE_S
-from uavrt.drone.supervisor.start.restarts import SOON
+from uavrt.drone.supervisor.start.restarts import FLIGHT_RESTARTS
 from uavrt.drone.supervisor.start.usage import descendants_of, is_alive
 from uavrt.drone.supervisor.tree.process_shapes import rows_for
 from uavrt.drone.supervisor.tree.table import PROCESSES
@@ -47,7 +47,7 @@ SIGKILL_LIMIT_S = 2.0
 STOP_SPARE_S = 2.0
 """Time allowed after SIGSTOP in addition to the row's silence limit [s]."""
 SUPERVISOR_LIMIT_S = 10.0
-BURST, BURST_LIMIT_S = 6, SOON.delays_s[-1] + SIGKILL_LIMIT_S
+BURST, BURST_LIMIT_S = 6, FLIGHT_RESTARTS.delays_s[-1] + SIGKILL_LIMIT_S
 """Number of kills of one process in a burst; time allowed after the last [s], when the restart
 policy waits its longest."""
 BURST_NAMES = ("connection", "recorder")
@@ -148,7 +148,11 @@ class Recovery:
 
     def _kill_one(self, name: str, number: signal.Signals) -> None:
         """Kill a process that has run long enough to be restarted at once."""
-        settled_s = self._resumed_at_s.get(name, -SOON.settled_s) + SOON.settled_s + 0.5
+        settled_s = (
+            self._resumed_at_s.get(name, -FLIGHT_RESTARTS.settled_s)
+            + FLIGHT_RESTARTS.settled_s
+            + 0.5
+        )
         self._drone.wait(lambda: monotonic_s() >= settled_s, GIVE_UP_S, "a quiet moment")
         limit_s = SIGKILL_LIMIT_S
         if number is signal.SIGSTOP:

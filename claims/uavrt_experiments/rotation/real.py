@@ -11,7 +11,7 @@ from uavrt.core.earth.attitude import yaw_deg
 from uavrt.core.errors import UsageError
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 from uavrt.flight.reading.recognise import ORIGINAL_POSES
-from uavrt.localization.estimates.flight_estimates import ReadAs
+from uavrt.localization.estimates.flight_estimates import EstimationOptions
 from uavrt.localization.results import Bearing
 from uavrt_experiments.rotation.reading import Reading, doubled, read_turn, wrapped
 
@@ -103,7 +103,7 @@ def real_rotations(
     Raises `FormatError`: the file is neither a flight nor a log.
     Raises `UsageError`: no pulse has a pose.
     """
-    survey = read_survey(path, ReadAs(antenna=antenna))
+    survey = read_survey(path, EstimationOptions(antenna=antenna))
     spans = [(one.tag_id, one.start_time_ns, one.end_time_ns) for one in survey.bearings]
     whole = survey.span_ns
     if not spans and whole is not None:

@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.planning.drone_model.drone_motion import VehicleState
-from uavrt.planning.stopping import HonestStop, StopRule
+from uavrt.planning.stopping import AccuracyStop, StopRule
 from uavrt_experiments.search.scenario import Scenario
 from uavrt_experiments.search.stops import DeterminantStop, LongestAxisStop
 from uavrt_experiments.search.world import World
@@ -175,7 +175,7 @@ def needed_information(stop: StopRule) -> float | None:
             return 2.0 / math.sqrt(stop.limit_m4)
         case LongestAxisStop():
             return 2.0 / stop.limit_m**2
-        case HonestStop():
+        case AccuracyStop():
             return 2.0 * _CHI2_95 / stop.radius95_m**2
     return None
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from uavrt.planning.drone_model.drone_motion import Multirotor
 from uavrt.planning.keep_away import KeepAway
-from uavrt.planning.stopping import HonestStop
+from uavrt.planning.stopping import AccuracyStop
 from uavrt_experiments.search.scenario import (
     APART,
     ERROR_THAN_ONE,
@@ -68,7 +68,7 @@ def _trackerbots(name: str, title: str, threshold_db: float, *bars: Bar) -> Scen
         ),
         vehicle=_TRACKERBOTS,
         paper_stop=DeterminantStop(limit_m4=1e4),
-        our_stop=HonestStop(radius95_m=28.0),
+        our_stop=AccuracyStop(radius95_m=28.0),
         bars=bars,
         contenders=_all(*_BASELINES),
     )
@@ -114,7 +114,7 @@ T4 = Scenario(
         speed_m_s=10.0, acceleration_m_s2=5.0, yaw_rate_deg_s=60.0, turns_first=True
     ),
     paper_stop=LongestAxisStop(limit_m=15.0),
-    our_stop=HonestStop(radius95_m=24.5),
+    our_stop=AccuracyStop(radius95_m=24.5),
     start_yaw_deg=-90.0,
     height_m=30.0,
     first_plan_s=16,
@@ -149,7 +149,7 @@ T3 = Scenario(
     known=Known(motion=(0.5, 0.1, 0.4), walk_m_per_root_s=0.5, travelling_m_s=1.2),
     vehicle=_TRACKERBOTS,
     paper_stop=DeterminantStop(limit_m4=1e4),
-    our_stop=HonestStop(radius95_m=24.5),
+    our_stop=AccuracyStop(radius95_m=24.5),
     height_m=30.0,
     limit_s=900,
     bars=(Bar(quantity="error, mean, m", most=15.0), Bar(quantity="time, mean, s", most=130.0)),
@@ -181,7 +181,7 @@ def _conservationbots(name: str, tags: int, time_s: float) -> Scenario:
         known=Known(level_sigma_db=3.0, level_drift_db_per_root_s=0.15, sigma_db=4.5),
         vehicle=Multirotor(speed_m_s=10.0, acceleration_m_s2=4.0, yaw_rate_deg_s=180.0),
         paper_stop=DeterminantStop(limit_m4=2e4),
-        our_stop=HonestStop(radius95_m=30.0),
+        our_stop=AccuracyStop(radius95_m=30.0),
         start_m=(993.0, 504.0),
         height_m=60.0,
         cycle_s=10,
@@ -230,7 +230,7 @@ T7 = Scenario(
     known=Known(motion=(1.0, 0.0, 0.0), walk_m_per_root_s=0.0),
     vehicle=_TRACKERBOTS,
     paper_stop=DeterminantStop(limit_m4=1e4),
-    our_stop=HonestStop(radius95_m=24.5),
+    our_stop=AccuracyStop(radius95_m=24.5),
     height_m=40.0,
     bars=(
         Bar(quantity="complete, share", least=1.0),

@@ -1,4 +1,4 @@
-"""Search flights by the guide's parts (`Seeker`, `Pilot`, `SharedSearch`) on simulated drones.
+"""Search flights by the guide's own parts on simulated drones.
 
 The drone's own objects decide, with the arguments that the guide gives them. A table adds what
 is known of its animals before the flight. One drone flies alone; several get their paths
@@ -16,13 +16,13 @@ import numpy as np
 from uavrt.core.earth.attitude import from_euler_deg
 from uavrt.core.messages import (
     FlyThere,
+    Manoeuvre,
     Pose,
     Pulse,
     PulsePose,
     SearchReport,
     Tag,
     TurnInPlace,
-    Wish,
 )
 from uavrt.core.units import ns_from_s, wrap_degrees_360
 from uavrt.drone.processes.guide import COURSE_S, PATH_REQUEST_S
@@ -31,10 +31,10 @@ from uavrt.ground.link.motions.path_assignments import PathAssignments
 from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
 from uavrt.guidance.control.vehicle_commands import VehicleCommand
 from uavrt.guidance.operator_orders import Limits, Order, VehicleNow
-from uavrt.guidance.pilot import Pilot
+from uavrt.guidance.order_execution import OrderExecution
 from uavrt.guidance.search.neighbour_drones import SEPARATION
+from uavrt.guidance.search.search_run import Choice, SearchRun
 from uavrt.guidance.search.search_task import Equipment
-from uavrt.guidance.search.seeker import Choice, Seeker
 from uavrt.guidance.search.shared_search import SharedSearch
 from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.autopilot.vehicle_messages import command_message
@@ -76,7 +76,7 @@ class Aircraft(Protocol):
     """Interface of a simulated drone that executes its pilot's commands."""
 
     vehicle: FlyingVehicle
-    pilot: Pilot | None
+    execution: OrderExecution | None
     time_s: float
 
     def now(self) -> VehicleNow | None:
@@ -114,7 +114,7 @@ class Direct:
             yaw_deg=wrap_degrees_360(start.yaw_deg),
         )
         self.vehicle.set_mode(MODES[flavour]["hold"])
-        self.pilot: Pilot | None = None
+        self.execution: OrderExecution | None = None
         self.time_s = 0.0
         self._sent, self._turned_deg = 0, 0.0
 
@@ -132,11 +132,11 @@ class Direct:
             yaw_deg=vehicle.heading.yaw_deg,
             home=(plane.latitude_deg, plane.longitude_deg),
             battery_percent=100.0,
-            order_id=None if self.pilot is None else self.pilot.order.order_id,
+            order_id=None if self.execution is None else self.execution.order.order_id,
             began=self._sent > 0,
             obeyed=True,
-            wishes_sent=self._sent,
-            wishes_refused=0,
+            requests_sent=self._sent,
+            requests_refused=0,
             turned_deg=self._turned_deg,
             ground_silent_s=0.0,
         )
@@ -146,10 +146,10 @@ class Direct:
         self.time_s += STEP_S
         self.vehicle.advance(STEP_S)
         self._turned_deg += abs(self.vehicle.heading.rate_deg_s) * STEP_S
-        wish = None if self.pilot is None else self.pilot.next(self.now())
-        if wish is not None:
+        manoeuvre = None if self.execution is None else self.execution.next(self.now())
+        if manoeuvre is not None:
             self._sent, self._turned_deg = self._sent + 1, 0.0
-            command = command_message(_command_of(wish), 1)
+            command = command_message(_command_of(manoeuvre), 1)
             assert isinstance(command, dialect.CommandInt | dialect.CommandLong)
             self.vehicle.command(command)
 
@@ -157,23 +157,25 @@ class Direct:
         """Confirm an order; see `Aircraft`."""
 
 
-def _command_of(wish: Wish) -> VehicleCommand:
-    match wish:
+def _command_of(manoeuvre: Manoeuvre) -> VehicleCommand:
+    match manoeuvre:
         case FlyThere():
             return VehicleCommand(
                 name="DO_REPOSITION",
                 param1=-1.0,
-                param4=math.nan if wish.yaw_deg is None else math.radians(wish.yaw_deg),
-                x=round(wish.latitude_deg * 1e7),
-                y=round(wish.longitude_deg * 1e7),
-                z_m=wish.altitude_amsl_m,
+                param4=math.nan
+                if manoeuvre.yaw_deg is None
+                else math.radians(manoeuvre.yaw_deg),
+                x=round(manoeuvre.latitude_deg * 1e7),
+                y=round(manoeuvre.longitude_deg * 1e7),
+                z_m=manoeuvre.altitude_amsl_m,
             )
         case TurnInPlace():
             return VehicleCommand(
                 name="CONDITION_YAW",
-                param1=abs(wish.turn_deg),
-                param2=wish.rate_deg_s,
-                param3=math.copysign(1.0, wish.turn_deg),
+                param1=abs(manoeuvre.turn_deg),
+                param2=manoeuvre.rate_deg_s,
+                param3=math.copysign(1.0, manoeuvre.turn_deg),
                 param4=1.0,
             )
         case _:
@@ -249,7 +251,7 @@ class Drone:
         """Latitude, longitude [deg] and 95 % radius [m] of tags found since the last check."""
         self.decision_s: list[float] = []
         self._planner: _AtOnce | None = None
-        self._pilot: Pilot | None = None
+        self._execution: OrderExecution | None = None
         self._course_s = -math.inf
 
     @property
@@ -277,11 +279,11 @@ class Drone:
         self.shared.begin(now.time_s)
         self.shared.check(now, order.height_m or now.altitude_relative_m)
         behaviour = BEHAVIOURS[self.aircraft.vehicle.flavour]
-        seeker = Seeker(order, self._tags, now, self._limits, behaviour, self._equipment)
+        search_run = SearchRun(order, self._tags, now, self._limits, behaviour, self._equipment)
         self.aircraft.confirm(order)
-        self._pilot = Pilot(order, seeker.plan, self._limits, waits=True)
-        self.aircraft.pilot = self._pilot
-        self._planner = _AtOnce(seeker)
+        self._execution = OrderExecution(order, search_run.plan, self._limits, waits=True)
+        self.aircraft.execution = self._execution
+        self._planner = _AtOnce(search_run)
         self._planner.begin(self.time_ns, now)
         self._take_thoughts(now)
         self.shared.go((now.latitude_deg, now.longitude_deg))
@@ -311,18 +313,20 @@ class Drone:
             )
         )
 
-    def think(self) -> None:
+    def decide(self) -> None:
         """Decide where to fly if a decision is due, as the guide does."""
-        now, planner, pilot = self.aircraft.now(), self._planner, self._pilot
-        if now is None or planner is None or pilot is None:
+        now, planner, execution = self.aircraft.now(), self._planner, self._execution
+        if now is None or planner is None or execution is None:
             return
-        pilot.shared = self.shared.has_others(now.time_s)
+        execution.shared = self.shared.has_others(now.time_s)
         planner.place(self.time_ns, now)
         if self.shared.waits:
             self._await_path(planner, now)
-        elif now.began and pilot.ended is None and planner.is_time(now, idle=pilot.idle):
+        elif (
+            now.began and execution.ended is None and planner.is_time(now, idle=execution.idle)
+        ):
             others, began = self.shared.begin_decision(now.time_s), time.process_time()
-            planner.ask(self.time_ns, now, idle=pilot.idle, others=others)
+            planner.request_decision(self.time_ns, now, idle=execution.idle, others=others)
             self.decision_s.append(time.process_time() - began)
             self._take_thoughts(now)
 
@@ -332,7 +336,7 @@ class Drone:
             if not isinstance(choice, Choice):
                 raise TypeError(f"the search failed: {choice}")
             self._note_found(choice)
-            if choice.way is None or self.shared.choose(choice, now):
+            if choice.leg is None or self.shared.choose(choice, now):
                 self._redirect(choice, now)
             else:
                 self._course_s = -math.inf
@@ -349,9 +353,9 @@ class Drone:
         self._course_s = -math.inf
 
     def _redirect(self, choice: Choice, now: VehicleNow) -> None:
-        assert self._pilot is not None
+        assert self._execution is not None
         if choice.steps is not None:
-            self._pilot.redirect(choice.steps, now)
+            self._execution.redirect(choice.steps, now)
 
     def _note_found(self, choice: Choice) -> None:
         for note in choice.notes:
@@ -371,7 +375,7 @@ class Drone:
         self._course_s = now.time_s
         searching = self._planner is not None
         course = shared.course(now, searching=searching, height_m=self._order.height_m)
-        return ways.take(self.number + 1, course, now.time_s)
+        return ways.receive_course(self.number + 1, course, now.time_s)
 
 
 def _pulse(tag: Tag, time_ns: int, snr_db: float) -> Pulse:
@@ -501,7 +505,7 @@ class FlightOfDrones:
         news = False
         for one in self.drones:
             one.aircraft.step()
-            one.think()
+            one.decide()
             self._judge(one)
             if len(self.drones) > 1:
                 news |= one.send_course(self._ways)
@@ -510,7 +514,7 @@ class FlightOfDrones:
             self._sent_s = time_s
             for one in self.drones:
                 for report in self._ways.reports_for(one.number + 1, time_s):
-                    one.shared.take(report, time_s)
+                    one.shared.receive(report, time_s)
 
     def _pass_second(self) -> None:
         self.second += 1

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from uavrt.planning.drone_model.drone_motion import Multirotor
 from uavrt.planning.keep_away import KeepAway
-from uavrt.planning.stopping import HonestStop, StopRule
+from uavrt.planning.stopping import AccuracyStop, StopRule
 
 _Floats = NDArray[np.float64]
 Ground = Callable[[_Floats, _Floats], _Floats]
@@ -137,7 +137,7 @@ class Scenario:
     truth: Truth
     vehicle: Multirotor
     paper_stop: StopRule
-    our_stop: HonestStop
+    our_stop: AccuracyStop
     places: tuple[tuple[float, float], ...] = ()
     """Places of the tags [m]; empty: anywhere, drawn for each run."""
     absent: int = 0

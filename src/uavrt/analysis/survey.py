@@ -16,7 +16,7 @@ from uavrt.analysis.estimates.bearings import (
     read_recorded,
 )
 from uavrt.analysis.estimates.power_survey import TagSignal, signal_of
-from uavrt.analysis.inputs.flight_facts import Facts, facts_of
+from uavrt.analysis.inputs.flight_facts import ReportFacts, facts_of
 from uavrt.analysis.inputs.map_files import MapFile
 from uavrt.core.errors import FormatError, NotFound, UsageError
 from uavrt.core.messages import (
@@ -50,9 +50,9 @@ from uavrt.formats.pulses.pulse_log import LogKind
 from uavrt.localization.antenna import MONOPOLE, AntennaPattern
 from uavrt.localization.estimates.flight_estimates import (
     Estimated,
+    EstimationOptions,
     Found,
     HeardInTurn,
-    ReadAs,
     TagBearing,
     TagPosition,
     estimate,
@@ -97,7 +97,7 @@ class Survey:
     folds: tuple[FlightFold, ...] = ()
     silences: "tuple[SilentMap, ...]" = ()
     """Detection maps of tags, if their radiated power was given."""
-    facts: Facts = field(default_factory=Facts)
+    facts: ReportFacts = field(default_factory=ReportFacts)
     maps: tuple[MapFile, ...] = ()
     """Map files for the background of the report's maps."""
 
@@ -189,7 +189,7 @@ class Survey:
         return (min(times), max(times)) if times else None
 
 
-def read_survey(path: str | os.PathLike[str], how: ReadAs | None = None) -> Survey:
+def read_survey(path: str | os.PathLike[str], how: EstimationOptions | None = None) -> Survey:
     """Read a flight directory or a pulse log of any kind, and estimate bearings and positions.
 
     Estimates that fail are missing from the result, and a warning gives the reason. Without an
@@ -197,7 +197,7 @@ def read_survey(path: str | os.PathLike[str], how: ReadAs | None = None) -> Surv
     pings. Raises `FormatError` if `path` is neither flight nor log, and `UsageError` for an
     unknown antenna or a damaged report.toml.
     """
-    how, recorded = how or ReadAs(), read_recorded(path)
+    how, recorded = how or EstimationOptions(), read_recorded(path)
     antenna = how.antenna or recorded.antenna
     flight, log = recorded.flight, recorded.log
     warnings = list(log.warnings)
@@ -240,7 +240,7 @@ def read_survey(path: str | os.PathLike[str], how: ReadAs | None = None) -> Surv
     return survey if flight is None else _with_records(survey, recorded.path, flight)
 
 
-def _estimated(recorded: Recorded, how: ReadAs, warnings: list[str]) -> Estimated:
+def _estimated(recorded: Recorded, how: EstimationOptions, warnings: list[str]) -> Estimated:
     """Estimate bearings and positions; past flights help to correct the antenna pattern."""
     heard = recorded.heard(recorded.antenna)
     past: list[list[HeardInTurn]] = []

@@ -121,8 +121,8 @@ BETWEEN_FLIGHTS: States = {
 # ------------------------------------------------------------------------------------ the rows
 
 
-class Who(StrEnum):
-    """Who may send a command, if only one station commands (`mission.who_commands`)."""
+class PermittedSender(StrEnum):
+    """Who may send a command, if only one station commands (`mission.commanding_station`)."""
 
     ANYBODY = "anybody"
     """Any station, because the command changes nothing."""
@@ -172,7 +172,7 @@ class CommandRow:
     meaning: str
     states: States
     """Effect of the command in each state of the drone's system."""
-    who: Who
+    permitted_sender: PermittedSender
     while_ending: bool = True
     """True if the command is allowed while the last pulses of a flight are being recorded."""
     number: CommandId | None = None
@@ -211,7 +211,7 @@ _ROWS = (
         meaning="forget the tags: others follow",
         number=CommandId.START_TAGS,
         lengths={"G0": BARE, "G1": BARE, "G2": (16,)},
-        who=Who.COMMANDER,
+        permitted_sender=PermittedSender.COMMANDER,
         states={
             _IDLE: Accepted(_RECEIVING),
             _RECEIVING: Accepted(_RECEIVING),
@@ -226,7 +226,7 @@ _ROWS = (
         meaning="one tag; while detecting, a correction of one that is searched",
         number=CommandId.TAG,
         lengths={"G0": (48,), "G1": (88,), "G2": (96,)},
-        who=Who.COMMANDER,
+        permitted_sender=PermittedSender.COMMANDER,
         states={
             _IDLE: _NO_UPLOAD,
             _RECEIVING: Accepted(_RECEIVING),
@@ -240,7 +240,7 @@ _ROWS = (
         meaning="all tags were sent",
         number=CommandId.END_TAGS,
         lengths={"G0": BARE, "G1": BARE, "G2": (16,)},
-        who=Who.COMMANDER,
+        permitted_sender=PermittedSender.COMMANDER,
         states={
             _IDLE: _NO_UPLOAD,
             _RECEIVING: Accepted(_HAS_TAGS),
@@ -263,7 +263,7 @@ _ROWS = (
             CommandField(name="debug_detector", member=None),
             CommandField(name="dump_spectrogram", member=None, from_g2=True),
         ),
-        who=Who.COMMANDER,
+        permitted_sender=PermittedSender.COMMANDER,
         while_ending=False,
         states={
             _IDLE: _NO_TAGS,
@@ -279,7 +279,7 @@ _ROWS = (
         meaning="end the flight or the capture",
         number=CommandId.STOP_DETECTION,
         lengths={"G0": BARE, "G1": BARE, "G2": BARE_G2},
-        who=Who.COMMANDER,
+        permitted_sender=PermittedSender.COMMANDER,
         states={
             _IDLE: _NOTHING_RUNS,
             _RECEIVING: _NOTHING_RUNS,
@@ -295,7 +295,7 @@ _ROWS = (
         number=CommandId.RAW_CAPTURE,
         lengths={"G1": (8, 12), "G2": (16,)},
         fields=(_GAIN, _FREQUENCY),
-        who=Who.COMMANDER,
+        permitted_sender=PermittedSender.COMMANDER,
         while_ending=False,
         states={
             _IDLE: Accepted(_CAPTURING),
@@ -311,7 +311,7 @@ _ROWS = (
         meaning="copy the flights to the drive that is plugged in",
         number=CommandId.SAVE_LOGS,
         lengths={"G1": BARE, "G2": BARE_G2},
-        who=Who.LAST_COMMANDER,
+        permitted_sender=PermittedSender.LAST_COMMANDER,
         while_ending=False,
         states=BETWEEN_FLIGHTS,
         button=Button(
@@ -326,7 +326,7 @@ _ROWS = (
         meaning="remove the flights",
         number=CommandId.CLEAN_LOGS,
         lengths={"G1": BARE, "G2": BARE_G2},
-        who=Who.LAST_COMMANDER,
+        permitted_sender=PermittedSender.LAST_COMMANDER,
         while_ending=False,
         states=BETWEEN_FLIGHTS,
         button=Button(
@@ -341,7 +341,7 @@ _ROWS = (
         meaning="say whether the radio is there",
         number=CommandId.AIRSPY_STATUS,
         lengths={"G1": BARE, "G2": BARE_G2},
-        who=Who.ANYBODY,
+        permitted_sender=PermittedSender.ANYBODY,
         states=ALWAYS,
         button=Button(
             action="radio_status",
@@ -353,20 +353,20 @@ _ROWS = (
     CommandRow(
         name="set_parameter",
         meaning="change a setting; what is not in force at once waits for the next start",
-        who=Who.LAST_COMMANDER,
+        permitted_sender=PermittedSender.LAST_COMMANDER,
         states=ALWAYS,
         button=Button(action="parameters", label="Parameters"),
     ),
     CommandRow(
         name="fly",
         meaning="ask for a motion of the drone",
-        who=Who.LAST_COMMANDER,
+        permitted_sender=PermittedSender.LAST_COMMANDER,
         states=ALWAYS,
     ),
     CommandRow(
         name="confirm_motion",
         meaning="confirm the motion that the drone offers",
-        who=Who.LAST_COMMANDER,
+        permitted_sender=PermittedSender.LAST_COMMANDER,
         states=ALWAYS,
     ),
 )

@@ -25,7 +25,7 @@ _NAMES = {
     logging.ERROR: "error",
     logging.CRITICAL: "critical",
 }
-PATIENCE_MS = 20.0
+WRITE_TIMEOUT_MS = 20.0
 _COLOURS = {"debug": "2", "info": "32", "warning": "33", "error": "31", "critical": "1;31"}
 
 
@@ -101,7 +101,7 @@ def _takes_more(stream: TextIO) -> bool:
     try:
         poll = select.poll()
         poll.register(stream.fileno(), select.POLLOUT)
-        return bool(poll.poll(PATIENCE_MS))
+        return bool(poll.poll(WRITE_TIMEOUT_MS))
     except (OSError, ValueError, AttributeError):  # no file; on Windows there is no poll
         return True
 

@@ -437,7 +437,7 @@ class Recorded:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Taken:
+class RecordsHandled:
     """Report of how many records a process has handled; the rest is sent to its next run."""
 
     records: int
@@ -643,7 +643,7 @@ class MotionRequest(Motion):
 
     request_id: int
     """Number of the request, chosen by the sender."""
-    asker: tuple[int, int]
+    requester: tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -677,7 +677,7 @@ class Course:
     """Number of the leg that the ground assigned and the drone is flying; 0: none."""
     asked: int = 0
     """Number of the leg that the drone requests; 0: none."""
-    asked_way: tuple[tuple[float, float], ...] = ()
+    requested_leg: tuple[tuple[float, float], ...] = ()
     """Start and end of the requested leg, as latitude and longitude [°]; empty: none."""
     given: tuple[tuple[int, int], ...] = ()
     """Ids of the other drones, each with the version of its leg that this request considers."""
@@ -701,7 +701,7 @@ class Neighbour:
     age_s: float = 0.0
     """Time since the other drone's last report [s]."""
     course: Course | None = None
-    """Last report of the other drone, or None; `asked_way`: leg assigned but not yet begun."""
+    """Last report of the other drone, or None; `requested_leg`: leg assigned, not yet begun."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -753,7 +753,7 @@ class MotionOffer:
     """Plan for a requested motion, to be confirmed by the operator; or its refusal."""
 
     request_id: int
-    asker: tuple[int, int]
+    requester: tuple[int, int]
     order_id: int
     nonce: int
     """Random number that the confirmation must contain; valid once."""
@@ -767,7 +767,7 @@ class MotionOffer:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleSeen:
+class VehicleStatus:
     """State of the vehicle and its response to our commands, as the autopilot reports it."""
 
     latitude_deg: float
@@ -780,8 +780,8 @@ class VehicleSeen:
     battery_percent: float | None
     obeyed: bool
     """True if the autopilot's reports show that it carries out our last command."""
-    wishes_sent: int
-    wishes_refused: int
+    requests_sent: int
+    requests_refused: int
     turned_deg: float
     ground_silent_s: float
     settling: bool = False
@@ -807,7 +807,7 @@ class VehicleReport:
     """Reason why nothing may be sent, if `standing` is ``"out"``."""
     order_id: int | None = None
     mode: str = ""
-    seen: VehicleSeen | None = None
+    seen: VehicleStatus | None = None
     """State of the vehicle; None if its position or home is unknown."""
     wind_m_s: tuple[float, float] | None = None
     """Wind velocity to the east and north [m/s]; None if not reported."""
@@ -846,19 +846,19 @@ class TakeOff(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     altitude_amsl_m: float
 
 
-Wish = FlyThere | TurnInPlace | GoHome | TakeMode | TakeOff
+Manoeuvre = FlyThere | TurnInPlace | GoHome | TakeMode | TakeOff
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleWish:
+class VehicleRequest:
     """Request of a motion, which `uavrt.guidance.control` permits or refuses."""
 
     order_id: int | None
-    wish: Wish | None = None
+    manoeuvre: Manoeuvre | None = None
     """Requested motion; None: no new request, only a sign that the requester runs."""
     ends: bool = False
     """True if the order has ended."""
-    said: str = ""
+    status_text: str = ""
     """Text on the progress of the order, or on why the order has ended."""
 
 

@@ -71,7 +71,7 @@ def card_of(directory: Path) -> Card | None:
         device=device,
         kind=kind,
         # Without a counted error there is none, and no test write is needed.
-        read_only=_is_mounted_so(place) or (errors != 0 and _takes_nothing(place)),
+        read_only=_is_mounted_so(place) or (errors != 0 and _refuses_writing(place)),
         errors=errors,
         written_gb=None if written_kb is None else written_kb / 1e6,
         life_used_tenths=_life_used(name) if name else None,
@@ -84,7 +84,7 @@ def _is_mounted_so(directory: Path) -> bool:
     return False
 
 
-def _takes_nothing(directory: Path) -> bool:
+def _refuses_writing(directory: Path) -> bool:
     """True if a test file is refused as read-only; before Linux 6.15 no flag shows this."""
     try:
         os.close(os.open(directory, os.O_TMPFILE | os.O_WRONLY, 0o600))

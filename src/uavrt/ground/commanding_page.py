@@ -5,7 +5,7 @@ from collections import Counter
 from uavrt.core.errors import CommandRefused
 
 
-class Commander:
+class CommandingPage:
     """Allows commands from one page; the others only watch until one of them takes over.
 
     Scripts may always command. The first connected page keeps command when it is reloaded. Once
@@ -34,7 +34,7 @@ class Commander:
         if self._there[page] <= 0:
             del self._there[page]
 
-    def take(self, page: str) -> None:
+    def claim(self, page: str) -> None:
         """Make this page the commanding one."""
         self.page = page
 

@@ -51,7 +51,7 @@ class Fleet:
         self._estimating = asyncio.Lock()
         self.first = self._session(store, None)
         self._assignments = PathAssignments()
-        self._tell_due = False
+        self._courses_due = False
         self._others: dict[int, GroundSession] = {}
         self._tasks: dict[int, asyncio.Task[None]] = {}
 
@@ -70,7 +70,7 @@ class Fleet:
         for number in self._store.further_vehicles:
             with contextlib.suppress(UavrtError):
                 await self.serve(number)
-        telling = asyncio.create_task(self._tell_each_second())
+        telling = asyncio.create_task(self._report_each_second())
         try:
             await self.first.run()
         finally:
@@ -118,23 +118,25 @@ class Fleet:
         """Records of all vehicles, the main one first: number, name, contact, state, pose."""
         return [vehicle_record(one.vehicle) for one in self.sessions]
 
-    def _take_course(self, session: GroundSession, course: Course) -> None:
+    def _receive_course(self, session: GroundSession, course: Course) -> None:
         """Store a drone's report of position and leg; send changes to the other drones."""
         number = session.vehicle.identity.system_id
-        if number is None or not self._assignments.take(number, course, monotonic_s()):
+        if number is None or not self._assignments.receive_course(
+            number, course, monotonic_s()
+        ):
             return
-        if not self._tell_due:
-            self._tell_due = True
+        if not self._courses_due:
+            self._courses_due = True
             asyncio.get_running_loop().call_later(REPORT_DELAY_S, self._report_courses)
 
-    async def _tell_each_second(self) -> None:
+    async def _report_each_second(self) -> None:
         while True:
             await asyncio.sleep(REPORT_S)
             self._report_courses()
 
     def _report_courses(self) -> None:
         """Send each drone in motion the other drones' reports of position and leg."""
-        self._tell_due = False
+        self._courses_due = False
         numbers = {one.vehicle.identity.system_id: one for one in self.sessions}
         flying = [
             number
@@ -159,7 +161,7 @@ class Fleet:
             companions=lambda own: [one for one in self.sessions if one is not own],
             my_place=my_place,
             estimating=self._estimating,
-            on_course=self._take_course,
+            on_course=self._receive_course,
             also=self._also,
         )
 

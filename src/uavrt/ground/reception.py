@@ -42,7 +42,7 @@ class Reception:
         self._on_course = on_course
         self._last_pose_ns = 0
 
-    def take_frame(self, frame: Frame) -> None:
+    def receive_frame(self, frame: Frame) -> None:
         """Handle a frame of the link, whether from the drone or the autopilot."""
         vehicle, watch = self._vehicle, self._vehicle.connection.watch
         if watch is None:
@@ -59,16 +59,16 @@ class Reception:
             self._last_pose_ns = now_ns
             vehicle.feed.send("pose", pose_record(pose, now_ns))
 
-    def take(self, event: GroundEvent) -> None:
+    def receive_event(self, event: GroundEvent) -> None:
         """Pass on an event of the drone: pulse, report, state or message."""
         vehicle, drone, keeper = self._vehicle, self._vehicle.drone, self._vehicle.flight.keeper
         if not isinstance(event, PulsePose | BurstInside):  # these once they are stored
             vehicle.feed.emit(event)
         now_ns = vehicle.clock.now_ns()
-        drone.bench.take(event, now_ns)
+        drone.bench.add(event, now_ns)
         match event:
             case PulsePose():
-                self._take_pulse(event, now_ns)
+                self._receive_pulse(event, now_ns)
             case BurstInside():
                 here = keeper.put_inside(event)
                 record = asdict(event) | {"flight_id": keeper.flight_id if here else None}
@@ -80,16 +80,16 @@ class Reception:
             case DetectorAlive():
                 drone.heard[event.tag_id] = now_ns
                 drone.bench.alive(event.tag_id, now_ns)
-            case Beep() if drone.take_beep(event, vehicle.store.corrections):
+            case Beep() if drone.receive_beep(event, vehicle.store.corrections):
                 keeper.write(event)
                 vehicle.feed.send_state()
             case LiveBearing():
                 drone.bearings[event.tag_id, event.start_time_ns] = event
                 self._estimates.soon()
             case DroneHeartbeat():
-                vehicle.take_heartbeat(event)
+                vehicle.receive_heartbeat(event)
             case MotionState():
-                self._flying.take(event)
+                self._flying.receive_state(event)
             case Course():
                 self._on_course(event)
             case StatusText():
@@ -102,9 +102,9 @@ class Reception:
                 severity = 6 if event.accepted else 4
                 vehicle.feed.note(severity, text, source="acknowledgement")
 
-    def _take_pulse(self, event: PulsePose, now_ns: int) -> None:
+    def _receive_pulse(self, event: PulsePose, now_ns: int) -> None:
         vehicle, flight = self._vehicle, self._vehicle.flight
-        if (difference := vehicle.drone.take_pulse(event, now_ns)) is not None:
+        if (difference := vehicle.drone.receive_pulse(event, now_ns)) is not None:
             vehicle.feed.note(4, difference)
         skew_ns = vehicle.drone.skew_ns or 0
         if flight.keeper.flight_id is None or flight.is_of_next(event, skew_ns):

@@ -14,7 +14,7 @@ from typing import Any
 from uavrt.core.clock import Clock, monotonic_s
 from uavrt.core.errors import UavrtError
 from uavrt.core.messages import BurstInside, Course, PulsePose
-from uavrt.ground.commanding_page import Commander
+from uavrt.ground.commanding_page import CommandingPage
 from uavrt.ground.estimate_loop import EstimateLoop
 from uavrt.ground.fetch.downloads import Downloads
 from uavrt.ground.link.command_sender import Commands
@@ -71,8 +71,8 @@ class GroundSession:
         make_link = partial(
             GroundLink,
             clock.now_ns,
-            on_event=lambda event: self.reception.take(event),
-            on_frame=lambda frame: self.reception.take_frame(frame),
+            on_event=lambda event: self.reception.receive_event(event),
+            on_frame=lambda frame: self.reception.receive_frame(frame),
             component_id=keys.component_id,
             as_gcs=keys.as_gcs,
             key=keys.command,
@@ -98,7 +98,7 @@ class GroundSession:
         self._listens = my_place is None
         self.my_place = MyPlace() if my_place is None else my_place
         self.library = FlightLibrary(store.directory)
-        self.commander = Commander(store.commander)
+        self.commander = CommandingPage(store.commander)
         self.commands = Commands(self.vehicle)
         self.downloads = Downloads(self.vehicle)
         self.flying = MotionCommands(self.vehicle)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Self
 
 from uavrt.config.settings import GuidanceSettings
-from uavrt.core.messages import KeepOut, Motion, VehicleSeen
+from uavrt.core.messages import KeepOut, Motion, VehicleStatus
 from uavrt.guidance.ground_heights import GroundAround
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class Limits(GuidanceSettings):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleNow(VehicleSeen):
+class VehicleNow(VehicleStatus):
     """State of the vehicle, and of our permission to command it."""
 
     time_s: float

@@ -65,7 +65,7 @@ class Home:
 
 
 @dataclass(frozen=True, slots=True)
-class Ready:
+class SetTakeoffMode:
     """Step of an order: set the mode in which a take-off is commanded."""
 
 
@@ -77,7 +77,7 @@ class Climb:
     """Height above home to climb to [m]."""
 
 
-Step = Go | Turn | Home | Ready | Climb
+Step = Go | Turn | Home | SetTakeoffMode | Climb
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,7 +112,7 @@ def plan_of(order: Order, now: VehicleNow, limits: Limits, behaviour: Behaviour)
         case "rotate":
             return rotation(order, now, limits, behaviour, height)
         case "goto":
-            return _way(_only_place(order), "fly to", order, now, limits, height)
+            return _plan_path(_only_place(order), "fly to", order, now, limits, height)
         case "takeoff":
             return _takeoff(order, now, limits, behaviour, height)
         case "survey":
@@ -150,7 +150,7 @@ def _takeoff(
         )
     duration = 5.0 + max(0.0, height - now.altitude_relative_m) / _LIMITS.sure_climb_m_s
     check_battery(now, limits, duration, here, height)
-    first = (Ready(),) if behaviour.own_mode_first else ()
+    first = (SetTakeoffMode(),) if behaviour.own_mode_first else ()
     return Plan(
         steps=(*first, Climb(height_m=height)),
         summary=f"take off, straight up to {height:.0f} m",
@@ -260,9 +260,9 @@ def _survey(
         "points": f"turn at {len(places)} places",
     }[order.pattern]
     if order.pattern != "points":
-        return _way(places, f"{words}, from", order, now, limits, height)
+        return _plan_path(places, f"{words}, from", order, now, limits, height)
     turns = [_turn_steps(place, order, now, limits, behaviour, height) for place in places]
-    plan = _way(places, f"{words}, from", order, now, limits, height, turn_s=turns[0][1])
+    plan = _plan_path(places, f"{words}, from", order, now, limits, height, turn_s=turns[0][1])
     steps = tuple(
         step
         for place, (turn, _) in zip(places, turns, strict=True)
@@ -312,15 +312,12 @@ def check_keep_out(
     reason = area.entered_area(x[:1], y[:1])
     if reason is not None:
         raise PlanError(
-            f"from the drone's position, a path {reason}",
+            f"no path is possible from the drone's position: {reason}",
             remedy="Fly it away from there by hand",
         )
     reason = area.entered_area(x, y)
     if reason is not None:
-        raise PlanError(
-            f"the path {reason}",
-            remedy="Fly around it in several orders, or take off elsewhere",
-        )
+        raise PlanError(reason, remedy="Fly around it in several orders, or take off elsewhere")
 
 
 def check_map(now: VehicleNow, limits: Limits) -> None:
@@ -419,7 +416,7 @@ def _geodetic(plane: TangentPlane, local_m: tuple[float, float]) -> Place:
     return float(latitude), float(longitude)
 
 
-def _way(
+def _plan_path(
     places: tuple[Place, ...],
     words: str,
     order: Order,
@@ -452,7 +449,7 @@ def _way(
         )
     reason = area.refusal(np.append(x, 0.0), np.append(y, 0.0), height)
     if reason is not None:
-        raise PlanError(f"the path {reason}", remedy="Choose another height or position")
+        raise PlanError(reason, remedy="Choose another height or position")
     check_keep_out(order, limits, plane, stations)
     check_ground(stations, now, limits, height)
     length = float(np.hypot(np.diff(x), np.diff(y)).sum())

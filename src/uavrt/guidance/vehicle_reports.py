@@ -3,7 +3,7 @@
 from dataclasses import fields
 
 from uavrt.core.messages import VehicleReport
-from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.control.authority import ControlStage
 from uavrt.guidance.operator_orders import VehicleNow
 from uavrt.planning.drone_model.drone_motion import Wind
 
@@ -17,6 +17,6 @@ def now_of(report: VehicleReport, time_s: float) -> VehicleNow | None:
         **{one.name: getattr(seen, one.name) for one in fields(seen)},
         time_s=time_s,
         order_id=report.order_id,
-        began=report.standing == Standing.IN_COMMAND.value,
+        began=report.standing == ControlStage.IN_COMMAND.value,
         wind=None if wind is None else Wind(east_m_s=wind[0], north_m_s=wind[1]),
     )

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from uavrt.planning.situation import Planner as Planner
     from uavrt.planning.situation import SearchSettings as SearchSettings
     from uavrt.planning.situation import Situation as Situation
-    from uavrt.planning.stopping import HonestStop as HonestStop
+    from uavrt.planning.stopping import AccuracyStop as AccuracyStop
     from uavrt.planning.stopping import StopRule as StopRule
 
 __all__, __getattr__ = lazily(

@@ -336,22 +336,24 @@ class SearchArea:
                 margin = min(self.margin_m, float(zone.off_m(*here)[0]))
                 bad = bad | (zone.off_m(x, y) < margin - 1e-6)
             legs = np.flatnonzero(bad.any(axis=-1))
-            found.extend((int(leg), f"enters {_named(zone)}") for leg in legs)
+            found.extend((int(leg), f"the path enters {_named(zone)}") for leg in legs)
             if not self.straight_home:
                 continue
             least = min(self.margin_m, float(zone.path_distance_m(self.home_m, *here)[0]))
             off = zone.path_distance_m(self.home_m, x, y)
             legs = np.flatnonzero((off < max(least - 1e-6, 1e-6)).any(axis=-1))
-            found.extend((int(leg), f"leads home over {_named(zone)}") for leg in legs)
+            found.extend((int(leg), f"the path leads home over {_named(zone)}") for leg in legs)
         for area in self.within:
             least = max(0.0, min(self.margin_m, float(area.depth_m(*here)[0])) - 1e-6)
             legs = np.flatnonzero((area.depth_m(x, y) <= least).any(axis=-1))
-            found.extend((int(leg), f"leaves {_named_within(area)}") for leg in legs)
+            found.extend((int(leg), f"the path leaves {_named_within(area)}") for leg in legs)
             deep = float(area.path_depth_m(self.home_m, *here)[0])
             least = max(0.0, min(self.margin_m, deep) - 1e-6)
             off = area.path_depth_m(self.home_m, x, y)
             legs = np.flatnonzero((off <= least).any(axis=-1))
-            found.extend((int(leg), f"leads home out of {_named_within(area)}") for leg in legs)
+            found.extend(
+                (int(leg), f"the path leads home out of {_named_within(area)}") for leg in legs
+            )
         return found
 
     def refusal(
@@ -391,7 +393,7 @@ class SearchArea:
             found.extend((int(leg), reason) for leg in np.flatnonzero(bad.any(axis=-1)))
 
         if self.fence is not None:
-            add(~self.fence.contains(x, y), "leaves the fence")
+            add(~self.fence.contains(x, y), "the path leaves the fence")
         found.extend(self._entered_areas(x, y, start_m))
         if self.ground is flat_ground:
             above = np.broadcast_to(height_m, x.shape)
@@ -400,9 +402,18 @@ class SearchArea:
             above = height_m + float(home[0]) - self.ground(x, y)
         if self.ground_home is not None:
             home_above = height_m - self.ground_home(x, y)
-            add(home_above < self.lowest_m - 1e-6, f"leads home below {self.lowest_m:g} m")
-        add(above < self.lowest_m - 1e-6, f"comes below {self.lowest_m:g} m above ground")
-        add(above > self.highest_m + 1e-6, f"goes above {self.highest_m:g} m above ground")
+            add(
+                home_above < self.lowest_m - 1e-6,
+                f"the path leads home below {self.lowest_m:g} m",
+            )
+        add(
+            above < self.lowest_m - 1e-6,
+            f"the path comes below {self.lowest_m:g} m above ground",
+        )
+        add(
+            above > self.highest_m + 1e-6,
+            f"the path goes above {self.highest_m:g} m above ground",
+        )
         return found
 
 

@@ -57,7 +57,7 @@ class Search:
         reason = area.refusal(*here, state.height_m)
         if reason is not None:
             raise PlanError(
-                f"the search would begin where it {reason}",
+                f"the search cannot begin here: {reason}",
                 remedy="Fly to a place within the fence and the heights first",
             )
         if battery is not None and self.settings.energy is not None:

@@ -28,7 +28,7 @@ class StopRule(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HonestStop:
+class AccuracyStop:
     """Rule: a tag is found if its 95 % circle is small, it exists, and pulses fit the model."""
 
     radius95_m: float = 25.0

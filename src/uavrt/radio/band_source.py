@@ -52,7 +52,7 @@ class BandDatagramSource(DatagramSource):
         self.realigned = 0
         """Number of times that the start of a sample was found again after lost bytes."""
         self._clock = Clock.start()
-        self._want = SAMPLE_BYTES * max(64, round(BLOCK_S * sample_rate_hz))
+        self._block_bytes = SAMPLE_BYTES * max(64, round(BLOCK_S * sample_rate_hz))
         self._joiner = ByteJoiner()
         self._blocks: list[tuple[NDArray[np.complex64], int]] = []
         self._overflows: dict[socket.socket, int] = {}
@@ -71,7 +71,7 @@ class BandDatagramSource(DatagramSource):
             self._receive()
             if self._joiner.filled != before:
                 self._placer.arrived(self._joiner.filled // SAMPLE_BYTES, self._clock.now_ns())
-            if self._joiner.has_gap or self._joiner.filled >= self._want:
+            if self._joiner.has_gap or self._joiner.filled >= self._block_bytes:
                 return self._block()
             left_s = None if deadline_s is None else deadline_s - monotonic_s()
             if left_s is not None and left_s <= 0.0:
@@ -80,7 +80,7 @@ class BandDatagramSource(DatagramSource):
 
     def _receive(self) -> None:
         for sock in self._sockets:
-            while self._joiner.filled < self._want and not self._joiner.has_gap:
+            while self._joiner.filled < self._block_bytes and not self._joiner.has_gap:
                 try:
                     payload, ancillary, _, _ = sock.recvmsg(_LARGEST, _COUNT_SPACE)
                 except BlockingIOError:

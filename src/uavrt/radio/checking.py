@@ -41,7 +41,7 @@ def check_device(settings: RadioSettings) -> str:
                     remedy="Restart the program that sends the samples",
                 ) from None
             if block is not None:
-                check.look(block)
+                check.check(block)
                 received += len(block.samples)
                 lost += block.lost_before - block.unsure_before
                 end_s = min(end_s, monotonic_s() + _DURATION_S)

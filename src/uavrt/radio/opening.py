@@ -11,7 +11,7 @@ from uavrt.core.plugins import Registry
 from uavrt.radio.channels.channel_source import ChannelDatagramSource
 from uavrt.radio.files.file_names import NameFacts, read_name
 from uavrt.radio.files.recording_source import (
-    SAID,
+    GIVEN_BY_USER,
     Layout,
     RecordingSource,
     file_size,
@@ -175,9 +175,11 @@ def _layout(
             str(path),
         ),
         start_time_ns=named.start_time_ns if start_time_ns is None else start_time_ns,
-        frequency_from=name_says(named, "frequency") if center_frequency_hz is None else SAID,
-        rate_from=name_says(named, "rate") if sample_rate_hz is None else SAID,
-        start_from=name_says(named, "time") if start_time_ns is None else SAID,
+        frequency_from=name_says(named, "frequency")
+        if center_frequency_hz is None
+        else GIVEN_BY_USER,
+        rate_from=name_says(named, "rate") if sample_rate_hz is None else GIVEN_BY_USER,
+        start_from=name_says(named, "time") if start_time_ns is None else GIVEN_BY_USER,
     )
 
 

@@ -19,7 +19,7 @@ class SampleCheck:
         self._name = name
         self._dead_s = 0.0
 
-    def look(self, block: IQBlock) -> None:
+    def check(self, block: IQBlock) -> None:
         """Raise `RadioGarbled` if values are absurd, `RadioStalled` after 1 s of zeros."""
         values = block.samples.view(np.float32)
         if values.size == 0:

@@ -292,7 +292,7 @@ def write_fully(descriptor: int) -> Callable[[memoryview], None]:
     return write
 
 
-def _say(line: str) -> None:
+def _print(line: str) -> None:
     sys.stderr.write(f"{line}\n")
     sys.stderr.flush()
 
@@ -302,23 +302,23 @@ def main(command_line: Sequence[str]) -> int:
     try:
         arguments = parse_arguments(command_line)
     except ArgumentFault as fault:
-        _say(str(fault))
+        _print(str(fault))
         sys.stderr.write(USAGE)
         return 1
     if arguments.absent or arguments.serial not in (None, SERIAL):
-        _say(NOT_FOUND)
+        _print(NOT_FOUND)
         return 1
     try:
         scenario = load_scenario(arguments.world)
     except UavrtError as error:
-        _say(f"airspy_rx: {error}")
+        _print(f"airspy_rx: {error}")
         return 1
     if arguments.start_time_ns is not None:
         scenario = scenario.starting_at(arguments.start_time_ns)
     clock = Clock.start()
     away_s = abs(scenario.elapsed_s(clock.now_ns()))
     if away_s > LONGEST_S:
-        _say(
+        _print(
             f"airspy_rx: the scenario starts {away_s / 86400:.0f} days from now; give "
             "--start-time-ns, or a start_time within a day in the file"
         )
@@ -334,9 +334,9 @@ def main(command_line: Sequence[str]) -> int:
         path=path,
     )
     if arguments.verbose:
-        _say(f"frequency_MHz -f {arguments.frequency_hz / 1e6:.6f}MHz")
-        _say(f"sample_rate -a {arguments.sample_rate_hz / 1e6:.6f} MSPS IQ")
-        _say(f"Device Serial Number: 0x{SERIAL:016X}")
+        _print(f"frequency_MHz -f {arguments.frequency_hz / 1e6:.6f}MHz")
+        _print(f"sample_rate -a {arguments.sample_rate_hz / 1e6:.6f} MSPS IQ")
+        _print(f"Device Serial Number: 0x{SERIAL:016X}")
     return _transmit(arguments, synthesizer, clock)
 
 
@@ -348,28 +348,28 @@ def _transmit(arguments: Arguments, synthesizer: IQSynthesizer, clock: Clock) ->
             else os.open(arguments.output, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
         )
     except OSError as error:
-        _say(f"Failed to open file: {arguments.output} ({error.strerror})")
+        _print(f"Failed to open file: {arguments.output} ({error.strerror})")
         return 1
     transmission = Transmission(
         synthesizer,
         write=write_fully(descriptor),
         clock=clock,
-        report=_say,
+        report=_print,
         integers=arguments.integers,
     )
 
     def end(number: int, _frame: FrameType | None) -> None:
-        _say(f"Caught signal {number}")
+        _print(f"Caught signal {number}")
         transmission.stop()
 
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, end)
-    _say("Stop with Ctrl-C")
+    _print("Stop with Ctrl-C")
     transmission.run(arguments.samples)
     if transmission.failure is not None:
-        _say(f"airspy_rx: cannot write: {transmission.failure.strerror}")
+        _print(f"airspy_rx: cannot write: {transmission.failure.strerror}")
         return 1
-    _say("User cancel, exiting..." if arguments.samples is None else "Done")
+    _print("User cancel, exiting..." if arguments.samples is None else "Done")
     return 0
 
 

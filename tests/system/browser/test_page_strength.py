@@ -16,7 +16,7 @@ from uavrt.core.clock import Clock
 from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.core.messages import PulsePose
 from uavrt.ground.store.flight_keeper import FlightKeeper
-from uavrt.localization.estimates.flight_estimates import ReadAs
+from uavrt.localization.estimates.flight_estimates import EstimationOptions
 
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
 EAST_M, NORTH_M = 140.0, 190.0
@@ -139,7 +139,7 @@ def test_with_a_monopole_the_page_says_where_the_tag_is_as_the_command_line_does
     open_flight(page, flight_id)
     expect(page.locator("#walk-sure")).to_contain_text("(95\u202f%)")
     expect(page.locator(".fix")).to_have_count(1)
-    (told,) = read_positions(scene.here / flight_id, how=ReadAs(antenna="monopole"))
+    (told,) = read_positions(scene.here / flight_id, how=EstimationOptions(antenna="monopole"))
     assert told.position is not None
     latitude, longitude = map(float, page.locator("#walk-place").inner_text().split(","))
     assert latitude == pytest.approx(told.position.latitude_deg, abs=6e-6)

@@ -44,7 +44,7 @@ def test_a_mistake_is_refused_with_its_remedy(
         (["experiment", "packets", "--model", "--loss", "3"], "--loss"),
         # A group of 2000 needed -30.0 dB, where the search for its level begins.
         (["range", "--tag-power=-20", "--pulses", "2000"], "--pulses"),
-        (["range", "--tag-power=-20", "--antenna", "monopole"], "is of a --whole-flight"),
+        (["range", "--tag-power=-20", "--antenna", "monopole"], "applies to --whole-flight"),
         (["range", "--tag-power=-20", "--tags=x", "--frequency=151e6"], "--tags has its own"),
         (["experiment", "resources", "--shapes", "--tags", "0"], "--tags"),
         (["experiment", "recovery", "--kills", "-1"], "--kills"),

@@ -80,7 +80,9 @@ async def test_the_link_goes_on_while_a_write_does_not_return(
         hangs = True
         await until(hung.is_set)
         pulses = session.vehicle.flight.keeper.pulses
-        offer = await flying.ask({"action": "rotate", "duration_s": 60, "height_m": 45}, None)
+        offer = await flying.request_motion(
+            {"action": "rotate", "duration_s": 60, "height_m": 45}, None
+        )
         await flying.confirm({"order_id": offer["order_id"], "sticks_unseen": True}, None)
         await until(lambda: world.vehicle_report.standing == "in command")
         await until(lambda: session.snapshot()["flight"]["fault"] is not None)

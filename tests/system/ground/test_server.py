@@ -17,11 +17,11 @@ from until import until_async as until
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
-from uavrt.analysis.inputs.flight_facts import Facts, facts_of
+from uavrt.analysis.inputs.flight_facts import ReportFacts, facts_of
 from uavrt.core.clock import Clock
 from uavrt.core.errors import CommandRefused
 from uavrt.drone.supervisor.mission.storage.flight_removal import removable
-from uavrt.ground.commanding_page import Commander
+from uavrt.ground.commanding_page import CommandingPage
 from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.ground.web.access.password_limit import TRIES
 
@@ -310,7 +310,7 @@ async def test_a_second_page_looks_on_until_it_takes_command(served: Any) -> Non
 
 
 def test_after_a_restart_in_flight_the_page_that_is_back_first_does_not_command() -> None:
-    commander = Commander("first")
+    commander = CommandingPage("first")
     commander.come("second")
     assert commander.present is None
     commander.come("first")
@@ -373,7 +373,7 @@ def test_who_flew_what_is_told_on_the_page_and_stands_in_its_reports(served: Any
     assert served.ask("PUT", "/api/facts", told).json["operator"] == "A. <Ranger>"
     assert served.ask("PUT", "/api/facts", {"species": "Lynx lynx"}).status == 200
     facts = facts_of(served.station.session.vehicle.store.directory / "flight_log_x")
-    assert facts == Facts(
+    assert facts == ReportFacts(
         operator="A. <Ranger>", time_zone="Europe/Zurich", species="Lynx lynx"
     )
     faults: list[object] = [{"time_zone": "Moon/Base"}, {"pilot": "x"}, {"permit": 7}, []]

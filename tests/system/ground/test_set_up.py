@@ -121,7 +121,7 @@ def test_a_step_with_a_fault_names_its_field_and_writes_nothing(
 ) -> None:
     before = config.read_text()
     setup = FirstSetup(config)
-    assert [fault.field for fault in setup.take(step, values)] == [field]
+    assert [fault.field for fault in setup.save_step(step, values)] == [field]
     assert [path.name for path in config.parent.iterdir()] == ["uavrt.toml"]
     assert config.read_text() == before
     assert step not in setup.done
@@ -130,7 +130,9 @@ def test_a_step_with_a_fault_names_its_field_and_writes_nothing(
 def test_a_key_that_cannot_sign_updates_is_refused(config: Path, tmp_path: Path) -> None:
     setup = FirstSetup(config)
     for pem in (public_key(tmp_path, "x25519"), public_key(tmp_path) + "more\n"):
-        assert [one.field for one in setup.take("keys", {"update_key": pem})] == ["update_key"]
+        assert [one.field for one in setup.save_step("keys", {"update_key": pem})] == [
+            "update_key"
+        ]
 
 
 def test_the_link_is_tried_and_says_what_to_do(
@@ -199,7 +201,7 @@ def test_a_card_that_takes_nothing_is_named(
     monkeypatch.setattr(os, "fsync", full)
     before = config.read_text()
     with pytest.raises(ConfigError, match=r"No space left .*uavrt doctor"):
-        setup.take(step, values)
+        setup.save_step(step, values)
     assert step not in setup.done
     assert config.read_text() == before
 
@@ -212,6 +214,6 @@ def test_a_page_without_the_drones_settings_does_not_start(tmp_path: Path) -> No
 def test_strange_requests_are_refused(config: Path) -> None:
     setup = FirstSetup(config)
     with pytest.raises(UavrtError):
-        setup.take("nest", {})
+        setup.save_step("nest", {})
     with pytest.raises(UavrtError):
         setup.test("keys", None)

@@ -23,11 +23,11 @@ from uavrt.core.messages import Tag
 from uavrt.drone.ipc.parent import adopt_orphans
 from uavrt.drone.supervisor.mission.flight_opening import share_tags
 from uavrt.drone.supervisor.start.launcher import Launcher
-from uavrt.drone.supervisor.start.restarts import SOON
+from uavrt.drone.supervisor.start.restarts import FLIGHT_RESTARTS
 from uavrt.drone.supervisor.start.usage import children_of, is_alive
 from uavrt.drone.supervisor.tree.child_output import OutputLog, warning_text
 from uavrt.drone.supervisor.tree.instance import Instance
-from uavrt.drone.supervisor.tree.process_fleet import Fleet
+from uavrt.drone.supervisor.tree.process_tree import ProcessTree
 from uavrt.drone.supervisor.tree.table import ProcessRow, always
 
 PR_SET_CHILD_SUBREAPER = 36
@@ -98,7 +98,7 @@ class Yard:
         # A nursery that never comes: processes are executed.
         launcher = Launcher()
         launcher.tend = lambda: None  # type: ignore[method-assign]
-        self.fleet = Fleet(
+        self.process_tree = ProcessTree(
             [row],
             mission,
             launcher=launcher,
@@ -108,7 +108,7 @@ class Yard:
             on_output=self._on_output,
             wake=self.wake.set,
         )
-        self.instance = self.fleet.instance_of(row)
+        self.instance = self.process_tree.instance_of(row)
 
     def _notify(self, severity: int, text: str) -> None:
         self.texts.append((severity, text))
@@ -124,7 +124,7 @@ class Yard:
         deadline_s = time.monotonic() + 60.0
         while not condition():
             assert time.monotonic() < deadline_s, self.texts
-            self.fleet.ensure()
+            self.process_tree.ensure()
             await asyncio.sleep(0.02)
 
 
@@ -151,7 +151,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Run]:
             try:
                 yield yard
             finally:
-                await yard.fleet.stop_all()
+                await yard.process_tree.stop_all()
 
     adopt_orphans()
     yield running
@@ -162,23 +162,27 @@ async def test_a_process_that_keeps_ending_is_degraded_and_the_ground_reads_why(
     run: Run, tmp_path: Path
 ) -> None:
     # However long a busy computer takes for each start, the ends are in a row.
-    patient = replace(SOON, settled_s=100.0)
+    patient = replace(FLIGHT_RESTARTS, settled_s=100.0)
     async with run(FAILING, replace(ROW, restart=patient)) as yard:
-        await yard.until(lambda: yard.instance.restarts.in_a_row >= SOON.degraded_after)
+        await yard.until(
+            lambda: yard.instance.restarts.in_a_row >= FLIGHT_RESTARTS.degraded_after
+        )
         severity, text = yard.texts[-1]
         assert severity == 3
-        assert text.startswith(f"process degraded: ended {SOON.degraded_after} times in a row")
+        assert text.startswith(
+            f"process degraded: ended {FLIGHT_RESTARTS.degraded_after} times in a row"
+        )
         assert "ended (exit 3)" in text
         assert "the antenna has fallen off (where field)" in text
         assert yard.instance.status().status.startswith("degraded: ended (exit 3)")
         assert not yard.instance.status().ok
         # Each end before that was told as well.
-        assert len(yard.texts) == SOON.degraded_after
+        assert len(yard.texts) == FLIGHT_RESTARTS.degraded_after
         # It is still tried.
-        await yard.until(lambda: yard.instance.restarts.total > SOON.degraded_after)
+        await yard.until(lambda: yard.instance.restarts.total > FLIGHT_RESTARTS.degraded_after)
     # All that it printed is kept, each line with its time.
     lines = (tmp_path / "system_log/process.log").read_text().splitlines()
-    assert sum('"starting"' in line for line in lines) > SOON.degraded_after
+    assert sum('"starting"' in line for line in lines) > FLIGHT_RESTARTS.degraded_after
     assert all(line[:2] == "20" and line[19] == "Z" for line in lines)
 
 
@@ -196,7 +200,7 @@ async def test_a_process_that_falls_silent_is_killed_and_comes_back(run: Run) ->
 
 async def test_a_detector_s_status_names_the_tags_that_it_was_started_with(run: Run) -> None:
     async with run(SILENT, replace(ROW, produces=("health", "search_report"))) as yard:
-        yard.fleet._mission.upload.begin([made.tag(tag_id, 148e6) for tag_id in (2, 4)])
+        yard.process_tree._mission.upload.begin([made.tag(tag_id, 148e6) for tag_id in (2, 4)])
         await yard.until(lambda: yard.records)
         assert yard.instance.status().tag_ids == (2, 4)
 
@@ -223,7 +227,7 @@ async def test_what_does_not_heed_sigterm_is_killed_with_all_it_started(run: Run
         pid = some(yard.instance.child).pid
         await yard.until(lambda: children_of(pid))
         grandchildren = children_of(pid)
-        await yard.fleet.stop_all()
+        await yard.process_tree.stop_all()
         assert yard.texts == [(4, "process did not stop: killed")]
         assert not is_alive(pid)
         await yard.until(lambda: not any(map(is_alive, grandchildren)))
@@ -243,7 +247,7 @@ async def test_an_orphan_is_ended_at_once_and_a_child_that_is_spared_is_not(run:
     async with run(DEAF, replace(ROW, stop_timeout_s=0.3)) as yard:
         await yard.until(lambda: yard.records)
         spared = start(SLEEP)
-        with yard.fleet.exempt(spared.pid):
+        with yard.process_tree.exempt(spared.pid):
             orphan = leave_an_orphan()
             await yard.until(lambda: orphan not in children_of(os.getpid()))
             assert not is_alive(orphan)

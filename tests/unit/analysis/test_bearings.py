@@ -29,7 +29,7 @@ from uavrt.flight.reading.flight_reader import Flight
 from uavrt.formats.pulses.tagtracker import write_tagtracker
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import PATTERNS
-from uavrt.localization.estimates.flight_estimates import ReadAs, bearings_of
+from uavrt.localization.estimates.flight_estimates import EstimationOptions, bearings_of
 from uavrt.localization.estimates.heard import Heard
 
 PLANE = TangentPlane(latitude_deg=35.18, longitude_deg=-111.66)
@@ -115,7 +115,7 @@ def test_a_positions_csv_gives_what_is_in_it(
         (2, "rmr"),
         (3, "mle"),
     ]
-    (only,) = read_positions(path, how=ReadAs(method="rmr"))
+    (only,) = read_positions(path, how=EstimationOptions(method="rmr"))
     assert some(only.position).latitude_deg == 35.2
     with pytest.raises(SystemExit):
         app(["localize", str(path)])
@@ -140,7 +140,7 @@ def test_a_log_of_one_turn_is_one_bearing_and_pca_takes_all_its_pulses(tmp_path:
     flight = flown()
     first = [one for one in flight.pulse_poses if one.pulse.start_time_ns < START_NS + 5e10]
     path = as_log(tmp_path / "turn.jsonl", tuple(first))
-    (found,) = read_bearings(path, how=ReadAs(bearing_method="pca"))
+    (found,) = read_bearings(path, how=EstimationOptions(bearing_method="pca"))
     assert found.bearing.pulses == len(first)
     assert found.start_time_ns <= first[0].pulse.start_time_ns
     assert found.end_time_ns >= first[-1].pulse.start_time_ns
@@ -171,7 +171,7 @@ BEARINGS = """\
 def test_a_bearings_csv_of_the_original_gives_positions(tmp_path: Path, method: str) -> None:
     path = tmp_path / "bearings.csv"
     path.write_text(BEARINGS.format(*map(true_bearing, range(3))), encoding="utf-8")
-    positions = read_positions(path, how=ReadAs(method=method))
+    positions = read_positions(path, how=EstimationOptions(method=method))
     assert [one.tag_id for one in positions] == [2, 7]
     found = some(positions[0].position)
     east, north = PLANE.to_local(found.latitude_deg, found.longitude_deg)
@@ -298,7 +298,7 @@ def test_every_command_that_makes_bearings_takes_the_offset_and_tells_the_same_o
         (fix,) = csv.DictReader(stream)
     assert float(fix["latitude_deg"]) == pytest.approx(position["latitude_deg"], abs=1e-6)
     assert float(fix["longitude_deg"]) == pytest.approx(position["longitude_deg"], abs=1e-6)
-    survey = read_survey(log, ReadAs(offset_deg=90.0))
+    survey = read_survey(log, EstimationOptions(offset_deg=90.0))
     assert [one.bearing.bearing_deg for one in survey.bearings] == [
         one["bearing_deg"] for one in bearings
     ]
@@ -314,7 +314,7 @@ def test_bearings_that_are_made_already_are_not_turned_again(tmp_path: Path) -> 
     path = tmp_path / "bearings.csv"
     path.write_text(BEARINGS.format(*map(true_bearing, range(3))), encoding="utf-8")
     with pytest.raises(UsageError, match="antenna offset"):
-        read_positions(path, how=ReadAs(offset_deg=90.0))
+        read_positions(path, how=EstimationOptions(offset_deg=90.0))
 
 
 def test_a_turn_that_the_autopilot_says_was_landed_has_no_bearing() -> None:

@@ -25,7 +25,12 @@ from uavrt.ground.store.estimates import AntennaChoice, Estimator
 from uavrt.ground.store.stored_flights import FlightLibrary
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import PATTERNS
-from uavrt.localization.estimates.flight_estimates import Found, ReadAs, TagBearing, place
+from uavrt.localization.estimates.flight_estimates import (
+    EstimationOptions,
+    Found,
+    TagBearing,
+    place,
+)
 
 PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
 START_NS = 1_700_000_000 * 10**9
@@ -215,7 +220,7 @@ def test_every_tag_of_a_mixed_set_has_a_position_or_a_reason(
     pings = as_pings(tmp_path / "pings.csv")
     told: list[str] = []
     found = read_positions(
-        turned, pings, how=ReadAs(method=method, height_m=40.0), warn=told.append
+        turned, pings, how=EstimationOptions(method=method, height_m=40.0), warn=told.append
     )
     assert [one.tag_id for one in found] == [1, 2]
     assert some(found[1].position).stations == 6

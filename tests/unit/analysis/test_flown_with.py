@@ -15,7 +15,7 @@ from uavrt.analysis.survey import read_survey
 from uavrt.config.settings import Settings
 from uavrt.core.errors import UsageError
 from uavrt.flight.reading.flight_reader import read_flight
-from uavrt.localization.estimates.flight_estimates import ReadAs, TagBearing
+from uavrt.localization.estimates.flight_estimates import EstimationOptions, TagBearing
 
 WriteFlight = Callable[..., Path]
 
@@ -35,14 +35,14 @@ def flight(write_flight: WriteFlight) -> Path:
 
 def test_bearings_positions_and_reports_take_the_drones_own_antenna(flight: Path) -> None:
     found = told(read_bearings(flight))
-    assert found == told(read_bearings(flight, how=ReadAs(antenna="RA-2A")))
-    assert found != told(read_bearings(flight, how=ReadAs(antenna="RA-23K")))
+    assert found == told(read_bearings(flight, how=EstimationOptions(antenna="RA-2A")))
+    assert found != told(read_bearings(flight, how=EstimationOptions(antenna="RA-23K")))
     survey = read_survey(flight)
     assert survey.antenna == "RA-2A"
     assert told(survey.bearings) == found
     (own,), (named,) = (
         read_positions(flight),
-        read_positions(flight, how=ReadAs(antenna="RA-2A")),
+        read_positions(flight, how=EstimationOptions(antenna="RA-2A")),
     )
     assert own.position is not None
     assert own.position.latitude_deg == some(named.position).latitude_deg
@@ -57,7 +57,7 @@ def test_a_flight_with_a_whip_is_a_survey_of_strength(write_flight: WriteFlight)
     assert survey.signals
     (own,), (named,) = (
         read_positions(flight),
-        read_positions(flight, how=ReadAs(antenna="monopole")),
+        read_positions(flight, how=EstimationOptions(antenna="monopole")),
     )
     assert some(own.position).latitude_deg == some(named.position).latitude_deg
     with pytest.raises(UsageError, match="an upright whip, which gives no bearings"):
@@ -74,7 +74,7 @@ def test_an_antenna_that_is_not_known_here_is_told_with_what_to_do(
         ) as caught:
             read(flight)
         assert "--antenna" in (caught.value.remedy or "")
-    assert read_survey(flight, ReadAs(antenna="RA-23K")).antenna == "RA-23K"
+    assert read_survey(flight, EstimationOptions(antenna="RA-23K")).antenna == "RA-23K"
 
 
 def test_the_antenna_of_another_versions_settings_is_read(flight: Path) -> None:

@@ -19,7 +19,7 @@ from uavrt.ground.store.estimates import AntennaChoice, Estimates, Estimator
 from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.ground.store.stored_flights import Columns
 from uavrt.localization.antenna import MONOPOLE, PATTERNS
-from uavrt.localization.estimates.flight_estimates import ReadAs, TagPosition
+from uavrt.localization.estimates.flight_estimates import EstimationOptions, TagPosition
 from uavrt.localization.estimates.heard import PulseColumns
 from uavrt.localization.estimates.standing_receivers import strengths_of
 from uavrt.localization.position.bearings.stations import Stations
@@ -235,7 +235,7 @@ def test_a_method_that_takes_bearings_alone_says_that_it_left_a_mast_out(
             if step % 6 == 0:
                 keeper.add_pulse(heard(pose, snr_db(place, 1.2 * step)))
         flights.append(_kept(keeper, tmp_path / str(number)).path)
-    (one,) = read_positions(mast.path, *flights, how=ReadAs(method=method))
+    (one,) = read_positions(mast.path, *flights, how=EstimationOptions(method=method))
     assert (
         f"not used: the method {method} takes bearings alone" in some(one.position).remarks[-1]
     )
@@ -251,7 +251,7 @@ def test_a_mast_among_hills_is_left_out_by_name(tmp_path: Path, drone: Flown) ->
         (tiles / f"{name}.hgt").write_bytes(heights.tobytes())
     elevation = open_elevation(tiles)
     mast = of_mast(tmp_path / "mast", Mast())
-    both = read_positions(drone.path, mast.path, how=ReadAs(elevation=elevation))
+    both = read_positions(drone.path, mast.path, how=EstimationOptions(elevation=elevation))
     (told,) = some(both[0].position).listeners
     assert told.endswith("not used: losses behind hills are not computed for fixed receivers")
 

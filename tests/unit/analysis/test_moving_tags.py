@@ -28,7 +28,7 @@ from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.formats.bearings_csv import write_bearing_file
 from uavrt.ground.store.estimates import AntennaChoice, Estimator
 from uavrt.ground.store.stored_flights import FlightLibrary
-from uavrt.localization.estimates.flight_estimates import ReadAs
+from uavrt.localization.estimates.flight_estimates import EstimationOptions
 from uavrt.localization.results import Position
 from uavrt.simulation.scene.flight import Flight, Leg
 from uavrt.simulation.scene.scenario import Scenario, SimulatedTag
@@ -138,7 +138,7 @@ def test_bearings_of_a_file_from_several_days_tell_no_walk(
     assert walker.position is not None
     assert walker.position.track == ()
     assert "walk" not in {one.name for one in walker.position.cautions}
-    (followed,) = read_positions(path, how=ReadAs(method="track"))
+    (followed,) = read_positions(path, how=EstimationOptions(method="track"))
     assert followed.position is None
     assert "of one flight" in (followed.reason or "")
 

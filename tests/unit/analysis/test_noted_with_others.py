@@ -16,7 +16,7 @@ from uavrt.analysis.estimates.positions import read_positions
 from uavrt.analysis.survey import read_survey
 from uavrt.core.clock import iso_utc
 from uavrt.core.messages import PulsePose
-from uavrt.localization.estimates.flight_estimates import ReadAs
+from uavrt.localization.estimates.flight_estimates import EstimationOptions
 
 OFF_THE_TURNS = ((-250.0, 0.0), (0.0, 0.0), (400.0, 300.0))
 LEFT_OUT = "of turns in these flights: left out"
@@ -87,14 +87,18 @@ def test_a_survey_by_strength_and_noted_bearings_have_each_their_own_position(
     survey = pings(tmp_path / "pings.csv", 148_000_000.0, (150.0, 120.0))
     table = by_hand(tmp_path / "noted.csv")
     said: list[str] = []
-    found = read_positions(survey, table, how=ReadAs(height_m=40.0), warn=said.append)
+    found = read_positions(
+        survey, table, how=EstimationOptions(height_m=40.0), warn=said.append
+    )
     assert sorted(some(one.position).stations for one in found) == [0, 3]
     assert any("each kind has its own" in text for text in said)
 
 
 def test_a_method_for_bearings_places_what_was_noted_beside_a_survey(tmp_path: Path) -> None:
     survey = pings(tmp_path / "pings.csv", 148_000_000.0, (150.0, 120.0))
-    found = read_positions(survey, by_hand(tmp_path / "noted.csv"), how=ReadAs(method="mle"))
+    found = read_positions(
+        survey, by_hand(tmp_path / "noted.csv"), how=EstimationOptions(method="mle")
+    )
     reasons = [one.reason for one in found if one.position is None]
     (placed,) = [one.position for one in found if one.position is not None]
     assert miss_m(placed) < 20.0

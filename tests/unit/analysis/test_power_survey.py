@@ -28,7 +28,11 @@ from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.core.errors import UsageError
 from uavrt.flight.reading.flight_reader import read_flight
 from uavrt.localization.antenna import monopole_gain_db
-from uavrt.localization.estimates.flight_estimates import ReadAs, estimate, power_track
+from uavrt.localization.estimates.flight_estimates import (
+    EstimationOptions,
+    estimate,
+    power_track,
+)
 from uavrt.localization.position.estimate_position import estimate_position
 from uavrt.localization.position.levels.power_evidence import PowerTrack
 from uavrt.simulation.scene.antenna import Antenna
@@ -74,7 +78,7 @@ def flight(write_flight: WriteFlight) -> Path:
 
 @pytest.fixture(scope="module")
 def survey(flight: Path) -> Survey:
-    return read_survey(flight, ReadAs(antenna="monopole"))
+    return read_survey(flight, EstimationOptions(antenna="monopole"))
 
 
 def miss_m(latitude_deg: float, longitude_deg: float) -> float:
@@ -231,7 +235,7 @@ def test_the_command_line_finds_the_tag_by_strength(
     assert found["powers"] > 200
     assert miss_m(found["latitude_deg"], found["longitude_deg"]) < 25.0
     with pytest.raises(UsageError, match="needs bearings"):
-        read_positions(flight, how=ReadAs(method="mle", antenna="monopole"))
+        read_positions(flight, how=EstimationOptions(method="mle", antenna="monopole"))
 
 
 def test_a_tag_that_was_hardly_heard_says_so(flight: Path) -> None:
@@ -285,7 +289,7 @@ def test_a_ping_csv_of_ucsd_gives_a_position_once_the_height_is_told(
         app(command[:-1])
     assert "--height" in capsys.readouterr().out
     # The same in report and export, and without being told of UCSD's whip.
-    reported = read_survey(pings, ReadAs(height_m=40.0))
+    reported = read_survey(pings, EstimationOptions(height_m=40.0))
     assert some(reported.positions[0].position).latitude_deg == found["latitude_deg"]
     with pytest.raises(SystemExit):
         app(["export", str(pings), "--height", "40", "--format", "csv", "-o", str(tmp_path)])

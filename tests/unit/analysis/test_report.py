@@ -22,7 +22,7 @@ from uavrt.analysis.estimates.bearings import (
     learnt_antenna,
     read_recorded,
 )
-from uavrt.analysis.inputs.flight_facts import Facts, facts_of, write_facts
+from uavrt.analysis.inputs.flight_facts import ReportFacts, facts_of, write_facts
 from uavrt.analysis.report import report_words as words
 from uavrt.analysis.report.document import pdf_document, write_pages
 from uavrt.analysis.report.report_maps import draw_overview, draw_tag_map
@@ -36,7 +36,7 @@ from uavrt.core.errors import ConfigError
 from uavrt.core.messages import SearchNote, SoughtTag
 from uavrt.flight.reading.flight_reader import read_search_notes
 from uavrt.localization.antenna import PATTERNS
-from uavrt.localization.estimates.flight_estimates import ReadAs
+from uavrt.localization.estimates.flight_estimates import EstimationOptions
 from uavrt.simulation.scene.scenario import Scenario
 
 pytestmark = pytest.mark.slow
@@ -223,7 +223,7 @@ def test_the_legend_leaves_the_north_arrow_to_be_seen(survey: Survey, name: str)
 
 def test_roses_show_the_antenna_as_the_turns_have_shown_it(write_flight: WriteFlight) -> None:
     flight = write_flight(heard=2)
-    survey = read_survey(flight, ReadAs(antenna="H", offset_deg=30.0))
+    survey = read_survey(flight, EstimationOptions(antenna="H", offset_deg=30.0))
     learnt = learnt_antenna(read_recorded(flight), "H", 30.0)
     (one, *_) = survey.bearings_of(2)
     assert one.bearing.level_db is not None
@@ -272,7 +272,7 @@ def test_an_old_log_of_the_original_gets_a_report_without_bearings(tmp_path: Pat
 
 def test_the_report_tells_what_people_tell_of_the_flight(write_flight: WriteFlight) -> None:
     flight = write_flight(heard=0, poses=False, name="told")
-    assert read_survey(flight).facts == Facts()
+    assert read_survey(flight).facts == ReportFacts()
     (flight.parent / "report.toml").write_text(
         'operator = "A. <Ranger>"\npermit = "FWC-118"\nspecies = "Lynx lynx"\n'
         'aircraft = "X500"\ntime_zone = "Europe/Zurich"\naltitude_datum = "LN02"\n',
@@ -287,7 +287,7 @@ def test_the_report_tells_what_people_tell_of_the_flight(write_flight: WriteFlig
 
 
 def test_local_time_stands_beside_utc_wherever_a_time_is_told(survey: Survey) -> None:
-    local = replace(survey, facts=Facts(time_zone="Asia/Tokyo"))
+    local = replace(survey, facts=ReportFacts(time_zone="Asia/Tokyo"))
     (finding, _) = words.findings(local)
     (time,) = dict(finding.facts.rows)["Time"]
     told = some(re.fullmatch(r"(\d\d):(\d\d:\d\d) UTC \((\d\d):(\d\d:\d\d) JST\)", time))
@@ -311,16 +311,18 @@ def test_local_time_stands_beside_utc_wherever_a_time_is_told(survey: Survey) ->
 
 
 def test_facts_are_written_as_they_are_read(tmp_path: Path) -> None:
-    facts = Facts(operator='A. "Ranger" \\ Söhne', permit="飛行-118", time_zone="Asia/Tokyo")
+    facts = ReportFacts(
+        operator='A. "Ranger" \\ Söhne', permit="飛行-118", time_zone="Asia/Tokyo"
+    )
     write_facts(tmp_path, facts)
     assert facts_of(tmp_path / "flight_log_x") == facts
     with pytest.raises(ConfigError, match="no time zone"):
-        write_facts(tmp_path, Facts(time_zone="Moon/Base"))
+        write_facts(tmp_path, ReportFacts(time_zone="Moon/Base"))
     with pytest.raises(ConfigError, match="operator is not text"):
-        write_facts(tmp_path, Facts(operator="two\nlines"))
+        write_facts(tmp_path, ReportFacts(operator="two\nlines"))
     assert facts_of(tmp_path / "flight_log_x") == facts
-    write_facts(tmp_path, Facts())
-    assert facts_of(tmp_path / "flight_log_x") == Facts()
+    write_facts(tmp_path, ReportFacts())
+    assert facts_of(tmp_path / "flight_log_x") == ReportFacts()
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import pytest
 from joined import joined
 from sql import sql
 
-from uavrt.analysis.whole_flights.judged_flights import JudgeAs, searched_for
+from uavrt.analysis.whole_flights.judged_flights import WholeFlightOptions, searched_for
 from uavrt.cli.prediction.coverage import coverage
 from uavrt.cli.results.report import report
 from uavrt.config.tags.tag_files import write_tags
@@ -141,7 +141,9 @@ def hindsight(
         ambiguous=ambiguous,
         searched=None
         if searched is None
-        else replace(searched_for(tag, JudgeAs(pattern=pattern_named("RA-23K"))), **searched),
+        else replace(
+            searched_for(tag, WholeFlightOptions(pattern=pattern_named("RA-23K"))), **searched
+        ),
     )
     write_integrated(flight, [verdict], [])
 

@@ -16,7 +16,7 @@ from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.core.messages import PulsePose
 from uavrt.flight.logs.pulse_files import PulseWriter
 from uavrt.localization.antenna import PATTERNS
-from uavrt.localization.estimates.flight_estimates import ReadAs, TagPosition
+from uavrt.localization.estimates.flight_estimates import EstimationOptions, TagPosition
 
 PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
 START_NS = 1_700_000_000 * 10**9
@@ -115,8 +115,8 @@ def test_two_surveys_of_two_frequencies_are_two_tags(tmp_path: Path) -> None:
         pings(tmp_path / "low.csv", 172_464_000.0, FIRST),
         pings(tmp_path / "high.csv", 173_000_000.0, SECOND),
     ]
-    alone = [read_positions(log, how=ReadAs(height_m=40.0))[0] for log in logs]
-    found = read_positions(*reversed(logs), how=ReadAs(height_m=40.0))
+    alone = [read_positions(log, how=EstimationOptions(height_m=40.0))[0] for log in logs]
+    found = read_positions(*reversed(logs), how=EstimationOptions(height_m=40.0))
     assert [one.tag_id for one in found] == [1, 2]
     assert [one.frequency_hz for one in found] == [172_464_000.0, 173_000_000.0]
     for one, own in zip(found, alone, strict=True):
@@ -132,7 +132,7 @@ def test_one_frequency_is_one_tag_whatever_number_each_log_gives_it(tmp_path: Pa
     )
     (tmp_path / "more.csv").unlink()
     again = pings(tmp_path / "again.csv", 172_464_020.0, FIRST)
-    found = read_positions(both, again, how=ReadAs(height_m=40.0))
+    found = read_positions(both, again, how=EstimationOptions(height_m=40.0))
     assert [one.tag_id for one in found] == [1, 2]
     assert [one.position.pulses for one in found if one.position] == [182, 364]
 
@@ -145,10 +145,10 @@ def test_a_survey_s_tag_is_the_listed_one_of_its_frequency(tmp_path: Path) -> No
     )
     same = pings(tmp_path / "same.csv", 172_464_030.0, FIRST)
     other = pings(tmp_path / "other.csv", 173_000_000.0, FIRST)
-    found = read_positions(flight, same, how=ReadAs(height_m=40.0))
+    found = read_positions(flight, same, how=EstimationOptions(height_m=40.0))
     assert [one.tag_id for one in found] == [2, 2]  # by bearings, and by strength
     assert [one.name for one in found] == ["Kiwi", "Kiwi"]
-    found = read_positions(flight, other, how=ReadAs(height_m=40.0))
+    found = read_positions(flight, other, how=EstimationOptions(height_m=40.0))
     assert [(one.tag_id, one.name) for one in found] == [(1, None), (2, "Kiwi")]
 
 

@@ -18,7 +18,7 @@ NEIGHBOUR = (
     "01010900070005000200000001053412060007004b52401c42f4170500200444f4010000c8000000"
     "c800e803000201000200040006000cfe0cfe1800"
 )
-SAID = Course(
+GIVEN_BY_USER = Course(
     sequence=0x1234,
     place=(47.3977419, 8.5455938),
     altitude_amsl_m=528.5,
@@ -26,7 +26,7 @@ SAID = Course(
     searching=True,
     flown=6,
     asked=7,
-    asked_way=((47.3981419, 8.5455938), (47.3981419, 8.5475938)),
+    requested_leg=((47.3981419, 8.5455938), (47.3981419, 8.5475938)),
     given=((2, 3), (5, 258)),
     held=(2, 4),
     found=(FoundTag(tag_id=6, place=(47.3967419, 8.5445938), radius95_m=24.0),),
@@ -34,15 +34,20 @@ SAID = Course(
 
 
 def test_a_course_has_its_bytes() -> None:
-    assert encode_course(SAID).hex() == COURSE
+    assert encode_course(GIVEN_BY_USER).hex() == COURSE
     got = decode_course(bytes.fromhex(COURSE))
-    assert (got.sequence, got.flown, got.asked, got.given) == (0x1234, 6, 7, SAID.given)
+    assert (got.sequence, got.flown, got.asked, got.given) == (
+        0x1234,
+        6,
+        7,
+        GIVEN_BY_USER.given,
+    )
     assert (got.held, got.found[0].tag_id, got.found[0].radius95_m) == ((2, 4), 6, 24.0)
     assert (got.searching, got.returning) == (True, False)
 
 
 def test_a_neighbour_has_its_bytes() -> None:
-    told = Neighbour(vehicle=1, version=9, granted=7, denied=5, age_s=2.0, course=SAID)
+    told = Neighbour(vehicle=1, version=9, granted=7, denied=5, age_s=2.0, course=GIVEN_BY_USER)
     assert encode_neighbour(told).hex() == NEIGHBOUR
     got = decode_neighbour(bytes.fromhex(NEIGHBOUR))
     assert (got.vehicle, got.version, got.granted, got.denied, got.age_s) == (1, 9, 7, 5, 2.0)

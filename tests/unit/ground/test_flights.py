@@ -36,7 +36,7 @@ from uavrt.ground.store.stored_flights import Columns, FlightLibrary
 from uavrt.ground.web.routes import map_routes as maps
 from uavrt.ground.web.work.exports import EXPORTS, export
 from uavrt.localization.antenna import PATTERNS
-from uavrt.localization.estimates.flight_estimates import ReadAs
+from uavrt.localization.estimates.flight_estimates import EstimationOptions
 from uavrt.localization.estimates.live_bearings import LiveBearings
 from uavrt.localization.terrain.elevation_files import open_elevation
 
@@ -236,9 +236,11 @@ def test_page_report_and_command_line_tell_the_same_over_hills(
 
     antenna = AntennaChoice(pattern=pattern, dem=str(tile))
     page = Estimator().estimate(library.columns(flight_id), antenna, (), tags)
-    (told,) = read_positions(place, how=ReadAs(antenna=pattern, elevation=open_elevation(tile)))
+    (told,) = read_positions(
+        place, how=EstimationOptions(antenna=pattern, elevation=open_elevation(tile))
+    )
     (reported,) = read_survey(
-        place, ReadAs(antenna=pattern, elevation=open_elevation(tile))
+        place, EstimationOptions(antenna=pattern, elevation=open_elevation(tile))
     ).positions
     (shown,) = page.positions
     for other in (told.position, reported.position):
@@ -246,7 +248,7 @@ def test_page_report_and_command_line_tell_the_same_over_hills(
         assert shown["latitude_deg"] == pytest.approx(other.latitude_deg, abs=1e-7)
         assert shown["radius95_m"] == pytest.approx(other.radius95_m, abs=0.1)
     if pattern == "monopole":  # a single bearing has no other level to be compared with
-        (level,) = read_positions(place, how=ReadAs(antenna=pattern))
+        (level,) = read_positions(place, how=EstimationOptions(antenna=pattern))
         assert shown["radius95_m"] != pytest.approx(some(level.position).radius95_m, abs=0.1)
 
 
@@ -268,10 +270,11 @@ def test_page_report_and_command_line_trust_headings_and_heights_alike(
     settings = settings.changed({"heading_error_deg": "0", "height_error_m": "20,5"})
     (shown,) = estimator.estimate(columns, settings.antenna_choice, (), tags).positions
     (told,) = read_positions(
-        place, how=ReadAs(antenna=pattern, heading_sigma_deg=0.0, height_sigma_m=20.5)
+        place,
+        how=EstimationOptions(antenna=pattern, heading_sigma_deg=0.0, height_sigma_m=20.5),
     )
     (reported,) = read_survey(
-        place, ReadAs(antenna=pattern, heading_sigma_deg=0.0, height_sigma_m=20.5)
+        place, EstimationOptions(antenna=pattern, heading_sigma_deg=0.0, height_sigma_m=20.5)
     ).positions
     for other in (told.position, reported.position):
         assert other is not None

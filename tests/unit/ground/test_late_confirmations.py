@@ -91,16 +91,16 @@ async def test_an_offer_runs_out_also_while_the_drone_is_not_heard(
         hands.sent.append(5)
         return MotionState(kind="state", standing="confirmed", text="confirmed", order_id=5)
 
-    monkeypatch.setattr(flying, "ask", offer)
+    monkeypatch.setattr(flying, "request_motion", offer)
     monkeypatch.setattr(flying, "confirm", confirm)
     wish = {"order_id": 5, "sticks_unseen": True}
     page = MotionCommands(vehicle)
     if heard:
-        page.take(MotionState(kind="state", standing="out", text="x"))
-    await page.ask({"action": "hold"}, "page")
+        page.receive_state(MotionState(kind="state", standing="out", text="x"))
+    await page.request_motion({"action": "hold"}, "page")
     hands.time_ns += 9 * SECOND_NS
     await page.confirm(wish, "page")
-    await page.ask({"action": "hold"}, "page")
+    await page.request_motion({"action": "hold"}, "page")
     hands.time_ns += 11 * SECOND_NS
     with pytest.raises(CommandRefused, match="has expired"):
         await page.confirm(wish, "page")

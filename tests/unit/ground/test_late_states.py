@@ -11,7 +11,7 @@ from uavrt.ground.store.ground_settings import GroundStore
 
 def hear(session: GroundSession, *states: SystemState) -> None:
     for state in states:
-        session.reception.take(DroneHeartbeat(state=state, cpu_temperature_c=None))
+        session.reception.receive_event(DroneHeartbeat(state=state, cpu_temperature_c=None))
 
 
 async def test_states_of_before_a_start_end_no_flight(tmp_path: Path) -> None:

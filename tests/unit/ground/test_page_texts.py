@@ -162,7 +162,7 @@ def has_words(text: str) -> bool:
 def test_what_the_server_says_of_buttons_and_checks_has_words() -> None:
     texts = {
         *actions.ACTIONS.values(),
-        *actions.NOT_NOW.values(),
+        *actions.REFUSALS_BY_STATE.values(),
         bench.NOISE_REMEDY,
         bench.LEVEL_REMEDY,
     }

@@ -64,12 +64,12 @@ def test_no_class_of_the_ground_station_grows_beyond_one_sitting() -> None:
 
 def test_a_drone_that_is_lost_has_no_state_and_keeps_its_tags() -> None:
     drone = DroneReports(now_ns=0)
-    drone.take_heartbeat(DroneHeartbeat(state=SystemState.IDLE, cpu_temperature_c=40.0))
-    assert drone.take_presence(True, 5)
-    assert not drone.take_presence(True, 7)
+    drone.receive_heartbeat(DroneHeartbeat(state=SystemState.IDLE, cpu_temperature_c=40.0))
+    assert drone.set_presence(True, 5)
+    assert not drone.set_presence(True, 7)
     drone.tags_accepted((made.tag(),))
     assert (drone.state, drone.contact_ns) == (SystemState.HAS_TAGS, 7)
-    assert drone.take_presence(False, 9)
+    assert drone.set_presence(False, 9)
     assert (drone.state, drone.contact_ns, len(drone.sent_tags)) == (None, 7, 1)
     drone.tags_accepted(())
     assert drone.state is None, "only a drone in contact has a state"
@@ -84,10 +84,10 @@ def test_a_sender_measured_before_its_tag_was_corrected_is_outdated() -> None:
     assert correction is not None
     drone = DroneReports(now_ns=0)
     drone.set_tags((correction.after,))
-    assert not drone.take_beep(beep, [correction])
+    assert not drone.receive_beep(beep, [correction])
     drone.set_tags((before,))
-    assert drone.take_beep(beep, [])
-    assert not drone.take_beep(beep, []), "it is known"
+    assert drone.receive_beep(beep, [])
+    assert not drone.receive_beep(beep, []), "it is known"
 
 
 def test_poses_in_memory_keep_their_distance_and_the_first_gives_the_takeoff_height() -> None:
@@ -116,7 +116,7 @@ async def test_only_the_answer_to_this_request_ends_a_command(
     answer = Acknowledged(
         command=CommandId.START_DETECTION, accepted=False, message="busy", request_id=request_id
     )
-    exchange.take(answer)
+    exchange.receive(answer)
     with pytest.raises(Exception, match="busy" if tries == 1 else "did not answer") as error:
         await waiting
     assert len(sent) == tries

@@ -24,22 +24,22 @@ MS = 1_000_000
 
 def test_without_pulses_a_sign_of_life_goes_once_a_second() -> None:
     receipts = Receipts(7)
-    first = some(receipts.take(0))
+    first = some(receipts.next_due(0))
     assert first.hashes == ()
-    assert receipts.take(999 * MS) is None
-    assert receipts.take(1000 * MS) is not None
+    assert receipts.next_due(999 * MS) is None
+    assert receipts.next_due(1000 * MS) is not None
 
 
 def test_pulses_are_acknowledged_within_150_ms_or_at_15_at_once() -> None:
     receipts = Receipts(7)
-    receipts.take(0)
+    receipts.next_due(0)
     receipts.stored(b"a")
-    assert receipts.take(149 * MS) is None
-    receipt = some(receipts.take(150 * MS))
+    assert receipts.next_due(149 * MS) is None
+    receipt = some(receipts.next_due(150 * MS))
     assert receipt.hashes == (payload_hash(b"a"),)
     for number in range(20):
         receipts.stored(bytes([number]))
-    full = some(receipts.take(151 * MS))
+    full = some(receipts.next_due(151 * MS))
     assert full.hashes == tuple(payload_hash(bytes([n])) for n in range(15))
 
 
@@ -47,7 +47,7 @@ def test_a_receipt_repeats_earlier_ones_for_they_may_be_lost() -> None:
     receipts = Receipts(7)
     for number in range(3):
         receipts.stored(bytes([number]))
-        receipt = receipts.take(number * 200 * MS)
+        receipt = receipts.next_due(number * 200 * MS)
     assert receipt is not None
     assert receipt.hashes == tuple(payload_hash(bytes([n])) for n in (2, 0, 1))
 
@@ -56,10 +56,10 @@ def test_a_repeated_pulse_is_acknowledged_again_and_counted() -> None:
     receipts = Receipts(7)
     assert not receipts.seen(b"a")
     receipts.stored(b"a")
-    receipts.take(0)
+    receipts.next_due(0)
     assert receipts.seen(b"a")
     assert receipts.duplicates == 1
-    again = some(receipts.take(200 * MS))
+    again = some(receipts.next_due(200 * MS))
     assert payload_hash(b"a") in again.hashes
 
 
@@ -156,16 +156,16 @@ def test_a_pulse_that_could_not_be_stored_is_not_acknowledged_by_the_next_frame(
     payload = pulse_to_wire(PulsePose(pulse=made.pulse(10**18), pose=None)).encode()
     pulse = made.tunnel(0, payload)
     hear(beat)
-    protocol.taken()
+    protocol.accepted()
     hear(pulse)  # and it was not taken
     protocol.stored()
     assert not receipts.seen(payload)
     hear(beat)
-    protocol.taken()
+    protocol.accepted()
     protocol.stored()
     assert not receipts.seen(payload)
     hear(pulse)
-    protocol.taken()
+    protocol.accepted()
     assert not receipts.seen(payload), "taken, and not on the disk"
     protocol.stored()
     assert receipts.seen(payload)

@@ -14,7 +14,7 @@ from uavrt.config.parameters import OFFERED
 from uavrt.config.settings import Settings
 from uavrt.core.commands import CommandId
 from uavrt.core.messages import Command, Course, PulsePose
-from uavrt.drone.processes.connection_parts.parameter_desk import ParameterDesk
+from uavrt.drone.processes.connection_parts.parameter_handler import ParameterHandler
 from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.ground.link.protocol import GroundProtocol
 from uavrt.ground.link.requests.drone_parameters import DroneParameters
@@ -126,7 +126,7 @@ def test_a_parameter_whose_answer_was_lost_is_asked_for_with_a_new_seal(tmp_path
                 param_id="DET_K", param_value=4.0, param_type=9, param_count=9, param_index=4
             )
             (frame,) = FrameParser().feed(FrameWriter(1, 191).encode(value))
-            parameters.take(frame)
+            parameters.receive(frame)
 
     parameters = DroneParameters(sealing_ground(read_key(path), gate), drone, 0.01)
     parameters._bytewise = True
@@ -151,7 +151,7 @@ def test_two_changes_of_one_parameter_are_confirmed_one_after_the_other() -> Non
             param_index=4,
         )
         (frame,) = FrameParser().feed(FrameWriter(*DRONE).encode(value))
-        asyncio.get_running_loop().call_soon(parameters.take, frame)
+        asyncio.get_running_loop().call_soon(parameters.receive, frame)
 
     async def set_both() -> list[float]:
         return await asyncio.gather(*(parameters.set("DET_K", k) for k in (4.0, 5.0)))
@@ -165,7 +165,7 @@ def test_two_changes_of_one_parameter_are_confirmed_one_after_the_other() -> Non
 def test_a_drone_with_a_key_lists_its_parameters_for_sealed_requests(tmp_path: Path) -> None:
     path = key_file(tmp_path)
     gate, asked = Gate((), str(path)), list[Any]()
-    desk = ParameterDesk(
+    desk = ParameterHandler(
         Settings(),
         lambda: True,
         send=lambda value, _: asked.append(value.param_id),

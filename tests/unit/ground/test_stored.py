@@ -123,7 +123,7 @@ def test_what_comes_before_its_burst_is_refused_until_the_burst_is_here(
         keeper.put_inside(inside(pulse(1)))
     assert keeper.add_pulse(pulse(0))
     assert keeper.put_inside(inside(pulse(0)))
-    now_s += flight_keeper.BURST_COMES_WITHIN_S
+    now_s += flight_keeper.BURST_TIMEOUT_S
     assert not keeper.put_inside(inside(pulse(1)))
     assert keeper.without_burst == 1, "of a flight that is not here: the drone may forget it"
     keeper.close()

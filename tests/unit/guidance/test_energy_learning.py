@@ -31,8 +31,8 @@ NOW = VehicleNow(
     order_id=1,
     began=True,
     obeyed=True,
-    wishes_sent=1,
-    wishes_refused=0,
+    requests_sent=1,
+    requests_refused=0,
     turned_deg=0.0,
     ground_silent_s=0.0,
 )
@@ -128,8 +128,8 @@ def test_the_way_home_is_against_the_wind_that_is_told_or_else_the_worst() -> No
 
 
 def test_in_as_much_wind_as_it_can_fly_against_it_goes_home_and_nowhere_else() -> None:
-    said = must_return(replace(NOW, wind=Wind(east_m_s=11.0)), LIMITS)
-    assert said == "the wind is 11 m/s; the drone flies 12 m/s through the air"
+    status_text = must_return(replace(NOW, wind=Wind(east_m_s=11.0)), LIMITS)
+    assert status_text == "the wind is 11 m/s; the drone flies 12 m/s through the air"
     assert must_return(replace(NOW, wind=Wind(east_m_s=10.0)), LIMITS) is None
     flown = Flown("px4", frame=Frame(wind_m_s=(0.0, 11.5)))
     flown.run(6.0)
@@ -146,7 +146,9 @@ def test_wind_that_rises_in_flight_ends_a_search(flavour: Flavour) -> None:
     search.flown.vehicle.body.frame = replace(search.frame, wind_m_s=(0.0, 11.5))
     search.run(10.0)
     assert search.flown.authority.reason == "returning: the autopilot flies home"
-    assert any("the wind is" in one for one in (search.pilot.said, search.notes[-1].reason))
+    assert any(
+        "the wind is" in one for one in (search.execution.status_text, search.notes[-1].reason)
+    )
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -172,15 +174,15 @@ def test_whatever_it_takes_and_in_whatever_wind_it_is_home_with_the_reserve(seed
     places = tuple(flown.place(north + a, east + b) for a, b in corners)
     for spacing_m in (10.0, 15.0, 20.0, 30.0, 50.0, 75.0, 100.0, 150.0, 290.0):
         try:
-            pilot = flown.order("survey", places=places, spacing_m=spacing_m, height_m=60.0)
+            execution = flown.order("survey", places=places, spacing_m=spacing_m, height_m=60.0)
         except PlanError:
             continue
         break
     else:
         raise AssertionError("no survey is short enough")
-    flown.run(3000.0, until=lambda: pilot.ended is not None)
-    if pilot.ended == "done":
-        pilot = flown.order("return")
+    flown.run(3000.0, until=lambda: execution.ended is not None)
+    if execution.ended == "done":
+        execution = flown.order("return")
     flown.run(900.0, until=lambda: not flown.vehicle.armed)
     assert not flown.vehicle.armed
     assert flown.vehicle.mode == MODES[flavour]["return"]
@@ -201,7 +203,7 @@ def test_a_search_and_its_pilot_reckon_with_the_same_lessons() -> None:
     search.begin()
     search.run(600.0)
     assert search.flown.authority.reason == "returning: the autopilot flies home"
-    assert "the return" in f"{search.pilot.said} {search.notes[-1].reason}"
+    assert "the return" in f"{search.execution.status_text} {search.notes[-1].reason}"
     assert search.flown.lessons.energy.power_w(0.0) == pytest.approx(1200.0, rel=0.15)
     search.flown.run(300.0, until=lambda: not search.flown.vehicle.armed)
     assert 25.0 <= search.flown.vehicle.body.battery_percent < 45.0

@@ -10,7 +10,7 @@ from some import some
 
 from uavrt.core.errors import CommandRefused, PlanError
 from uavrt.core.messages import TurnInPlace
-from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.control.authority import ControlStage
 from uavrt.guidance.control.yaw import YawWatch
 from uavrt.guidance.height_frames import target_amsl_m
 from uavrt.guidance.operator_orders import Limits
@@ -23,9 +23,9 @@ FIELD = ((50, 0), (50, 150), (150, 150), (150, 0))
 
 
 def flown_to_its_end(flown: Flown, action: str, **values: Any) -> str | None:
-    pilot = flown.order(action, **values)
-    flown.run(400.0, until=lambda: pilot.ended is not None)
-    return pilot.ended
+    execution = flown.order(action, **values)
+    flown.run(400.0, until=lambda: execution.ended is not None)
+    return execution.ended
 
 
 @BOTH
@@ -46,12 +46,12 @@ def test_goes_there_at_the_height_above_home_that_was_asked_for(flavour: Flavour
 def test_turns_once_in_place_to_the_side_asked_for(flavour: Flavour, clockwise: bool) -> None:
     flown = Flown(flavour)
     turned, before = 0.0, flown.vehicle.heading.yaw_deg
-    pilot = flown.order("rotate", duration_s=24.0, clockwise=clockwise)
-    while pilot.ended is None:
+    execution = flown.order("rotate", duration_s=24.0, clockwise=clockwise)
+    while execution.ended is None:
         flown.step()
         step = (flown.vehicle.heading.yaw_deg - before + 180.0) % 360.0 - 180.0
         turned, before = turned + step, flown.vehicle.heading.yaw_deg
-    assert pilot.ended == "done"
+    assert execution.ended == "done"
     least = 325.0 if flavour == "px4" else 350.0
     assert least <= (turned if clockwise else -turned) <= 361.0
     assert math.hypot(flown.vehicle.body.north_m, flown.vehicle.body.east_m) < 1.0
@@ -80,7 +80,7 @@ def test_a_turn_in_place_begins_once_the_drone_has_ended_its_turn_to_the_course(
     flown = Flown("ardupilot")
     order = flown.order("rotate", duration_s=24.0).order
     flown.run(5.0, until=lambda: flown.began)
-    flown.pilot = None
+    flown.execution = None
     flown.run(1.0)
     heading, turn = flown.vehicle.heading, TurnInPlace(turn_deg=360.0, rate_deg_s=15.0)
     before_deg = heading.yaw_deg
@@ -110,20 +110,20 @@ def test_a_turn_in_place_begins_once_the_heading_cannot_follow_the_course() -> N
 def test_turns_once_at_each_place_of_an_area(flavour: Flavour) -> None:
     flown = Flown(flavour)
     places = tuple(flown.place(*corner) for corner in FIELD)
-    pilot = flown.order(
+    execution = flown.order(
         "survey", places=places, pattern="points", spacing_m=75.0, duration_s=12.0
     )
     turned, before = 0.0, flown.vehicle.heading.yaw_deg
     stood: list[tuple[float, float]] = []
-    while pilot.ended is None:
+    while execution.ended is None:
         flown.step()
         vehicle = flown.vehicle
         turned += abs((vehicle.heading.yaw_deg - before + 180.0) % 360.0 - 180.0)
         before = vehicle.heading.yaw_deg
         if turned > 300.0 * (len(stood) + 1):
             stood.append((vehicle.body.north_m, vehicle.body.east_m))
-    assert pilot.ended == "done"
-    assert pilot.plan.summary.startswith("turn at 4 places, from")
+    assert execution.ended == "done"
+    assert execution.plan.summary.startswith("turn at 4 places, from")
     assert turned >= 4 * 325.0
     wanted = [(75.0, 37.5), (75.0, 112.5), (125.0, 112.5), (125.0, 37.5)]
     flown_over = flown.commands[0][1], flown.commands[-1][1]
@@ -163,24 +163,24 @@ def test_it_holds_while_the_ground_is_not_heard_and_returns_after_a_minute(
 @BOTH
 def test_it_goes_on_when_the_ground_is_heard_again(flavour: Flavour) -> None:
     flown = Flown(flavour)
-    pilot = flown.order("goto", places=(flown.place(200, 0),), height_m=40.0)
+    execution = flown.order("goto", places=(flown.place(200, 0),), height_m=40.0)
     flown.run(8.0)
     flown.ground_silent_s = 6.0
     flown.run(20.0)
     flown.ground_silent_s = 0.0
-    flown.run(60.0, until=lambda: pilot.ended is not None)
-    assert pilot.ended == "done"
+    flown.run(60.0, until=lambda: execution.ended is not None)
+    assert execution.ended == "done"
     assert flown.vehicle.body.north_m == pytest.approx(200.0, abs=3.0)
 
 
 @BOTH
 def test_it_returns_when_the_battery_is_needed_for_the_way_home(flavour: Flavour) -> None:
     flown = Flown(flavour)
-    pilot = flown.order("goto", places=(flown.place(300, 0),), height_m=40.0)
+    execution = flown.order("goto", places=(flown.place(300, 0),), height_m=40.0)
     flown.run(10.0)
     flown.vehicle.body.used_wh = 88.0
     flown.run(5.0)
-    assert "the return takes" in pilot.said
+    assert "the return takes" in execution.status_text
     assert flown.vehicle.mode == MODES[flavour]["return"]
 
 
@@ -188,9 +188,9 @@ def test_it_returns_when_the_battery_is_needed_for_the_way_home(flavour: Flavour
 def test_a_confirmation_ends_after_ten_seconds_without_a_command(flavour: Flavour) -> None:
     flown = Flown(flavour)
     flown.order("hold")
-    flown.pilot = None
+    flown.execution = None
     flown.run(9.5)
-    assert flown.authority.standing is Standing.CONFIRMED
+    assert flown.authority.standing is ControlStage.CONFIRMED
     flown.run(1.0)
     assert flown.authority.reason == "the order was not begun within 10 s"
     assert not flown.commands
@@ -217,7 +217,7 @@ def test_a_wrong_nonce_confirms_nothing_and_ends_the_offer() -> None:
     for nonce in (78, 77):
         with pytest.raises(CommandRefused, match="not the proposed one"):
             flown.authority.confirm(1, nonce, flown.time_s, sticks_unseen=True)
-    assert flown.authority.standing is Standing.OUT
+    assert flown.authority.standing is ControlStage.OUT
 
 
 def test_unseen_sticks_must_be_confirmed() -> None:
@@ -291,7 +291,7 @@ def test_what_cannot_be_flown_is_refused_before_anything_moves(
     values = values | ({"places": tuple(flown.place(*one) for one in local)} if local else {})
     with pytest.raises(PlanError, match=reason):
         flown.order(action, **values)
-    assert flown.authority.standing is Standing.OUT
+    assert flown.authority.standing is ControlStage.OUT
     assert not flown.commands
 
 
@@ -305,7 +305,7 @@ def test_beyond_the_fence_nothing_is_offered_that_the_authority_would_refuse(
     with pytest.raises(PlanError, match=r"is 560 m from home, beyond the fence\. Return"):
         flown.order(action)
     flown.order("return")
-    assert flown.authority.standing is Standing.CONFIRMED
+    assert flown.authority.standing is ControlStage.CONFIRMED
 
 
 @pytest.mark.parametrize("action", ["hold", "rotate"])
@@ -349,32 +349,32 @@ def test_to_look_straight_back_it_may_turn_either_way(course_deg: float, ours: b
 @BOTH
 def test_told_to_go_elsewhere_at_speed_it_stands_first(flavour: Flavour) -> None:
     flown = Flown(flavour)
-    pilot = flown.order("goto", places=(flown.place(200, 0),), height_m=40.0)
+    execution = flown.order("goto", places=(flown.place(200, 0),), height_m=40.0)
     flown.run(8.0)
     now = some(flown.now())
     assert now.speed_m_s > 5.0
-    pilot.redirect((Go(place=flown.place(0, 60), height_m=40.0),), now)
+    execution.redirect((Go(place=flown.place(0, 60), height_m=40.0),), now)
     slowest = math.inf
-    while pilot.ended is None:
+    while execution.ended is None:
         flown.step()
         slowest = min(slowest, math.hypot(*flown.vehicle.body.velocity_m_s))
         if flown.vehicle.body.east_m > 30.0:
             break
     assert slowest < 1.0
-    assert flown.authority.standing is Standing.IN_COMMAND
+    assert flown.authority.standing is ControlStage.IN_COMMAND
 
 
 @BOTH
 def test_a_small_bend_is_flown_without_standing(flavour: Flavour) -> None:
     flown = Flown(flavour)
-    pilot = flown.order("goto", places=(flown.place(200, 0),), height_m=40.0)
+    execution = flown.order("goto", places=(flown.place(200, 0),), height_m=40.0)
     flown.run(8.0)
     now = some(flown.now())
-    pilot.redirect((Go(place=flown.place(200, 40), height_m=40.0),), now)
+    execution.redirect((Go(place=flown.place(200, 40), height_m=40.0),), now)
     flown.run(4.0)
     assert math.hypot(*flown.vehicle.body.velocity_m_s) > 5.0
-    flown.run(60.0, until=lambda: pilot.ended is not None)
-    assert pilot.ended == "done"
+    flown.run(60.0, until=lambda: execution.ended is not None)
+    assert execution.ended == "done"
     assert flown.vehicle.body.east_m == pytest.approx(40.0, abs=3.0)
 
 
@@ -399,12 +399,12 @@ def test_home_among_others_is_flown_at_its_own_height(flavour: Flavour) -> None:
     """The autopilot's return climbs to a height of its own, where another may be."""
     frame = Frame(return_height_m=60.0)
     flown = Flown(flavour, frame=frame, limits=Limits(battery_wh=120.0, link_lost="return"))
-    pilot = flown.order("goto", places=(flown.place(150.0, 0.0),), height_m=40.0)
-    pilot.shared = True
+    execution = flown.order("goto", places=(flown.place(150.0, 0.0),), height_m=40.0)
+    execution.shared = True
     flown.run(15.0)
     flown.ground_silent_s = 60.0
     flown.run(3.0)
-    assert pilot.returning
+    assert execution.returning
     heights = []
 
     def over_home() -> bool:

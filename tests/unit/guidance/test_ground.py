@@ -11,7 +11,7 @@ from some import some
 
 from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.core.errors import PlanError
-from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.control.authority import ControlStage
 from uavrt.guidance.ground_heights import GroundAround
 from uavrt.guidance.operator_orders import Limits
 from uavrt.simulation.vehicle.airframe import Flavour
@@ -58,7 +58,7 @@ def test_a_way_too_near_to_a_hill_is_refused_with_the_height_it_needs(
     flown = flying(flavour, start)
     with pytest.raises(PlanError, match=reason):
         flown.order("goto", places=(flown.place(*goal),), height_m=45.0)
-    assert flown.authority.standing is Standing.OUT
+    assert flown.authority.standing is ControlStage.OUT
 
 
 def test_it_flies_over_a_hill_from_the_height_that_it_needs() -> None:
@@ -102,16 +102,16 @@ def test_a_map_without_home_is_refused() -> None:
 @BOTH
 def test_it_holds_and_asks_when_home_leaves_the_map_in_flight(flavour: Flavour) -> None:
     flown = flying(flavour, (0.0, -50.0), 60.0)
-    pilot = flown.order("goto", places=(flown.place(0.0, -350.0),), height_m=60.0)
+    execution = flown.order("goto", places=(flown.place(0.0, -350.0),), height_m=60.0)
     flown.run(8.0)
     # The barometer's height above home drifts from the altitude: as the map sees it.
-    pilot._limits = limits(20.0)
+    execution._limits = limits(20.0)
     flown.run(12.0)
     place = flown.vehicle.body.place_m
     flown.run(10.0)
-    assert "off the elevation map: holding" in pilot.said
+    assert "off the elevation map: holding" in execution.status_text
     assert np.hypot(*np.subtract(flown.vehicle.body.place_m, place)) < 2.0
-    assert flown.authority.standing is Standing.IN_COMMAND
+    assert flown.authority.standing is ControlStage.IN_COMMAND
 
 
 def test_a_search_keeps_its_height_above_a_hill_and_on_the_way_home() -> None:

@@ -8,7 +8,7 @@ from flown import HOME, Flown
 from uavrt.config.loader import parse_settings
 from uavrt.core.errors import CommandRefused, ConfigError
 from uavrt.core.messages import FlyThere
-from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.control.authority import ControlStage
 from uavrt.simulation.vehicle.airframe import Flavour
 from uavrt.simulation.vehicle.simulated_flying import MODES
 
@@ -25,7 +25,7 @@ def surveying(flavour: Flavour, unwatched: frozenset[int] = frozenset()) -> Flow
     places = tuple(flown.place(*corner) for corner in corners)
     flown.order("survey", places=places, spacing_m=20.0, height_m=40.0)
     flown.run(6.0)
-    assert flown.authority.standing is Standing.IN_COMMAND
+    assert flown.authority.standing is ControlStage.IN_COMMAND
     return flown
 
 
@@ -52,7 +52,7 @@ def test_a_switch_is_believed_after_a_tenth_of_a_second_without_another_word(
     flown.run(1.0, until=lambda: flown.steps % 4 == 0)
     flown.switches = (*LOW[:3], 1300, *LOW[4:])
     flown.step()
-    assert flown.authority.standing is Standing.IN_COMMAND
+    assert flown.authority.standing is ControlStage.IN_COMMAND
     flown.sticks_every = 1000
     flown.run(0.15)
     assert flown.authority.reason.startswith("RC channel 8 was switched")
@@ -73,7 +73,7 @@ def command(flown: Flown, order_id: int | None) -> None:
 def test_nothing_is_commanded_while_a_switch_may_have_been_moved(flavour: Flavour) -> None:
     flown = surveying(flavour)
     flown.run(3.0, until=lambda: flown.authority.obeyed and flown.steps % 4 == 0)
-    order_id, flown.pilot = flown.authority.order_id, None
+    order_id, flown.execution = flown.authority.order_id, None
     flown.switches = (*LOW[:5], 1500)
     flown.step()
     with pytest.raises(CommandRefused, match="an RC switch was moved"):
@@ -89,7 +89,7 @@ def test_one_slip_of_the_receiver_is_no_hand(flavour: Flavour) -> None:
     flown.step()
     flown.switches = LOW
     flown.run(2.0)
-    assert flown.authority.standing is Standing.IN_COMMAND
+    assert flown.authority.standing is ControlStage.IN_COMMAND
 
 
 @BOTH
@@ -100,7 +100,7 @@ def test_a_channel_that_is_left_out_may_tell_what_it_likes(flavour: Flavour) -> 
         rssi, other = rng.randint(900, 2100), rng.randint(900, 2100)
         flown.switches = (*LOW[:2], rssi, LOW[3], other, LOW[5])
         flown.run(0.1)
-    assert flown.authority.standing is Standing.IN_COMMAND
+    assert flown.authority.standing is ControlStage.IN_COMMAND
     flown.switches = (*flown.switches[:5], 2000)
     flown.run(0.4)
     assert flown.authority.reason.startswith("RC channel 10 was switched")
@@ -154,7 +154,7 @@ def test_sticks_told_every_1_4_s_are_no_sticks_to_confirm_by(flavour: Flavour) -
 def test_no_command_leaves_on_sticks_of_half_a_second_ago(flavour: Flavour) -> None:
     flown = surveying(flavour)
     flown.run(3.0, until=lambda: flown.authority.obeyed and flown.steps % 4 == 1)
-    order_id, flown.pilot = flown.authority.order_id, None
+    order_id, flown.execution = flown.authority.order_id, None
     flown.sticks_every = 1000
     flown.run(0.4)
     with pytest.raises(CommandRefused, match=r"RC report is older than 0\.3 s"):
@@ -172,7 +172,7 @@ def test_slow_sticks_are_watched_all_the_same_once_the_operator_knows(flavour: F
     flown.authority.offer(1, 77, flown.time_s)
     flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
     flown.run(3.0)
-    assert flown.authority.standing is Standing.CONFIRMED
+    assert flown.authority.standing is ControlStage.CONFIRMED
     flown.channels = (1900, *flown.channels[1:])
     flown.run(1.5)
     assert flown.authority.reason == "the sticks were moved"

@@ -2,7 +2,7 @@
 
 from math import atan2, degrees, hypot
 
-from uavrt.guidance.control.yaw import OTHERS_TURN, YawWatch
+from uavrt.guidance.control.yaw import FOREIGN_TURN, YawWatch
 from uavrt.guidance.safety import SAFETY
 
 BEARING_DEG, AWAY_M = 67.5, 24.0
@@ -92,7 +92,7 @@ def test_a_heading_that_follows_a_swing_of_the_course_is_ours() -> None:
 def test_a_heading_that_stays_where_the_course_swung_to_is_not_ours() -> None:
     held = [(FLOWN[min(n, PEAK)][0], *row[1:]) for n, row in enumerate(FLOWN)]
     found = faults(held)
-    assert found.index(OTHERS_TURN) - PEAK <= 12
+    assert found.index(FOREIGN_TURN) - PEAK <= 12
 
 
 def test_a_heading_that_turns_away_from_both_course_and_bearing_is_not_ours() -> None:
@@ -101,8 +101,8 @@ def test_a_heading_that_turns_away_from_both_course_and_bearing_is_not_ours() ->
         for n, (yaw, north, east) in enumerate(FLOWN)
     ]
     away = [(yaw - 10.0 * n, north, east) for n, (yaw, north, east) in enumerate(FLOWN)]
-    assert OTHERS_TURN in faults(turned)
-    assert OTHERS_TURN in faults(away)[:8]
+    assert FOREIGN_TURN in faults(turned)
+    assert FOREIGN_TURN in faults(away)[:8]
 
 
 def test_a_heading_that_follows_a_fast_course_near_the_target_is_ours() -> None:
@@ -128,4 +128,4 @@ def test_a_heading_that_stays_after_the_course_was_reversed_is_not_ours() -> Non
     held = [
         (yaw if number > stood else row[0], *row[1:]) for number, row in enumerate(REVERSED)
     ]
-    assert 5 <= faults_of_reversal(held).index(OTHERS_TURN) - stood <= 15
+    assert 5 <= faults_of_reversal(held).index(FOREIGN_TURN) - stood <= 15

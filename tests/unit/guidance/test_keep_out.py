@@ -12,7 +12,7 @@ from some import some
 
 from uavrt.core.errors import PlanError
 from uavrt.core.messages import KeepOut
-from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.control.authority import ControlStage
 from uavrt.guidance.operator_orders import Limits
 from uavrt.guidance.plans import Go
 from uavrt.guidance.safety import SAFETY
@@ -64,7 +64,7 @@ def test_a_way_over_people_or_buildings_is_refused_before_anything_moves(
     with pytest.raises(PlanError, match=reason) as refused:
         flown.order(action, height_m=40.0, **values)
     assert refused.value.remedy
-    assert flown.authority.standing is Standing.OUT
+    assert flown.authority.standing is ControlStage.OUT
     assert not flown.commands
 
 
@@ -85,7 +85,9 @@ def test_no_order_begins_over_or_behind_a_building(
     flown = Flown("px4", limits=LIMITS)
     flown.vehicle.body.north_m = north_m
     flown.run(0.2)
-    with pytest.raises(PlanError, match=f"from the drone's position, a path {reason}"):
+    with pytest.raises(
+        PlanError, match=f"no path is possible from the drone's position: the path {reason}"
+    ):
         flown.order(action)
 
 
@@ -154,20 +156,22 @@ def test_a_search_that_would_begin_over_a_building_is_refused() -> None:
     search = Searched("px4", [Animal(150.0, -60.0)], limits=limits)
     search.flown.vehicle.body.north_m = 95.0
     search.flown.run(0.2)
-    with pytest.raises(PlanError, match="from the drone's position, a path enters"):
+    with pytest.raises(
+        PlanError, match="no path is possible from the drone's position: the path enters"
+    ):
         search.begin()
 
 
 class _Now:
-    """A planner with one wish at a time."""
+    """A planner with one decision at a time."""
 
     def __init__(self, east_m: float, north_m: float) -> None:
-        self.wish = Decision(action=FlyTo(east_m=east_m, north_m=north_m), reason="as told")
+        self.decision = Decision(action=FlyTo(east_m=east_m, north_m=north_m), reason="as told")
         self.states: list[VehicleState] = []
 
     def decide(self, situation: Situation) -> Decision:
         self.states.append(situation.state)
-        return self.wish
+        return self.decision
 
 
 @BOTH
@@ -178,16 +182,16 @@ def test_the_next_way_is_judged_from_where_the_drone_comes_to_a_stand(flavour: F
     search = Searched(flavour, [Animal(150.0, -60.0)], limits=limits)
     search.begin()
     planner = _Now(60.0, 0.0)
-    search.seeker._search._planner = planner
+    search.search_run._search._planner = planner
     vehicle = search.flown.vehicle
     search.run(60.0, until=lambda: vehicle.body.east_m > 20.0)
     assert math.hypot(*vehicle.body.velocity_m_s) > 7.0
     was_m = vehicle.body.east_m
-    planner.wish = Decision(action=FlyTo(east_m=0.0, north_m=55.0), reason="as told")
+    planner.decision = Decision(action=FlyTo(east_m=0.0, north_m=55.0), reason="as told")
     now = search.flown.now()
-    choice = search.seeker.think(search.time_ns, some(now), idle=False)
-    stand, entered = planner.states[-1], search.seeker.area.entered_area
+    choice = search.search_run.decide(search.time_ns, some(now), idle=False)
+    stand, entered = planner.states[-1], search.search_run.area.entered_area
     assert stand.east_m > was_m + 5.0
     assert entered(np.array([was_m, 0.0]), np.array([0.0, 55.0])) is None
-    assert "enters the keep-out 'tent'" in choice.said
+    assert "enters the keep-out 'tent'" in choice.status_text
     assert all(isinstance(step, Go) and step.stay_s > 0.0 for step in some(choice.steps))

@@ -7,9 +7,9 @@ from flown import Flown
 from rough import Rough
 
 from uavrt.core.errors import CommandRefused
-from uavrt.guidance.control.authority import Standing
-from uavrt.guidance.control.lateness import Lateness
-from uavrt.guidance.control.observed import BootTimeSeen
+from uavrt.guidance.control.authority import ControlStage
+from uavrt.guidance.control.lateness import ReportDelay
+from uavrt.guidance.control.observed import BootTimeReport
 from uavrt.simulation.vehicle.airframe import Flavour
 from uavrt.simulation.vehicle.simulated_flying import MODES
 
@@ -40,11 +40,11 @@ def test_a_return_is_never_undone_by_a_command_on_news_of_long_ago(flavour: Flav
     for seed in range(40):
         flown = Flown(flavour, phase_s=seed * 0.37)
         flown.order("goto", places=(flown.place(100.0, 0.0),), height_m=40.0)
-        pilot, flown.pilot = flown.pilot, None
+        execution, flown.execution = flown.execution, None
         flown.through = Rough(random.Random(seed), late_s=random.Random(seed).uniform(0.4, 1.8))
         flown.run(0.5 + 0.05 * (seed % 10))
         flown.vehicle.set_mode(MODES[flavour]["return"])
-        flown.pilot = pilot
+        flown.execution = execution
         flown.run(3.0)
         assert not flown.commands
         assert flown.vehicle.mode == MODES[flavour]["return"]
@@ -53,16 +53,16 @@ def test_a_return_is_never_undone_by_a_command_on_news_of_long_ago(flavour: Flav
 @BOTH
 def test_a_link_a_tenth_of_a_second_late_is_flown_over(flavour: Flavour) -> None:
     flown = behind(flavour, 0.1)
-    pilot = flown.order("goto", places=(flown.place(60.0, 0.0),), height_m=40.0)
-    flown.run(60.0, until=lambda: pilot.ended is not None)
-    assert pilot.ended == "done"
+    execution = flown.order("goto", places=(flown.place(60.0, 0.0),), height_m=40.0)
+    flown.run(60.0, until=lambda: execution.ended is not None)
+    assert execution.ended == "done"
 
 
 @BOTH
 def test_the_operator_reads_why_an_order_was_not_begun(flavour: Flavour) -> None:
     flown = Flown(flavour)
     flown.order("goto", places=(flown.place(100.0, 0.0),), height_m=40.0)
-    flown.pilot = None
+    flown.execution = None
     flown.through = Rough(random.Random(1), late_s=0.6)
     flown.run(10.5)
     assert flown.authority.reason == (
@@ -83,18 +83,18 @@ def test_what_was_overtaken_on_its_way_neither_ends_an_order_nor_is_where_it_is(
         places = tuple(flown.place(*corner) for corner in corners)
         flown.order("survey", places=places, spacing_m=20.0, height_m=40.0)
         flown.run(40.0)
-        ended += flown.authority.standing is Standing.OUT
+        ended += flown.authority.standing is ControlStage.OUT
     assert ended <= 2
 
 
 def told(
-    lateness: Lateness, boot_s: float, after_s: float, late_s: float | None = None
+    lateness: ReportDelay, boot_s: float, after_s: float, late_s: float | None = None
 ) -> None:
-    lateness.see(BootTimeSeen(1000.0 + boot_s + after_s, boot_s, late_s))
+    lateness.observe(BootTimeReport(1000.0 + boot_s + after_s, boot_s, late_s))
 
 
 def test_without_timesync_the_quickest_message_was_in_time() -> None:
-    lateness = Lateness()
+    lateness = ReportDelay()
     told(lateness, 10.0, 0.30)
     told(lateness, 11.0, 0.02)
     assert lateness.fault is None
@@ -107,7 +107,7 @@ def test_without_timesync_the_quickest_message_was_in_time() -> None:
 
 
 def test_clocks_that_part_by_as_much_as_crystals_do_are_not_late() -> None:
-    lateness = Lateness()
+    lateness = ReportDelay()
     for second in range(0, 40_000, 10):
         told(lateness, float(second), 1.5e-4 * second)
         assert lateness.fault is None
@@ -116,7 +116,7 @@ def test_clocks_that_part_by_as_much_as_crystals_do_are_not_late() -> None:
 
 
 def test_timesync_knows_of_a_link_that_was_late_from_the_beginning() -> None:
-    lateness = Lateness()
+    lateness = ReportDelay()
     told(lateness, 10.0, 0.9, late_s=0.9)
     assert lateness.fault == "the autopilot's messages come 0.9 s late"
     told(lateness, 11.0, 14.0, late_s=0.05)

@@ -10,7 +10,7 @@ from flown import HOME, Flown
 from uavrt.core.errors import CommandRefused
 from uavrt.core.messages import FlyThere, GoHome
 from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
-from uavrt.guidance.control.authority import Authority, Standing
+from uavrt.guidance.control.authority import Authority, ControlStage
 from uavrt.guidance.control.vehicle_commands import CommandWriter
 from uavrt.simulation.vehicle.airframe import Flavour, Frame
 from uavrt.simulation.vehicle.simulated_flying import MODES
@@ -18,7 +18,7 @@ from uavrt.simulation.vehicle.simulated_flying import MODES
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 
 
-def wish(flown: Flown, north_m: float = 60.0) -> FlyThere:
+def manoeuvre(flown: Flown, north_m: float = 60.0) -> FlyThere:
     latitude, longitude = flown.place(north_m, 0.0)
     return FlyThere(
         latitude_deg=latitude,
@@ -80,7 +80,7 @@ def at_rest(flavour: Flavour) -> Flown:
 
 @BOTH
 @pytest.mark.parametrize(
-    ("begin", "objection", "said"),
+    ("begin", "objection", "status_text"),
     [
         *(
             (Flown, one, "not the proposed one")
@@ -97,13 +97,13 @@ def test_what_would_end_an_order_takes_away_one_that_is_only_offered(
     flavour: Flavour,
     begin: Callable[[Flavour], Flown],
     objection: Callable[[Flown], None],
-    said: str,
+    status_text: str,
 ) -> None:
     flown = begin(flavour)
     flown.authority.offer(1, 77, flown.time_s)
     objection(flown)
     flown.run(1.2)
-    with pytest.raises(CommandRefused, match=said):
+    with pytest.raises(CommandRefused, match=status_text):
         flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
 
 
@@ -135,9 +135,9 @@ def test_the_first_target_that_another_gives_is_anothers_too(
     if when == "offered":
         with pytest.raises(CommandRefused, match="another program has set a target"):
             flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
-    assert flown.authority.standing is Standing.OUT
+    assert flown.authority.standing is ControlStage.OUT
     with pytest.raises(CommandRefused):
-        flown.authority.command(1, wish(flown), flown.time_s)
+        flown.authority.command(1, manoeuvre(flown), flown.time_s)
 
 
 @BOTH
@@ -152,7 +152,7 @@ def test_who_turns_it_before_the_first_command_has_taken_it(
     flown.run(1.0)
     assert flown.authority.reason == "another turns the drone"
     with pytest.raises(CommandRefused):
-        flown.authority.command(1, wish(flown), flown.time_s)
+        flown.authority.command(1, manoeuvre(flown), flown.time_s)
 
 
 def turn(flown: Flown) -> None:
@@ -174,7 +174,7 @@ def test_what_is_flown_between_two_orders_is_watched_until_the_second_begins(
     flown = Flown(flavour, frame=Frame(gust_m=0.0))
     flown.order("goto", places=(flown.place(60.0, 0.0),), height_m=40.0)
     flown.run(2.0)
-    flown.pilot = None
+    flown.execution = None
     flown.run(30.0, until=lambda: flown.vehicle.body.north_m > 59.9)
     flown.authority.offer(7, 77, flown.time_s)
     flown.authority.confirm(7, 77, flown.time_s, sticks_unseen=True)
@@ -184,7 +184,7 @@ def test_what_is_flown_between_two_orders_is_watched_until_the_second_begins(
     flown.run(1.0)
     assert flown.authority.reason
     with pytest.raises(CommandRefused):
-        flown.authority.command(7, wish(flown), flown.time_s)
+        flown.authority.command(7, manoeuvre(flown), flown.time_s)
 
 
 @BOTH
@@ -196,7 +196,7 @@ def test_a_heading_that_a_gust_pushes_is_nobodys_order(flavour: Flavour) -> None
     flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
     flown.vehicle.heading.yaw_deg -= 20.0
     flown.run(1.0)
-    assert flown.authority.standing is Standing.CONFIRMED
+    assert flown.authority.standing is ControlStage.CONFIRMED
 
 
 @BOTH
@@ -206,7 +206,7 @@ def test_where_it_holds_as_its_first_target_is_nobodys_order(flavour: Flavour) -
     flown.target_told = True
     flown.run(1.0)
     flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
-    assert flown.authority.standing is Standing.CONFIRMED
+    assert flown.authority.standing is ControlStage.CONFIRMED
 
 
 @BOTH
@@ -226,11 +226,11 @@ def test_a_drone_that_stays_where_it_was_told_to_may_be_confirmed_again(
     flavour: Flavour,
 ) -> None:
     flown = Flown(flavour)
-    pilot = flown.order("goto", places=(flown.place(60.0, 0.0),), height_m=40.0)
-    flown.run(60.0, until=lambda: pilot.ended is not None)
+    execution = flown.order("goto", places=(flown.place(60.0, 0.0),), height_m=40.0)
+    flown.run(60.0, until=lambda: execution.ended is not None)
     flown.run(1.0)
     flown.order("hold")
-    assert flown.authority.standing is Standing.CONFIRMED
+    assert flown.authority.standing is ControlStage.CONFIRMED
 
 
 @BOTH
@@ -249,13 +249,13 @@ def test_nothing_is_offered_while_the_autopilot_says_that_it_is_critical(
 
 def test_a_return_changes_the_mode_and_needs_one_that_was_seen_just_now() -> None:
     flown = Flown("px4")
-    pilot = flown.order("goto", places=(flown.place(200.0, 0.0),), height_m=40.0)
+    execution = flown.order("goto", places=(flown.place(200.0, 0.0),), height_m=40.0)
     flown.run(6.0)
     flown.run(1.0, until=lambda: flown.steps % 20 == 12)  # told at 0, 5 and 15
     with pytest.raises(CommandRefused, match="mode was not reported just now"):
-        flown.authority.command(pilot.order.order_id, GoHome(), flown.time_s)
+        flown.authority.command(execution.order.order_id, GoHome(), flown.time_s)
     flown.run(1.0, until=lambda: flown.steps % 20 == 16)
-    command = flown.authority.command(pilot.order.order_id, GoHome(), flown.time_s)
+    command = flown.authority.command(execution.order.order_id, GoHome(), flown.time_s)
     assert command.name == "NAV_RETURN_TO_LAUNCH"
 
 
@@ -267,19 +267,19 @@ def test_an_order_ends_when_the_target_is_not_told_any_more(flavour: Flavour) ->
     flown.target_told = False
     lost_s = BEHAVIOURS[flavour].target_lost_s
     flown.run(lost_s - 0.2)
-    assert flown.authority.standing is Standing.IN_COMMAND
+    assert flown.authority.standing is ControlStage.IN_COMMAND
     flown.run(0.4)
     assert flown.authority.reason == "the target is no longer reported"
 
 
 def test_no_command_leaves_on_a_target_that_is_not_told_any_more() -> None:
     flown = Flown("px4")
-    pilot = flown.order("goto", places=(flown.place(200.0, 0.0),), height_m=40.0)
+    execution = flown.order("goto", places=(flown.place(200.0, 0.0),), height_m=40.0)
     flown.run(4.0)
     flown.target_told = False
     flown.run(0.4)
     with pytest.raises(CommandRefused, match=r"target report is older than 0\.3 s"):
-        flown.authority.command(pilot.order.order_id, wish(flown), flown.time_s)
+        flown.authority.command(execution.order.order_id, manoeuvre(flown), flown.time_s)
 
 
 def test_an_order_ends_when_only_the_mode_is_told_and_no_heartbeat_comes() -> None:
@@ -296,10 +296,10 @@ def test_an_order_ends_when_only_the_mode_is_told_and_no_heartbeat_comes() -> No
 def test_a_jump_of_the_height_is_seen_across_a_gap_too(flavour: Flavour, jump_m: float) -> None:
     flown = Flown(flavour)
     flown.order("hold")
-    flown.pilot = None
+    flown.execution = None
     flown.position_told = False
     flown.run(1.5)
-    assert flown.authority.standing is Standing.CONFIRMED
+    assert flown.authority.standing is ControlStage.CONFIRMED
     flown.position_told, flown.jump_m = True, jump_m
     flown.run(0.1)
     assert flown.authority.reason == f"the height jumped by {jump_m:+.0f} m"
@@ -308,11 +308,11 @@ def test_a_jump_of_the_height_is_seen_across_a_gap_too(flavour: Flavour, jump_m:
 @BOTH
 def test_it_returns_when_the_battery_is_not_told_any_more(flavour: Flavour) -> None:
     flown = Flown(flavour)
-    pilot = flown.order("goto", places=(flown.place(300.0, 0.0),), height_m=40.0)
+    execution = flown.order("goto", places=(flown.place(300.0, 0.0),), height_m=40.0)
     flown.run(6.0)
     flown.status_told = False
     flown.run(5.0)
-    assert pilot.said == "returning: the battery is no longer reported"
+    assert execution.status_text == "returning: the battery is no longer reported"
     assert flown.vehicle.mode == MODES[flavour]["return"]
 
 
@@ -328,28 +328,30 @@ def test_it_holds_within_its_heights_where_the_ground_is_lost_above_them(
     assert flown.vehicle.body.height_m > 130.0
     flown.ground_silent_s = 6.0
     flown.run(20.0)
-    assert flown.authority.standing is Standing.IN_COMMAND
+    assert flown.authority.standing is ControlStage.IN_COMMAND
     assert flown.vehicle.body.north_m < 150.0
     assert flown.vehicle.body.height_m == pytest.approx(120.0, abs=1.0)
 
 
 def test_refusals_count_until_a_command_is_taken() -> None:
     flown = Flown("px4")
-    pilot = flown.order("rotate", duration_s=12.0)
-    flown.pilot = None
+    execution = flown.order("rotate", duration_s=12.0)
+    flown.execution = None
     for turn in range(3):
         for refused in range(45):
             now = flown.now()
             assert now is not None
-            pilot.next(replace(now, wishes_sent=turn, wishes_refused=45 * turn + refused))
-            assert pilot.ended is None
+            execution.next(
+                replace(now, requests_sent=turn, requests_refused=45 * turn + refused)
+            )
+            assert execution.ended is None
 
 
 @pytest.mark.parametrize("longitude_deg", [368.5, -351.5, 1e9])
 def test_a_longitude_beyond_the_globe_is_no_place(longitude_deg: float) -> None:
     flown = Flown("px4")
-    pilot = flown.order("hold")
-    flown.pilot = None
+    execution = flown.order("hold")
+    flown.execution = None
     flown.run(1.0, until=lambda: flown.steps % 20 == 6)
     place = FlyThere(
         latitude_deg=HOME.latitude_deg,
@@ -357,7 +359,7 @@ def test_a_longitude_beyond_the_globe_is_no_place(longitude_deg: float) -> None:
         altitude_amsl_m=HOME.altitude_amsl_m + 40.0,
     )
     with pytest.raises(CommandRefused, match="is not a position"):
-        flown.authority.command(pilot.order.order_id, place, flown.time_s)
+        flown.authority.command(execution.order.order_id, place, flown.time_s)
 
 
 @BOTH
@@ -366,7 +368,7 @@ def test_home_cannot_creep_away_by_steps_that_are_small_each(flavour: Flavour) -
     flown.order("rotate", duration_s=60.0)
     for _ in range(2):
         flown.run(1.0)
-        assert flown.authority.standing is not Standing.OUT
+        assert flown.authority.standing is not ControlStage.OUT
         flown.home_north_m += 1.9
     flown.run(1.1)
     assert flown.authority.reason == "home was moved"
@@ -378,13 +380,13 @@ def test_heights_stay_those_of_the_confirmation_when_home_is_corrected(
 ) -> None:
     """PX4 corrects the altitude of home in flight; the altitude of the drone stays."""
     flown = Flown(flavour)
-    pilot = flown.order("goto", places=(flown.place(60.0, 0.0),), height_m=50.0)
+    execution = flown.order("goto", places=(flown.place(60.0, 0.0),), height_m=50.0)
     flown.run(2.0)
     for _ in range(8):
         flown.home_up_m += 1.1
         flown.run(0.3)
-    flown.run(60.0, until=lambda: pilot.ended is not None)
-    assert pilot.ended == "done"
+    flown.run(60.0, until=lambda: execution.ended is not None)
+    assert execution.ended == "done"
     assert flown.vehicle.body.height_m == pytest.approx(50.0, abs=0.5)
 
 
@@ -409,7 +411,7 @@ def test_home_that_crept_before_the_confirmation_is_home(flavour: Flavour) -> No
         flown.run(1.0)
     flown.order("rotate", duration_s=60.0)
     flown.run(3.0)
-    assert flown.authority.standing is Standing.IN_COMMAND
+    assert flown.authority.standing is ControlStage.IN_COMMAND
 
 
 @BOTH

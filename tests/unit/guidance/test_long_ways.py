@@ -4,7 +4,7 @@ import pytest
 from flown import Flown
 from some import some
 
-from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.control.authority import ControlStage
 from uavrt.guidance.operator_orders import Limits
 from uavrt.guidance.plans import Go
 from uavrt.simulation.vehicle.airframe import Flavour, Frame
@@ -30,9 +30,9 @@ def test_a_leg_of_a_kilometre_is_flown_to_its_end(
     flavour: Flavour, wind_m_s: tuple[float, float]
 ) -> None:
     flown = far_flown(flavour, wind_m_s=wind_m_s, airspeed_m_s=10.0)
-    pilot = flown.order("goto", places=(flown.place(1000.0, 0.0),), height_m=40.0)
-    flown.run(900.0, until=lambda: pilot.ended is not None)
-    assert pilot.ended == "done"
+    execution = flown.order("goto", places=(flown.place(1000.0, 0.0),), height_m=40.0)
+    flown.run(900.0, until=lambda: execution.ended is not None)
+    assert execution.ended == "done"
     assert flown.vehicle.body.north_m == pytest.approx(1000.0, abs=3.0)
     assert flown.time_s > 100.0 + 200.0
 
@@ -41,11 +41,11 @@ def test_a_leg_of_a_kilometre_is_flown_to_its_end(
 def test_a_survey_of_long_lines_is_flown_to_its_end(flavour: Flavour) -> None:
     flown = far_flown(flavour)
     corners = ((-200.0, -500.0), (-200.0, 500.0), (0.0, 500.0), (0.0, -500.0))
-    pilot = flown.order(
+    execution = flown.order(
         "survey", places=tuple(flown.place(*one) for one in corners), spacing_m=100.0
     )
-    flown.run(1200.0, until=lambda: pilot.ended is not None)
-    assert pilot.ended == "done"
+    flown.run(1200.0, until=lambda: execution.ended is not None)
+    assert execution.ended == "done"
     assert len(flown.commands) == 4
 
 
@@ -63,7 +63,7 @@ def test_slow_progress_is_progress(flavour: Flavour) -> None:
     """Against a wind it may take an hour; a battery that runs low brings the drone home."""
     flown = slow_far_away(flavour)
     flown.run(300.0)
-    assert flown.authority.standing is Standing.IN_COMMAND
+    assert flown.authority.standing is ControlStage.IN_COMMAND
     assert len(flown.commands) == 1
 
 
@@ -95,12 +95,12 @@ def test_nobody_who_took_over_is_sent_home(flavour: Flavour) -> None:
 def test_commands_that_are_refused_again_and_again_end_in_a_return(flavour: Flavour) -> None:
     """Only a fault of ours would wish for them; the drone must not pay for it."""
     flown = far_flown(flavour)
-    pilot = flown.order("goto", places=(flown.place(60.0, 0.0),), height_m=40.0)
+    execution = flown.order("goto", places=(flown.place(60.0, 0.0),), height_m=40.0)
     flown.run(5.0)
     now = some(flown.now())
-    pilot.redirect([Go(place=flown.place(5_000.0, 0.0), height_m=40.0)], now)
+    execution.redirect([Go(place=flown.place(5_000.0, 0.0), height_m=40.0)], now)
     flown.run(60.0)
-    assert pilot.said == "returning: the commands are refused"
+    assert execution.status_text == "returning: the commands are refused"
     assert flown.vehicle.mode == MODES[flavour]["return"]
 
 
@@ -110,13 +110,13 @@ def test_what_gives_up_by_itself_returns_only_where_it_has_begun(
     flavour: Flavour, begun: bool
 ) -> None:
     flown = far_flown(flavour)
-    pilot = flown.order("goto", places=(flown.place(300.0, 0.0),), height_m=40.0)
+    execution = flown.order("goto", places=(flown.place(300.0, 0.0),), height_m=40.0)
     flown.run(20.0 if begun else 0.0)
-    pilot.give_up("the search has failed: a fault")
+    execution.give_up("the search has failed: a fault")
     flown.run(3.0)
     if begun:
         assert flown.vehicle.mode == MODES[flavour]["return"]
-        assert pilot.said == "returning: the search has failed: a fault"
+        assert execution.status_text == "returning: the search has failed: a fault"
     else:
         assert not flown.commands
         assert flown.authority.reason == "the search has failed: a fault"

@@ -14,7 +14,7 @@ from uavrt.planning.area import Polygon, SearchArea
 ROOT = Path(uavrt.__file__).parent
 REFUSING = (
     *sorted((ROOT / "guidance").rglob("*.py")),
-    *(ROOT / "drone/processes" / name for name in ("guide.py", "motions/motion_desk.py")),
+    *(ROOT / "drone/processes" / name for name in ("guide.py", "motions/motion_handler.py")),
     *(ROOT / "planning" / name for name in ("area.py", "search.py")),
 )
 ERRORS = (PlanError.__name__, CommandRefused.__name__)

@@ -91,11 +91,11 @@ def test_what_is_thought_after_a_takeover_moves_nothing() -> None:
     search.run(20.0)
     flown, now = search.flown, search.flown.now()
     assert now is not None
-    late = search.seeker.think(search.time_ns, now, idle=True)
+    late = search.search_run.decide(search.time_ns, now, idle=True)
     flown.vehicle.set_mode(MODES["px4"]["position"])
     flown.run(0.6)
     sent = len(flown.commands)
-    search.pilot.redirect(some(late.steps), now)
+    search.execution.redirect(some(late.steps), now)
     flown.run(20.0)
     assert len(flown.commands) == sent
 
@@ -107,7 +107,7 @@ def test_a_tag_that_is_not_there_is_not_found_and_its_places_are_told() -> None:
     assert search.flown.authority.reason == "returning: the autopilot flies home"
     assert search.notes[-1].reason == "the time is over"
     now = some(search.flown.now())
-    (unknown,) = search.seeker.end(search.time_ns, now, "over").tags
+    (unknown,) = search.search_run.end(search.time_ns, now, "over").tags
     assert unknown.found_s is None
     assert unknown.existence < 0.5
     assert unknown.missed > 40
@@ -136,15 +136,15 @@ def test_a_turn_is_left_when_an_animal_walks_to_the_drone(flavour: Flavour) -> N
     search.begin()
     search.run(2.5)
     now = some(search.flown.now())
-    seeker, time_ns = search.seeker, search.time_ns
-    seeker._course = replace(seeker._course, goal_m=None, near=0.0)
-    assert seeker.think(time_ns, now, idle=False).steps is None
-    state = seeker._search.beliefs[2].tracker._state
+    search_run, time_ns = search.search_run, search.time_ns
+    search_run._course = replace(search_run._course, goal_m=None, near=0.0)
+    assert search_run.decide(time_ns, now, idle=False).steps is None
+    state = search_run._search.beliefs[2].tracker._state
     spread = np.random.default_rng(1).normal(0.0, 14.0, (2, len(state.east_m)))
     state.east_m[:], state.north_m[:] = 70.0 + spread[0], spread[1]
     state.east_m_s[:], state.north_m_s[:] = -1.0, 0.0
     now = replace(now, speed_m_s=0.0)
-    choice = seeker.think(time_ns, now, idle=False)
+    choice = search_run.decide(time_ns, now, idle=False)
     (go,) = some(choice.steps)
     assert isinstance(go, Go)
     east, north = TangentPlane(
@@ -355,6 +355,6 @@ def test_what_another_has_found_counts_only_as_far_as_it_may_be_true(
         found=(found,),
     )
     told = Neighbour(vehicle=2, course=course, age_s=60.0 if how == "old" else 0.0)
-    choice = search.seeker.think(search.time_ns, now, idle=True, others=(told,))
+    choice = search.search_run.decide(search.time_ns, now, idle=True, others=(told,))
     assert ("found" in {note.event for note in choice.notes}) is taken
     assert choice.returning is taken

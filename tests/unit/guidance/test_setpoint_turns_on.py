@@ -10,11 +10,11 @@ from flown import Flown
 
 from uavrt.core.messages import FlyThere
 from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
-from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.control.authority import ControlStage
 from uavrt.guidance.control.commanded import Commanded
-from uavrt.guidance.control.observed import PositionSeen, TargetSeen
+from uavrt.guidance.control.observed import PositionReport, TargetReport
 from uavrt.guidance.control.observed_vehicle import ObservedVehicle
-from uavrt.guidance.control.yaw import OTHERS_TURN, YawWatch
+from uavrt.guidance.control.yaw import FOREIGN_TURN, YawWatch
 from uavrt.guidance.plans import Go
 from uavrt.link.mavlink import dialect
 from uavrt.simulation.vehicle.airframe import Frame
@@ -49,11 +49,11 @@ def redirected(after_s: float, north_m: float, east_m: float) -> Flown:
     flown = Flown("px4", frame=Frame(speed_m_s=5.0, gust_m=0.02))
     flown.vehicle.heading.yaw_deg = flown.vehicle.heading.setpoint_deg = 340.0
     flown.run(1.2)
-    pilot = flown.order("goto", places=(flown.place(50.0, 20.0),), height_m=40.0)
+    execution = flown.order("goto", places=(flown.place(50.0, 20.0),), height_m=40.0)
     flown.run(3.0, until=lambda: flown.authority.obeyed)
     flown.run(after_s)
     now: Any = flown.now()
-    pilot.redirect([Go(place=flown.place(north_m, east_m), height_m=40.0)], now)
+    execution.redirect([Go(place=flown.place(north_m, east_m), height_m=40.0)], now)
     flown.run(0.2)
     return flown
 
@@ -64,7 +64,7 @@ def test_a_leg_that_is_replaced_during_its_turn_is_flown(
     after_s: float, place: tuple[float, float]
 ) -> None:
     flown = redirected(after_s, *place)
-    flown.run(60.0, until=lambda: flown.authority.standing is Standing.OUT)
+    flown.run(60.0, until=lambda: flown.authority.standing is ControlStage.OUT)
     assert flown.authority.reason == "done"
 
 
@@ -88,7 +88,7 @@ def test_a_setpoint_that_stays_where_its_turn_ended_is_not_ours(
         for number in range(ended + 16)
     ]
     assert faults[ended] is None
-    assert faults[-1] == OTHERS_TURN
+    assert faults[-1] == FOREIGN_TURN
 
 
 TURNED_ON = (
@@ -127,7 +127,7 @@ def test_a_fast_turn_goes_on_as_far_as_its_reported_rate_lets_expect() -> None:
     for number, yaw_deg in enumerate(FAST[:2]):
         at_s = 10.0 + 0.1 * number
         seen = replace(BEFORE, time_s=at_s, boot_s=at_s, yaw_deg=yaw_deg)
-        vehicle.take(replace(seen, yaw_rate_deg_s=FAST_DEG_S))
+        vehicle.store(replace(seen, yaw_rate_deg_s=FAST_DEG_S))
     assert vehicle.target_turning_deg_s == FAST_DEG_S
     for rate_deg_s, expected in ((FAST_DEG_S, False), (10.0 * (FAST[1] - FAST[0]), True)):
         watch = replace(watch_of(rate_deg_s, FAST[1]), wanted_deg=-4.1)
@@ -163,10 +163,10 @@ def test_a_setpoint_that_turns_on_beyond_its_aim_without_braking_is_not_ours() -
     faults = [
         watch.fault(0.1 * n, yaw, bearing, AWAY_M) for n, (yaw, bearing) in enumerate(turned)
     ]
-    assert OTHERS_TURN in faults[passed : passed + 10]
+    assert FOREIGN_TURN in faults[passed : passed + 10]
 
 
-def targets_after(sent_s: float, setpoints_deg: Iterable[float]) -> Iterator[TargetSeen]:
+def targets_after(sent_s: float, setpoints_deg: Iterable[float]) -> Iterator[TargetReport]:
     """Reports of the target of `STOP`, from 0.1 s after its command on."""
     for number, yaw_deg in enumerate(setpoints_deg, 1):
         seen_s = sent_s + 0.1 * number
@@ -174,7 +174,7 @@ def targets_after(sent_s: float, setpoints_deg: Iterable[float]) -> Iterator[Tar
 
 
 STOP = FlyThere(latitude_deg=0.0, longitude_deg=0.0, altitude_amsl_m=40.0, yaw_deg=-0.3)
-BEFORE = TargetSeen(
+BEFORE = TargetReport(
     time_s=10.0,
     boot_s=10.0,
     latitude_deg=0.0,
@@ -191,7 +191,7 @@ def test_a_new_place_shows_that_a_stop_is_obeyed_and_at_the_old_one_the_heading_
     """After 3 s still as far from the commanded heading as at the command, but coming back."""
     command = stopped(elsewhere=elsewhere)
     for seen in targets_after(10.0, TURNED_ON[1:30]):
-        assert command.see_target(seen, HERE, 26.0) is None
+        assert command.observe_target(seen, HERE, 26.0) is None
         if seen.time_s > 10.0 + within_s:
             assert command.obeyed
     assert command.overdue(13.1, 0.1) is None
@@ -201,14 +201,14 @@ def test_a_heading_that_stays_where_its_earlier_turn_ended_is_not_obeyed() -> No
     command = stopped(elsewhere=False)
     ended = max(range(len(TURNED_ON)), key=lambda number: TURNED_ON[number])
     held = (TURNED_ON[min(number, ended)] for number in range(1, 60))
-    faults = [command.see_target(seen, HERE, 26.0) for seen in targets_after(10.0, held)]
-    assert OTHERS_TURN in faults or command.overdue(15.0, 0.1)
+    faults = [command.observe_target(seen, HERE, 26.0) for seen in targets_after(10.0, held)]
+    assert FOREIGN_TURN in faults or command.overdue(15.0, 0.1)
     assert not command.obeyed
 
 
 def stopped(*, elsewhere: bool) -> Commanded:
     return Commanded(
-        wish=STOP,
+        manoeuvre=STOP,
         behaviour=BEHAVIOURS["px4"],
         sent_s=10.0,
         first=False,
@@ -219,7 +219,7 @@ def stopped(*, elsewhere: bool) -> Commanded:
     )
 
 
-HERE = PositionSeen(
+HERE = PositionReport(
     time_s=10.0,
     boot_s=10.0,
     latitude_deg=0.0,
@@ -251,7 +251,7 @@ def test_a_turn_at_our_target_by_another_is_seen_though_a_turn_was_going_on(
     flown._reposition(x=last.x, y=last.y, z=last.z, param4=setpoint.yaw + math.radians(by_deg))
     sent = len(flown.commands)
     flown.run(2.0)
-    assert flown.authority.standing is Standing.OUT
+    assert flown.authority.standing is ControlStage.OUT
     assert len(flown.commands) == sent
 
 
@@ -281,7 +281,7 @@ def test_a_turn_by_another_before_our_corner_is_seen(away_m: float, by_deg: floa
     flown._reposition(x=last.x, y=last.y, z=last.z, param4=setpoint.yaw + math.radians(by_deg))
     sent = len(flown.commands)
     flown.run(20.0)
-    assert flown.authority.reason == OTHERS_TURN
+    assert flown.authority.reason == FOREIGN_TURN
     assert len(flown.commands) == sent
 
 

@@ -8,7 +8,7 @@ from flown import HOME, Flown
 
 from uavrt.core.errors import CommandRefused, PlanError
 from uavrt.core.messages import FlyThere, GoHome, TakeMode, TakeOff
-from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.control.authority import ControlStage
 from uavrt.guidance.control.vehicle_commands import VehicleCommand
 from uavrt.guidance.operator_orders import Limits
 from uavrt.guidance.safety import SAFETY
@@ -26,9 +26,9 @@ def standing(flavour: Flavour, **values: Any) -> Flown:
 
 
 def taken_off(flown: Flown, height_m: float = 30.0) -> str | None:
-    pilot = flown.order("takeoff", height_m=height_m)
-    flown.run(60.0, until=lambda: pilot.ended is not None)
-    return pilot.ended
+    execution = flown.order("takeoff", height_m=height_m)
+    flown.run(60.0, until=lambda: execution.ended is not None)
+    return execution.ended
 
 
 @BOTH
@@ -72,12 +72,12 @@ def test_a_confirmed_take_off_that_does_not_begin_in_ten_seconds_never_does(
     flavour: Flavour,
 ) -> None:
     flown = standing(flavour)
-    pilot = flown.order("takeoff", height_m=30.0)
+    execution = flown.order("takeoff", height_m=30.0)
     flown.vehicle.ground.idle_s = -60.0
-    flown.pilot = None
+    flown.execution = None
     flown.run(10.5)
     assert flown.authority.reason == "the order was not begun within 10 s"
-    flown.pilot = pilot
+    flown.execution = execution
     flown.run(5.0)
     assert not flown.commands
     assert flown.vehicle.ground.landed
@@ -88,11 +88,11 @@ def test_disarmed_before_the_command_leaves_nothing_waits_for_the_next_arming(
     flavour: Flavour,
 ) -> None:
     flown = standing(flavour)
-    pilot = flown.order("takeoff", height_m=30.0)
-    flown.pilot, flown.vehicle.armed = None, False
+    execution = flown.order("takeoff", height_m=30.0)
+    flown.execution, flown.vehicle.armed = None, False
     flown.run(1.2)
     assert flown.authority.reason == "the vehicle is disarmed"
-    flown.pilot, flown.vehicle.armed = pilot, True
+    flown.execution, flown.vehicle.armed = execution, True
     flown.run(5.0)
     assert not flown.commands
     assert flown.vehicle.ground.landed
@@ -111,30 +111,30 @@ def test_in_the_air_there_is_no_take_off_and_on_the_ground_nothing_else(
 @BOTH
 def test_an_order_to_take_off_commands_nothing_else(flavour: Flavour) -> None:
     flown = standing(flavour)
-    pilot = flown.order("takeoff", height_m=30.0)
-    flown.pilot = None
+    execution = flown.order("takeoff", height_m=30.0)
+    flown.execution = None
     amsl = HOME.altitude_amsl_m + 30.0
     there = FlyThere(latitude_deg=47.1, longitude_deg=8.5, altitude_amsl_m=amsl)
     too_low = TakeOff(height_m=3.0, altitude_amsl_m=HOME.altitude_amsl_m + 3.0)
     two = TakeOff(height_m=30.0, altitude_amsl_m=amsl + 40.0)
-    for wish in (there, GoHome(), too_low, two):
+    for manoeuvre in (there, GoHome(), too_low, two):
         with pytest.raises(CommandRefused):
-            flown.authority.command(pilot.order.order_id, wish, flown.time_s)
+            flown.authority.command(execution.order.order_id, manoeuvre, flown.time_s)
     wrong = TakeMode() if flavour == "px4" else TakeOff(height_m=30.0, altitude_amsl_m=amsl)
     with pytest.raises(CommandRefused):
-        flown.authority.command(pilot.order.order_id, wrong, flown.time_s)
-    assert flown.authority.standing is Standing.CONFIRMED
+        flown.authority.command(execution.order.order_id, wrong, flown.time_s)
+    assert flown.authority.standing is ControlStage.CONFIRMED
 
 
 @BOTH
 def test_no_other_order_takes_off(flavour: Flavour) -> None:
     flown = Flown(flavour)
-    pilot = flown.order("hold")
-    flown.pilot = None
+    execution = flown.order("hold")
+    flown.execution = None
     amsl = HOME.altitude_amsl_m + 30.0
-    for wish in (TakeMode(), TakeOff(height_m=30.0, altitude_amsl_m=amsl)):
+    for manoeuvre in (TakeMode(), TakeOff(height_m=30.0, altitude_amsl_m=amsl)):
         with pytest.raises(CommandRefused, match="another order was confirmed"):
-            flown.authority.command(pilot.order.order_id, wish, flown.time_s)
+            flown.authority.command(execution.order.order_id, manoeuvre, flown.time_s)
 
 
 @pytest.mark.parametrize(
@@ -162,7 +162,7 @@ def test_a_drone_that_is_held_down_is_given_up(flavour: Flavour) -> None:
     flown.run(3.2)
     flown.vehicle.body.frame = type(flown.vehicle.body.frame)(climb_m_s=0.0)
     flown.run(13.0)
-    assert flown.authority.standing is Standing.OUT
+    assert flown.authority.standing is ControlStage.OUT
     assert flown.authority.reason in (
         "the drone has stopped before its target",
         "the command was not seen to be obeyed",
@@ -228,22 +228,22 @@ def begun_late(shows_flight_s: tuple[float, float], *, begins_s: float = 0.0) ->
     """A confirmed take-off whose guide begins late, after the autopilot showed a flight."""
     flown = standing("px4")
     ground = flown.vehicle.ground
-    pilot = flown.order("takeoff", height_m=30.0)
-    flown.pilot = None
+    execution = flown.order("takeoff", height_m=30.0)
+    flown.execution = None
     start_s = ground.idle_s
     ground.false_flight_s = (start_s + shows_flight_s[0], start_s + shows_flight_s[1])
     flown.run(begins_s)
-    flown.pilot = pilot
+    flown.execution = execution
     return flown
 
 
 def test_a_take_off_waits_while_the_autopilot_reports_flight_after_arming() -> None:
     """PX4 1.17 does so for a second, once in ten take-offs, although the drone stands."""
     flown = begun_late((0.2, 1.4), begins_s=0.8)
-    assert flown.authority.standing is not Standing.OUT
+    assert flown.authority.standing is not ControlStage.OUT
     flown.run(0.4)
     assert not flown.commands
-    flown.run(60.0, until=lambda: flown.authority.standing is Standing.OUT)
+    flown.run(60.0, until=lambda: flown.authority.standing is ControlStage.OUT)
     assert flown.authority.reason == "done"
 
 
@@ -255,7 +255,7 @@ def test_a_take_off_is_over_when_flight_is_reported_for_longer() -> None:
 
 def test_a_take_off_is_over_when_the_drone_rises_before_its_command() -> None:
     flown = begun_late((0.0, 60.0), begins_s=0.3)
-    flown.pilot = None
+    flown.execution = None
     flown.vehicle.body.height_m = SAFETY.takeoff_rise_m + 0.5
     flown.run(1.0)
     assert flown.authority.reason == "the vehicle is in the air already"

@@ -1,6 +1,6 @@
 """A pilot's turn is noticed also where the drone is about to arrive."""
 
-from uavrt.guidance.control.yaw import OTHERS_TURN, YawWatch
+from uavrt.guidance.control.yaw import FOREIGN_TURN, YawWatch
 
 TURNED = [
     (190.1, 190.1, 10.4), (190.1, 190.1, 9.6), (190.1, 190.1, 8.9), (190.2, 190.0, 8.2),
@@ -23,7 +23,7 @@ def aligned(yaw_deg: float) -> YawWatch:
 def test_the_turn_that_was_flown_is_noticed_before_the_target() -> None:
     watch = aligned(190.1)
     faults = [watch.fault(1.6 + 0.1 * number, *sample) for number, sample in enumerate(TURNED)]
-    assert faults[-1] == OTHERS_TURN
+    assert faults[-1] == FOREIGN_TURN
     assert faults[:9] == [None] * 9
 
 
@@ -31,7 +31,7 @@ def test_a_turn_at_the_target_is_noticed() -> None:
     watch = aligned(90.0)
     assert watch.fault(1.6, 90.0, 90.0, 0.5) is None
     assert watch.fault(1.7, 100.0, 20.0, 0.3) is None
-    assert watch.fault(1.8, 103.0, 300.0, 0.2) == OTHERS_TURN
+    assert watch.fault(1.8, 103.0, 300.0, 0.2) == FOREIGN_TURN
 
 
 def test_a_drone_that_arrives_during_its_turn_may_end_it() -> None:

@@ -15,7 +15,7 @@ from uavrt.core.errors import UsageError
 from uavrt.ground.store.estimates import LIVE_AT_ONCE
 from uavrt.localization.antenna import MONOPOLE, PATTERNS
 from uavrt.localization.estimates.estimate_cache import Cache
-from uavrt.localization.estimates.flight_estimates import Found, ReadAs, estimate
+from uavrt.localization.estimates.flight_estimates import EstimationOptions, Found, estimate
 from uavrt.localization.estimates.heard import Heard
 from uavrt.localization.position.levels.strengths import Strengths
 from uavrt.localization.terrain.elevation import Elevation
@@ -34,7 +34,7 @@ class Given:
     """All that an estimate is made of."""
 
     heard: Heard
-    how: ReadAs
+    how: EstimationOptions
     others: tuple[Found, ...] = ()
 
     def answer(self, kept: Cache | None = None) -> str:
@@ -69,7 +69,7 @@ def mast() -> Heard:
 
 @cache
 def given(kind: str) -> Given:
-    drone = Given(heard=heard_of(0), how=ReadAs())
+    drone = Given(heard=heard_of(0), how=EstimationOptions())
     found = estimate(drone.heard).found
     level = Strengths(
         listener="mast",
@@ -84,10 +84,12 @@ def given(kind: str) -> Given:
     )
     return {
         "turns": replace(drone, others=(Found(strengths={2: level}),)),
-        "turns over hills": replace(drone, how=ReadAs(elevation=HILLS[0])),
+        "turns over hills": replace(drone, how=EstimationOptions(elevation=HILLS[0])),
         "mast": replace(drone, heard=mast(), others=(found,)),
-        "survey over hills": Given(heard=heard_of(5), how=ReadAs(elevation=HILLS[0])),
-        "survey": Given(heard=heard_of(5), how=ReadAs(height_m=30.0)),
+        "survey over hills": Given(
+            heard=heard_of(5), how=EstimationOptions(elevation=HILLS[0])
+        ),
+        "survey": Given(heard=heard_of(5), how=EstimationOptions(height_m=30.0)),
     }[kind]
 
 

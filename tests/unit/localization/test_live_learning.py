@@ -10,7 +10,11 @@ from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.bearing.learned_pattern import TurnPulses, learn_pattern
 from uavrt.localization.estimates import flight_estimates
 from uavrt.localization.estimates.estimate_cache import Cache
-from uavrt.localization.estimates.flight_estimates import ReadAs, TagBearing, estimate
+from uavrt.localization.estimates.flight_estimates import (
+    EstimationOptions,
+    TagBearing,
+    estimate,
+)
 from uavrt.localization.estimates.heard import Heard
 
 
@@ -35,7 +39,7 @@ def test_poses_after_the_last_turn_teach_nothing_again(monkeypatch: pytest.Monke
             tags=flight.tags,
             antenna=flight.antenna,
         )
-        found = estimate(replace(heard, goes_on=True), ReadAs(), cache=cache).found
+        found = estimate(replace(heard, goes_on=True), EstimationOptions(), cache=cache).found
         of_first_turn.append(found.bearings[0])
     assert learnt
     assert len(learnt) == len(set(learnt))

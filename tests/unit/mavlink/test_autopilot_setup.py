@@ -212,7 +212,7 @@ def test_without_a_free_instance_or_a_known_port_the_remedy_says_what_to_do() ->
 def test_ardupilots_new_place_of_the_options_counts_too() -> None:
     told = {**ARDUPILOT_DEFAULTS, "MAV1_OPTIONS": 3.0, "MAV2_OPTIONS": 4.0}
     wrong = [need for need in needs(False, told, "SERIAL2", 57_600) if not need.met]
-    assert [(need.name, need.wanted) for need in wrong] == [("MAV1_OPTIONS", 1)]
+    assert [(need.name, need.needed) for need in wrong] == [("MAV1_OPTIONS", 1)]
 
 
 @given(
@@ -225,7 +225,7 @@ def test_after_all_needs_are_met_there_are_none(changes: dict[str, int], port: s
         first = needs(True, told, port, 921_600)
     except ConfigError:
         return
-    told |= {need.name: need.wanted for need in first}
+    told |= {need.name: need.needed for need in first}
     again = needs(True, told, port, 921_600)
     assert len(again) == len(first) > 0
     assert all(need.met for need in again)

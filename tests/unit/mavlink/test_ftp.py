@@ -40,7 +40,7 @@ def flights_fixture(tmp_path: Path) -> Path:
     return root
 
 
-class Asker:
+class Requester:
     """Sends requests and takes the replies, without a link."""
 
     def __init__(self, server: FileServer, peer: Peer = CLIENT) -> None:
@@ -72,9 +72,9 @@ class Asker:
 
 
 @pytest.fixture
-def asker(flights: Path) -> Iterator[Asker]:
+def requester(flights: Path) -> Iterator[Requester]:
     server = FileServer(FileTree(flights, {"general.json": b"{}"}))
-    yield Asker(server)
+    yield Requester(server)
     server.close()
 
 
@@ -83,12 +83,12 @@ def error_of(reply: FtpPacket) -> FtpError:
     return FtpError(reply.data[0])
 
 
-def test_a_directory_is_listed_without_links_and_pipes(asker: Asker) -> None:
-    reply = asker.ask(Opcode.LIST_DIRECTORY, "/")
+def test_a_directory_is_listed_without_links_and_pipes(requester: Requester) -> None:
+    reply = requester.ask(Opcode.LIST_DIRECTORY, "/")
     assert reply.data == b"Dflight_log_1\0Fgeneral.json\t2\0"
-    inside = asker.ask(Opcode.LIST_DIRECTORY, "/flight_log_1").data
+    inside = requester.ask(Opcode.LIST_DIRECTORY, "/flight_log_1").data
     assert inside == b"Fempty.txt\t0\0Fflight.sqlite\t8000\0Diq\0"
-    past = asker.ask(Opcode.LIST_DIRECTORY, "/flight_log_1", offset=3)
+    past = requester.ask(Opcode.LIST_DIRECTORY, "/flight_log_1", offset=3)
     assert error_of(past) is FtpError.END_OF_FILE
 
 
@@ -101,59 +101,67 @@ def test_a_directory_is_listed_without_links_and_pipes(asker: Asker) -> None:
 )
 @pytest.mark.parametrize("opcode", [Opcode.OPEN_FILE_RO, Opcode.CALC_FILE_CRC32])
 def test_what_is_outside_or_no_file_cannot_be_opened(
-    asker: Asker, path: str, opcode: int
+    requester: Requester, path: str, opcode: int
 ) -> None:
-    assert error_of(asker.ask(opcode, path)) in (FtpError.FILE_NOT_FOUND, FtpError.FAIL_ERRNO)
+    assert error_of(requester.ask(opcode, path)) in (
+        FtpError.FILE_NOT_FOUND,
+        FtpError.FAIL_ERRNO,
+    )
 
 
-def test_a_link_cannot_be_listed_through(asker: Asker) -> None:
-    reply = asker.ask(Opcode.LIST_DIRECTORY, "/link_directory")
+def test_a_link_cannot_be_listed_through(requester: Requester) -> None:
+    reply = requester.ask(Opcode.LIST_DIRECTORY, "/link_directory")
     assert error_of(reply) is FtpError.FILE_NOT_FOUND
 
 
 @pytest.mark.parametrize("opcode", [6, 7, 8, 9, 10, 11, 12, 13])
-def test_nothing_can_be_written(asker: Asker, opcode: int, flights: Path) -> None:
+def test_nothing_can_be_written(requester: Requester, opcode: int, flights: Path) -> None:
     before = sorted(flights.rglob("*"))
-    reply = asker.ask(opcode, "/flight_log_1/flight.sqlite")
+    reply = requester.ask(opcode, "/flight_log_1/flight.sqlite")
     assert error_of(reply) is FtpError.FILE_PROTECTED
     assert sorted(flights.rglob("*")) == before
 
 
-def test_an_unknown_opcode_is_refused_at_once(asker: Asker) -> None:
-    assert error_of(asker.ask(16, "/")) is FtpError.UNKNOWN_COMMAND
+def test_an_unknown_opcode_is_refused_at_once(requester: Requester) -> None:
+    assert error_of(requester.ask(16, "/")) is FtpError.UNKNOWN_COMMAND
 
 
 @pytest.mark.parametrize("session", [0, 1, 77, 255])
 def test_a_file_is_read_under_the_session_that_the_client_chose(
-    asker: Asker, session: int
+    requester: Requester, session: int
 ) -> None:
-    opened = asker.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/flight.sqlite", session=session)
+    opened = requester.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/flight.sqlite", session=session)
     assert int.from_bytes(opened.data, "little") == len(CONTENT)
     got = b""
     while True:
-        reply = asker.ask(Opcode.READ_FILE, session=session, offset=len(got), size=DATA_SIZE)
+        reply = requester.ask(
+            Opcode.READ_FILE, session=session, offset=len(got), size=DATA_SIZE
+        )
         if reply.opcode == Opcode.NAK:
             break
         got += reply.data
     assert error_of(reply) is FtpError.END_OF_FILE
     assert got == CONTENT
-    assert asker.ask(Opcode.TERMINATE_SESSION, session=session).opcode == Opcode.ACK
-    gone = asker.ask(Opcode.READ_FILE, session=session, size=10)
+    assert requester.ask(Opcode.TERMINATE_SESSION, session=session).opcode == Opcode.ACK
+    gone = requester.ask(Opcode.READ_FILE, session=session, size=10)
     assert error_of(gone) is FtpError.INVALID_SESSION
 
 
-def test_a_burst_gives_the_file_in_parts_until_it_asks_to_go_on(asker: Asker) -> None:
-    asker.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/flight.sqlite")
+def test_a_burst_gives_the_file_in_parts_until_it_asks_to_go_on(requester: Requester) -> None:
+    requester.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/flight.sqlite")
     got, bursts = b"", 0
     while len(got) < len(CONTENT):
-        asker.sequence += 2
+        requester.sequence += 2
         request = FtpPacket(
-            sequence=asker.sequence, opcode=Opcode.BURST_READ_FILE, offset=len(got), size=200
+            sequence=requester.sequence,
+            opcode=Opcode.BURST_READ_FILE,
+            offset=len(got),
+            size=200,
         )
-        asker.server.receive(request.encode(), CLIENT, 0)
-        parts = asker.replies()
+        requester.server.receive(request.encode(), CLIENT, 0)
+        parts = requester.replies()
         assert [p.sequence for p in parts] == [
-            asker.sequence + 1 + i for i in range(len(parts))
+            requester.sequence + 1 + i for i in range(len(parts))
         ]
         if parts[-1].opcode == Opcode.NAK:
             assert FtpError(parts.pop().data[0]) is FtpError.END_OF_FILE
@@ -166,55 +174,57 @@ def test_a_burst_gives_the_file_in_parts_until_it_asks_to_go_on(asker: Asker) ->
         bursts += 1
     assert got == CONTENT
     assert bursts == 2  # half a second at 10 kB/s each
-    end = asker.ask(Opcode.BURST_READ_FILE, offset=len(CONTENT), size=200)
+    end = requester.ask(Opcode.BURST_READ_FILE, offset=len(CONTENT), size=200)
     assert error_of(end) is FtpError.END_OF_FILE
 
 
-def test_a_repeated_request_gets_the_same_reply_and_is_done_once(asker: Asker) -> None:
-    asker.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/flight.sqlite")
+def test_a_repeated_request_gets_the_same_reply_and_is_done_once(requester: Requester) -> None:
+    requester.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/flight.sqlite")
     request = FtpPacket(
-        sequence=asker.sequence, opcode=Opcode.OPEN_FILE_RO, data=b"/flight_log_1/flight.sqlite"
+        sequence=requester.sequence,
+        opcode=Opcode.OPEN_FILE_RO,
+        data=b"/flight_log_1/flight.sqlite",
     )
-    asker.server.receive(request.encode(), CLIENT, 0)
-    (again,) = asker.replies()
+    requester.server.receive(request.encode(), CLIENT, 0)
+    (again,) = requester.replies()
     assert again.opcode == Opcode.ACK
-    assert asker.server.counters()["ftp_sessions"] == 1
-    assert asker.server.repeated == 1
-    asker.ask(Opcode.TERMINATE_SESSION)
-    terminate = FtpPacket(sequence=asker.sequence, opcode=Opcode.TERMINATE_SESSION)
-    asker.server.receive(terminate.encode(), CLIENT, 0)
-    (still,) = asker.replies()
+    assert requester.server.counters()["ftp_sessions"] == 1
+    assert requester.server.repeated == 1
+    requester.ask(Opcode.TERMINATE_SESSION)
+    terminate = FtpPacket(sequence=requester.sequence, opcode=Opcode.TERMINATE_SESSION)
+    requester.server.receive(terminate.encode(), CLIENT, 0)
+    (still,) = requester.replies()
     assert still.opcode == Opcode.ACK
 
 
-def test_sessions_of_clients_are_apart_and_bounded(asker: Asker) -> None:
-    other = Asker(asker.server, OTHER)
-    asker.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/flight.sqlite")
+def test_sessions_of_clients_are_apart_and_bounded(requester: Requester) -> None:
+    other = Requester(requester.server, OTHER)
+    requester.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/flight.sqlite")
     other.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/empty.txt")
-    assert asker.ask(Opcode.READ_FILE, size=5).data == CONTENT[:5]
+    assert requester.ask(Opcode.READ_FILE, size=5).data == CONTENT[:5]
     assert error_of(other.ask(Opcode.READ_FILE, size=5)) is FtpError.END_OF_FILE
     other.ask(Opcode.RESET_SESSIONS)
-    assert asker.ask(Opcode.READ_FILE, size=5, offset=5).data == CONTENT[5:10]
+    assert requester.ask(Opcode.READ_FILE, size=5, offset=5).data == CONTENT[5:10]
     for session in range(1, MAX_SESSIONS):
-        asker.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/empty.txt", session=session)
-    full = asker.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/empty.txt", session=99)
+        requester.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/empty.txt", session=session)
+    full = requester.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/empty.txt", session=99)
     assert error_of(full) is FtpError.NO_SESSIONS_AVAILABLE
 
 
-def test_checksums_in_the_making_are_bounded(asker: Asker) -> None:
+def test_checksums_in_the_making_are_bounded(requester: Requester) -> None:
     path = b"/flight_log_1/flight.sqlite"
     for number in range(20):
         packet = FtpPacket(sequence=2 * number, opcode=Opcode.CALC_FILE_CRC32, data=path)
-        asker.server.receive(packet.encode(), CLIENT, 0)
-    replies = asker.replies()
+        requester.server.receive(packet.encode(), CLIENT, 0)
+    replies = requester.replies()
     assert [r.opcode for r in replies].count(Opcode.ACK) == MAX_SESSIONS
     refused = [reply for reply in replies if reply.opcode == Opcode.NAK]
     assert {error_of(reply) for reply in refused} == {FtpError.NO_SESSIONS_AVAILABLE}
     assert len(replies) == 20
 
 
-def test_the_checksum_is_that_of_the_service(asker: Asker) -> None:
-    reply = asker.ask(Opcode.CALC_FILE_CRC32, "/flight_log_1/flight.sqlite")
+def test_the_checksum_is_that_of_the_service(requester: Requester) -> None:
+    reply = requester.ask(Opcode.CALC_FILE_CRC32, "/flight_log_1/flight.sqlite")
     assert int.from_bytes(reply.data, "little") == checksum(CONTENT)
     # The usual check value with start 0 and no inversion (CRC-32/JAMCRC starts at all ones).
     assert checksum(b"123456789") == 0x2DFD2D88
@@ -240,7 +250,7 @@ def test_any_bytes_are_answered_and_change_nothing(payloads: list[bytes]) -> Non
 
 def test_eight_idle_sessions_shut_nobody_out(flights: Path) -> None:
     server = FileServer(FileTree(flights))
-    idle, busy = Asker(server, OTHER), Asker(server, CLIENT)
+    idle, busy = Requester(server, OTHER), Requester(server, CLIENT)
     for session in range(MAX_SESSIONS):
         opened = idle.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/empty.txt", session=session)
         assert opened.opcode == Opcode.ACK

@@ -64,7 +64,7 @@ def test_a_way_is_refused_for_what_lies_between_its_ends() -> None:
     reasons = area.refusals(
         (100.0, 200.0), np.array([300.0, 100.0, -20.0]), np.array([200.0, 300.0, 200.0]), 40.0
     )
-    assert reasons == ["enters a keep-out area", None, "leaves the fence"]
+    assert reasons == ["the path enters a keep-out area", None, "the path leaves the fence"]
     assert area.refusal(np.array([100.0, 300.0]), np.array([200.0, 200.0]), 40.0) is not None
     assert area.refusal(np.array([100.0, 300.0]), np.array([100.0, 100.0]), 40.0) is None
 
@@ -76,8 +76,8 @@ def test_a_hill_on_the_way_comes_too_near() -> None:
     area = SearchArea(search=SQUARE, ground=hill)
     east, north = np.array([0.0, 400.0]), np.array([100.0, 100.0])
     assert area.refusal(east, north, 55.0) is None
-    assert area.refusal(east, north, 45.0) == "comes below 20 m above ground"
-    assert area.refusal(east, north, 130.0) == "goes above 120 m above ground"
+    assert area.refusal(east, north, 45.0) == "the path comes below 20 m above ground"
+    assert area.refusal(east, north, 130.0) == "the path goes above 120 m above ground"
 
 
 def test_survey_lines_cover_the_area() -> None:
@@ -108,7 +108,7 @@ def test_behind_a_building_there_is_no_straight_way_home(void: Polygon | Circle)
     )
     behind, beside = np.array([200.0, 300.0]), np.array([150.0, 200.0])
     reason = some(area.entered_area(behind, np.array([100.0, 100.0])))
-    assert reason.startswith("leads home over")
+    assert reason.startswith("the path leads home over")
     assert area.entered_area(beside, np.array([200.0, 300.0])) is None
     assert (
         area.refusals((10.0, 150.0), np.array([200.0, 10.0]), np.array([100.0, 300.0]), 40.0)[1]
@@ -166,7 +166,7 @@ def test_the_way_home_stays_within_a_bent_area() -> None:
     search = Polygon.rectangle(-10.0, 10.0, -10.0, 10.0)
     area = SearchArea(search=search, within=(bent,), margin_m=1.0, home_m=(0.0, 140.0))
     reason = area.entered_area(np.array([0.0, 0.0, 100.0]), np.array([140.0, 0.0, 0.0]))
-    assert reason == "leads home out of the meadow"
+    assert reason == "the path leads home out of the meadow"
     assert area.entered_area(np.array([0.0, 0.0]), np.array([140.0, 0.0])) is None
 
 

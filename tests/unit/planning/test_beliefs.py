@@ -12,7 +12,7 @@ from uavrt.localization.position.levels.level_belief import Listening
 from uavrt.localization.position.trackers import TagPrior
 from uavrt.planning.beliefs import Beliefs, TagBelief
 from uavrt.planning.detectability.ground_propagation import GroundReflection
-from uavrt.planning.stopping import HonestStop
+from uavrt.planning.stopping import AccuracyStop
 from uavrt.simulation.scene.propagation import Propagation, ground_reflection
 
 AREA = Area(west_m=0.0, east_m=500.0, south_m=0.0, north_m=500.0)
@@ -75,14 +75,14 @@ def test_false_pulses_that_barely_pass_the_threshold_make_no_tag() -> None:
 
 def test_the_stop_rule_wants_the_circle_and_the_existence_and_the_model() -> None:
     belief = TagBelief(1, PRIOR, np.random.default_rng(3), particles=4000)
-    stop = HonestStop(radius95_m=40.0)
+    stop = AccuracyStop(radius95_m=40.0)
     assert not stop.verdict(belief).found
     flown_past(belief, there=True, seed=4)
     found = stop.verdict(belief)
     assert found.found, found.reason
     place = belief.estimate()
     assert np.hypot(place.east_m - 300.0, place.north_m - 250.0) < 40.0
-    assert not HonestStop(radius95_m=40.0, bayes_factor=float("inf")).verdict(belief).found
+    assert not AccuracyStop(radius95_m=40.0, bayes_factor=float("inf")).verdict(belief).found
 
 
 def test_pulses_that_do_not_fit_the_place_fail_the_check() -> None:

@@ -29,7 +29,7 @@ from uavrt.planning.planners.registry import PLANNERS, planner_named
 from uavrt.planning.planners.ways import headings, sampled
 from uavrt.planning.search import Search
 from uavrt.planning.situation import Decision, SearchSettings
-from uavrt.planning.stopping import HonestStop
+from uavrt.planning.stopping import AccuracyStop
 from uavrt_experiments.search.baselines.names import BASELINES, any_planner
 
 SIDE_M = 400.0
@@ -61,7 +61,7 @@ def search_with(
     settings = SearchSettings(
         vehicle=vehicle or Multirotor(speed_m_s=10.0),
         area=area,
-        stop=HonestStop(radius95_m=35.0),
+        stop=AccuracyStop(radius95_m=35.0),
         keep_away=keep_away,
         energy=energy,
     )
@@ -142,7 +142,7 @@ def test_the_drone_goes_round_a_building() -> None:
     places = np.array([(one.east_m, one.north_m) for one in states])
     assert not building.contains(*places.T).any()
     refused = [c.refused for _, d in search.decisions for c in d.candidates]
-    assert "enters a keep-out area" in refused
+    assert "the path enters a keep-out area" in refused
 
 
 def test_animals_are_kept_away_from_and_found_ones_too() -> None:

@@ -98,7 +98,7 @@ def test_a_way_near_that_of_another_is_refused_whenever_either_is_flown() -> Non
     crossing = ((60.0, -60.0), (60.0, 300.0))
     situation = _situation(OtherDrones(separation=Separation(), strips=(crossing,)))
     ways = checked(situation, np.array([130.0, 20.0, -80.0]), np.array([0.0, 0.0, 0.0]))
-    assert ways.refused == ["within 25 m of another drone's path", None, None]
+    assert ways.refused == ["the path comes within 25 m of another drone's path", None, None]
 
 
 def test_what_another_drone_will_hear_counts_no_more() -> None:

@@ -32,7 +32,7 @@ def sent(outgoing: Outgoing, until_ns: int, from_ns: int = 0) -> list[tuple[int,
     return [
         (now_ns, one)
         for now_ns in range(from_ns, until_ns, PERIOD_NS // 2)
-        if (one := outgoing.take(now_ns)) is not None
+        if (one := outgoing.next_due(now_ns)) is not None
     ]
 
 
@@ -77,4 +77,4 @@ def test_a_hundred_tags_get_their_turn_each() -> None:
     assert len(set(first)) > 85
     assert len(outgoing) == 100 - len(set(first))
     outgoing.clear()
-    assert outgoing.take(10**12) is None
+    assert outgoing.next_due(10**12) is None

@@ -24,8 +24,8 @@ from uavrt.core.messages import (
     Tag,
     VehicleFence,
     VehicleReport,
-    VehicleSeen,
-    VehicleWish,
+    VehicleRequest,
+    VehicleStatus,
 )
 from uavrt.drone.processes.guide import Guide
 
@@ -68,8 +68,8 @@ class Hub:
             "home": self.flown.place(0.0, 0.0),
             "battery_percent": 90.0,
             "obeyed": False,
-            "wishes_sent": 0,
-            "wishes_refused": 0,
+            "requests_sent": 0,
+            "requests_refused": 0,
             "turned_deg": 0.0,
             "ground_silent_s": 0.0,
         }
@@ -81,13 +81,13 @@ class Hub:
             reason="",
             order_id=None,
             mode="Position",
-            seen=VehicleSeen(**seen),
+            seen=VehicleStatus(**seen),
         )
         return replace(report, **values)
 
     def ask(self, action: Any, **values: Any) -> MotionOffer:
-        request = MotionRequest(request_id=3, asker=(254, 190), action=action, **values)
-        self.guide.take("motion", request)
+        request = MotionRequest(request_id=3, requester=(254, 190), action=action, **values)
+        self.guide.receive("motion", request)
         return self.offer()
 
     def offer(self) -> MotionOffer:
@@ -97,18 +97,18 @@ class Hub:
         assert isinstance(offer, MotionOffer)
         return offer
 
-    def confirmed(self, offer: MotionOffer, north_m: float, **values: Any) -> VehicleWish:
+    def confirmed(self, offer: MotionOffer, north_m: float, **values: Any) -> VehicleRequest:
         values = {"standing": "confirmed", "order_id": offer.order_id} | values
-        self.guide.take("vehicle", self.report(north_m, **values))
-        assert isinstance(self.sent[-1], VehicleWish)
+        self.guide.receive("vehicle", self.report(north_m, **values))
+        assert isinstance(self.sent[-1], VehicleRequest)
         return self.sent[-1]
 
 
 @pytest.fixture
 def hub() -> Hub:
     made = Hub()
-    made.guide.take("vehicle", made.report())
-    made.guide.take("vehicle_fence", VehicleFence())
+    made.guide.receive("vehicle", made.report())
+    made.guide.receive("vehicle_fence", VehicleFence())
     return made
 
 
@@ -120,7 +120,7 @@ def test_an_offer_tells_out_of_which_mode(hub: Hub) -> None:
 
 def test_an_offer_says_that_the_vehicles_fence_is_not_known() -> None:
     hub = Hub()
-    hub.guide.take("vehicle", hub.report())
+    hub.guide.receive("vehicle", hub.report())
     offer = hub.ask("hold")
     assert offer.summary == ("hold here at 40 m; own fence not known; out of Position")
 
@@ -134,7 +134,7 @@ def meadow(hub: Hub, half_m: float) -> KeepOut:
 
 @pytest.mark.parametrize("action", ["goto", "survey"])
 def test_nothing_leaves_the_vehicles_own_fence(hub: Hub, action: str) -> None:
-    hub.guide.take("vehicle_fence", VehicleFence(within=(meadow(hub, 150.0),)))
+    hub.guide.receive("vehicle_fence", VehicleFence(within=(meadow(hub, 150.0),)))
     corners = ((50.0, 0.0), (50.0, 100.0), (140.0, 100.0))
     for far_m, refused in ((0.0, False), (50.0, True)):
         places = tuple(hub.flown.place(north + far_m, east) for north, east in corners)
@@ -147,43 +147,45 @@ def test_nothing_leaves_the_vehicles_own_fence(hub: Hub, action: str) -> None:
 
 def test_nothing_enters_what_the_vehicles_own_fence_excludes(hub: Hub) -> None:
     pond = replace(meadow(hub, 20.0), places=(hub.flown.place(100.0, 0.0),), radius_m=20.0)
-    hub.guide.take("vehicle_fence", VehicleFence(keep_out=(pond,)))
+    hub.guide.receive("vehicle_fence", VehicleFence(keep_out=(pond,)))
     offer = hub.ask("goto", places=(hub.flown.place(200.0, 0.0),), height_m=40.0)
     assert offer.refused
     assert 'enters the keep-out "vehicle\'s fence"' in offer.summary
 
 
 def test_a_fence_that_cannot_be_read_or_leaves_home_out_is_not_flown_with(hub: Hub) -> None:
-    hub.guide.take("vehicle_fence", VehicleFence(fault="the vehicle's fence has 2 corners"))
+    hub.guide.receive("vehicle_fence", VehicleFence(fault="the vehicle's fence has 2 corners"))
     assert "has 2 corners" in hub.ask("hold").summary
     away = replace(meadow(hub, 20.0), places=(hub.flown.place(100.0, 0.0),), radius_m=20.0)
-    hub.guide.take("vehicle_fence", VehicleFence(within=(away,)))
+    hub.guide.receive("vehicle_fence", VehicleFence(within=(away,)))
     assert "home lies outside of the vehicle's fence" in hub.ask("hold").summary
 
 
 @pytest.mark.parametrize("action", ["hold", "rotate"])
 def test_here_is_where_the_drone_is_when_the_order_is_confirmed(hub: Hub, action: str) -> None:
     offer = hub.ask(action)
-    wish = hub.confirmed(offer, north_m=120.0).wish
-    assert isinstance(wish, FlyThere)
+    manoeuvre = hub.confirmed(offer, north_m=120.0).manoeuvre
+    assert isinstance(manoeuvre, FlyThere)
     there = hub.flown.place(120.0, 0.0)
-    assert distance_m(wish.latitude_deg, wish.longitude_deg, *there) < 0.1
+    assert distance_m(manoeuvre.latitude_deg, manoeuvre.longitude_deg, *there) < 0.1
 
 
 def test_the_height_is_the_one_that_was_offered(hub: Hub) -> None:
     offer = hub.ask("hold")
-    wish = hub.confirmed(offer, 0.0, altitude_amsl_m=490.0, altitude_relative_m=60.0).wish
-    assert isinstance(wish, FlyThere)
-    assert wish.altitude_amsl_m == pytest.approx(470.0)
+    manoeuvre = hub.confirmed(
+        offer, 0.0, altitude_amsl_m=490.0, altitude_relative_m=60.0
+    ).manoeuvre
+    assert isinstance(manoeuvre, FlyThere)
+    assert manoeuvre.altitude_amsl_m == pytest.approx(470.0)
 
 
 def test_what_cannot_be_flown_any_more_when_it_is_confirmed_ends_with_the_reason(
     hub: Hub,
 ) -> None:
     offer = hub.ask("goto", places=(hub.flown.place(300.0, 0.0),), height_m=40.0)
-    wish = hub.confirmed(offer, 0.0, battery_percent=30.0)
-    assert (wish.ends, wish.order_id) == (True, offer.order_id)
-    assert "Wh" in wish.said
+    request = hub.confirmed(offer, 0.0, battery_percent=30.0)
+    assert (request.ends, request.order_id) == (True, offer.order_id)
+    assert "Wh" in request.status_text
 
 
 @pytest.mark.parametrize("action", ["goto", "search", "return"])
@@ -191,7 +193,7 @@ def test_what_was_planned_around_another_home_is_not_flown(hub: Hub, action: str
     """Home that moves while an order is planned is the one that its offer is made with."""
     tag = Tag(tag_id=2, frequency_hz=150e6, pulse_width_s=0.02, pulse_intervals_s=(1.3,))
     info = made.flight_info("", (tag,), center_frequency_hz=150e6)
-    hub.guide.take("flight", info)
+    hub.guide.receive("flight", info)
     asked: dict[str, dict[str, Any]] = {
         "goto": {"places": (hub.flown.place(100.0, 0.0),), "height_m": 40.0},
         "search": {"radius_m": 100.0, "height_m": 40.0, "duration_s": 300.0},
@@ -199,10 +201,13 @@ def test_what_was_planned_around_another_home_is_not_flown(hub: Hub, action: str
     }
     values = asked[action]
     moved = hub.flown.place(100.0, 0.0)
-    wish = hub.confirmed(hub.ask(action, **values), 0.0, home=moved)
-    assert wish.ends
-    assert wish.said == "home was moved while the order was planned. Request the motion again"
-    hub.guide.take("vehicle", hub.report(home=moved))
+    request = hub.confirmed(hub.ask(action, **values), 0.0, home=moved)
+    assert request.ends
+    assert (
+        request.status_text
+        == "home was moved while the order was planned. Request the motion again"
+    )
+    hub.guide.receive("vehicle", hub.report(home=moved))
     assert not hub.ask(action, **values).refused
 
 
@@ -211,7 +216,7 @@ def test_a_way_begins_at_the_least_height_or_above(hub: Hub, action: str) -> Non
     corners = ((50.0, 0.0), (50.0, 100.0), (150.0, 100.0))
     places = tuple(hub.flown.place(*one) for one in corners)
     low = hub.report(altitude_amsl_m=438.0, altitude_relative_m=8.0)
-    hub.guide.take("vehicle", low)
+    hub.guide.receive("vehicle", low)
     offer = hub.ask(action, places=places[:1] if action == "goto" else places, height_m=40.0)
     assert offer.refused
     assert "the drone is at 8 m" in offer.summary
@@ -232,7 +237,7 @@ def test_while_the_buildings_are_not_known_nothing_is_flown(
     if text is not None:
         farm.write_text(text)
     hub = Hub(guidance={"keep_out_file": str(farm)})
-    hub.guide.take("vehicle", hub.report())
+    hub.guide.receive("vehicle", hub.report())
     offer = hub.ask("hold")
     assert offer.refused
     assert reason in offer.summary
@@ -243,7 +248,7 @@ def test_the_drones_own_buildings_are_those_of_the_file_when_an_order_is_asked_f
 ) -> None:
     farm = tmp_path / "farm.geojson"
     hub = Hub(guidance={"keep_out_file": str(farm)})
-    hub.guide.take("vehicle", hub.report())
+    hub.guide.receive("vehicle", hub.report())
     goal = (hub.flown.place(120.0, 0.0),)
     for north_m, refused in ((60.0, True), (-60.0, False)):
         corners = [hub.flown.place(north_m + a, b) for a, b in ((0, -15), (0, 15), (15, 0))]
@@ -257,19 +262,19 @@ def test_heights_of_the_ground_are_read_from_the_drones_own_files(tmp_path: Path
     heights[1200 - 123 : 1200 - 120, 599:602] = 480  # 200 m north of home
     heights.tofile(tmp_path / "N47E008.hgt")
     hub = Hub(guidance={"terrain": str(tmp_path)})
-    hub.guide.take("vehicle", hub.report())
+    hub.guide.receive("vehicle", hub.report())
     over = hub.ask("goto", places=(hub.flown.place(350.0, 0.0),), height_m=40.0)
     assert over.refused
     assert "path and return need 70 m above home" in over.summary
     assert not hub.ask("goto", places=(hub.flown.place(-200.0, 0.0),), height_m=40.0).refused
     wrong = hub.report(altitude_amsl_m=520.0)
-    hub.guide.take("vehicle", wrong)
+    hub.guide.receive("vehicle", wrong)
     assert "home is +50 m off the elevation map" in hub.ask("hold").summary
 
 
 def test_without_the_files_of_heights_nothing_is_flown(tmp_path: Path) -> None:
     hub = Hub(guidance={"terrain": str(tmp_path / "none")})
-    hub.guide.take("vehicle", hub.report())
+    hub.guide.receive("vehicle", hub.report())
     offer = hub.ask("hold")
     assert offer.refused
     assert "there is no" in offer.summary
@@ -304,7 +309,7 @@ def test_a_broken_file_refuses_the_order_with_its_name(
 ) -> None:
     settings = spoil(tmp_path, guidance)
     hub = Hub(guidance=settings)
-    hub.guide.take("vehicle", hub.report())
+    hub.guide.receive("vehicle", hub.report())
     offer = hub.ask("hold")
     assert offer.refused
     assert next(iter(settings.values())) in offer.summary
@@ -325,13 +330,15 @@ def test_an_order_is_flown_on_while_another_is_being_planned(
     hub.confirmed(flown, 0.0)
     hub.plans_at_once = False
     for number in (4, 5):
-        hub.guide.take("motion", MotionRequest(request_id=number, asker=(1, 1), action="hold"))
+        hub.guide.receive(
+            "motion", MotionRequest(request_id=number, requester=(1, 1), action="hold")
+        )
     begun = len(hub.sent)
     for _ in range(20):
         clock_of_test.now_s += 0.1
-        hub.guide.take("vehicle", hub.report(standing="confirmed", order_id=flown.order_id))
+        hub.guide.receive("vehicle", hub.report(standing="confirmed", order_id=flown.order_id))
         hub.guide.tick()
-    assert any(one.wish is None for one in hub.sent[begun:])
+    assert any(one.manoeuvre is None for one in hub.sent[begun:])
     assert not any(isinstance(one, MotionOffer) for one in hub.sent)
     for number in (4, 5):  # one after the other
         (plan,) = hub.begun

@@ -20,7 +20,12 @@ from serial_line import ADDRESS, BYTE_S, SerialLine
 from some import some
 
 from uavrt.core.messages import PulsePose, SystemStatus
-from uavrt.ground.link.motions.motion_requests import ask, confirm, motion_request, stop
+from uavrt.ground.link.motions.motion_requests import (
+    confirm,
+    motion_request,
+    request_motion,
+    stop,
+)
 from uavrt.link.mavlink.frame import FrameWriter
 from uavrt.link.tunnel.own_messages.motion_messages import (
     MotionConfirmation,
@@ -87,7 +92,7 @@ async def take_off_orders(drone: Guided, link: Any) -> None:
     vehicle.body.used_wh = 0.0  # each trial with a full battery
     await asyncio.sleep(3.0)  # it comes to rest: residual motion is not taken for a takeover
     goal = SOUTH if vehicle.body.north_m > 0.0 else NORTH
-    offer = await ask(link, motion_request("goto", (goal,), height_m=40.0))
+    offer = await request_motion(link, motion_request("goto", (goal,), height_m=40.0))
     assert offer.kind == "offer"
     assert (await confirm(link, offer, sticks_unseen=False)).kind == "state"
     await until(lambda: drone.standing == "in command")
@@ -269,7 +274,7 @@ async def test_the_drone_proves_no_answer_to_an_order_without_a_seal(
         offer = drone._offer
         monkeypatch.setattr(drone, "_offer", waiting.append)
         request = motion_request("goto", (NORTH,), height_m=40.0)
-        asked = asyncio.create_task(ask(link, request))
+        asked = asyncio.create_task(request_motion(link, request))
         await until(lambda: waiting)
         forged = encode_confirmation(
             MotionConfirmation(request_id=request.request_id, order_id=1, nonce=1)

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from uavrt.core.messages import Pulse
 from uavrt.drone.processes.recording.missing_poses import AwaitedPoses
 
-PATIENCE_S = 8.0
+TRIAL_TIMEOUT_S = 8.0
 
 
 def pulse(number: int, tag_id: int) -> Pulse:
@@ -21,7 +21,7 @@ def pulse(number: int, tag_id: int) -> Pulse:
 def test_every_pulse_gets_its_pose_or_is_said_to_wait_in_vain_exactly_once(
     events: list[tuple[str, int]],
 ) -> None:
-    awaited = AwaitedPoses(PATIENCE_S)
+    awaited = AwaitedPoses(TRIAL_TIMEOUT_S)
     now_s = 0.0
     waiting: dict[int, list[tuple[Pulse, float]]] = {1: [], 2: [], 3: []}
     posed: list[Pulse] = []
@@ -46,7 +46,9 @@ def test_every_pulse_gets_its_pose_or_is_said_to_wait_in_vain_exactly_once(
                 own[:] = [item for item in own if item[0] not in overdue]
             # Nobody who is still in time is given up.
             assert all(
-                now_s - since_s < PATIENCE_S for own in waiting.values() for _, since_s in own
+                now_s - since_s < TRIAL_TIMEOUT_S
+                for own in waiting.values()
+                for _, since_s in own
             )
     vain += awaited.all()
     assert len(awaited) == 0
@@ -55,8 +57,8 @@ def test_every_pulse_gets_its_pose_or_is_said_to_wait_in_vain_exactly_once(
 
 
 def test_a_pulse_told_again_waits_no_longer_than_the_first_time() -> None:
-    awaited = AwaitedPoses(PATIENCE_S)
+    awaited = AwaitedPoses(TRIAL_TIMEOUT_S)
     awaited.add(pulse(1, 2), 0.0)
     awaited.add(pulse(1, 2), 5.0)
-    assert awaited.overdue(PATIENCE_S) == [pulse(1, 2)]
+    assert awaited.overdue(TRIAL_TIMEOUT_S) == [pulse(1, 2)]
     assert awaited.came(pulse(1, 2)) == []

@@ -26,10 +26,10 @@ from uavrt.core.messages import (
     TakeOff,
     VehicleFence,
     VehicleReport,
-    VehicleWish,
+    VehicleRequest,
 )
-from uavrt.drone.processes.motions.motion_control import Outlets
-from uavrt.drone.processes.motions.motion_desk import MotionDesk
+from uavrt.drone.processes.motions.motion_control import MotionOutputs
+from uavrt.drone.processes.motions.motion_handler import MotionHandler
 from uavrt.drone.processes.motions.reported_autopilot import SIMULATOR_NUMBER
 from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.links.address import parse_address
@@ -72,9 +72,9 @@ class Link:
     def __post_init__(self) -> None:
         follow(lambda: self.flown.time_s)
         numbers = iter(range(1, 1000))
-        self.desk = MotionDesk(
+        self.desk = MotionHandler(
             self.settings,
-            Outlets(
+            MotionOutputs(
                 command=self.command,
                 leaves=lambda: self.leaves,
                 state=lambda payload, _: self.states.append(decode_state(payload)),
@@ -111,7 +111,7 @@ class Link:
             self.desk.tick(self.silent_s)
 
     def alive(self) -> None:
-        self.desk.wish(VehicleWish(order_id=5))
+        self.desk.handle_request(VehicleRequest(order_id=5))
 
     def stall(self, seconds: float) -> None:
         """The vehicle lives on; nothing is read."""
@@ -121,8 +121,10 @@ class Link:
             self.flown.boot_s += 0.05
             self.flown.vehicle.advance(0.05)
 
-    def say(self, payload: bytes, asker: tuple[int, int] = US, *, sealed: bool = True) -> None:
-        self.desk.orders.receive(payload, asker, None, sealed=sealed)
+    def say(
+        self, payload: bytes, requester: tuple[int, int] = US, *, sealed: bool = True
+    ) -> None:
+        self.desk.orders.receive(payload, requester, None, sealed=sealed)
         self.supervisor_answers()
 
     def supervisor_answers(self) -> None:
@@ -143,23 +145,23 @@ class Link:
 
     def offered(self, mode: str = "Position", **fields: Any) -> None:
         offer = MotionOffer(
-            request_id=9, asker=US, order_id=5, nonce=77, summary="hold here", mode=mode
+            request_id=9, requester=US, order_id=5, nonce=77, summary="hold here", mode=mode
         )
         self.desk.orders.offer(replace(offer, **fields))
 
-    def confirm(self, asker: tuple[int, int] = US, nonce: int = 77) -> MotionState:
+    def confirm(self, requester: tuple[int, int] = US, nonce: int = 77) -> MotionState:
         confirmation = MotionConfirmation(
             request_id=10, order_id=5, nonce=nonce, sticks_unseen=True
         )
-        self.say(encode_confirmation(confirmation), asker)
+        self.say(encode_confirmation(confirmation), requester)
         return self.states[-1]
 
     def fly(self, north_m: float = 0.0) -> None:
         latitude, longitude = self.flown.place(north_m, 0.0)
-        self.desk.wish(
-            VehicleWish(
+        self.desk.handle_request(
+            VehicleRequest(
                 order_id=5,
-                wish=FlyThere(
+                manoeuvre=FlyThere(
                     latitude_deg=latitude, longitude_deg=longitude, altitude_amsl_m=470.0
                 ),
             )
@@ -182,7 +184,7 @@ def link() -> Link:
 
 
 def request(number: int = 9) -> bytes:
-    return encode_request(MotionRequest(request_id=number, asker=US, action="hold"))
+    return encode_request(MotionRequest(request_id=number, requester=US, action="hold"))
 
 
 def test_an_unsealed_order_moves_the_simulator_alone(link: Link) -> None:
@@ -218,7 +220,7 @@ def test_it_is_flown_when_confirmed_by_who_asked(link: Link) -> None:
     assert link.confirm(OTHERS).kind == "refused"
     link.desk.orders.offer(
         MotionOffer(
-            request_id=9, asker=US, order_id=5, nonce=78, summary="hold", mode="Position"
+            request_id=9, requester=US, order_id=5, nonce=78, summary="hold", mode="Position"
         )
     )
     assert link.confirm(nonce=78).standing == "confirmed"
@@ -285,9 +287,9 @@ def test_a_stop_between_two_orders_never_takes_the_drone_out_of_a_return(
     link.run(0.05 * phase)
     own = link.flown.authority.behaviour.mode_name(MODES[flavour]["hold"])
     begin(link, north_m=200.0)
-    link.desk.wish(VehicleWish(order_id=5))
+    link.desk.handle_request(VehicleRequest(order_id=5))
     link.desk.orders.offer(
-        MotionOffer(request_id=11, asker=US, order_id=6, nonce=78, summary="hold", mode=own)
+        MotionOffer(request_id=11, requester=US, order_id=6, nonce=78, summary="hold", mode=own)
     )
     confirmation = MotionConfirmation(request_id=12, order_id=6, nonce=78, sticks_unseen=True)
     link.say(encode_confirmation(confirmation))
@@ -432,7 +434,9 @@ def test_the_operator_is_told_once_that_the_link_is_too_late_to_command(link: Li
     assert link.states[-1].text == (
         "the autopilot's messages come 0.5 s late: nothing is commanded"
     )
-    link.desk.wish(VehicleWish(order_id=5, ends=True, said="the commands are refused"))
+    link.desk.handle_request(
+        VehicleRequest(order_id=5, ends=True, status_text="the commands are refused")
+    )
     assert link.states[-1].text == (
         "the commands are refused: the autopilot's messages come 0.5 s late"
     )
@@ -454,7 +458,7 @@ def test_a_channel_of_the_settings_is_not_watched() -> None:
 
 def test_a_guide_that_was_restarted_ends_the_order(link: Link) -> None:
     begin(link)
-    link.desk.wish(VehicleWish(order_id=None, ends=True))
+    link.desk.handle_request(VehicleRequest(order_id=None, ends=True))
     assert link.states[-1].text == "the guide has restarted"
     assert link.texts[-1].text == "Not flying: the guide has restarted"
     link.fly(100.0)
@@ -581,7 +585,7 @@ def test_an_autopilot_that_turns_out_to_be_another_is_told(link: Link) -> None:
     begin(link)
     link.flown.kind = 1
     for _ in range(6):
-        link.desk.wish(VehicleWish(order_id=5))
+        link.desk.handle_request(VehicleRequest(order_id=5))
         link.run(0.2)
     assert link.texts[-1].text == "Not flying: the autopilot is not known"
 
@@ -607,7 +611,7 @@ def test_the_simulator_is_asked_again_who_it_is_and_a_real_one_is_not(link: Link
     assert asked() == before
 
 
-@pytest.mark.parametrize("first", ["the wish", "a sign of life"])
+@pytest.mark.parametrize("first", ["the request", "a sign of life"])
 def test_a_wish_read_after_a_pause_waits_for_what_the_autopilot_said_meanwhile(
     link: Link, first: str
 ) -> None:
@@ -615,7 +619,7 @@ def test_a_wish_read_after_a_pause_waits_for_what_the_autopilot_said_meanwhile(
     link.flown.time_s += 0.4
     link.flown.boot_s += 0.4
     if first == "a sign of life":
-        link.desk.wish(VehicleWish(order_id=5))
+        link.desk.handle_request(VehicleRequest(order_id=5))
     link.fly(100.0)
     assert len(link.motions) == 1
     link.run(0.1)
@@ -655,11 +659,13 @@ def test_a_take_off_is_one_command_and_a_stop_after_it_is_silent() -> None:
     assert "on the ground" in some(report.fault)
     link.offered("Position", summary="take off", takeoff=True)
     assert link.confirm().standing == "confirmed"
-    wish = VehicleWish(order_id=5, wish=TakeOff(height_m=30.0, altitude_amsl_m=460.0))
+    request = VehicleRequest(
+        order_id=5, manoeuvre=TakeOff(height_m=30.0, altitude_amsl_m=460.0)
+    )
     for _ in range(20):  # until the mode was told just now
         if not link.motions:
             link.run(0.05)
-            link.desk.wish(wish)
+            link.desk.handle_request(request)
     assert [one.command for one in link.motions] == [dialect.MavCmd.NAV_TAKEOFF]
     link.run(1.0)
     link.say(encode_stop(MotionStop(request_id=12)))
@@ -675,14 +681,16 @@ def test_a_stop_before_the_take_off_itself_leaves_the_drone_on_the_ground() -> N
     link.run(1.5)
     link.offered("Loiter", summary="take off", takeoff=True)
     assert link.confirm().standing == "confirmed"
-    link.desk.wish(VehicleWish(order_id=5, wish=TakeMode()))
+    link.desk.handle_request(VehicleRequest(order_id=5, manoeuvre=TakeMode()))
     assert [one.command for one in link.motions] == [dialect.MavCmd.DO_SET_MODE]
     link.run(0.5)
     link.say(encode_stop(MotionStop(request_id=12)))
     assert link.states[-1].standing == "out"
     assert link.states[-1].text == "stopped by the operator"
-    wish = VehicleWish(order_id=5, wish=TakeOff(height_m=30.0, altitude_amsl_m=460.0))
-    link.desk.wish(wish)
+    request = VehicleRequest(
+        order_id=5, manoeuvre=TakeOff(height_m=30.0, altitude_amsl_m=460.0)
+    )
+    link.desk.handle_request(request)
     link.run(3.0)
     assert len(link.motions) == 1
     assert link.flown.vehicle.ground.landed
@@ -711,7 +719,7 @@ def test_a_guide_that_was_restarted_is_told_the_fence_at_once() -> None:
     link = Link()
     link.missions.held[1] = made.mission_items(made.fence_items(MEADOW), 1)
     link.run(3.0)
-    link.desk.wish(VehicleWish(order_id=None, ends=True))
+    link.desk.handle_request(VehicleRequest(order_id=None, ends=True))
     assert fences(link) == [MEADOW, MEADOW]
 
 

@@ -6,7 +6,7 @@ import pytest
 from flown import Flown
 from tests.unit.processes.test_motion_desk import Link, begin
 
-from uavrt.core.messages import TurnInPlace, VehicleWish
+from uavrt.core.messages import TurnInPlace, VehicleRequest
 
 
 def logged(capsys: pytest.CaptureFixture[str], event: str) -> list[float | None]:
@@ -23,8 +23,8 @@ def test_the_log_says_how_near_each_leg_came_to_its_target(
     for _ in range(15):
         link.run(1.0)
         link.alive()
-    turn = VehicleWish(order_id=5, wish=TurnInPlace(turn_deg=90.0, rate_deg_s=20.0))
-    link.desk.wish(turn)
+    turn = VehicleRequest(order_id=5, manoeuvre=TurnInPlace(turn_deg=90.0, rate_deg_s=20.0))
+    link.desk.handle_request(turn)
     link.run(1.0)
     first, after_leg = logged(capsys, "command sent")
     assert first is None, "no leg before the first command"

@@ -24,14 +24,14 @@ from uavrt.core.messages import (
     Pulse,
     PulsePose,
     Recorded,
+    RecordsHandled,
     StatusText,
-    Taken,
 )
 from uavrt.drone.ipc.process import ProcessFrame
 from uavrt.drone.ipc.record_link import LineBuffer, RecordSocket
 from uavrt.drone.ipc.tag_assignment import Assignment
 from uavrt.drone.ipc.topics import decode_record, encode_record
-from uavrt.drone.processes.recorder import MOST_COMMANDS, POSE_PATIENCE_S, Recorder
+from uavrt.drone.processes.recorder import MOST_COMMANDS, POSE_TIMEOUT_S, Recorder
 from uavrt.drone.processes.recording.commit_times import PULSES_S
 from uavrt.drone.supervisor.tree.waiting_records import Outbox
 from uavrt.flight.database.flight_database import FlightDatabase
@@ -125,8 +125,8 @@ class Drone:
         except BlockingIOError:
             return
         for topic, record in map(decode_record, self._lines.feed(data)):
-            if isinstance(record, Taken):
-                self.outbox.taken(record.records)
+            if isinstance(record, RecordsHandled):
+                self.outbox.remove_acknowledged(record.records)
             else:
                 self.said.append((topic, record))
 
@@ -249,7 +249,7 @@ def test_a_pulse_whose_pose_never_comes_gets_one_from_the_recorded_poses(drone: 
         drone.send("poses", poses(second, second + 0.95))
         drone.turn(1.0)
     assert drone.heard("pulse_pose") == []
-    drone.turn(POSE_PATIENCE_S)
+    drone.turn(POSE_TIMEOUT_S)
     (made,) = drone.heard("pulse_pose")
     truth = Mounting.from_settings(ANTENNA).antenna_pose(
         vehicle((one.start_time_ns + one.end_time_ns) // 2)
@@ -274,7 +274,7 @@ def test_a_pulse_without_any_pose_is_recorded_with_empty_fields_passed_on_and_to
     one = pulse(9.0)  # the vehicle was last heard of 8 s before
     drone.send("pulse", one)
     drone.turn(1.0)
-    drone.turn(drone.recorder._awaited._patience_s)
+    drone.turn(drone.recorder._awaited._timeout_s)
     assert drone.heard("pulse_pose") == [PulsePose(pulse=one, pose=None)]
     drone.end()
     assert drone.stored() == {one: None}
@@ -309,7 +309,7 @@ def test_whoever_restarts_takes_up_the_pulses_without_poses(drone: Drone) -> Non
     assert not drone.outbox.holds("pulse")
     drone.restart()
     drone.turn(1.0)
-    drone.turn(drone.recorder._awaited._patience_s)
+    drone.turn(drone.recorder._awaited._timeout_s)
     assert [made.pulse for made in drone.heard("pulse_pose")] == lost
     drone.end()
     assert all(pose is not None for pose in drone.stored().values())

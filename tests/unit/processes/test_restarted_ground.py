@@ -106,7 +106,7 @@ def test_no_order_is_sent_while_two_vehicles_answer_under_one_number(
             identity.choose(1)
             for number in (1, 2):
                 version = dialect.AutopilotVersion(uid=number, uid2=bytes(18))
-                identity.take_version(version, clock.now_ns())
+                identity.receive_version(version, clock.now_ns())
             serving = asyncio.create_task(station.run())
             await until(lambda: any(event["event"] == "waiting" for event in events))
             await until(lambda: any(event["event"] == "note" for event in events))

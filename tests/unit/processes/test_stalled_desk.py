@@ -7,7 +7,7 @@ import pytest
 from flown import Flown
 from tests.unit.processes.test_motion_desk import Link, begin
 
-from uavrt.core.messages import FlyThere, TakeMode, TakeOff, VehicleWish, Wish
+from uavrt.core.messages import FlyThere, Manoeuvre, TakeMode, TakeOff, VehicleRequest
 from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
 from uavrt.link.mavlink.dialect import MavCmd
 from uavrt.simulation.vehicle.airframe import Flavour
@@ -107,12 +107,12 @@ def flight_to(link: Link, north_m: float) -> FlyThere:
     return FlyThere(latitude_deg=latitude, longitude_deg=longitude, altitude_amsl_m=470.0)
 
 
-def wished_until_sent(link: SlowLink, wish: Wish) -> None:
+def wished_until_sent(link: SlowLink, manoeuvre: Manoeuvre) -> None:
     """Repeat a wish until the desk takes it; it is on its way to the vehicle then."""
     before, link.on_their_way = len(link.motions), []
     while len(link.motions) == before:
         link.run(STEP_S)
-        link.desk.wish(VehicleWish(order_id=5, wish=wish))
+        link.desk.handle_request(VehicleRequest(order_id=5, manoeuvre=manoeuvre))
 
 
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])

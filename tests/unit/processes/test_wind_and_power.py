@@ -71,8 +71,8 @@ def far(hub: Hub) -> str:
 
 def ready(**guidance: Any) -> Hub:
     hub = Hub(guidance=guidance)
-    hub.guide.take("vehicle", hub.report())
-    hub.guide.take("vehicle_fence", VehicleFence())
+    hub.guide.receive("vehicle", hub.report())
+    hub.guide.receive("vehicle_fence", VehicleFence())
     return hub
 
 
@@ -90,7 +90,7 @@ def test_the_settings_reach_what_is_planned() -> None:
 
 def test_an_order_is_judged_by_the_wind_that_is_told() -> None:
     hub = ready(hover_w=400.0)
-    hub.guide.take("vehicle", hub.report(wind_m_s=(0.0, 11.5)))
+    hub.guide.receive("vehicle", hub.report(wind_m_s=(0.0, 11.5)))
     assert "the wind is 12 m/s" in far(hub)
 
 
@@ -107,8 +107,8 @@ def test_the_guide_learns_over_all_its_orders(clock_of_test: VirtualClock) -> No
         clock_of_test.now_s += 1.0
         used = 100.0 * 1200.0 * second / 3600.0 / 120.0
         report = hub.report(**flying, battery_percent=round(90.0 - used))
-        hub.guide.take("vehicle", report)
+        hub.guide.receive("vehicle", report)
     assert hub.guide.counters()["lessons_of_power"] >= 3.0
     assert hub.guide.counters()["hover_w"] == pytest.approx(1200.0, rel=0.15)
-    hub.guide.take("vehicle", hub.report())  # out again: the next order knows it, too
+    hub.guide.receive("vehicle", hub.report())  # out again: the next order knows it, too
     assert "the reserve take" in far(hub)

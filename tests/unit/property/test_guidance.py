@@ -20,8 +20,8 @@ from rough import Rough
 from searched import Animal, Searched
 
 from uavrt.core.errors import CommandRefused
-from uavrt.core.messages import FlyThere, VehicleWish
-from uavrt.guidance.control.authority import Standing
+from uavrt.core.messages import FlyThere, VehicleRequest
+from uavrt.guidance.control.authority import ControlStage
 from uavrt.simulation.vehicle.airframe import Flavour, Frame
 from uavrt.simulation.vehicle.simulated_flying import MODES
 from uavrt.simulation.vehicle.vehicle_telemetry import target_message
@@ -189,12 +189,12 @@ def begin(
         height_m=None if action == "rotate" else rng.uniform(25.0, 60.0),
     )
     waits = rng.random() < 0.15
-    pilot, flown.pilot = flown.pilot, None if waits else flown.pilot
+    execution, flown.execution = flown.execution, None if waits else flown.execution
     shown_by_turning = flavour == "ardupilot" and event == "heading"
     flown.run(4.5 if shown_by_turning else rng.choice((0.1, 0.4, 1.0, 3.0, 6.0)) * rng.random())
     if waits and not shown_by_turning:
         flown.run(rng.uniform(0.0, 3.0))
-    flown.pilot = pilot
+    flown.execution = execution
     if waits and shown_by_turning:
         flown.run(4.5)
     return flown
@@ -226,7 +226,7 @@ def test_after_a_takeover_not_one_more_command_leaves(flavour: Flavour) -> None:
             # Undone before any message showed it, or no message differs: the pilot repeats it.
             alike, crossings = alike + same, crossings + (not same)
             flown.run(rng.uniform(0.0, 1.0))
-        story = f"{seed} {name} {flown.pilot and flown.pilot.order.action}"
+        story = f"{seed} {name} {flown.execution and flown.execution.order.action}"
         sent = len(flown.commands)
         flown.run(15.0)  # a turn of ours that stops too early
         assert is_out(flown), story
@@ -257,7 +257,7 @@ def test_nor_behind_the_desk_over_a_rough_link(flavour: Flavour) -> None:
             alone += 1
         else:
             crossings += take_over(flown, rng, name, stop_s, slack_s)
-        story = f"{seed} {name} {flown.pilot and flown.pilot.order.action}"
+        story = f"{seed} {name} {flown.execution and flown.execution.order.action}"
         commanded += bool(flown.commands)
         sent = len(flown.commands)
         flown.run(15.0)
@@ -336,10 +336,10 @@ def assert_the_desk_is_not_brought_back(flown: Desked, order_id: int | None) -> 
     assert order_id is not None
     sent = len(flown.commands)
     latitude, longitude = flown.place(50.0, 50.0)
-    flown.desk.wish(
-        VehicleWish(
+    flown.desk.handle_request(
+        VehicleRequest(
             order_id=order_id,
-            wish=FlyThere(
+            manoeuvre=FlyThere(
                 latitude_deg=latitude,
                 longitude_deg=longitude,
                 altitude_amsl_m=HOME.altitude_amsl_m + 40,
@@ -354,7 +354,7 @@ def assert_the_desk_is_not_brought_back(flown: Desked, order_id: int | None) -> 
 
 
 def is_out(flown: Flown) -> bool:
-    return flown.authority.standing is Standing.OUT
+    return flown.authority.standing is ControlStage.OUT
 
 
 def watch(flown: Flown, shown_s: float, *, undone: bool, same: bool) -> bool:
@@ -367,7 +367,7 @@ def watch(flown: Flown, shown_s: float, *, undone: bool, same: bool) -> bool:
     while flown.time_s < silent_s + AFTERWARDS_S:
         flown.step()
         standing = flown.authority.standing
-        if standing is Standing.OUT and when_out is None:
+        if standing is ControlStage.OUT and when_out is None:
             when_out = len(flown.commands)
         if len(flown.commands) > sent:
             assert same or flown.time_s <= silent_s
@@ -390,14 +390,14 @@ def same_to_5_cm(before: Any, after: Any) -> bool:
 def assert_nothing_brings_it_back(flown: Flown, order_id: int | None) -> None:
     """Neither the wish that was on its way, nor the old confirmation."""
     latitude, longitude = flown.place(50.0, 50.0)
-    wish = FlyThere(
+    manoeuvre = FlyThere(
         latitude_deg=latitude,
         longitude_deg=longitude,
         altitude_amsl_m=HOME.altitude_amsl_m + 40,
     )
     assert order_id is not None
     with pytest.raises(CommandRefused):
-        flown.authority.command(order_id, wish, flown.time_s)
+        flown.authority.command(order_id, manoeuvre, flown.time_s)
     nonce = nonce_of(order_id)
     with pytest.raises(CommandRefused):
         flown.authority.confirm(order_id, nonce, flown.time_s, sticks_unseen=True)
@@ -427,6 +427,6 @@ def test_a_command_that_is_lost_is_not_repeated(flavour: Flavour) -> None:
         changing = [m for _, m in flown.commands if m.command == 192 and m.param2 == 1.0]
         assert len(changing) == 1
         if flown.lost:
-            assert flown.authority.standing is Standing.OUT
+            assert flown.authority.standing is ControlStage.OUT
             assert flown.lost == 1
     assert lost > 5

@@ -86,7 +86,7 @@ def test_no_frame_disturbs_the_drone_side(generation: Any) -> None:
     sent: list[object] = []
     seen = {"payloads": 0, "private": 0, "commands": 0, "answers": 0, "wishes": 0}
 
-    def wish(request: Requests, peer: Peer) -> None:
+    def manoeuvre(request: Requests, peer: Peer) -> None:
         answer = parameters.receive(request)
         if isinstance(answer, ParameterChange):
             seen["wishes"] += 1
@@ -110,7 +110,7 @@ def test_no_frame_disturbs_the_drone_side(generation: Any) -> None:
             position=lambda sample: None,
             tunnel=take,
             private=private,
-            parameters=wish,
+            parameters=manoeuvre,
         ),
     )
     component.tick(NOW_NS)

@@ -13,12 +13,12 @@ import pytest
 
 from uavrt.planning.drone_model.drone_motion import Multirotor
 from uavrt.planning.keep_away import KeepAway
-from uavrt.planning.stopping import HonestStop
+from uavrt.planning.stopping import AccuracyStop
 from uavrt_experiments.search.drones import FlightOfDrones
 from uavrt_experiments.search.scenario import Contender, Scenario, Truth
 
 SEARCHES = int(os.environ.get("UAVRT_SEARCHES", "8"))
-WIDE_M, WISH = 455.0, HonestStop(radius95_m=30.0)
+WIDE_M, WISH = 455.0, AccuracyStop(radius95_m=30.0)
 LOW_TAGS = Scenario(
     name="low tags",
     title="three tags half a metre above flat ground, one of them walking",

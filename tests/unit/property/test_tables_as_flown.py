@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from campaigns import WELL, Framed
 
-from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.control.authority import ControlStage
 from uavrt.guidance.operator_orders import Limits, Order
 from uavrt.planning.drone_model.drone_motion import VehicleState
 from uavrt.simulation.vehicle.airframe import Flavour, Frame
@@ -46,7 +46,7 @@ class BehindTheLink(Framed):
 
     def confirm(self, order: Order) -> None:
         super().confirm(order)
-        assert self.authority.standing is not Standing.OUT
+        assert self.authority.standing is not ControlStage.OUT
 
 
 def ratio(over: list[float], under: list[float]) -> tuple[float, float, float]:
@@ -66,7 +66,9 @@ def flown_pair(scenario: Scenario, seed: int) -> tuple[Outcome, Outcome]:
     aircraft = drone.aircraft
     assert isinstance(aircraft, BehindTheLink)
     authority = aircraft.authority
-    assert authority.standing is not Standing.OUT or authority.reason in WELL, authority.reason
+    assert authority.standing is not ControlStage.OUT or authority.reason in WELL, (
+        authority.reason
+    )
     assert len(aircraft.commands) > 1
     return alone, linked
 

@@ -31,18 +31,18 @@ ALMOST_DEAD = block(np.zeros(round(0.9 * DEAD_S * RATE_HZ), np.complex64))
 @given(st.floats(1e-9, 1.0), st.integers(0, 100))
 def test_any_level_a_receiver_can_have_ends_a_silence(rms: float, seed: int) -> None:
     check = SampleCheck("the radio")
-    check.look(ALMOST_DEAD)
-    check.look(block(noise(rms, seed, 4096)))
-    check.look(ALMOST_DEAD)
+    check.check(ALMOST_DEAD)
+    check.check(block(noise(rms, seed, 4096)))
+    check.check(ALMOST_DEAD)
     with pytest.raises(RadioStalled):
-        check.look(ALMOST_DEAD)
+        check.check(ALMOST_DEAD)
 
 
 def test_a_saturated_receiver_is_let_through_and_a_level_above_it_is_not() -> None:
     samples = np.where(np.arange(4096) % 2, 1 + 1j, -1 - 1j).astype(np.complex64)
-    SampleCheck("the radio").look(block(samples))
+    SampleCheck("the radio").check(block(samples))
     with pytest.raises(RadioGarbled):
-        SampleCheck("the radio").look(block(2.0 * samples))
+        SampleCheck("the radio").check(block(2.0 * samples))
 
 
 @given(st.binary(max_size=256))
@@ -51,43 +51,43 @@ def test_random_bytes_never_raise_anything_else(content: bytes) -> None:
     samples = np.frombuffer(content[: len(content) // 8 * 8], np.complex64)
     check = SampleCheck("the radio")
     with suppress(RadioGarbled):
-        check.look(block(samples))
-    check.look(block(noise(0.01)))
+        check.check(block(samples))
+    check.check(block(noise(0.01)))
     with pytest.raises(RadioGarbled):
-        check.look(block(np.full(8, np.nan, np.complex64)))
+        check.check(block(np.full(8, np.nan, np.complex64)))
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_a_block_of_random_bytes_is_refused(seed: int) -> None:
     content = np.random.default_rng(seed).bytes(8 * 32_768)
     with pytest.raises(RadioGarbled, match="the radio gives values that are not samples"):
-        SampleCheck("the radio").look(block(np.frombuffer(content, np.complex64)))
+        SampleCheck("the radio").check(block(np.frombuffer(content, np.complex64)))
 
 
 @pytest.mark.parametrize("shift", range(1, 4))
 def test_samples_cut_within_a_number_are_refused(shift: int) -> None:
     content = noise(0.01).tobytes()[shift : shift - 8]
     with pytest.raises(RadioGarbled):
-        SampleCheck("the radio").look(block(np.frombuffer(content, np.complex64)))
+        SampleCheck("the radio").check(block(np.frombuffer(content, np.complex64)))
 
 
 def test_zeros_are_borne_for_a_second_and_forgiven_by_one_sample() -> None:
     check = SampleCheck("the radio")
     zeros = block(np.zeros(round(0.45 * DEAD_S * RATE_HZ), np.complex64))
     for _ in range(5):
-        check.look(zeros)
-        check.look(zeros)
-        check.look(block(noise(1e-6)))
-    check.look(zeros)
-    check.look(zeros)
+        check.check(zeros)
+        check.check(zeros)
+        check.check(block(noise(1e-6)))
+    check.check(zeros)
+    check.check(zeros)
     with pytest.raises(RadioStalled, match="only zeros"):
-        check.look(zeros)
+        check.check(zeros)
 
 
 def test_an_empty_block_neither_ends_nor_lengthens_a_silence() -> None:
     check = SampleCheck("the radio")
-    check.look(ALMOST_DEAD)
+    check.check(ALMOST_DEAD)
     for _ in range(100):
-        check.look(block(np.zeros(0, np.complex64)))
+        check.check(block(np.zeros(0, np.complex64)))
     with pytest.raises(RadioStalled):
-        check.look(ALMOST_DEAD)
+        check.check(ALMOST_DEAD)

@@ -82,7 +82,9 @@ def test_a_coded_tag_is_taken_and_shown_with_its_gaps_and_a_bad_one_refused() ->
     bench.line.hear("store_coded_tag_information", bad)
     bench.run(0.1)
     assert bench.gateway.counters["ros2_messages_refused"] == 1
-    bench.gateway.take(Command(name="add_tag", request_id=1, tag=CODED_TAG, source="mavlink"))
+    bench.gateway.receive(
+        Command(name="add_tag", request_id=1, tag=CODED_TAG, source="mavlink")
+    )
     assert bench.line.on("store_coded_tag_information") == [coded_tag_to_ros(CODED_TAG)]
     assert bench.line.on("store_tag_information") == [], "it does not beep"
 
@@ -90,11 +92,11 @@ def test_a_coded_tag_is_taken_and_shown_with_its_gaps_and_a_bad_one_refused() ->
 def test_a_burst_is_a_pulse_and_besides_what_is_inside() -> None:
     bench = Bench()
     starts_ns = tuple(PULSE.start_time_ns + ms * 1_000_000 for ms in (0, 22, 71, 107))
-    bench.gateway.take(PULSE)
+    bench.gateway.receive(PULSE)
     burst = replace(
         PULSE, burst_starts_ns=starts_ns, burst_snrs_db=(9.0,) * 4, also_possible_tag_ids=(4,)
     )
-    bench.gateway.take(burst)
+    bench.gateway.receive(burst)
     assert len(bench.line.on("pulse")) == 2
     (message,) = bench.line.on("burst")
     assert [one.sec * S + one.nanosec for one in message.starts] == list(starts_ns)
@@ -108,7 +110,7 @@ def test_a_refused_tag_begins_the_next_upload_anew() -> None:
     bench.run(0.1)
     assert bench.commands() == ["start_tags", "add_tag"]
     start = bench.sent[0][1]
-    bench.gateway.take(made.reply(start, "detecting: send stop first", accepted=False))
+    bench.gateway.receive(made.reply(start, "detecting: send stop first", accepted=False))
     assert "start_tags refused: detecting" in bench.line.on("rosout")[-1].msg
     bench.line.hear("store_tag_information", tag_to_ros(TAG))
     bench.run(0.1)
@@ -149,7 +151,7 @@ def test_pulses_of_other_computers_are_taken_once_and_not_sent_back() -> None:
     ((topic, record),) = bench.sent
     assert topic == "pulse"
     assert (record.tag_id, record.start_time_ns) == (2, PULSE.start_time_ns)
-    bench.gateway.take(record)
+    bench.gateway.receive(record)
     assert bench.line.on("pulse") == []
 
 
@@ -257,7 +259,7 @@ def test_tags_of_the_ground_station_are_not_counted_by_ros_2() -> None:
     bench = Bench()
     bench.line.hear("store_tag_information", tag_to_ros(TAG))
     bench.run(0.1)
-    bench.gateway.take(Command(name="start_tags", request_id=1, source="mavlink 255/190"))
+    bench.gateway.receive(Command(name="start_tags", request_id=1, source="mavlink 255/190"))
     bench.line.hear("control_start_subprocess", STARTED)
     bench.run(0.1)
     assert started_with(bench) is None

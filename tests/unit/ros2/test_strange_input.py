@@ -94,7 +94,7 @@ def test_the_end_of_an_upload_says_how_many_tags_were_sent() -> None:
 
 
 def receiving(bench: Bench, *received: Tag, commander: str = "ros2") -> None:
-    bench.gateway.take(
+    bench.gateway.receive(
         made.system_status(
             bench.now_ns, state=SystemState.RECEIVING_TAGS, tags=received, commander=commander
         )

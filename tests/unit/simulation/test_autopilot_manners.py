@@ -229,7 +229,7 @@ def test_arducopter_tells_no_target_while_another_asks_for_a_velocity() -> None:
     vehicle = hovering("ardupilot")
     go(vehicle, 100.0, 0.0)
     fly(vehicle, 3.0)
-    vehicle.ask_velocity(0.0, 2.0, 0.0)
+    vehicle.set_velocity(0.0, 2.0, 0.0)
     assert target_message(vehicle, 0) is None
     east = vehicle.body.east_m
     fly(vehicle, 2.5)

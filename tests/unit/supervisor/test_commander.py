@@ -10,10 +10,10 @@ import pytest
 from uavrt.config.settings import MavlinkSettings, RadioSettings, RecordingSettings, Settings
 from uavrt.core.commands import SystemState
 from uavrt.core.messages import Command, CommandReply
+from uavrt.drone.supervisor.mission.commanding_station import SILENCE_S, CommandingStation
 from uavrt.drone.supervisor.mission.storage.disk_guard import DiskGuard
 from uavrt.drone.supervisor.mission.storage.flight_removal import SecondStep, removable
 from uavrt.drone.supervisor.mission.storage.operations import Operations
-from uavrt.drone.supervisor.mission.who_commands import SILENCE_S, Commander
 from uavrt.flight.flight_layout import FlightLayout
 from uavrt.flight.flight_order import flights_in_order, note_flight
 
@@ -37,7 +37,7 @@ def command(source: str, name: Any = "stop_detection", *, sealed: bool = False) 
 
 def test_the_first_commands_and_a_second_watches_until_a_minute_of_silence() -> None:
     watch = Watch()
-    commander = Commander(clock_s=watch)
+    commander = CommandingStation(clock_s=watch)
     assert commander.refusal(command(FIRST)) is None
     assert commander.accepted(command(FIRST))
     for _ in range(3):
@@ -57,7 +57,7 @@ def test_the_first_commands_and_a_second_watches_until_a_minute_of_silence() -> 
 
 
 def test_a_seal_takes_over_at_once_and_questions_need_nobody() -> None:
-    commander = Commander(clock_s=Watch())
+    commander = CommandingStation(clock_s=Watch())
     commander.accepted(command(FIRST))
     assert commander.refusal(command(STRANGER, "radio_status")) is None
     assert not commander.accepted(command(STRANGER, "radio_status"))
@@ -68,12 +68,12 @@ def test_a_seal_takes_over_at_once_and_questions_need_nobody() -> None:
 
 
 def test_who_sits_at_the_drone_and_a_drone_for_everybody_ask_nobody() -> None:
-    commander = Commander(clock_s=Watch())
+    commander = CommandingStation(clock_s=Watch())
     commander.accepted(command(FIRST))
     for source in ("capture", "command line", "command line 4711 140 6433.67"):
         assert commander.refusal(command(source)) is None
         assert not commander.accepted(command(source))
-    everybody = Commander(pinned=False, clock_s=Watch())
+    everybody = CommandingStation(pinned=False, clock_s=Watch())
     everybody.accepted(command(FIRST))
     assert everybody.refusal(command(STRANGER)) is None
 

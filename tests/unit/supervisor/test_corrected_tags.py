@@ -18,17 +18,17 @@ from uavrt.drone.supervisor.mission.operator_commands import Mission
 from uavrt.drone.supervisor.mission.search_planning import Tuning, TuningRequest, request_tuning
 
 TAG = made.tag(2, 148_710_000.0, 1.254, name="otter")
-Say = Callable[..., CommandReply]
+PrintText = Callable[..., CommandReply]
 
 
 @pytest.fixture
-def flown(tmp_path: Path) -> tuple[Mission, Say, list[FlightInfo]]:
+def flown(tmp_path: Path) -> tuple[Mission, PrintText, list[FlightInfo]]:
     return fly(tmp_path, 500.0)
 
 
 def fly(
     directory: Path, window_hz: float, tuner: Tuner = request_tuning
-) -> tuple[Mission, Say, list[FlightInfo]]:
+) -> tuple[Mission, PrintText, list[FlightInfo]]:
     corrected: list[FlightInfo] = []
     mission = made.mission(
         Settings(
@@ -53,7 +53,7 @@ def fly(
 
 
 def test_a_corrected_frequency_is_searched_and_remembered_under_the_same_name(
-    flown: tuple[Mission, Say, list[FlightInfo]],
+    flown: tuple[Mission, PrintText, list[FlightInfo]],
 ) -> None:
     mission, say, corrected = flown
     assert mission.flights.flight is not None
@@ -80,7 +80,7 @@ def test_a_corrected_frequency_is_searched_and_remembered_under_the_same_name(
     ],
 )
 def test_what_cannot_be_searched_in_this_flight_is_refused(
-    flown: tuple[Mission, Say, list[FlightInfo]], tag: Any, words: str
+    flown: tuple[Mission, PrintText, list[FlightInfo]], tag: Any, words: str
 ) -> None:
     mission, say, corrected = flown
     reply = say("add_tag", tag=tag)
@@ -112,7 +112,7 @@ def test_a_wide_search_of_a_corrected_tag_is_checked_like_that_of_a_start(
 
 
 def test_settings_that_were_promised_from_the_next_start_wait_for_it(
-    flown: tuple[Mission, Say, list[FlightInfo]], tmp_path: Path
+    flown: tuple[Mission, PrintText, list[FlightInfo]], tmp_path: Path
 ) -> None:
     mission, say, corrected = flown
     begun = parameter_values(mission.settings.in_flight)

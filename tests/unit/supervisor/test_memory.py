@@ -161,7 +161,7 @@ def test_a_wrong_time_is_told_once_more_to_a_ground_station_that_comes_later(
     clock_of_test.wall_offset_s = 0.0
     watch = WallClockWatch()
     assert str(watch.flight_started(100.0)).startswith("Drone's clock: ")
-    told = [second for second in range(100, 130) if watch.wrong_time_again(float(second))]
+    told = [second for second in range(100, 130) if watch.repeated_warning(float(second))]
     assert told == [100 + REPEAT_AFTER_S]
 
 

@@ -9,7 +9,7 @@ from uavrt.drone.supervisor.mission.operator_commands import Mission
 from uavrt.drone.supervisor.mission.saved_state import StateStore
 from uavrt.drone.supervisor.start.launcher import Launcher
 from uavrt.drone.supervisor.tree.instance import Instance
-from uavrt.drone.supervisor.tree.process_fleet import Fleet
+from uavrt.drone.supervisor.tree.process_tree import ProcessTree
 from uavrt.drone.supervisor.tree.table import PROCESSES
 
 
@@ -24,7 +24,7 @@ def test_what_ended_again_and_again_in_one_flight_is_not_degraded_in_the_next(
         on_stop=lambda: None,
     )
     receiver = next(row for row in PROCESSES if row.name == "receiver")
-    fleet = Fleet(
+    process_tree = ProcessTree(
         (receiver,),
         mission,
         launcher=Launcher(),
@@ -34,11 +34,11 @@ def test_what_ended_again_and_again_in_one_flight_is_not_degraded_in_the_next(
         on_output=lambda _instance, _line: None,
         wake=lambda: None,
     )
-    instance: Instance = fleet.instance_of(receiver)
+    instance: Instance = process_tree.instance_of(receiver)
     for _ in range(10):
         instance.restarts.started(monotonic_s())
         instance.restarts.ended(monotonic_s(), "ended (exit 1)")
     assert instance.status().status == "degraded: ended (exit 1)"
-    asyncio.run(fleet.stop_flight())
+    asyncio.run(process_tree.stop_flight())
     assert instance.status().status == "stopped"
     assert instance.restarts.not_before_s == 0.0, "the next flight does not wait for it"

@@ -115,7 +115,7 @@ def test_every_line_is_taken_by_one_process_or_sent_to_the_next_in_order(
             taken += held[:count]
             taken_now += len(held[:count])
             del held[:count]
-            outbox.taken(taken_now)
+            outbox.remove_acknowledged(taken_now)
         else:
             outbox.process_ended(by_itself=False)
             taken_now, held = 0, drain(outbox)
@@ -131,7 +131,7 @@ def test_a_successor_is_told_of_the_flight_that_its_first_records_belong_to() ->
     drain(outbox)
     expected = [None, flight(1), flight(1), None, flight(2), flight(2)]
     for count, info in enumerate(expected):
-        outbox.taken(count)
+        outbox.remove_acknowledged(count)
         assert outbox.flight == info
     outbox.process_ended(by_itself=False)
     assert outbox.flight == flight(2)
@@ -161,7 +161,7 @@ def test_what_is_kept_for_a_disk_that_fails_for_hours_is_bounded_and_counted() -
         outbox.put(pulse(number))
     drain(outbox)
     assert outbox.dropped["pulse_pose"] == 10
-    outbox.taken(11)  # the process counts those that are not kept any more, too
+    outbox.remove_acknowledged(11)  # the process counts those that are not kept any more, too
     outbox.process_ended(by_itself=False)
     assert drain(outbox)[0] == pulse(11)
 

@@ -12,7 +12,7 @@ from uavrt.detection.track.pulse_reporting import _REPORT_EVERY_NS
 from uavrt.drone.ipc.topics import TOPICS
 from uavrt.drone.supervisor.mission.storage.disk_guard import DiskGuard
 from uavrt.drone.supervisor.pace import PaceWatch
-from uavrt.drone.supervisor.start.restarts import SOON, RestartPolicy, Restarts
+from uavrt.drone.supervisor.start.restarts import FLIGHT_RESTARTS, RestartPolicy, Restarts
 from uavrt.drone.supervisor.tree.process_budgets import (
     CPU_ALLOWANCE,
     REPEAT_S,
@@ -32,7 +32,7 @@ def test_the_first_restart_comes_at_once_and_the_next_ones_ever_later() -> None:
         waits.append(restarts.ended(now_s + 0.1, "ended (exit 1)"))
         assert restarts.not_before_s == pytest.approx(now_s + 0.1 + waits[-1])
         now_s += 1.0
-    assert tuple(waits) == (*SOON.delays_s, *[SOON.delays_s[-1]] * 3)
+    assert tuple(waits) == (*FLIGHT_RESTARTS.delays_s, *[FLIGHT_RESTARTS.delays_s[-1]] * 3)
     assert restarts.degraded(now_s)
     assert restarts.total == 8
 
@@ -50,10 +50,10 @@ def test_one_settled_life_forgives_all(ends: int) -> None:
     for _ in range(ends):
         restarts.started(0.0)
         restarts.ended(0.1, "x")
-    assert restarts.degraded(0.2) == (ends >= SOON.degraded_after)
+    assert restarts.degraded(0.2) == (ends >= FLIGHT_RESTARTS.degraded_after)
     restarts.started(10.0)
-    assert not restarts.degraded(10.1 + SOON.settled_s)
-    assert restarts.ended(10.1 + SOON.settled_s, "x") == 0.0
+    assert not restarts.degraded(10.1 + FLIGHT_RESTARTS.settled_s)
+    assert restarts.ended(10.1 + FLIGHT_RESTARTS.settled_s, "x") == 0.0
 
 
 def watched(cpu_percent: float, seconds: int, memory_mb: float = 10.0) -> list[str]:

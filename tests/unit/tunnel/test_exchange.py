@@ -42,10 +42,10 @@ def test_the_acknowledgement_goes_to_whoever_asked() -> None:
     assert isinstance(first, Command)
     assert isinstance(second, Command)
     answer = some(exchange.reply(reply_to(second, accepted=False, message="no upload")))
-    assert answer.asker == MAVSDK
+    assert answer.requester == MAVSDK
     assert decode(answer.payload) == AckG1(acked_command=3, result=0, message="no upload")
     answer = some(exchange.reply(reply_to(first)))
-    assert answer.asker == QGC
+    assert answer.requester == QGC
 
 
 @pytest.mark.parametrize(

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from uavrt.core.errors import TunnelError, UsageError
 from uavrt.core.messages import KeepOut, MotionRequest
 from uavrt.link.tunnel.own_messages.motion_messages import (
+    CONTROL_STAGES,
     MAX_TEXT,
     MOTION_ACTIONS,
-    STANDINGS,
     MotionConfirmation,
     MotionState,
     MotionStop,
@@ -47,7 +47,7 @@ def test_what_is_asked_for_arrives_to_a_decimetre_and_fits_into_a_seal(
     corners = tuple((47.0 + a, 8.0 + b) for a, b in offsets)[:most]
     asked = MotionRequest(
         request_id=7,
-        asker=ASKER,
+        requester=ASKER,
         action=action,  # type: ignore[arg-type]
         places=corners,
         height_m=height,
@@ -77,7 +77,7 @@ PERSON = KeepOut(places=((47.003, 8.002),), radius_m=40.0)
     ],
 )
 def test_people_and_buildings_arrive_with_an_order(values: dict[str, Any]) -> None:
-    asked = MotionRequest(request_id=7, asker=ASKER, keep_out=(BARN, PERSON), **values)
+    asked = MotionRequest(request_id=7, requester=ASKER, keep_out=(BARN, PERSON), **values)
     payload = encode_request(asked)
     assert payload[0] == 2
     got = decode_motion(payload, ASKER)
@@ -91,7 +91,7 @@ def test_people_and_buildings_arrive_with_an_order(values: dict[str, Any]) -> No
 
 def test_a_circle_never_arrives_smaller() -> None:
     asked = MotionRequest(
-        request_id=7, asker=ASKER, action="hold", keep_out=(replace(PERSON, radius_m=0.4),)
+        request_id=7, requester=ASKER, action="hold", keep_out=(replace(PERSON, radius_m=0.4),)
     )
     got = decode_motion(encode_request(asked), ASKER)
     assert isinstance(got, MotionRequest)
@@ -101,7 +101,7 @@ def test_a_circle_never_arrives_smaller() -> None:
 
 
 def test_a_drone_that_knows_of_none_takes_no_order_with_people_and_buildings() -> None:
-    asked = MotionRequest(request_id=7, asker=ASKER, action="hold", keep_out=(BARN,))
+    asked = MotionRequest(request_id=7, requester=ASKER, action="hold", keep_out=(BARN,))
     payload = encode_request(asked)
     for wrong in (b"\x01" + payload[1:], payload[:-4], payload[:30]):
         with pytest.raises(TunnelError):
@@ -111,7 +111,7 @@ def test_a_drone_that_knows_of_none_takes_no_order_with_people_and_buildings() -
 def test_a_search_brings_its_tags_its_circle_and_its_wish() -> None:
     asked = MotionRequest(
         request_id=7,
-        asker=ASKER,
+        requester=ASKER,
         action="search",
         duration_s=600.0,
         tags=(2, 40_000),
@@ -134,7 +134,12 @@ def test_a_confirmation_a_stop_and_a_state_come_back_as_they_were() -> None:
         request_id=5
     )
     state = MotionState(
-        kind="offer", standing=STANDINGS[2], text="ü" * 54, request_id=3, order_id=4, nonce=5
+        kind="offer",
+        standing=CONTROL_STAGES[2],
+        text="ü" * 54,
+        request_id=3,
+        order_id=4,
+        nonce=5,
     )
     assert decode_state(encode_state(state)) == state
 
@@ -147,7 +152,7 @@ def test_a_confirmation_a_stop_and_a_state_come_back_as_they_were() -> None:
 )
 def test_a_text_that_is_too_long_ends_with_an_ellipsis(text: str) -> None:
     state = MotionState(
-        kind="offer", standing=STANDINGS[2], text=text, request_id=3, order_id=4, nonce=5
+        kind="offer", standing=CONTROL_STAGES[2], text=text, request_id=3, order_id=4, nonce=5
     )
     told = decode_state(encode_state(state)).text
     if len(text.encode()) <= MAX_TEXT:
@@ -173,7 +178,7 @@ def test_an_area_that_does_not_fit_is_refused_with_the_remedy(
 ) -> None:
     with pytest.raises(UsageError, match="Draw"):
         encode_request(
-            MotionRequest(request_id=1, asker=ASKER, action="survey", places=corners)
+            MotionRequest(request_id=1, requester=ASKER, action="survey", places=corners)
         )
 
 
@@ -191,7 +196,12 @@ NO_NUMBERS = [math.nan, math.inf, -math.inf, 1e39]
 )
 @pytest.mark.parametrize("value", NO_NUMBERS)
 def test_what_is_no_number_is_not_sent(name: str, action: str, value: float) -> None:
-    values: dict[str, Any] = {"request_id": 7, "asker": ASKER, "action": action, name: value}
+    values: dict[str, Any] = {
+        "request_id": 7,
+        "requester": ASKER,
+        "action": action,
+        name: value,
+    }
     with pytest.raises(UsageError):
         encode_request(MotionRequest(**values))
 
@@ -203,7 +213,7 @@ def test_a_corner_that_is_no_number_is_no_place(value: float, corner: int, axis:
     corners = [[47.0, 8.0], [47.01, 8.0]]
     corners[corner][axis] = value
     places = tuple((north, east) for north, east in corners)
-    asked = MotionRequest(request_id=7, asker=ASKER, action="survey", places=places)
+    asked = MotionRequest(request_id=7, requester=ASKER, action="survey", places=places)
     with pytest.raises(UsageError, match="not positions"):
         encode_request(asked)
 

@@ -31,7 +31,7 @@ courses = st.builds(
     returning=st.booleans(),
     flown=numbers,
     asked=numbers,
-    asked_way=st.just(()) | st.tuples(near, near),
+    requested_leg=st.just(()) | st.tuples(near, near),
     given=st.lists(st.tuples(st.integers(1, 255), numbers), max_size=15).map(tuple),
     held=st.lists(numbers, max_size=30).map(tuple),
     found=st.lists(
@@ -51,8 +51,8 @@ def test_a_course_comes_back_to_a_decimetre(course: Course) -> None:
     assert len(payload) <= MAX_PAYLOAD
     got = decode_course(payload)
     assert same(got.goal, course.goal)
-    assert len(got.asked_way) == len(course.asked_way)
-    assert all(map(same, got.asked_way, course.asked_way))
+    assert len(got.requested_leg) == len(course.requested_leg)
+    assert all(map(same, got.requested_leg, course.requested_leg))
     # Tags as many as fit, those found first; ways in any case.
     assert got.held == course.held[: len(got.held)]
     assert [one.tag_id for one in got.found] == [
@@ -60,7 +60,13 @@ def test_a_course_comes_back_to_a_decimetre(course: Course) -> None:
     ]
     cut = len(got.found) < len(course.found) or len(got.held) < len(course.held)
     assert not cut or len(payload) > MAX_PAYLOAD - 8
-    plain: dict[str, Any] = {"goal": (), "asked_way": (), "held": (), "found": (), "place": ()}
+    plain: dict[str, Any] = {
+        "goal": (),
+        "requested_leg": (),
+        "held": (),
+        "found": (),
+        "place": (),
+    }
     assert replace(got, **plain) == replace(course, **plain)
 
 

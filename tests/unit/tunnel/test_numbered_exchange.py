@@ -43,8 +43,8 @@ class Drone:
     now_s: float = 1000.0
     refuse: str = ""
 
-    def hear(self, payload: bytes, asker: tuple[int, int] = GROUND) -> AckG2 | None:
-        result = self.exchange.receive(payload, asker)
+    def hear(self, payload: bytes, requester: tuple[int, int] = GROUND) -> AckG2 | None:
+        result = self.exchange.receive(payload, requester)
         if isinstance(result, Command):
             self.commands.append(result)
             result = self.exchange.reply(
@@ -54,7 +54,7 @@ class Drone:
             )
         if result is None:
             return None
-        assert result.asker == asker
+        assert result.requester == requester
         ack = decode(result.payload, "G2")
         assert isinstance(ack, AckG2)
         return ack
@@ -181,7 +181,7 @@ def test_progress_goes_to_who_asked_until_it_is_complete() -> None:
     one.hear(save, (245, 190))
     (again,) = one.exchange.operations.again()
     assert again == one.exchange.operations.progress(step)
-    assert again.asker == (245, 190)
+    assert again.requester == (245, 190)
     read = decode(again.payload, "G2")
     assert read == OperationProgress(
         operation=12, request_id=9, state=0, step=1, step_count=4, message="one"

@@ -17,7 +17,7 @@ from uavrt.analysis.integrated.integrator import (
     Integration,
     SearchSchedule,
 )
-from uavrt.analysis.whole_flights.judged_flights import JudgeAs
+from uavrt.analysis.whole_flights.judged_flights import WholeFlightOptions
 from uavrt.config.settings import IntegrationSettings, RecordingSettings, Settings
 from uavrt.core.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
 from uavrt.drone.supervisor.tree.process_shapes import rows_for
@@ -108,7 +108,7 @@ def test_a_tag_below_the_noise_is_found_before_the_flight_has_ended(
     info = replace(weak.flight.info, directory=str(directory), tags=(weak.tag, other))
     log = FlightRecorder.create(info, None)
     flight = FlightSoFar(
-        directory, JudgeAs(pattern=PATTERNS["RA-23K"], frequency_window_hz=WINDOW_HZ)
+        directory, WholeFlightOptions(pattern=PATTERNS["RA-23K"], frequency_window_hz=WINDOW_HZ)
     )
     assert flight.search(weak.tag) is None  # nothing is kept yet
     found = {}
@@ -172,7 +172,7 @@ def test_only_what_no_detector_found_is_told_and_again_when_it_is_much_closer(
     keep(directory, weak, 0, int(len(weak.samples) / RATE_HZ), recorder)
     recorder.close()
     flight = FlightSoFar(
-        directory, JudgeAs(pattern=PATTERNS["RA-23K"], frequency_window_hz=WINDOW_HZ)
+        directory, WholeFlightOptions(pattern=PATTERNS["RA-23K"], frequency_window_hz=WINDOW_HZ)
     )
     result = some(flight.search(weak.tag))
     assert result.place is not None

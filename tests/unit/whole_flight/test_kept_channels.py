@@ -18,7 +18,7 @@ from tests.unit.whole_flight.conftest import RATE_HZ, WINDOW_HZ, Rotation
 from uavrt.analysis.coverage_files import write_silence
 from uavrt.analysis.report.report_words import hindsight
 from uavrt.analysis.survey import read_survey
-from uavrt.analysis.whole_flights.judged_flights import JudgeAs
+from uavrt.analysis.whole_flights.judged_flights import WholeFlightOptions
 from uavrt.analysis.whole_flights.kept_samples import channel_of, integrate_kept, kept_channels
 from uavrt.cli.app import app
 from uavrt.config.settings import Settings
@@ -99,7 +99,7 @@ def test_each_tag_is_judged_from_the_pieces_of_its_own_channel(
     found = integrate_kept(
         read_flight(flown),
         read_flight(flown).info.tags,
-        JudgeAs(pattern=PATTERNS["RA-23K"], frequency_window_hz=WINDOW_HZ),
+        WholeFlightOptions(pattern=PATTERNS["RA-23K"], frequency_window_hz=WINDOW_HZ),
     )
     assert [one.found for one in found] == [True, False]
     assert [one.tag.tag_id for one in found] == [weak.tag.tag_id, 9]
@@ -197,7 +197,9 @@ def test_a_tag_whose_channel_was_not_kept_is_named(flown: Path, weak: Rotation) 
     alien = replace(weak.tag, tag_id=5, frequency_hz=weak.tag.frequency_hz + 50_000.0)
     with pytest.raises(UavrtError, match=r"has no samples of tag 5, at 1\d\d\.\d+ MHz"):
         integrate_kept(
-            read_flight(flown), [weak.tag, alien], JudgeAs(pattern=PATTERNS["RA-23K"])
+            read_flight(flown),
+            [weak.tag, alien],
+            WholeFlightOptions(pattern=PATTERNS["RA-23K"]),
         )
 
 
@@ -220,7 +222,9 @@ def test_a_tag_whose_only_piece_is_damaged_is_told_of_the_damage(
     with pytest.raises(
         UavrtError, match=r"has no samples of tag .* was left out: .*JSON is invalid"
     ):
-        integrate_kept(read_flight(flown), [weak.tag], JudgeAs(pattern=PATTERNS["RA-23K"]))
+        integrate_kept(
+            read_flight(flown), [weak.tag], WholeFlightOptions(pattern=PATTERNS["RA-23K"])
+        )
 
 
 def test_what_is_damaged_is_told_when_the_rest_is_too_little(
@@ -233,7 +237,9 @@ def test_what_is_damaged_is_told_when_the_rest_is_too_little(
     with data.open("r+b") as file:
         file.truncate(4 * 3750)
     with pytest.raises(UavrtError, match=r"was left out: .*JSON is invalid"):
-        integrate_kept(read_flight(flown), [weak.tag], JudgeAs(pattern=PATTERNS["RA-23K"]))
+        integrate_kept(
+            read_flight(flown), [weak.tag], WholeFlightOptions(pattern=PATTERNS["RA-23K"])
+        )
 
 
 def test_pieces_become_one_stream_whose_indices_count_what_is_missing(flown: Path) -> None:

@@ -10,7 +10,11 @@ import pytest
 from depth import share
 from tests.unit.whole_flight.conftest import WINDOW_HZ
 
-from uavrt.analysis.whole_flights.judged_flights import IntegratedTag, JudgeAs, integrate_flight
+from uavrt.analysis.whole_flights.judged_flights import (
+    IntegratedTag,
+    WholeFlightOptions,
+    integrate_flight,
+)
 from uavrt.flight.reading.flight_reader import Flight
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import PATTERNS
@@ -121,7 +125,7 @@ def turned(
             flight_of(still(course) if in_one_place else course, world),
             source,
             [world.tag],
-            JudgeAs(pattern=PATTERNS["RA-23K"], frequency_window_hz=WINDOW_HZ),
+            WholeFlightOptions(pattern=PATTERNS["RA-23K"], frequency_window_hz=WINDOW_HZ),
         )
     finally:
         source.close()

@@ -14,7 +14,7 @@ from uavrt.analysis.integrated.fold_pictures import write_fold_pictures
 from uavrt.analysis.integrated.hindsight import parts_of
 from uavrt.analysis.whole_flights.judged_flights import (
     IntegratedTag,
-    JudgeAs,
+    WholeFlightOptions,
     chance_in_words,
     integrate_flight,
 )
@@ -57,7 +57,7 @@ def judged(flown: Rotation, path: Path, false_alarm_probability: float = 0.01) -
             flown.flight,
             source,
             [flown.tag],
-            JudgeAs(
+            WholeFlightOptions(
                 pattern=PATTERNS["RA-23K"],
                 frequency_window_hz=WINDOW_HZ,
                 false_alarm_probability=false_alarm_probability,
@@ -111,7 +111,9 @@ def test_poses_of_another_day_are_refused(weak: Rotation, tmp_path: Path) -> Non
         start_time_ns=START_NS + 86_400_000_000_000,
     )
     with pytest.raises(UavrtError, match="no poses in the time"):
-        integrate_flight(weak.flight, source, [weak.tag], JudgeAs(pattern=PATTERNS["RA-23K"]))
+        integrate_flight(
+            weak.flight, source, [weak.tag], WholeFlightOptions(pattern=PATTERNS["RA-23K"])
+        )
     source.close()
 
 

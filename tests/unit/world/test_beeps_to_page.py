@@ -90,7 +90,7 @@ async def test_of_a_flood_the_page_keeps_tags_and_the_strongest_also_after_a_res
         session = page.session
         session.vehicle.begin_flight()
         for one in (OFF_LABEL, *many):
-            session.reception.take(one)
+            session.reception.receive_event(one)
         state = await page.state()
         assert [one["pulses"] for one in state["beeps"]] == [12, *range(77, 108)]
         session.vehicle.flight.keeper.queue.commit()

@@ -123,14 +123,14 @@ async def test_only_what_was_measured_before_a_correction_of_this_station_is_dro
     of_other_station = off_label(world, frequency_hz=148_711_000.0, offsets_hz=(360.0,))
     async with world.flying(), page.served():
         await flown(world, page)
-        page.session.reception.take(of_other_station)
+        page.session.reception.receive_event(of_other_station)
         assert of_other_station in page.session.vehicle.drone.beeps, (
             "measured with a list of another station"
         )
         stale = page.session.vehicle.drone.beeps[0]
         assert (await press(page, CORRECT)).status == 200
         for one in (stale, of_other_station):
-            page.session.reception.take(one)
+            page.session.reception.receive_event(one)
         assert page.session.vehicle.drone.beeps == [of_other_station]
 
 

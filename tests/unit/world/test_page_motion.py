@@ -83,7 +83,7 @@ async def test_only_the_page_that_commands_asks_and_every_page_takes_back(
         assert "another page is in command" in refused.json["error"]
         offer = await motion(page, "ask", {"action": "hold"}, X_Page="first")
         assert offer.status == 200
-        page.session.commander.take("second")
+        page.session.commander.claim("second")
         # Whoever has taken command meanwhile confirms nothing that another has asked for.
         yes = {"order_id": offer.json["order_id"], "sticks_unseen": True}
         for name in ("second", "first"):

@@ -11,8 +11,8 @@ from searched import Animal
 
 from uavrt.core.earth.geodesy import distance_m
 from uavrt.core.messages import PulsePose, SearchNote
-from uavrt.ground.link.motions.motion_requests import ask, confirm, motion_request
-from uavrt.guidance.control.authority import Standing
+from uavrt.ground.link.motions.motion_requests import confirm, motion_request, request_motion
+from uavrt.guidance.control.authority import ControlStage
 from world import World, until
 
 SEARCH_S = 60.0 * count(5, 10)
@@ -54,11 +54,11 @@ async def test_a_search_of_minutes_goes_on_through_every_fault(tmp_path: Path) -
         await link.start_detection()
         search = motion_request("search", radius_m=200.0, wish_m=25.0, duration_s=SEARCH_S)
         await asyncio.sleep(5.0)  # by then the drone knows its autopilot
-        offer = await ask(link, search)
+        offer = await request_motion(link, search)
         await confirm(link, offer, sticks_unseen=True)
         begun_ns = world.clock.now_ns()
-        await until(lambda: world.standing is Standing.IN_COMMAND)
-        await until(lambda: world.standing is Standing.OUT, 1.2 * SEARCH_S)
+        await until(lambda: world.standing is ControlStage.IN_COMMAND)
+        await until(lambda: world.standing is ControlStage.OUT, 1.2 * SEARCH_S)
         assert (world.clock.now_ns() - begun_ns) / 1e9 == pytest.approx(SEARCH_S, abs=60.0)
         assert world.vehicle_report.reason == "returning: the autopilot flies home"
         radio.loss = radio.late_s = radio.copied = 0.0

@@ -45,7 +45,7 @@ from uavrt.analysis.archive.parquet.parquet_tables import (
 )
 from uavrt.analysis.archive.parquet.questions import keep_answers
 from uavrt.analysis.archive.parquet.seals import read_note, sealed, write_note
-from uavrt.analysis.archive.recordings import Found, PassedOver
+from uavrt.analysis.archive.recordings import Found, SkippedFile
 from uavrt.analysis.archive.steps.batch_settings import BatchSettings, BatchSummary, BatchWatch
 from uavrt.analysis.archive.steps.detecting import UNFINISHED, Detecting
 from uavrt.analysis.archive.steps.flight_placing import Placing
@@ -152,7 +152,7 @@ def _run(
     for name, record, table_rows in (
         (RECORDINGS, RecordingRow, recordings.rows),
         (FLIGHTS, FlightRow, flights.rows),
-        (PASSED_OVER, PassedOver, found.passed_over),
+        (PASSED_OVER, SkippedFile, found.passed_over),
     ):
         index[name] = Copy(write_rows(output / name, record, table_rows))
     write_note(output / ROWS, msgspec.json.encode(_rows_of(recordings, flights)))

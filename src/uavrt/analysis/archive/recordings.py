@@ -99,7 +99,7 @@ def _hashed(facts: list[object]) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PassedOver:
+class SkippedFile:
     """A file below a searched path that is not a recording, and the reason."""
 
     path: str
@@ -118,7 +118,7 @@ class Found:
     """Flight directories, with and without recordings, and their names."""
     kept_channels: int = 0
     """Number of files with one recorded radio channel each, which are not searched."""
-    passed_over: tuple[PassedOver, ...] = ()
+    passed_over: tuple[SkippedFile, ...] = ()
     """Other files, except those that belong to a flight or a recording."""
 
 
@@ -169,7 +169,7 @@ class _Search:
         self._listed, self._known = dict(listed), known
         self._recordings: dict[Path, Recording] = {}
         self._flights: dict[Path, str] = {}
-        self._passed_over: list[PassedOver] = []
+        self._passed_over: list[SkippedFile] = []
         self._channels = 0
 
     def found(self) -> Found:
@@ -263,7 +263,7 @@ class _Search:
         self._pass_over(str(error.filename), reason, unreadable=True)
 
     def _pass_over(self, path: str, reason: str, *, unreadable: bool = False) -> None:
-        self._passed_over.append(PassedOver(path=path, reason=reason, unreadable=unreadable))
+        self._passed_over.append(SkippedFile(path=path, reason=reason, unreadable=unreadable))
 
 
 def _name(one: Recording, file: Path, root: Path) -> str:

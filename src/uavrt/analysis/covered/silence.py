@@ -105,7 +105,7 @@ class ListenedFlight:
     flight: Flight
     area: MapArea
     noise: FlightNoise | None
-    noise_said: str
+    noise_text: str
     verdicts: tuple[IntegratedVerdict, ...]
     path_m: tuple[NDArray[np.float64], NDArray[np.float64]]
     """East and north of the flight path in the map's plane [m]."""
@@ -147,7 +147,7 @@ class ListenedFlight:
             flight=flight,
             area=map_around(plane, east, north, elevation, size),
             noise=noise,
-            noise_said=said,
+            noise_text=said,
             verdicts=tuple(read_integrated(directory)[0] if verdicts is None else verdicts),
             path_m=(east, north),
             of_track=of_track,
@@ -208,7 +208,7 @@ class ListenedFlight:
             ),
             in_hindsight=in_hindsight,
             ambiguous=verdict is not None and verdict.ambiguous,
-            noise=self.noise_said,
+            noise=self.noise_text,
             antenna=named,
             sure_within_m=sure_within_m(coverage, *self.path_m) if heard else None,
         )

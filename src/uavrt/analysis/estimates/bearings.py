@@ -18,8 +18,8 @@ from uavrt.formats.pulses.pulse_log import WITHOUT_HEADINGS, PulseLog
 from uavrt.localization.antenna import MONOPOLE, AntennaPattern
 from uavrt.localization.bearing.estimate_bearing import ADDED_METHODS
 from uavrt.localization.estimates.flight_estimates import (
+    EstimationOptions,
     HeardInTurn,
-    ReadAs,
     TagBearing,
     bearings_of,
     corrected_antenna,
@@ -106,7 +106,7 @@ def heard_in_flight(
 
 
 def bearings_together(
-    recorded: Sequence[Recorded], how: ReadAs, warn: Callable[[str], None]
+    recorded: Sequence[Recorded], how: EstimationOptions, warn: Callable[[str], None]
 ) -> list[TagBearing]:
     """Estimate the bearings of flights and logs in memory that share one antenna.
 

@@ -13,7 +13,7 @@ Row = tuple[str, Sequence[str]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Facts:
+class FactTable:
     """A small table of labelled values, for report and page."""
 
     rows: tuple[Row, ...] = ()

@@ -33,8 +33,8 @@ from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import MONOPOLE
 from uavrt.localization.estimates.flight_estimates import (
     NO_TIME,
+    EstimationOptions,
     Found,
-    ReadAs,
     TagBearing,
     TagPosition,
     at_one_place,
@@ -60,7 +60,7 @@ _FIRST_LINES = 100
 
 def read_positions(
     *paths: str | os.PathLike[str],
-    how: ReadAs | None = None,
+    how: EstimationOptions | None = None,
     warn: Callable[[str], None] = lambda text: None,
     observers: Path | None = None,
 ) -> list[TagPosition]:
@@ -76,7 +76,7 @@ def read_positions(
     Raises `FormatError` for a file of another kind, and `UsageError` for an unknown method or
     inputs that cannot be combined.
     """
-    how = how or ReadAs()
+    how = how or EstimationOptions()
     check_method(how.method, POSITION_METHODS)
     if how.offset_deg and any(
         _columns_of_named_file(path) or _holds_estimates(path) for path in paths
@@ -229,7 +229,7 @@ class _Log:
 def _positions_of_logs(
     read: Sequence[tuple[Recorded, Mapping[int, int]]],
     noted: Sequence[TagBearing],
-    how: ReadAs,
+    how: EstimationOptions,
     warn: Callable[[str], None],
 ) -> list[TagPosition]:
     logs = [
@@ -282,7 +282,7 @@ def _positions_of_turns(
     logs: Sequence[_Log],
     standing: Sequence[_Log],
     noted: Sequence[TagBearing],
-    how: ReadAs,
+    how: EstimationOptions,
     over: FlightGround | None,
     warn: Callable[[str], None],
 ) -> list[TagPosition]:

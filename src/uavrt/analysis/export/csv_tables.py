@@ -15,7 +15,12 @@ from uavrt.formats.bearings_csv import BearingRow
 from uavrt.formats.csv_line import TableWriter
 from uavrt.formats.positions_csv import PositionRow
 from uavrt.formats.pulses.tagtracker import write_tagtracker
-from uavrt.localization.estimates.flight_estimates import Found, ReadAs, TagBearing, place
+from uavrt.localization.estimates.flight_estimates import (
+    EstimationOptions,
+    Found,
+    TagBearing,
+    place,
+)
 from uavrt.localization.results import Position, PositionMethod
 
 MOVEBANK_COLUMNS = (
@@ -81,7 +86,7 @@ def position_rows(survey: Survey, bearing_file: str) -> list[PositionRow]:
     places: dict[PositionMethod, dict[int, tuple[float, float] | None]] = {}
     methods: tuple[PositionMethod, ...] = ("mle", "rmr", "mest")
     for method in methods:
-        found = place([Found(bearings=survey.bearings)], ReadAs(method=method))
+        found = place([Found(bearings=survey.bearings)], EstimationOptions(method=method))
         places[method] = {
             one.tag_id: None
             if one.position is None

@@ -22,7 +22,7 @@ MOST_LETTERS = 200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Facts:
+class ReportFacts:
     """Fields of a report.toml; None where not set."""
 
     operator: str | None = None
@@ -74,15 +74,15 @@ def facts_path(flight: Path) -> Path | None:
     return next((path for path in (inside, flight.parent / NAME) if path.is_file()), None)
 
 
-def facts_of(flight: Path) -> Facts:
+def facts_of(flight: Path) -> ReportFacts:
     """Read a flight's report.toml; raises `ConfigError` if damaged or a field is wrong."""
     path = facts_path(flight)
     if path is None:
-        return Facts()
+        return ReportFacts()
     return read_facts(path)
 
 
-def read_facts(path: Path) -> Facts:
+def read_facts(path: Path) -> ReportFacts:
     """Read one report.toml; raises `ConfigError` if damaged or a field is wrong."""
     try:
         text = read_file(path, SETTINGS).decode()
@@ -95,7 +95,7 @@ def read_facts(path: Path) -> Facts:
     return _judged(fields, path)
 
 
-def write_facts(folder: Path, facts: Facts) -> None:
+def write_facts(folder: Path, facts: ReportFacts) -> None:
     """Write report.toml for all flights of a folder without their own; raises `ConfigError`."""
     path = folder / NAME
     fields = {name: text for name, text in asdict(facts).items() if text is not None}
@@ -107,8 +107,8 @@ def write_facts(folder: Path, facts: Facts) -> None:
         write_atomically(path, "".join(lines))
 
 
-def _judged(entries: dict[str, Any], path: Path) -> Facts:
-    known = [field.name for field in fields(Facts)]
+def _judged(entries: dict[str, Any], path: Path) -> ReportFacts:
+    known = [field.name for field in fields(ReportFacts)]
     for name, text in entries.items():
         if name not in known:
             raise ConfigError(
@@ -119,7 +119,7 @@ def _judged(entries: dict[str, Any], path: Path) -> Facts:
                 f"{path}: {name} is not text",
                 remedy=f"Write at most {MOST_LETTERS} letters in quotation marks",
             )
-    found = Facts(**entries)
+    found = ReportFacts(**entries)
     try:
         found.local_time(0)
     except (OSError, ValueError, KeyError) as error:

@@ -18,7 +18,7 @@ from uavrt.analysis.integrated.hindsight import parts_of
 from uavrt.analysis.whole_flights.judged_flights import (
     POSITION_M,
     IntegratedTag,
-    JudgeAs,
+    WholeFlightOptions,
     chance_in_words,
     channel_samples,
     hills_under,
@@ -41,7 +41,7 @@ from uavrt.radio.files.sigmf import sigmf_layout
 class FlightSoFar:
     """Searches the samples of a flight in progress, in `directory`, for tags."""
 
-    def __init__(self, directory: Path, how: JudgeAs) -> None:
+    def __init__(self, directory: Path, how: WholeFlightOptions) -> None:
         self._directory, self._how = directory, how
         self._heard: dict[int, _Heard] = {}
 

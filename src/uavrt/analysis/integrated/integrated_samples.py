@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.analysis.integrated.integrated_records import IntegratedRecord, integrated_record
-from uavrt.analysis.whole_flights.judged_flights import JudgeAs, integrate_flight
+from uavrt.analysis.whole_flights.judged_flights import WholeFlightOptions, integrate_flight
 from uavrt.core.errors import UsageError
 from uavrt.core.messages import WHOLE_FLIGHT_FALSE_ALARM, FlightInfo, IQBlock, Pose, Tag
 from uavrt.core.units import NANOSECONDS_PER_SECOND
@@ -126,7 +126,7 @@ def integrate(
         sample_rate_hz=sample_rate_hz,
         center_frequency_hz=center_frequency_hz,
     )
-    how = JudgeAs(
+    how = WholeFlightOptions(
         pattern=pattern,
         frequency_window_hz=frequency_window_hz,
         false_alarm_probability=false_alarm_probability,

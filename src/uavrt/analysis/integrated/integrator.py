@@ -13,7 +13,7 @@ from pathlib import Path
 
 from uavrt.analysis.integrated.flight_so_far import FlightSoFar, found_in_flight
 from uavrt.analysis.integrated.hindsight import save_integrated
-from uavrt.analysis.whole_flights.judged_flights import IntegratedTag, JudgeAs
+from uavrt.analysis.whole_flights.judged_flights import IntegratedTag, WholeFlightOptions
 from uavrt.config.settings import Settings
 from uavrt.core.clock import cpu_s, monotonic_s
 from uavrt.core.errors import UavrtError, UsageError
@@ -86,7 +86,7 @@ class Integration:
     def __init__(self, frame: ProcessFrame) -> None:
         self._frame = frame
         settings = frame.assignment.settings
-        self._how = JudgeAs(
+        self._options = WholeFlightOptions(
             pattern=pattern_named(settings.bearings.antenna),
             frequency_window_hz=settings.detection.frequency_window_hz,
             elevation=self._ground(settings),
@@ -106,7 +106,7 @@ class Integration:
             self._begin(frame.assignment.flight)
         threading.Thread(target=self._work, name="integration", daemon=True).start()
 
-    def take(self, topic: str, record: object) -> None:
+    def receive(self, topic: str, record: object) -> None:
         """Handle a message from the supervisor: the flight begins or ends."""
         if isinstance(record, FlightInfo) and topic == "flight":
             self._begin(record)
@@ -126,7 +126,7 @@ class Integration:
 
     def _begin(self, flight: FlightInfo) -> None:
         self._directory = Path(flight.directory)
-        self._flight = FlightSoFar(self._directory, self._how)
+        self._flight = FlightSoFar(self._directory, self._options)
         self._schedule, self._reporter = SearchSchedule(flight.tags), FindReporter()
 
     def tick(self) -> None:
@@ -194,7 +194,7 @@ def main() -> None:
             return
         while frame.running:
             for topic, record in frame.receive(timeout_s=TICK_S):
-                integration.take(topic, record)
+                integration.receive(topic, record)
             integration.tick()
             fault = integration.fault
             frame.report(

@@ -19,7 +19,7 @@ from uavrt.radio.source import SampleSource
 
 ORIGINAL_CHANNELS: Final = 100
 ORIGINAL_CHANNEL_RATE_HZ: Final = 3750.0
-_LOOK_S: Final = 0.25
+_POLL_S: Final = 0.25
 
 
 @dataclass(slots=True)
@@ -118,7 +118,7 @@ def channelize(
     begun_s: float | None = None
     while not should_stop():
         try:
-            block = source.read(_LOOK_S)
+            block = source.read(_POLL_S)
         except EOFError:
             break
         if block is None:

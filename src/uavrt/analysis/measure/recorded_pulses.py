@@ -26,7 +26,7 @@ from uavrt.radio.source import SampleSource
 if TYPE_CHECKING:
     from uavrt.detection.coded.coded_detector import CodedDetector
 
-_LOOK_S: Final = 0.5
+_POLL_S: Final = 0.5
 """Interval at which a reader without data checks for a stop request [s]."""
 
 
@@ -308,7 +308,7 @@ def detect(
     fault: UavrtError | None = None
     while not (stopped := should_stop()):
         try:
-            block = source.read(_LOOK_S)
+            block = source.read(_POLL_S)
         except EOFError:
             break
         except UavrtError as error:

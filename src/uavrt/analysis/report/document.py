@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from itertools import zip_longest
 from typing import TYPE_CHECKING
 
-from uavrt.analysis.estimates.position_words import Facts, Row
+from uavrt.analysis.estimates.position_words import FactTable, Row
 from uavrt.analysis.report import report_blocks as blocks
 from uavrt.analysis.report.report_words import Finding
 from uavrt.analysis.report.style import (
@@ -76,7 +76,7 @@ class _Writer:
                 self._text(f"! {block.text}", color=_WARNING)
             case blocks.Paragraph():
                 self._text(block.text, color=SOFT)
-            case Facts():
+            case FactTable():
                 self._facts(block)
             case blocks.Grid():
                 self._grid(block)
@@ -103,7 +103,7 @@ class _Writer:
         self._text(one.title + place, size=11, bold=True, color=color)
         self._facts(one.facts)
 
-    def _facts(self, facts: Facts) -> None:
+    def _facts(self, facts: FactTable) -> None:
         self._rows(facts.rows, INK)
         self._rows(facts.details, SOFT)
         self._skip(0.3)

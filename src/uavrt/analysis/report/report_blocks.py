@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import uavrt
 from uavrt.analysis.covered.silence import SilentMap
-from uavrt.analysis.estimates.position_words import Facts
+from uavrt.analysis.estimates.position_words import FactTable
 from uavrt.analysis.report import fold_page as folds
 from uavrt.analysis.report import report_heights as heights
 from uavrt.analysis.report import report_maps as maps
@@ -55,7 +55,7 @@ class Picture:
     caption: str = ""
 
 
-Block = Paragraph | Facts | Cards | Grid | Picture
+Block = Paragraph | FactTable | Cards | Grid | Picture
 
 
 def all_blocks(survey: Survey) -> Iterator[Block]:

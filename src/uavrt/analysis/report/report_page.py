@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from html import escape
 from itertools import chain
 
-from uavrt.analysis.estimates.position_words import Facts, Row
+from uavrt.analysis.estimates.position_words import FactTable, Row
 from uavrt.analysis.report import report_blocks as blocks
 from uavrt.analysis.report.report_words import Finding
 from uavrt.analysis.report.style import WIDTH_IN, new_figure, styled, svg_data
@@ -66,7 +66,7 @@ def _html(block: blocks.Block) -> str:
             return f"<h1>{escape(block.text)}</h1>"
         case blocks.Paragraph():
             return f'<p class="{_CLASSES[block.kind]}">{_text(block.text)}</p>'
-        case Facts():
+        case FactTable():
             return _facts(block)
         case blocks.Grid():
             return _grid(block)
@@ -85,7 +85,7 @@ def _card(one: Finding, color: str) -> str:
     )
 
 
-def _facts(facts: Facts) -> str:
+def _facts(facts: FactTable) -> str:
     return _rows(facts.rows) + _folded("Details", _rows(facts.details))
 
 

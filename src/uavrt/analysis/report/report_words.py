@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavrt.analysis.estimates.position_words import (
-    Facts,
+    FactTable,
     Row,
     basis_in_words,
     place_in_words,
@@ -75,7 +75,7 @@ class Finding:
     tag_id: int
     title: str
     place: str | None
-    facts: Facts
+    facts: FactTable
 
 
 def heading_line(survey: Survey) -> str:
@@ -99,10 +99,10 @@ def findings(survey: Survey) -> list[Finding]:
     return [_finding(survey, tag_id) for tag_id in survey.tag_ids]
 
 
-def hindsight(survey: Survey, tag_id: int) -> Facts:
+def hindsight(survey: Survey, tag_id: int) -> FactTable:
     """Whole-flight result for a tag; empty if the analysis was not run."""
     verdict = survey.verdict_of(tag_id)
-    return Facts() if verdict is None else verdict_facts(verdict)
+    return FactTable() if verdict is None else verdict_facts(verdict)
 
 
 def tag_table(survey: Survey) -> Table:
@@ -259,18 +259,20 @@ def _finding(survey: Survey, tag_id: int) -> Finding:
         tag_id=tag_id,
         title=f"Tag {title_of(survey, tag_id)}",
         place=place,
-        facts=Facts(rows=(*facts.rows, *later.rows), details=(*facts.details, *later.details)),
+        facts=FactTable(
+            rows=(*facts.rows, *later.rows), details=(*facts.details, *later.details)
+        ),
     )
 
 
-def _with_position(survey: Survey, tag_id: int, position: Position) -> Facts:
+def _with_position(survey: Survey, tag_id: int, position: Position) -> FactTable:
     within = []
     if position.radius50_m is not None and position.radius95_m is not None:
         within = [radii_in_words(position.radius50_m, position.radius95_m)]
     time_ns, signal = survey.position_time_ns(tag_id), survey.signal_of(tag_id)
     loudest = None if signal is None else signal.strongest
     strongest = [] if loudest is None else [place_in_words(loudest)]
-    return Facts(
+    return FactTable(
         rows=(
             ("Within", within),
             ("From the start", _from_start(survey, position)),
@@ -316,7 +318,7 @@ def _cautions(survey: Survey, tag_id: int, position: Position) -> list[str]:
     return cautions
 
 
-def _without_position(survey: Survey, tag_id: int) -> Facts:
+def _without_position(survey: Survey, tag_id: int) -> FactTable:
     own = survey.pulses_of(tag_id)
     if not own:
         return _undetected([one for one in survey.search_reports if one.tag_id == tag_id])
@@ -327,13 +329,13 @@ def _without_position(survey: Survey, tag_id: int) -> Facts:
         reason = "it was never detected at a known position"
     else:
         reason = "there is no turn in place to take a bearing from"
-    return Facts(rows=(("Detected", [f"{len(own)} times"]), ("No position", [reason])))
+    return FactTable(rows=(("Detected", [f"{len(own)} times"]), ("No position", [reason])))
 
 
-def _undetected(reports: Sequence[SearchReport]) -> Facts:
+def _undetected(reports: Sequence[SearchReport]) -> FactTable:
     """Table rows for a tag not detected: duration of the search, weakest detectable pulses."""
     if not reports:
-        return Facts(rows=(("Detected", ["no"]),))
+        return FactTable(rows=(("Detected", ["no"]),))
     seconds = (reports[-1].time_ns - reports[0].time_ns) / NANOSECONDS_PER_SECOND
     usable = [one.usable_share for one in reports if one.usable_share is not None]
     weakest = [one.weakest_enr_db for one in reports if one.weakest_enr_db is not None]
@@ -345,4 +347,4 @@ def _undetected(reports: Sequence[SearchReport]) -> Facts:
     if usable and weakest:
         rows.append(("Detectable from", [f"{np.mean(weakest):.1f} dB"]))
         details.append(("Frequency usable", [f"{100.0 * np.mean(usable):.0f} % of the time"]))
-    return Facts(rows=tuple(rows), details=tuple(details))
+    return FactTable(rows=tuple(rows), details=tuple(details))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from uavrt.analysis.estimates.position_words import Facts, place_in_words
+from uavrt.analysis.estimates.position_words import FactTable, place_in_words
 from uavrt.analysis.measure.pulse_shapes import point_of
 from uavrt.analysis.report.report_maps import LocalMap, draw_track, finish_legend
 from uavrt.analysis.report.report_words import Table, title_of, zones
@@ -61,14 +61,14 @@ def searches_of(survey: Survey) -> Iterator[FlownSearch]:
         yield FlownSearch(notes=own)
 
 
-def summary(survey: Survey, search: FlownSearch) -> Facts:
+def summary(survey: Survey, search: FlownSearch) -> FactTable:
     """Table of a search's task, its end, the number of finds, and where other tags may be."""
     begun, last, clock = search.begun, search.last, survey.facts.clock_in_words
     minutes = last.elapsed_s / 60.0
     found = len(last.tags) - len(search.unknown)
     each = f", {minutes / found:.1f} minutes for each animal" if found else ""
     ended = last.reason if last.event == "ended" else "the recording breaks off"
-    return Facts(
+    return FactTable(
         rows=(
             ("Begun", (f"{clock(begun.time_ns)}: {begun.text}",)),
             ("Ended", (f"{clock(last.time_ns)}: {ended}",)),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from uavrt.analysis.covered.silence import SilentMap
-from uavrt.analysis.estimates.position_words import Facts
+from uavrt.analysis.estimates.position_words import FactTable
 from uavrt.analysis.report.report_maps import LocalMap, draw_path, draw_track
 from uavrt.analysis.report.style import SOFT, new_figure, styled
 from uavrt.analysis.survey import Survey
@@ -25,7 +25,7 @@ CAPTION = (
 )
 
 
-def summary(one: SilentMap) -> Facts:
+def summary(one: SilentMap) -> FactTable:
     """Table of a coverage map: result, assumed tag power, detection probability, limits."""
     found = one.coverage
     if one.heard_pulses:
@@ -35,7 +35,7 @@ def summary(one: SilentMap) -> Facts:
     else:
         result = "not detected: where the map is yellow, it is probably absent"
     how = "found over the whole flight" if found.whole_flight else "detected"
-    return Facts(
+    return FactTable(
         rows=(
             ("Tag", (result,)),
             ("Assumed power", (f"{one.tag_power_dbm:g} dBm (± 3 dB)",)),

@@ -49,7 +49,7 @@ class _Log:
         self.ground_offset_ns: int | None = None
         self.gps_offset_ns: int | None = None
 
-    def take(self, frame: Frame, stamp_us: int) -> None:
+    def add(self, frame: Frame, stamp_us: int) -> None:
         message = frame.message()
         if isinstance(message, dialect.Heartbeat) and frame.component_id == 1:
             self.system_id = self.system_id or frame.system_id
@@ -101,7 +101,7 @@ def read_tlog(path: Path) -> VehicleTrack:
         content = read_file(path, TRACK)
     log, empty = _Log(), True
     for stamp_us, frame in stamped_frames(content):
-        log.take(frame, stamp_us)
+        log.add(frame, stamp_us)
         empty = False
     if empty:
         raise FormatError(f"{path} holds no MAVLink frame", remedy="Give a .tlog")

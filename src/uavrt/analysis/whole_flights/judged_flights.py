@@ -41,7 +41,7 @@ POSITION_M = 2000.0
 """Radius of a tag's 95 % circle above which only a bearing is reported [m]."""
 LEAST_PART = 0.05
 """Minimum probability at which one of several possible tag positions is listed."""
-_LOOK_S = 0.5
+_POLL_S = 0.5
 _MOST_CHANNELS = 8
 """Maximum number of recorded channels in memory at once; ten minutes of one are 36 MB."""
 
@@ -87,7 +87,7 @@ class IntegratedTag:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JudgeAs:
+class WholeFlightOptions:
     """Settings of a whole-flight search."""
 
     pattern: AntennaPattern
@@ -107,7 +107,7 @@ class JudgeAs:
 
 
 def integrate_flight(
-    flight: Flight, source: SampleSource, tags: Sequence[Tag], how: JudgeAs
+    flight: Flight, source: SampleSource, tags: Sequence[Tag], how: WholeFlightOptions
 ) -> list[IntegratedTag]:
     """Search a whole flight for each tag in its recording, which the caller closes."""
     if not tags:
@@ -191,7 +191,7 @@ def _window_held(
     )
 
 
-def searched_for(tag: Tag, how: JudgeAs) -> SearchedFor:
+def searched_for(tag: Tag, how: WholeFlightOptions) -> SearchedFor:
     """Settings of a search for one tag, as saved with its result."""
     return SearchedFor(
         frequency_hz=tag.frequency_hz,
@@ -212,7 +212,7 @@ def judged_tag(
     tag: Tag,
     energies: SlotEnergies,
     poses: PoseColumns,
-    how: JudgeAs,
+    how: WholeFlightOptions,
     hills: HillLosses | None,
 ) -> IntegratedTag:
     """Search for one tag's pulse train, and locate the tag if found."""
@@ -286,7 +286,7 @@ def channel_samples(
     done = 0
     while True:
         try:
-            block = source.read(_LOOK_S)
+            block = source.read(_POLL_S)
         except EOFError:
             break
         except FormatError as error:

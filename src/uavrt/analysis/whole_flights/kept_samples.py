@@ -5,7 +5,11 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from uavrt.analysis.whole_flights.judged_flights import IntegratedTag, JudgeAs, integrate_flight
+from uavrt.analysis.whole_flights.judged_flights import (
+    IntegratedTag,
+    WholeFlightOptions,
+    integrate_flight,
+)
 from uavrt.core.errors import FormatError, RecordingError, UsageError
 from uavrt.core.messages import Tag
 from uavrt.flight.flight_layout import FlightLayout
@@ -72,7 +76,9 @@ def channel_of(channels: Iterable[KeptChannel], tag: Tag) -> KeptChannel | None:
     )
 
 
-def integrate_kept(flight: Flight, tags: Sequence[Tag], how: JudgeAs) -> list[IntegratedTag]:
+def integrate_kept(
+    flight: Flight, tags: Sequence[Tag], how: WholeFlightOptions
+) -> list[IntegratedTag]:
     """Search a whole flight for each tag, in the radio channels that it recorded.
 
     Missing samples between files are gaps; unreadable files are noted as limitations.

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from uavrt.analysis.covered.silence import around_in_words
-from uavrt.analysis.estimates.position_words import Facts, Row, place_in_words
+from uavrt.analysis.estimates.position_words import FactTable, Row, place_in_words
 from uavrt.analysis.whole_flights.judged_flights import POSITION_M, chance_in_words
 from uavrt.flight.integrated import IntegratedPart, IntegratedVerdict
 from uavrt.localization.whole_flight.train_place import PlaceBelief
@@ -12,7 +12,7 @@ ALL_ROUND_DEG = 330.0
 """Width above which the arc that holds a tag's bearing gives no direction [deg]."""
 
 
-def verdict_facts(verdict: IntegratedVerdict) -> Facts:
+def verdict_facts(verdict: IntegratedVerdict) -> FactTable:
     """Small table of a whole-flight result for one tag."""
     together = verdict.flights > 1
     label = f"{verdict.flights} flights together" if together else "Whole flight"
@@ -20,7 +20,7 @@ def verdict_facts(verdict: IntegratedVerdict) -> Facts:
     limits: Row = "Limits", verdict.remarks.split("; ") if verdict.remarks else ()
     if not verdict.found:
         silent = () if verdict.silent is None else (around_in_words(verdict.silent),)
-        return Facts(
+        return FactTable(
             rows=((label, ("not found", *silent)), limits),
             details=(("False alarms", (chance,)),),
         )
@@ -30,7 +30,7 @@ def verdict_facts(verdict: IntegratedVerdict) -> Facts:
         where = where_in_words(verdict, verdict.parts, flown)
     coded = verdict.searched is not None and bool(verdict.searched.gaps_s)
     heard = f"{verdict.pulses} found after the flight, {verdict.heard_live} detected in flight"
-    return Facts(
+    return FactTable(
         rows=(
             (label, ("found",)),
             ("Bursts" if coded else "Pulses", (heard,)),

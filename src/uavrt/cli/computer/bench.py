@@ -40,7 +40,7 @@ def bench_findings(settings: Settings) -> list[Finding]:
     try:
         while reader.is_open and (passed_ns := _now_ns() - begun_ns) < LISTEN_NS:
             for _, record in reader.read(0.5):
-                watch.take(record, _now_ns())
+                watch.add(record, _now_ns())
             if passed_ns > ENOUGH_NS and watch.is_complete():
                 break
     finally:
@@ -58,8 +58,8 @@ class _SystemWatch:
         self._compared = False
         self._here = (check_disk(settings), check_card(settings), check_kept_time())
 
-    def take(self, record: object, now_ns: int) -> None:
-        self._bench.take(record, now_ns)
+    def add(self, record: object, now_ns: int) -> None:
+        self._bench.add(record, now_ns)
         match record:
             case SystemStatus():
                 self._status = record

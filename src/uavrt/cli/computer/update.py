@@ -26,7 +26,7 @@ from uavrt.drone.status_reader import StatusReader, status_socket_path
 from uavrt.drone.supervisor.tree.table import PROCESSES
 
 RESTART = "systemctl restart uavrt.service"
-LOOK_S = 3.0
+POLL_S = 3.0
 TURN_S = 0.5
 
 
@@ -89,14 +89,14 @@ def update(
     with place.locked():
         if resume:
             done = updating.finish(
-                place, restart=again, judge=lambda: watch(Needs.of(settings)), say=_say
+                place, restart=again, judge=lambda: watch(Needs.of(settings)), say=_print
             )
             sys.exit(0 if done else 1)
         if file is None:
             raise UsageError("the update file is missing", remedy="uavrt update FILE.tar")
         found = updating.check(file, place, downgrade=downgrade)
         needs = _require_still(settings, bench=bench)
-        _say(f"{file.name} holds {found.version}, and is signed")
+        _print(f"{file.name} holds {found.version}, and is signed")
         if check:
             return
         made = updating.install_beside(found, place, config=config, directory=Path.cwd())
@@ -104,7 +104,7 @@ def update(
         # A terminal that goes away must not end the watch.
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
         taken = updating.exchange(
-            made, place, restart=again, judge=lambda: watch(needs), say=_say
+            made, place, restart=again, judge=lambda: watch(needs), say=_print
         )
     sys.exit(0 if taken else 1)
 
@@ -115,7 +115,7 @@ def _restart(command: str) -> None:
         updating.restart_page()
 
 
-def _say(text: str) -> None:
+def _print(text: str) -> None:
     with contextlib.suppress(OSError):
         print(text, flush=True)
 
@@ -138,10 +138,10 @@ def _require_still(settings: Settings, *, bench: bool) -> Needs:
             seen.heartbeat_s = None if seen.armed is None else monotonic_s()
     else:
         with contextlib.closing(reader):
-            end_s = monotonic_s() + LOOK_S
+            end_s = monotonic_s() + POLL_S
             while monotonic_s() < end_s:
                 for _, record in reader.read(0.2):
-                    seen.take(record, monotonic_s())
+                    seen.add(record, monotonic_s())
     return require_still(seen, needs, monotonic_s(), bench=bench)
 
 

@@ -24,11 +24,11 @@ def require_content(paths: Sequence[Path]) -> None:
         )
 
 
-def refuse(given: dict[str, bool], why: str) -> None:
-    """Raise `ConfigError`, ending in `why`, for any option whose value in `given` is true."""
+def refuse(given: dict[str, bool], sentence: str) -> None:
+    """Raise `ConfigError` for an option that is true in `given`; `{}` stands for its name."""
     for option, wrong in given.items():
         if wrong:
-            raise ConfigError(f"{option} {why}", remedy=f"Leave {option} out")
+            raise ConfigError(sentence.format(option), remedy=f"Leave {option} out")
 
 
 def chosen_tags(known: Sequence[Tag], ids: Sequence[int]) -> list[Tag]:

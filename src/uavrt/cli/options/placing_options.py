@@ -10,7 +10,7 @@ from uavrt.cli.options.elevation_option import elevation_of
 from uavrt.cli.options.kinds import Degrees, DegreesOfError, Metres, MetresOfError
 
 if TYPE_CHECKING:
-    from uavrt.localization.estimates.flight_estimates import ReadAs
+    from uavrt.localization.estimates.flight_estimates import EstimationOptions
 
 
 @Parameter(name="*")
@@ -52,12 +52,12 @@ class Placing:
     dem: Path | None = None
     sea: Annotated[bool, Parameter(negative="")] = False
 
-    def read_as(self, method: str = "bayes") -> "ReadAs":
+    def read_as(self, method: str = "bayes") -> "EstimationOptions":
         """Convert the options to the estimator's settings; opens the elevation files."""
         from uavrt.analysis.measure.antenna_files import antenna_named
-        from uavrt.localization.estimates.flight_estimates import ReadAs
+        from uavrt.localization.estimates.flight_estimates import EstimationOptions
 
-        return ReadAs(
+        return EstimationOptions(
             method=method,
             antenna=None if self.antenna is None else antenna_named(self.antenna),
             offset_deg=self.antenna_offset,

@@ -80,7 +80,7 @@ def range(
                 "--frequency": frequency != _FREQUENCY_HZ,
                 "--pulse-width": pulse_width != _PULSE_WIDTH_S,
             },
-            "is of a tag without a list, and --tags has its own",
+            "{} applies to a tag without a list; --tags has its own value",
         )
     if not whole_flight:
         refuse(
@@ -88,7 +88,7 @@ def range(
                 "--antenna": antenna != _ANTENNA,
                 "--flight-pulses": flight_pulses != _FLIGHT_PULSES,
             },
-            "is of a --whole-flight, and groups use --antenna-gain",
+            "{} applies to --whole-flight; pulse groups use --antenna-gain",
         )
     noise = [_noise(one) for one in flight]
     link = budget.link(

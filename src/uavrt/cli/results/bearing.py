@@ -55,7 +55,7 @@ def bearing(
     from uavrt.analysis.estimates.records import bearing_record
     from uavrt.analysis.measure.antenna_files import antenna_named, write_antenna
     from uavrt.analysis.measure.switched import switched_bearings
-    from uavrt.localization.estimates.flight_estimates import ReadAs
+    from uavrt.localization.estimates.flight_estimates import EstimationOptions
 
     recorded = read_recorded(pulses)
     for warning in recorded.log.warnings:
@@ -73,7 +73,9 @@ def bearing(
             recording, recorded.log.pulse_poses, offset_deg=antenna_offset
         )
     else:
-        how = ReadAs(bearing_method=method, antenna=antenna, offset_deg=antenna_offset)
+        how = EstimationOptions(
+            bearing_method=method, antenna=antenna, offset_deg=antenna_offset
+        )
         found = bearings_together([recorded], how, warn)
     if as_json:
         print_json([bearing_record(one) for one in found], indent=2)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from uavrt.analysis.covered.silence import SilentMap
     from uavrt.analysis.integrated.integrated_records import SilenceRecord
-    from uavrt.analysis.whole_flights.judged_flights import IntegratedTag, JudgeAs
+    from uavrt.analysis.whole_flights.judged_flights import IntegratedTag, WholeFlightOptions
     from uavrt.core.messages import Tag
     from uavrt.flight.reading.flight_reader import Flight
 
@@ -118,7 +118,7 @@ def integrate(
         Print a list of objects, with the times of all pulses.
     """
     from uavrt.analysis.measure.tag_source import read_tag_source
-    from uavrt.analysis.whole_flights.judged_flights import JudgeAs
+    from uavrt.analysis.whole_flights.judged_flights import WholeFlightOptions
     from uavrt.localization.antenna import pattern_named
 
     if others and recording is not None:
@@ -149,7 +149,7 @@ def integrate(
         recording=recording,
         opened=opened,
         remarks=remarks,
-        how=JudgeAs(
+        how=WholeFlightOptions(
             pattern=pattern_named(named),
             frequency_window_hz=frequency_window,
             false_alarm_probability=false_alarm,
@@ -260,7 +260,7 @@ class _Options:
     recording: Path | None
     opened: dict[str, Any]
     remarks: tuple[str, ...]
-    how: "JudgeAs"
+    how: "WholeFlightOptions"
     moves: bool
     tag_power_dbm: float
     plot: Path | None
@@ -347,7 +347,7 @@ def _together(
 
 
 def _judged(
-    asked: _Options, flight: "Flight", wanted: "list[Tag]", how: "JudgeAs"
+    asked: _Options, flight: "Flight", wanted: "list[Tag]", how: "WholeFlightOptions"
 ) -> "list[IntegratedTag]":
     from uavrt.analysis.whole_flights.judged_flights import integrate_flight
     from uavrt.analysis.whole_flights.kept_samples import integrate_kept

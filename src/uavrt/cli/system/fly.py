@@ -19,7 +19,12 @@ from uavrt.core.foreign import SHAPES
 from uavrt.core.messages import KeepOut, MotionRequest, SurveyPattern
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.keys import LinkKeys, read_link_keys
-from uavrt.ground.link.motions.motion_requests import ask, confirm, motion_request, stop
+from uavrt.ground.link.motions.motion_requests import (
+    confirm,
+    motion_request,
+    request_motion,
+    stop,
+)
 from uavrt.ground.link.protocol import GroundEvent
 from uavrt.guidance.files.area_text import area_in, keep_out_in
 from uavrt.guidance.files.mission import NOT_CHECKED, NOT_CHECKED_ABOARD, survey_items
@@ -63,7 +68,7 @@ def fly(
     pattern: SurveyPattern = "lines",
     radius: Metres | None = None,
     tags: str | None = None,
-    radius_wish: Metres = 25.0,
+    accuracy: Metres = 25.0,
     minutes: Minutes = 15.0,
     sticks_unseen: Flag = False,
     save: Path | None = None,
@@ -116,7 +121,7 @@ def fly(
         Search within this radius [m] of the drone, in place of --area.
     tags
         Numbers of the tags to search for, like 2,4; by default all that are listed.
-    radius_wish
+    accuracy
         A tag counts as found when it is within this radius [m] with 95 % probability.
     minutes
         Longest duration of a search: the drone returns then, or once all tags are found.
@@ -166,7 +171,7 @@ def fly(
             pattern=pattern,
             tags=_numbers(tags),
             radius_m=radius,
-            wish_m=radius_wish,
+            wish_m=accuracy,
             keep_out=_keep_out(area, keep_out),
         )
         _check_search(action, request)
@@ -391,7 +396,7 @@ class _Terminal:
         if request is None:
             self._show(await stop(link))
             return 0
-        offer = await ask(link, request)
+        offer = await request_motion(link, request)
         self._say("offer", offer.text)
         if not await self._agreed():
             self._say("cancelled", "nothing was confirmed, nothing moves")

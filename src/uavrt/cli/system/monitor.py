@@ -102,7 +102,7 @@ def _show_once(reader: StatusReader, *, as_json: bool) -> None:
 def _read_into(view: MonitorView, reader: StatusReader) -> None:
     for topic, record in reader.read(REFRESH_S):
         began_now = view.status is None
-        view.take(topic, record, time.monotonic())
+        view.add(topic, record, time.monotonic())
         flight = None if view.status is None else view.status.flight_directory
         if began_now and flight is not None:
             with suppress(UavrtError):  # nothing of the flight is on the disk yet

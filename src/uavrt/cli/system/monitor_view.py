@@ -61,7 +61,7 @@ class MonitorView:
     cpu_percent: dict[str, float] = field(default_factory=dict)
     _cpu_before: dict[str, tuple[int, float]] = field(default_factory=dict)
 
-    def take(self, topic: str, record: object, now_s: float) -> None:
+    def add(self, topic: str, record: object, now_s: float) -> None:
         """Add a record from the status socket."""
         match record:
             case Pulse() if topic == "pulse":

@@ -33,13 +33,13 @@ class Need:
 
     name: str
     value: float | None
-    wanted: float
-    why: str
+    needed: float
+    reason: str
 
     @property
     def met(self) -> bool:
         """True if the parameter has the needed value."""
-        return self.value == self.wanted
+        return self.value == self.needed
 
 
 def serial_number(port: str) -> int:
@@ -110,8 +110,8 @@ def _px4(values: Mapping[str, float | None], port: str | None, baud: int) -> lis
     if not has_serial_ports(values):
         return found
 
-    def need(name: str, wanted: float, why: str) -> None:
-        found.append(Need(name=name, value=values.get(name), wanted=wanted, why=why))
+    def need(name: str, needed: float, reason: str) -> None:
+        found.append(Need(name=name, value=values.get(name), needed=needed, reason=reason))
 
     ours: int | None = None
     if port is not None:
@@ -122,10 +122,10 @@ def _px4(values: Mapping[str, float | None], port: str | None, baud: int) -> lis
         need(f"SER_{short}_BAUD", baud, "the rate of our serial port")
     for n in PX4_INSTANCES:
         if n == ours or values.get(f"MAV_{n}_CONFIG"):
-            why = (
+            reason = (
                 "pulses are passed on" if n == ours else "commands of the ground are passed on"
             )
-            need(f"MAV_{n}_FORWARD", 1, why)
+            need(f"MAV_{n}_FORWARD", 1, reason)
     return found
 
 
@@ -144,8 +144,8 @@ def _instance_for(values: Mapping[str, float | None], number: int, port: str) ->
 def _ardupilot(values: Mapping[str, float | None], port: str | None, baud: int) -> list[Need]:
     found: list[Need] = []
 
-    def need(name: str, wanted: float, why: str) -> None:
-        found.append(Need(name=name, value=values.get(name), wanted=wanted, why=why))
+    def need(name: str, needed: float, reason: str) -> None:
+        found.append(Need(name=name, value=values.get(name), needed=needed, reason=reason))
 
     ours = None if port is None else serial_number(port)
     if ours is not None:

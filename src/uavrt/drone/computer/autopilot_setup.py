@@ -86,18 +86,18 @@ def _greeting(client: ParameterClient, port: str | None) -> Finding:
 
 async def _judge(client: ParameterClient, need: Need, fix: bool) -> tuple[Finding, bool]:
     if need.met:
-        return passed(WHAT, f"{need.name} = {need.wanted:g}"), False
+        return passed(WHAT, f"{need.name} = {need.needed:g}"), False
     if need.value is None:
         remedy = "It appears when its port is switched on: set the others, restart, run again"
-        text = f"{need.name} is not reported; {need.wanted:g} is needed: {need.why}"
+        text = f"{need.name} is not reported; {need.needed:g} is needed: {need.reason}"
         return failed(WHAT, text, remedy), False
-    text = f"{need.name} = {need.value:g}, must be {need.wanted:g}: {need.why}"
+    text = f"{need.name} = {need.value:g}, must be {need.needed:g}: {need.reason}"
     if not fix:
-        remedy = f"Set it in your ground station, or with --fix ({need.name} = {need.wanted:g})"
+        remedy = f"Set it in your ground station, or with --fix ({need.name} = {need.needed:g})"
         return failed(WHAT, text, remedy), False
-    now = await client.write(need.name, need.wanted)
-    if now == need.wanted:
-        text = f"{need.name} was {need.value:g}, is now {need.wanted:g}: {need.why}"
+    now = await client.write(need.name, need.needed)
+    if now == need.needed:
+        text = f"{need.name} was {need.value:g}, is now {need.needed:g}: {need.reason}"
         return passed(WHAT, text), True
     remedy = "Set it in your ground station"
     return failed(WHAT, f"{text}; the autopilot did not accept it", remedy), False

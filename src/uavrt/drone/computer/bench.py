@@ -86,7 +86,7 @@ class Bench:
     posed: bool | None = None
     """True if the newest pulse had a position; None without a pulse."""
 
-    def take(self, record: object, now_ns: int) -> None:
+    def add(self, record: object, now_ns: int) -> None:
         """Add a record; only pulses, search reports and poses are used."""
         match record:
             case PulsePose():

@@ -107,7 +107,7 @@ class FirstSetup:
             "plugged_in": sorted({radio.kind for radio in usb_radios()}),
         }
 
-    def take(self, step: str, values: dict[str, Any]) -> tuple[StepFault, ...]:
+    def save_step(self, step: str, values: dict[str, Any]) -> tuple[StepFault, ...]:
         """Check a step's values and, if all are valid, write them; returns the faults found."""
         judge: dict[str, Callable[[dict[str, Any]], tuple[StepFault, ...]]] = {
             "name": self._name,

@@ -16,7 +16,7 @@ from uavrt.core.messages import Poses, SystemStatus
 
 HOLD_S = 60.0
 """Time for which a new version must work without a gap before it is kept [s]."""
-PATIENCE_S = 180.0
+TRIAL_TIMEOUT_S = 180.0
 """Longest trial of a new version from start or landing [s]; then the old one is restored."""
 GAP_S = 5.0
 """Longest gap between records of a working version [s]; status: each 1 s, poses: each 0.5 s."""
@@ -62,15 +62,15 @@ class Seen:
     restarted: tuple[str, ...] = ()
     """Names of the processes restarted since the previous status record."""
 
-    def take(self, record: Any, now_s: float) -> None:
+    def add(self, record: Any, now_s: float) -> None:
         """Add a record of the system; only poses and status records are used."""
         match record:
             case Poses():
                 self.poses_s = now_s
             case SystemStatus():
-                self._take_status(record, now_s)
+                self._receive_status(record, now_s)
 
-    def _take_status(self, status: SystemStatus, now_s: float) -> None:
+    def _receive_status(self, status: SystemStatus, now_s: float) -> None:
         self.status_s, self.state = now_s, status.state
         restarts = {process.process: process.restarts for process in status.processes}
         self.restarted = tuple(
@@ -106,10 +106,10 @@ class Trial:
         now_s: float,
         *,
         hold_s: float = HOLD_S,
-        patience_s: float = PATIENCE_S,
+        patience_s: float = TRIAL_TIMEOUT_S,
     ) -> None:
         self._needs, self._hold_s = needs, hold_s
-        self._patience_s = max(patience_s, hold_s)
+        self._timeout_s = max(patience_s, hold_s)
         self._from_s = now_s
         self._good_from_s: float | None = None
         self.seen = Seen()
@@ -119,7 +119,7 @@ class Trial:
     def judge(self, records: list[Any], now_s: float) -> Verdict:
         """Evaluate new records; return the decision on the new version, or to wait."""
         for record in records:
-            self.seen.take(record, now_s)
+            self.seen.add(record, now_s)
             if self.seen.restarted:
                 self._good_from_s = None
                 self.fault = f"{', '.join(self.seen.restarted)} had to be restarted"
@@ -134,7 +134,7 @@ class Trial:
             self._from_s = now_s
         # A process that dies repeatedly must not extend the trial for ever:
         # only what was good when patience ended may still become so.
-        end_s = self._from_s + self._patience_s
+        end_s = self._from_s + self._timeout_s
         late = now_s > end_s and (self._good_from_s is None or self._good_from_s > end_s)
         return Verdict.BAD if late else Verdict.OPEN
 

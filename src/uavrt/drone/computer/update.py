@@ -30,9 +30,9 @@ from uavrt.drone.computer.trial import Verdict
 from uavrt.drone.computer.update_file import Update, read_update, unpack_wheels, version_key
 from uavrt.drone.computer.versions import COMPLETE, Installation, version_of
 
-Say = Callable[[str], None]
+PrintText = Callable[[str], None]
 Restart = Callable[[], None]
-Judge = Callable[[], tuple[Verdict, str]]
+TrialCheck = Callable[[], tuple[Verdict, str]]
 """Function that monitors a new version on trial; returns its decision and what was missing."""
 
 EXTRAS = {"ros2": "cyclonedds", "ground": "starlette"}
@@ -184,7 +184,7 @@ def rehearse(made: Path, version: str, *, config: Path) -> None:
 
 
 def exchange(
-    made: Path, place: Installation, *, restart: Restart, judge: Judge, say: Say
+    made: Path, place: Installation, *, restart: Restart, judge: TrialCheck, say: PrintText
 ) -> bool:
     """Start the new version, monitor it, and keep it or go back; True if kept."""
     before = place.current()
@@ -195,7 +195,7 @@ def exchange(
     return finish(place, restart=restart, judge=judge, say=say)
 
 
-def finish(place: Installation, *, restart: Restart, judge: Judge, say: Say) -> bool:
+def finish(place: Installation, *, restart: Restart, judge: TrialCheck, say: PrintText) -> bool:
     """Monitor a version on trial, also after a power cut; True if the version was kept."""
     before = place.before()
     if before is None:
@@ -218,14 +218,14 @@ def finish(place: Installation, *, restart: Restart, judge: Judge, say: Say) -> 
     return False
 
 
-def _go_back(place: Installation, before: Path, restart: Restart, say: Say) -> None:
+def _go_back(place: Installation, before: Path, restart: Restart, say: PrintText) -> None:
     restarted = _restart(restart, say)
     place.end_trial()
     if restarted:  # otherwise the refused one may still run from its files
         place.remove_others(before)
 
 
-def _restart(restart: Restart, say: Say) -> bool:
+def _restart(restart: Restart, say: PrintText) -> bool:
     try:
         restart()
     except UavrtError as error:

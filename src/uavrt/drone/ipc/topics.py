@@ -54,8 +54,8 @@ TOPICS: dict[str, Topic] = {
         ),
         Topic("recorded", messages.Recorded, "pulses that are safely on disk"),
         Topic(
-            "taken",
-            messages.Taken,
+            "records_handled",
+            messages.RecordsHandled,
             "number of records processed; later ones are sent again after a restart",
         ),
         Topic(
@@ -98,7 +98,9 @@ TOPICS: dict[str, Topic] = {
             every_s=0.1,
         ),
         Topic("vehicle_fence", messages.VehicleFence, "the autopilot's own fence", newest=1),
-        Topic("wish", messages.VehicleWish, "the guide's requested motion", newest=4),
+        Topic(
+            "vehicle_request", messages.VehicleRequest, "the guide's requested motion", newest=4
+        ),
         Topic("course", messages.Course, "the drone's planned path", newest=2),
         Topic(
             "neighbour",

@@ -24,12 +24,12 @@ from uavrt.drone.ipc.record_link import SupervisorGone
 from uavrt.drone.processes.connection_parts.connection_inbox import ConnectionInbox
 from uavrt.drone.processes.connection_parts.ground_stations import GroundStations
 from uavrt.drone.processes.connection_parts.ground_status import GroundStatus
-from uavrt.drone.processes.connection_parts.parameter_desk import ParameterDesk
-from uavrt.drone.processes.connection_parts.pose_desk import PoseDesk
+from uavrt.drone.processes.connection_parts.parameter_handler import ParameterHandler
+from uavrt.drone.processes.connection_parts.pose_collector import PoseCollector
 from uavrt.drone.processes.connection_parts.pulse_path import PulsePath
 from uavrt.drone.processes.connection_parts.signing_memory import SigningMemory
-from uavrt.drone.processes.motions.motion_control import Outlets
-from uavrt.drone.processes.motions.motion_desk import MotionDesk
+from uavrt.drone.processes.motions.motion_control import MotionOutputs
+from uavrt.drone.processes.motions.motion_handler import MotionHandler
 from uavrt.link.mavlink.autopilot.vehicle_messages import WATCHED_HZ
 from uavrt.link.mavlink.component import Handlers
 from uavrt.link.mavlink.dialect import RadioStatus
@@ -96,7 +96,7 @@ class LinkWatch:
         if self._memory is not None and times is not None:
             disk(partial(self._memory.write, times), lambda _done: None)
 
-    def newcomer(self) -> bool:
+    def new_station(self) -> bool:
         """True if a new ground station has appeared since the last call."""
         before, self._stations = self._stations, frozenset(self._link.stations_silent_s())
         return not self._stations <= before
@@ -119,9 +119,9 @@ class ConnectionProcess:
         mavlink, now_ns = settings.mavlink, frame.clock.now_ns
         self._frame, self._now_ns = frame, now_ns
         """Link to the supervisor, and the process's clock; a flight's clock differs by
-        `PoseDesk.shift_ns`."""
+        `PoseCollector.shift_ns`."""
         self._disk = DiskThread()
-        self._poses = PoseDesk(
+        self._poses = PoseCollector(
             settings,
             frame.clock,
             record=lambda poses: frame.send("poses", poses),
@@ -146,8 +146,8 @@ class ConnectionProcess:
         self._status.radio_set(settings.radio)
         gate = Gate(mavlink.commanders, mavlink.key_file, key_required=mavlink.key_required)
         stations = GroundStations(self._link, gate, now_ns)
-        self._motion = self._motion_desk(settings, stations, exchange.next_request_id)
-        parameters = ParameterDesk(
+        self._motion = self._motion_handler(settings, stations, exchange.next_request_id)
+        parameters = ParameterHandler(
             settings,
             lambda: self._link.component.parameters_bytewise,
             send=stations.answer_parameter,
@@ -190,14 +190,14 @@ class ConnectionProcess:
             own_system_id=settings.mavlink.system_id if self._poses.is_own else None,
         )
 
-    def _motion_desk(
+    def _motion_handler(
         self, settings: Settings, stations: GroundStations, next_request_id: Callable[[], int]
-    ) -> MotionDesk | None:
+    ) -> MotionHandler | None:
         if not settings.guidance.enabled:
             return None
-        return MotionDesk(
+        return MotionHandler(
             settings.guidance,
-            Outlets(
+            MotionOutputs(
                 command=self._link.command_autopilot,
                 leaves=lambda: self._link.commands_leave,
                 state=stations.answer_motion,
@@ -263,14 +263,14 @@ class ConnectionProcess:
         own_pose = self._poses.due(now_ns)
         if own_pose is not None:
             self._link.component.send_pose(own_pose, now_ns)
-        system, newcomer = self._inbox.system, self._links.newcomer()
+        system, new_station = self._inbox.system, self._links.new_station()
         if system is not None:
             # As long as a pulse has not gone out, it is detecting.
             busy = system.state is SystemState.HAS_TAGS and self._pulses.unsent
             self._status.tick(SystemState.DETECTING if busy else system.state, now_ns)
         processes, faults = ((), ()) if system is None else (system.processes, system.faults)
         faults = (*faults, *self._poses.faults())
-        self._status.faults(processes, faults, now_ns, newcomer=newcomer)
+        self._status.faults(processes, faults, now_ns, new_station=new_station)
         self._links.log_presence()
 
     def _status_text(self) -> str:

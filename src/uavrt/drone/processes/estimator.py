@@ -54,7 +54,7 @@ class Outgoing:
         due_ns = before.due_ns if before is not None and not before.sent else now_ns
         self._waiting[key] = _Waiting(bearing, due_ns)
 
-    def take(self, now_ns: int) -> LiveBearing | None:
+    def next_due(self, now_ns: int) -> LiveBearing | None:
         """Return the bearing that is due; None if none is."""
         if now_ns < self._next_ns or not self._waiting:
             return None
@@ -88,7 +88,7 @@ class Estimation:
         self._next_ns = 0
         self.made = self.sent = 0
 
-    def take(self, topic: str, record: object) -> None:
+    def receive(self, topic: str, record: object) -> None:
         """Handle a pulse, poses, health report or flight from the supervisor."""
         match record:
             case PulsePose():
@@ -114,7 +114,7 @@ class Estimation:
             self.made += len(changed)
             for bearing in changed:
                 self._outgoing.put(bearing, now_ns)
-        due = self._outgoing.take(now_ns)
+        due = self._outgoing.next_due(now_ns)
         if due is not None:
             self.sent += 1
             self._frame.send("bearing", due)
@@ -141,7 +141,7 @@ def main() -> None:
             return
         while frame.running:
             for topic, record in frame.receive(timeout_s=TICK_S):
-                estimation.take(topic, record)
+                estimation.receive(topic, record)
             estimation.tick()
             frame.report("ready", counters=estimation.counters)
 

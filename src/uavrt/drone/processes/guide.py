@@ -33,7 +33,7 @@ from uavrt.core.messages import (
     Tag,
     VehicleFence,
     VehicleReport,
-    VehicleWish,
+    VehicleRequest,
 )
 from uavrt.core.runtime.heap import heap_of_short_arrays
 from uavrt.drone.ipc.process import ProcessFrame
@@ -43,11 +43,11 @@ from uavrt.guidance.energy_learning import EnergyLearning
 from uavrt.guidance.files.area_text import keep_out_in
 from uavrt.guidance.ground_heights import GroundAround
 from uavrt.guidance.operator_orders import Limits, Order, VehicleNow
-from uavrt.guidance.pilot import Pilot
+from uavrt.guidance.order_execution import OrderExecution
 from uavrt.guidance.plans import plan_of
 from uavrt.guidance.safety import SAFETY
+from uavrt.guidance.search.search_run import Choice, SearchRun
 from uavrt.guidance.search.search_task import Equipment
-from uavrt.guidance.search.seeker import Choice, Seeker
 from uavrt.guidance.search.shared_search import SharedSearch
 from uavrt.guidance.search_rules import SEARCH_RULES
 from uavrt.guidance.vehicle_reports import now_of
@@ -60,7 +60,7 @@ if TYPE_CHECKING:
 log = get_logger()
 
 Found = TypeVar("Found")
-InBackground = Callable[[Callable[[], None]], None]
+RunInBackground = Callable[[Callable[[], None]], None]
 """Function that runs slow work elsewhere, such as in a thread, and returns at once."""
 
 TICK_S = 0.05
@@ -160,9 +160,9 @@ class _Planned:
     """A planned order, ready to be proposed to the operator."""
 
     home: tuple[float, float]
-    pilot: Pilot
+    execution: OrderExecution
     limits: Limits
-    seeker: Seeker | None
+    search_run: SearchRun | None
     summary: str
 
 
@@ -173,7 +173,7 @@ class _Planning:
     order being flown.
     """
 
-    def __init__(self, asked: _OrderRequest, in_background: InBackground) -> None:
+    def __init__(self, asked: _OrderRequest, in_background: RunInBackground) -> None:
         self.asked = asked
         self.found: _Planned | str | None = None
         """The plan, or a text on why no plan was found; None while planning."""
@@ -188,21 +188,21 @@ def _plan(asked: _OrderRequest) -> _Planned:
     behaviour = behaviour_of(asked.vehicle.autopilot)
     ground = ground_of(guidance, now.home)
     limits = fenced(replace(limits_of(guidance), ground=ground), asked.fence)
-    seeker = None
+    search_run = None
     if order.action == "search":
         hills = hills_of(guidance, now.home)
         equipment = replace(equipment_of(asked.settings), hills=hills)
-        seeker = Seeker(order, asked.tags, now, limits, behaviour, equipment)
-        plan = seeker.plan
+        search_run = SearchRun(order, asked.tags, now, limits, behaviour, equipment)
+        plan = search_run.plan
     else:
         plan = plan_of(order, now, limits, behaviour)
         order = replace(order, height_m=_height_m(order, now))
     unknown = "" if asked.fence is not None else "; own fence not known"
     return _Planned(
         home=now.home,
-        pilot=Pilot(order, plan, limits, waits=seeker is not None),
+        execution=OrderExecution(order, plan, limits, waits=search_run is not None),
         limits=limits,
-        seeker=seeker,
+        search_run=search_run,
         summary=cut_text(plan.summary, f"{unknown}; out of {asked.vehicle.mode}"),
     )
 
@@ -229,8 +229,8 @@ class Guide:
     def __init__(
         self,
         frame: ProcessFrame,
-        in_background: InBackground = in_thread,
-        planner: Callable[[Seeker], SearchThread] = SearchThread,
+        in_background: RunInBackground = in_thread,
+        planner: Callable[[SearchRun], SearchThread] = SearchThread,
     ) -> None:
         self._frame = frame
         self._in_background, self._make_planner = in_background, planner
@@ -239,7 +239,7 @@ class Guide:
         """Estimate of the flight power, learned from the battery over all orders."""
         self._vehicle: VehicleReport | None = None
         self._fence: VehicleFence | None = None
-        self._pilot: Pilot | None = None
+        self._execution: OrderExecution | None = None
         self._offered: _Planned | None = None
         self._waiting_orders: deque[tuple[MotionRequest, Order]] = deque()
         self._planning: _Planning | None = None
@@ -251,9 +251,9 @@ class Guide:
         self._alive_s = self._course_s = 0.0
         self._shared = SharedSearch(secrets.randbits(16))
         self.offers = self.flown = self.decisions = self.paths_refused = 0
-        frame.send("wish", VehicleWish(order_id=None, ends=True))
+        frame.send("vehicle_request", VehicleRequest(order_id=None, ends=True))
 
-    def take(self, topic: str, record: object) -> None:
+    def receive(self, topic: str, record: object) -> None:
         """Handle a record from the supervisor: order, vehicle, other drone, flight or pulse."""
         match record:
             case VehicleReport():
@@ -264,7 +264,7 @@ class Guide:
             case MotionRequest():
                 self._offer(record)
             case Neighbour():
-                self._shared.take(record, monotonic_s())
+                self._shared.receive(record, monotonic_s())
             case FlightInfo():
                 self._tags = record.tags if topic == "flight" else ()
             case PulsePose() if self._planner is not None:
@@ -343,7 +343,7 @@ class Guide:
             "motion_offer",
             MotionOffer(
                 request_id=request.request_id,
-                asker=request.asker,
+                requester=request.requester,
                 order_id=order_id,
                 nonce=secrets.randbits(63),
                 summary=summary.encode("utf-8", "replace").decode(),
@@ -367,51 +367,50 @@ class Guide:
     def _fly_order(self, vehicle: VehicleReport, now: VehicleNow | None, now_s: float) -> None:
         """Send the request of the motion that is due in the confirmed order, if any."""
         offered = self._offered
-        if offered is not None and vehicle.order_id == offered.pilot.order.order_id:
+        if offered is not None and vehicle.order_id == offered.execution.order.order_id:
             self._begin(offered, vehicle, now)
-        pilot = self._pilot
-        if pilot is None or vehicle.order_id != pilot.order.order_id:
-            self._pilot = None
+        execution = self._execution
+        if execution is None or vehicle.order_id != execution.order.order_id:
+            self._execution = None
             self._end_search(now, vehicle.reason)
             return
         if now is not None and self._planner is not None:
-            self._search(self._planner, pilot, now)
-        wish = None if now is None else pilot.next(now)
-        said = f"{pilot.plan.summary}: {pilot.said or pilot.progress}"
+            self._search(self._planner, execution, now)
+        manoeuvre = None if now is None else execution.next(now)
+        text = f"{execution.plan.summary}: {execution.status_text or execution.progress}"
         if self._planner is not None:
-            said = pilot.said
-        if now is not None and (isinstance(wish, GoHome) or pilot.returning):
+            text = execution.status_text
+        if now is not None and (isinstance(manoeuvre, GoHome) or execution.returning):
             self._shared.go(now.home, returning=True)
-        if wish is not None:
-            self._frame.send(
-                "wish", VehicleWish(order_id=pilot.order.order_id, wish=wish, said=said)
-            )
+        order_id = execution.order.order_id
+        if manoeuvre is None and execution.ended is not None:
+            self._end(order_id, execution.ended)
+            self._execution = None
+            self._end_search(now, execution.ended)
+        elif manoeuvre is not None or now_s - self._alive_s >= ALIVE_S:
             self._alive_s = now_s
-        elif pilot.ended is not None:
-            self._end(pilot.order.order_id, pilot.ended)
-            self._pilot = None
-            self._end_search(now, pilot.ended)
-        elif now_s - self._alive_s >= ALIVE_S:
-            self._alive_s = now_s
-            self._frame.send("wish", VehicleWish(order_id=pilot.order.order_id, said=said))
+            request = VehicleRequest(order_id=order_id, manoeuvre=manoeuvre, status_text=text)
+            self._frame.send("vehicle_request", request)
 
     def _begin(self, offered: _Planned, vehicle: VehicleReport, now: VehicleNow | None) -> None:
         self._end_search(now, "another order was confirmed")
-        self._pilot = self._offered = None
+        self._execution = self._offered = None
         if now is None:
             return
-        order, seeker = offered.pilot.order, offered.seeker
+        order, search_run = offered.execution.order, offered.search_run
         self.flown += 1
-        pilot = _attempt(lambda: self._plan_again(offered, vehicle, now))
-        if isinstance(pilot, str):
-            self._end(order.order_id, pilot)
+        execution = _attempt(lambda: self._plan_again(offered, vehicle, now))
+        if isinstance(execution, str):
+            self._end(order.order_id, execution)
             return
-        self._pilot = pilot
-        if seeker is not None:
-            self._planner = self._make_planner(seeker)
+        self._execution = execution
+        if search_run is not None:
+            self._planner = self._make_planner(search_run)
             self._planner.begin(self._frame.clock.now_ns(), now)
 
-    def _plan_again(self, offered: _Planned, vehicle: VehicleReport, now: VehicleNow) -> Pilot:
+    def _plan_again(
+        self, offered: _Planned, vehicle: VehicleReport, now: VehicleNow
+    ) -> OrderExecution:
         """Plan the order again at its confirmation; raises `PlanError` if no longer valid.
 
         Fence, terrain and return path belong to the home position of the first plan.
@@ -420,57 +419,65 @@ class Guide:
             raise PlanError(
                 "home was moved while the order was planned", remedy="Request the motion again"
             )
-        pilot, seeker = offered.pilot, offered.seeker
+        execution, search_run = offered.execution, offered.search_run
         self._shared.begin(now.time_s)
-        if seeker is not None:
-            self._shared.check(now, _height_m(pilot.order, now))
-            seeker.check(now)
-            return pilot
-        plan = plan_of(pilot.order, now, offered.limits, behaviour_of(vehicle.autopilot))
-        return Pilot(pilot.order, plan, offered.limits)
+        if search_run is not None:
+            self._shared.check(now, _height_m(execution.order, now))
+            search_run.check(now)
+            return execution
+        plan = plan_of(execution.order, now, offered.limits, behaviour_of(vehicle.autopilot))
+        return OrderExecution(execution.order, plan, offered.limits)
 
     def _report_course(self, now: VehicleNow, now_s: float) -> None:
-        shared, pilot = self._shared, self._pilot
+        shared, execution = self._shared, self._execution
         every_s = PATH_REQUEST_S if shared.waits else COURSE_S
         if not shared.must_report(now_s) or now_s - self._course_s < every_s:
             return
         self._course_s = now_s
-        height, searching = None, self._planner is not None and pilot is not None
-        if pilot is not None and searching:
-            height = _height_m(pilot.order, now)
+        height, searching = None, self._planner is not None and execution is not None
+        if execution is not None and searching:
+            height = _height_m(execution.order, now)
         course = shared.course(now, searching=searching, height_m=height)
         self._frame.send("course", course)
 
     def _end(self, order_id: int, reason: str) -> None:
         log.info("order ended", order=order_id, reason=reason)
-        self._frame.send("wish", VehicleWish(order_id=order_id, ends=True, said=reason))
+        self._frame.send(
+            "vehicle_request", VehicleRequest(order_id=order_id, ends=True, status_text=reason)
+        )
 
-    def _search(self, planner: SearchThread, pilot: Pilot, now: VehicleNow) -> None:
+    def _search(
+        self, planner: SearchThread, execution: OrderExecution, now: VehicleNow
+    ) -> None:
         time_ns = self._frame.clock.now_ns()
-        pilot.shared = self._shared.has_others(now.time_s)
+        execution.shared = self._shared.has_others(now.time_s)
         planner.place(time_ns, now)
         for result in planner.results():
             match result:
                 case Choice():
-                    self._choose(result, pilot, now)
+                    self._choose(result, execution, now)
                 case SearchFailed():
-                    pilot.give_up(result.reason)
+                    execution.give_up(result.reason)
         shared = self._shared
         if shared.waits:
-            self._await_path(planner, pilot, now)
-        elif now.began and pilot.ended is None and planner.is_time(now, idle=pilot.idle):
+            self._await_path(planner, execution, now)
+        elif (
+            now.began and execution.ended is None and planner.is_time(now, idle=execution.idle)
+        ):
             others = shared.begin_decision(now.time_s)
-            planner.ask(time_ns, now, idle=pilot.idle, others=others)
+            planner.request_decision(time_ns, now, idle=execution.idle, others=others)
 
-    def _choose(self, choice: Choice, pilot: Pilot, now: VehicleNow) -> None:
+    def _choose(self, choice: Choice, execution: OrderExecution, now: VehicleNow) -> None:
         """Fly a search decision; if other drones search too, once its path is assigned."""
-        if choice.steps is None or choice.way is None or self._shared.choose(choice, now):
-            self._follow(choice, choice.notes, pilot, now)
+        if choice.steps is None or choice.leg is None or self._shared.choose(choice, now):
+            self._follow(choice, choice.notes, execution, now)
             return
         self._note([note for note in choice.notes if note.event != "decision"])
         self._course_s = 0.0
 
-    def _await_path(self, planner: SearchThread, pilot: Pilot, now: VehicleNow) -> None:
+    def _await_path(
+        self, planner: SearchThread, execution: OrderExecution, now: VehicleNow
+    ) -> None:
         """Fly a requested path once assigned; if refused, let the search decide again."""
         answer = self._shared.answer(now)
         if answer is None:
@@ -478,19 +485,23 @@ class Guide:
         choice, given = answer
         if given:
             decided = [note for note in choice.notes if note.event == "decision"]
-            self._follow(choice, decided, pilot, now)
+            self._follow(choice, decided, execution, now)
         else:
             self.paths_refused += 1
             planner.withdraw(now)
         self._course_s = 0.0
 
     def _follow(
-        self, choice: Choice, notes: Sequence[SearchNote], pilot: Pilot, now: VehicleNow
+        self,
+        choice: Choice,
+        notes: Sequence[SearchNote],
+        execution: OrderExecution,
+        now: VehicleNow,
     ) -> None:
         self._note(notes)
-        pilot.said = choice.said
+        execution.status_text = choice.status_text
         if choice.steps is not None:
-            pilot.redirect(choice.steps, now)
+            execution.redirect(choice.steps, now)
 
     def _note(self, notes: Sequence[SearchNote]) -> None:
         for note in notes:
@@ -525,7 +536,7 @@ class Guide:
         """State of the process as a short text."""
         if self._vehicle is None:
             return "waiting for autopilot"
-        return "ready" if self._pilot is None else "flying"
+        return "ready" if self._execution is None else "flying"
 
     def counters(self) -> dict[str, float]:
         """Counts of orders and decisions, for the health report."""
@@ -547,7 +558,7 @@ def main() -> None:
         guide = Guide(frame)
         while frame.running:
             for topic, record in frame.receive(timeout_s=TICK_S):
-                guide.take(topic, record)
+                guide.receive(topic, record)
             guide.tick()
             frame.report(guide.status, counters=guide.counters)
 

@@ -178,7 +178,7 @@ class Receiver:
         for fault in self._input_check.check(block):
             self._notify(4, fault)
         band = self._front_end.decimate(block)
-        self._check.look(band)
+        self._check.check(band)
         if self._recorder is not None:
             self._recorder.put(band)
             if (trouble := self._recorder.trouble) is not None:
@@ -338,8 +338,8 @@ def run(kind: Callable[[ProcessFrame, FlightInfo], Receiver]) -> None:
                     wait(frame, receiver, delay_s, reason)
         finally:
             receiver.close()
-        said = receiver.said() if isinstance(receiver, Capture) else ""
-        frame.report("stopped", counters=receiver.counters, last=True, reason=said)
+        status_text = receiver.status_text() if isinstance(receiver, Capture) else ""
+        frame.report("stopped", counters=receiver.counters, last=True, reason=status_text)
 
 
 def receive(
@@ -377,7 +377,7 @@ def receive(
 
 def _report(frame: ProcessFrame, receiver: Receiver | Capture, word: str, reason: str) -> None:
     if isinstance(receiver, Capture) and (over := receiver.status) is not None:
-        frame.report(over, counters=receiver.counters, reason=receiver.said())
+        frame.report(over, counters=receiver.counters, reason=receiver.status_text())
     else:
         frame.report(word, ok=not reason, counters=receiver.counters, reason=reason)
 

@@ -26,10 +26,10 @@ from uavrt.core.messages import (
     PulseKey,
     PulsePose,
     Recorded,
+    RecordsHandled,
     SearchNote,
     SearchReport,
     StatusText,
-    Taken,
 )
 from uavrt.core.newest import Newest
 from uavrt.drone.ipc.process import ProcessFrame
@@ -48,10 +48,10 @@ from uavrt.flight.flight_recorder import FlightRecorder
 log = get_logger()
 
 TURN_S = 0.25
-AFTER_ALL_NS = 2**63 - 1
+NO_TIME_LIMIT_NS = 2**63 - 1
 ENDED_FLIGHTS = 3
 """Number of earlier flights whose last pulses may still be undelivered."""
-POSE_PATIENCE_S = 7.0
+POSE_TIMEOUT_S = 7.0
 """Time to wait for a pulse's pose after `AntennaSettings.pose_wait_s` [s]. A connection that
 hangs is killed after 5 s, and restarted within two more."""
 MOST_READ_AT_ONCE = 1_000
@@ -76,7 +76,7 @@ class Recorder:
         self._lock = WriterLock()
         self._times = CommitTimes()
         self._health = HealthFilter()
-        self._awaited = AwaitedPoses(self._antenna.pose_wait_s + POSE_PATIENCE_S)
+        self._awaited = AwaitedPoses(self._antenna.pose_wait_s + POSE_TIMEOUT_S)
         self._more_missing = False
         self._to_report: deque[PulseKey] = deque(maxlen=MOST_TO_REPORT)
         """Pulses written to disk but not yet reported as recorded."""
@@ -84,7 +84,7 @@ class Recorder:
         self._commands: Newest[int, Command] = Newest(MOST_COMMANDS)
         self._fault = ""
         self._reported_lines = 0
-        self._start_ns = AFTER_ALL_NS
+        self._start_ns = NO_TIME_LIMIT_NS
         last = map(Path, frame.assignment.last_flights)
         self._ended: deque[Path] = deque(last, maxlen=ENDED_FLIGHTS)
         self._unchecked: deque[Path] = deque(self._ended)
@@ -100,7 +100,7 @@ class Recorder:
         self.close()
         # If the clock was set back between flights, keys can equal those of an earlier one.
         back = info.start_time_ns < self._newest_ns
-        self._start_ns = AFTER_ALL_NS if back else info.start_time_ns
+        self._start_ns = NO_TIME_LIMIT_NS if back else info.start_time_ns
         if not self._lock.take(root, LOCK_WAIT_S):
             log.warning("flight directory is locked; recording goes on", flight=str(root))
         try:
@@ -131,7 +131,7 @@ class Recorder:
         self._newest_ns = max(self._newest_ns, self._frame.clock.now_ns())
         self._flight = None
         self._lock.release()
-        self._start_ns = AFTER_ALL_NS
+        self._start_ns = NO_TIME_LIMIT_NS
 
     def _check_an_ended_flight(self) -> None:
         """Reconstruct missing poses in the next earlier flight not checked yet."""
@@ -321,7 +321,7 @@ class Recorder:
         lines = self._frame.link.lines
         if lines != self._reported_lines:
             self._reported_lines = lines
-            self._frame.link.send("taken", Taken(records=lines))
+            self._frame.link.send("records_handled", RecordsHandled(records=lines))
 
     def _report_fault(self, error: RecordingError) -> None:
         if not self._fault:

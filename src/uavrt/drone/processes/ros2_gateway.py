@@ -97,7 +97,7 @@ def serve(frame: ProcessFrame, participant: "Participant") -> None:
             if isinstance(record, FlightInfo):
                 gateway.take_flight(record if topic == "flight" else None)
             else:
-                gateway.take(record)
+                gateway.receive(record)
         gateway.tick()
         frame.report(f"domain {participant.domain_id}", counters=counters)
 

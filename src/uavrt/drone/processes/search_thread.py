@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from uavrt.core.log import get_logger
 from uavrt.core.messages import Neighbour, PulsePose, SearchNote, SearchReport
 from uavrt.guidance.operator_orders import VehicleNow
-from uavrt.guidance.search.seeker import Choice, Seeker
+from uavrt.guidance.search.search_run import Choice, SearchRun
 from uavrt.guidance.search_rules import SEARCH_RULES
 
 log = get_logger()
@@ -35,8 +35,8 @@ class SearchFailed:
 class SearchThread:
     """Runs a search in a thread; its methods do not block."""
 
-    def __init__(self, seeker: Seeker) -> None:
-        self._seeker = seeker
+    def __init__(self, search_run: SearchRun) -> None:
+        self._search_run = search_run
         self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
         self._results: queue.SimpleQueue[Choice | SearchNote | SearchFailed] = (
             queue.SimpleQueue()
@@ -54,28 +54,28 @@ class SearchThread:
 
     def pulse(self, pulse_pose: PulsePose) -> None:
         """Pass a pulse to the search."""
-        self._put(lambda: self._seeker.pulse(pulse_pose))
+        self._put(lambda: self._search_run.pulse(pulse_pose))
 
     def searched(self, report: SearchReport) -> None:
         """Pass a detector's search report to the search."""
-        self._put(lambda: self._seeker.searched(report))
+        self._put(lambda: self._search_run.searched(report))
 
     def place(self, time_ns: int, now: VehicleNow) -> None:
         """Pass the drone's position to the search."""
-        self._put(lambda: self._seeker.place(time_ns, now))
+        self._put(lambda: self._search_run.place(time_ns, now))
 
     def begin(self, time_ns: int, now: VehicleNow) -> None:
         """Start the search."""
         self._deciding = True
-        self._put(lambda: self._seeker.begin(time_ns, now))
+        self._put(lambda: self._search_run.begin(time_ns, now))
 
-    def ask(
+    def request_decision(
         self, time_ns: int, now: VehicleNow, *, idle: bool, others: Sequence[Neighbour] = ()
     ) -> None:
         """Request the next decision, if due; it appears in `results`."""
         if self.is_time(now, idle=idle):
             self._deciding, self._asked_s = True, now.time_s
-            self._put(lambda: self._seeker.think(time_ns, now, idle=idle, others=others))
+            self._put(lambda: self._search_run.decide(time_ns, now, idle=idle, others=others))
 
     def is_time(self, now: VehicleNow, *, idle: bool) -> bool:
         """True if no request is pending and the last decision was long enough ago."""
@@ -84,12 +84,12 @@ class SearchThread:
 
     def withdraw(self, now: VehicleNow) -> None:
         """Report that the last decision is not flown; request another one soon."""
-        self._put(self._seeker.withdraw)
+        self._put(self._search_run.withdraw)
         self._asked_s, self._again_s = now.time_s - SEARCH_RULES.cycle_s, now.time_s + RETRY_S
 
     def end(self, time_ns: int, now: VehicleNow, reason: str) -> None:
         """End the search; its summary is the last of the `results`."""
-        self._put(lambda: self._seeker.end(time_ns, now, reason))
+        self._put(lambda: self._search_run.end(time_ns, now, reason))
         self._put(None)
 
     @property

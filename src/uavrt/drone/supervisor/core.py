@@ -20,9 +20,9 @@ from uavrt.core.messages import (
     CommandReply,
     FlightInfo,
     Health,
+    RecordsHandled,
     StatusText,
     SystemStatus,
-    Taken,
 )
 from uavrt.core.runtime.heap import HeapKeeper
 from uavrt.drone.ipc.topics import TOPICS, decode_record, encode_record, topic_of
@@ -40,8 +40,8 @@ from uavrt.drone.supervisor.start.launcher import Launcher
 from uavrt.drone.supervisor.start.usage import own_usage
 from uavrt.drone.supervisor.tree.child_output import OutputLog, warning_text
 from uavrt.drone.supervisor.tree.instance import Instance, self_status
-from uavrt.drone.supervisor.tree.process_fleet import Fleet
 from uavrt.drone.supervisor.tree.process_shapes import rows_for
+from uavrt.drone.supervisor.tree.process_tree import ProcessTree
 from uavrt.drone.supervisor.tree.systemd import SystemdNotifier
 from uavrt.drone.supervisor.tree.table import SUPERVISOR_TOPICS, consumers_of
 
@@ -105,7 +105,7 @@ class Supervisor:
             operations=self._operations,
             tuner=partial(request_tuning, launcher=self._launcher),
         )
-        self._fleet = Fleet(
+        self._process_tree = ProcessTree(
             self._rows,
             self.mission,
             launcher=self._launcher,
@@ -137,7 +137,7 @@ class Supervisor:
         heap = HeapKeeper(monotonic_s())
         while not self._stopping:
             self._wake.clear()
-            self._fleet.ensure()
+            self._process_tree.ensure()
             now_s = monotonic_s()
             if now_s >= next_status_s:
                 next_status_s = now_s + status_period_s
@@ -172,7 +172,7 @@ class Supervisor:
             self.mission.state = SystemState.HAS_TAGS
             await self._end_flight()
         self._launcher.close()
-        await self._fleet.stop_all()
+        await self._process_tree.stop_all()
         self.mission.delete_saved_state()
 
     def command(self, command: Command) -> CommandReply:
@@ -193,7 +193,7 @@ class Supervisor:
         if self._running_test is not None:  # it would keep the radio from the flight
             self._running_test.stop()
         self._last_pulses.flight_started()
-        self._fleet.make_sample_sockets()
+        self._process_tree.make_sample_sockets()
         self._output.open_flight(Path(flight.directory))
         self._disk.flying(Path(flight.directory))
         self._publish("flight", flight)
@@ -208,7 +208,7 @@ class Supervisor:
 
     async def _search_again(self) -> None:
         """Restart receiver and detectors; publish the tags again, which clears old results."""
-        flight = await self._fleet.restart_search()
+        flight = await self._process_tree.restart_search()
         if flight is not None:
             self._publish("corrected_tags", flight)
 
@@ -217,13 +217,13 @@ class Supervisor:
         self._end_task = asyncio.ensure_future(self._end_flight())
 
     async def _end_flight(self) -> None:
-        await self._fleet.stop_flight()
+        await self._process_tree.stop_flight()
         limit_s = self.mission.settings.now.antenna.pose_wait_s + LAST_POSES_S
         if not await self._last_pulses.posed_within(limit_s):
             log.warning("last pulses stored without a pose", left=self._last_pulses.waiting)
         if self.mission.flights.flight is not None:
             self._publish("flight_end", self.mission.flights.flight)
-            if not await self._fleet.taken("flight_end", CLOSE_S):
+            if not await self._process_tree.wait_until_acknowledged("flight_end", CLOSE_S):
                 directory = self.mission.flights.flight.directory
                 log.warning("recorder has not yet closed the flight", flight=directory)
         flight = self.mission.flight_ended()
@@ -241,7 +241,8 @@ class Supervisor:
         """Reply whether the radio works, by a test or, in flight, the receiver's health."""
         if self.mission.state in (SystemState.DETECTING, SystemState.CAPTURING):
             health = next(
-                (i.health for i in self._fleet.instances if i.row.name == "receiver"), None
+                (i.health for i in self._process_tree.instances if i.row.name == "receiver"),
+                None,
             )
             text = "starting" if health is None else health.reason or health.status
             found = health is not None and health.ok
@@ -262,7 +263,7 @@ class Supervisor:
             return False, f"the radio could not be checked ({error.strerror}): try again"
         self._running_test = question
         try:
-            with self._fleet.exempt(question.pid):
+            with self._process_tree.exempt(question.pid):
                 return await in_background(question.answer)
         finally:
             self._running_test = None
@@ -273,14 +274,14 @@ class Supervisor:
         """Record a correction of the computer's clock; the flight's own time is unaffected."""
         if self.mission.flights.flight is None:
             return
-        if (again := self._wall_clock.wrong_time_again(monotonic_s())) is not None:
+        if (again := self._wall_clock.repeated_warning(monotonic_s())) is not None:
             self._notify(4, again)
         text = self._wall_clock.check(self.clock.wall_correction_ns())
         if text is not None:
             self._notify(5, text)
 
     def _warn_of_budgets(self, now_s: float) -> None:
-        for instance in self._fleet.instances:
+        for instance in self._process_tree.instances:
             for text in (instance.over_budget(now_s), instance.pace.check(now_s)):
                 if text is not None:
                     self._notify(4, text)
@@ -325,8 +326,8 @@ class Supervisor:
                 self._end_capture_when_over()
             case StatusText():
                 log.info(record.text, child=instance.name)
-            case Taken():
-                instance.outbox.taken(record.records)
+            case RecordsHandled():
+                instance.outbox.remove_acknowledged(record.records)
 
     def _on_output(self, instance: Instance, line: bytes) -> None:
         self._output.write(instance.name, line)
@@ -349,7 +350,7 @@ class Supervisor:
 
     def _forward(self, topic: str, line: bytes, sender: Instance | None = None) -> None:
         for row in self._consumers[topic]:
-            instance = self._fleet.instance_of(row)
+            instance = self._process_tree.instance_of(row)
             if instance is sender:
                 continue
             instance.outbox.put(line)
@@ -380,7 +381,7 @@ class Supervisor:
         if mission.flights.ending:
             capture = flight is not None and flight.capture_s is not None
             state = SystemState.CAPTURING if capture else SystemState.DETECTING
-        instances = list(self._fleet.instances)
+        instances = list(self._process_tree.instances)
         counters = {
             "output_lines_lost": float(self._output.lost_lines),
             "nursery_pid": float(self._launcher.pid or 0),

@@ -19,7 +19,7 @@ from uavrt.link.mavlink.discovery import STATION_SYSTEM_ID, Peer, own_heartbeat
 from uavrt.link.mavlink.frame import Frame
 from uavrt.link.mavlink.sending.signing import Signing, SigningKey
 
-BEAT_S = 1.0
+HEARTBEAT_S = 1.0
 OWN_COMPONENT = 197
 """MAVLink component id of `uavrt fetch`; different from the ground station's, 190."""
 PINGS = 4
@@ -63,7 +63,7 @@ class DroneFiles:
     async def open(self, *addresses: str, timeout_s: float = 20.0) -> AsyncIterator[FileClient]:
         """Open the links, find the drone, and select the fastest link; raises `LinkError`."""
         tasks = await self._links.open(addresses)
-        tasks.append(asyncio.create_task(self._beat()))
+        tasks.append(asyncio.create_task(self._send_heartbeat()))
         try:
             await self._find(timeout_s)
             if len(addresses) > 1:
@@ -105,12 +105,12 @@ class DroneFiles:
             later = [link for link in others if link > self.link]
             self.link = (later or others)[0]
 
-    async def _beat(self) -> None:
+    async def _send_heartbeat(self) -> None:
         """Send a heartbeat once a second, so that the autopilot can route messages to us."""
         message = own_heartbeat(dialect.MavType.GENERIC)
         while True:
             self._links.send_by_all(message)
-            await asyncio.sleep(BEAT_S)
+            await asyncio.sleep(HEARTBEAT_S)
 
     def _receive(self, frame: Frame, link: int) -> None:
         if frame.component_id != DRONE_COMPONENT:

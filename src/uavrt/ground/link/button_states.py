@@ -10,7 +10,7 @@ COMMAND_OF_ACTION = {row.button.action: row for row in COMMANDS.values() if row.
 BUTTONS = tuple(row.button for row in COMMANDS.values() if row.button)
 ACTIONS = {**{button.action: button.label for button in BUTTONS}, "mark": "Mark"}
 """Label of each button, by its action; all actions but "mark" send a command to the drone."""
-NOT_NOW = {
+REFUSALS_BY_STATE = {
     SystemState.IDLE: "Send the tags first",
     SystemState.RECEIVING_TAGS: "Tags are being sent",
     SystemState.DETECTING: "Detection is running: press Stop first",
@@ -102,7 +102,7 @@ def _reason(action: str, now: Situation) -> str | None:
         return (
             "Nothing is running that could be stopped"
             if action == "stop"
-            else NOT_NOW[now.state]
+            else REFUSALS_BY_STATE[now.state]
         )
     if action == "start" and not now.tags_sent and now.tags:
         return "The tag table has changed: send the tags first"

@@ -34,12 +34,12 @@ _SWITCHED_OFF_S: Final = 300.0
 would have returned by its failsafe before."""
 
 
-def _parameter(wish: dict[str, Any]) -> tuple[str, float]:
+def _parameter(body: dict[str, Any]) -> tuple[str, float]:
     """Read a parameter's name and value; raises `FormatError`."""
-    name = wish.get("name")
+    name = body.get("name")
     if not isinstance(name, str) or not name.isascii() or not 0 < len(name) <= 16:
         raise FormatError("name must be the name of a parameter")
-    return name, number_in(wish, "value")
+    return name, number_in(body, "value")
 
 
 def _correction(vehicle: ServedVehicle, request: dict[str, Any]) -> TagCorrection:
@@ -69,11 +69,11 @@ def _gain_in_words(correction: TagCorrection) -> str:
     return gain_in_words(correction.before, correction.after)
 
 
-def _place(wish: dict[str, Any]) -> tuple[float, float] | None:
+def _place(body: dict[str, Any]) -> tuple[float, float] | None:
     """Read the position of a mark; None if the request has none. Raises `FormatError`."""
-    if "latitude_deg" not in wish:
+    if "latitude_deg" not in body:
         return None
-    (place,) = places_in([[wish["latitude_deg"], wish.get("longitude_deg")]])
+    (place,) = places_in([[body["latitude_deg"], body.get("longitude_deg")]])
     return place
 
 
@@ -217,9 +217,9 @@ class Commands:
         """Query the drone's parameters; return the values by name."""
         return await self._allowed("parameters").parameters.list_all()
 
-    async def set_parameter(self, wish: dict[str, Any]) -> str:
+    async def set_parameter(self, body: dict[str, Any]) -> str:
         """Set a parameter of the drone: ``{"name": …, "value": …}``."""
-        name, value = _parameter(wish)
+        name, value = _parameter(body)
         link = self._allowed("parameters")
         async with self._working("parameters", f"setting {name}"):
             value = await link.parameters.set(name, value)

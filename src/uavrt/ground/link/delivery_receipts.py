@@ -64,7 +64,7 @@ class Receipts:
         period_ns = PERIOD_NS if self._due else SIGN_OF_LIFE_NS
         return max(0, self._sent_ns + period_ns - now_ns)
 
-    def take(self, now_ns: int) -> Receipt | None:
+    def next_due(self, now_ns: int) -> Receipt | None:
         """Return the receipt that is due now; None if none is."""
         if self.wait_ns(now_ns) > 0:
             return None

@@ -259,13 +259,13 @@ class GroundLink:
         if not self.contact.accepts(frame):
             return
         self._on_frame(frame)
-        self.parameters.take(frame)
-        self.missions.take(frame)
+        self.parameters.receive(frame)
+        self.missions.receive(frame)
         try:
             for event in self.protocol.receive(frame, self._clock_ns()):
-                self._exchange.take(event)
+                self._exchange.receive(event)
                 self._on_event(event)
-            self.protocol.taken(self._progress()[0])
+            self.protocol.accepted(self._progress()[0])
             self._acknowledge()
         except RecordingError as error:  # it comes again, as it is not acknowledged
             self.protocol.counters["not_stored"] += 1

@@ -58,7 +58,7 @@ class MyPlace:
             "skipped_bytes": counts.skipped_bytes,
         }
 
-    def take(self, sentence: Sentence) -> None:
+    def receive(self, sentence: Sentence) -> None:
         """Store the position that an NMEA sentence contains, if any."""
         place = sentence.place
         if place is not None:
@@ -85,7 +85,7 @@ class MyPlace:
     async def _run(self, address: str) -> None:
         where = parse_address(address, baud=BAUD)
         await keep_open(
-            where, self.take, SentenceParser(), opened=self._opened, failed=self._failed
+            where, self.receive, SentenceParser(), opened=self._opened, failed=self._failed
         )
 
     def _opened(self, link: Link | None) -> None:

@@ -9,9 +9,9 @@ from uavrt.core.errors import FormatError, UsageError
 Places = tuple[tuple[float, float], ...]
 
 
-def number_in(wish: dict[str, Any], name: str, default: float = nan) -> float:
+def number_in(body: dict[str, Any], name: str, default: float = nan) -> float:
     """Read the finite number of a given name; raises `FormatError`."""
-    value = wish.get(name, default)
+    value = body.get(name, default)
     number = value if isinstance(value, int | float) else nan
     if isinstance(value, bool) or not abs(number) <= sys.float_info.max:
         raise FormatError(f"{name} must be a number")
@@ -19,26 +19,26 @@ def number_in(wish: dict[str, Any], name: str, default: float = nan) -> float:
 
 
 def number_between(
-    wish: dict[str, Any], name: str, least: float, most: float, default: float = nan
+    body: dict[str, Any], name: str, least: float, most: float, default: float = nan
 ) -> float:
     """Read a number within limits; raises `FormatError` or `UsageError`."""
-    number = number_in(wish, name, default)
+    number = number_in(body, name, default)
     if not least <= number <= most:
         raise UsageError(f"{name} must be {least:g} to {most:g}")
     return number
 
 
-def power_in(wish: dict[str, Any]) -> float:
+def power_in(body: dict[str, Any]) -> float:
     """Read a tag's radiated power [dBm]; raises `FormatError` or `UsageError`."""
-    power_dbm = number_in(wish, "tag_power_dbm")
+    power_dbm = number_in(body, "tag_power_dbm")
     if not -100.0 <= power_dbm <= 40.0:
         raise UsageError("a tag's power must be -100 to 40 dBm")
     return power_dbm
 
 
-def whole_in(wish: dict[str, Any], name: str) -> int:
+def whole_in(body: dict[str, Any], name: str) -> int:
     """Read a whole number; raises `FormatError`."""
-    if type(value := wish.get(name)) is not int:
+    if type(value := body.get(name)) is not int:
         raise FormatError(f"{name} must be a whole number")
     return value
 

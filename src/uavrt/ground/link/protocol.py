@@ -170,7 +170,7 @@ class GroundProtocol:
         """Build our heartbeat message."""
         return station_heartbeat(as_gcs=self._as_gcs)
 
-    def taken(self, count: int = 0) -> None:
+    def accepted(self, count: int = 0) -> None:
         """Record that the store accepted the last received pulses, as item number `count`."""
         self._uncommitted.update(dict.fromkeys(self._frame_pulses, count))
         self._frame_pulses.clear()
@@ -189,7 +189,7 @@ class GroundProtocol:
             return None
         if self._sealer is not None and not self._sealer.ready:
             return None
-        receipt = self.receipts.take(now_ns)
+        receipt = self.receipts.next_due(now_ns)
         if receipt is None:
             return None
         return self.tunnel_message(receipt.encode(), RECEIPT_TYPE)

@@ -118,9 +118,9 @@ class ServedVehicle:
         self.feed.send("flight", {"flight_id": flight_id})
         self.feed.send_state()
 
-    def take_heartbeat(self, heartbeat: DroneHeartbeat) -> None:
+    def receive_heartbeat(self, heartbeat: DroneHeartbeat) -> None:
         """Handle the drone's state; a ground flight begins and ends with detection."""
-        before, state = self.drone.take_heartbeat(heartbeat), heartbeat.state
+        before, state = self.drone.receive_heartbeat(heartbeat), heartbeat.state
         if before is state:
             return
         self.feed.note(6, f"drone is {state.words if state else 'in an unknown state'}")
@@ -143,7 +143,7 @@ class ServedVehicle:
         self.flight.note_home(watch.home, now_ns)
         self.flight.note_battery(watch.battery_percent, now_ns)
         present = self.connection.present(now_ns)
-        if self.drone.take_presence(present, now_ns):
+        if self.drone.set_presence(present, now_ns):
             self.feed.note(6 if present else 3, "drone found" if present else "drone lost")
         self.connection.report_faults()
         return True

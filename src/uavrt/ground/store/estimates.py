@@ -21,9 +21,9 @@ from uavrt.ground.store.stored_flights import Columns, known
 from uavrt.localization.antenna import MONOPOLE
 from uavrt.localization.estimates.estimate_cache import Cache
 from uavrt.localization.estimates.flight_estimates import (
+    EstimationOptions,
     Found,
     HeardInTurn,
-    ReadAs,
     TagBearing,
     TagPosition,
     estimate,
@@ -61,9 +61,9 @@ class AntennaChoice:
     """Elevation file or folder; empty: the ground is taken as level."""
 
     @property
-    def read_as(self) -> ReadAs:
+    def read_as(self) -> EstimationOptions:
         """Settings for the estimator; raises `FormatError`."""
-        return ReadAs(
+        return EstimationOptions(
             antenna=self.pattern,
             offset_deg=self.offset_deg,
             heading_sigma_deg=self.heading_sigma_deg,

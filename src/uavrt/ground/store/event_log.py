@@ -14,7 +14,7 @@ from uavrt.core.runtime.disk_thread import Disk, DiskBatches, at_once
 
 LINES = 1000
 """Maximum number of log lines kept in memory and sent to a page; the file keeps all."""
-TAIL = 400_000
+LOG_TAIL_BYTES = 400_000
 """Bytes read from the end of the log file when the ground station starts."""
 MAX_TEXT = 400
 
@@ -67,7 +67,7 @@ class EventLog:
             size_of(self._path)
             with self._path.open("rb") as file:
                 size = file.seek(0, 2)
-                file.seek(max(0, size - TAIL))
+                file.seek(max(0, size - LOG_TAIL_BYTES))
                 data = file.read()
         except (OSError, FormatError):
             return

@@ -33,7 +33,7 @@ from uavrt.ground.store.stored_flights import Columns
 
 log = get_logger()
 
-BURST_COMES_WITHIN_S = 60.0
+BURST_TIMEOUT_S = 60.0
 """Longest wait for a coded burst whose pulses arrived before it [s]; the drone repeats it until
 it is acknowledged. If it does not arrive, it belongs to another ground station's flight."""
 MOST_EARLY = 1000
@@ -175,7 +175,7 @@ class FlightKeeper:
         if len(self._early_s) >= MOST_EARLY:
             self._early_s.clear()
         now_s = monotonic_s()
-        if now_s < self._early_s.setdefault(burst.key, now_s) + BURST_COMES_WITHIN_S:
+        if now_s < self._early_s.setdefault(burst.key, now_s) + BURST_TIMEOUT_S:
             raise RecordingError("the burst to which this content belongs has not arrived")
         del self._early_s[burst.key]
         self.without_burst += 1

@@ -46,7 +46,7 @@ from uavrt.ground.web.work.foreign_worker import ForeignWorker
 
 STATIC = Path(__file__).parents[1] / "static"
 DEFAULT_PORT = 8650
-SETTLES_WITHIN_S = 1.0
+SETTLE_S = 1.0
 _NO_PAGE = """<!doctype html><html lang="en"><meta charset="utf-8">
 <title>uavrt ground station</title><h1>The page is not built</h1>
 <p>This installation was made without its page, because npm could not be reached. The server
@@ -177,7 +177,7 @@ def application(
     if fleet is not None:
         routes += made(FleetApi(fleet).routes(), session.commander)
         routes.append(Mount("/vehicle/{number:int}", FurtherVehicles(fleet, worker)))
-    routes.append(Route("/api/doors", answered(_doors(settings))))
+    routes.append(Route("/api/doors", answered(_access_route(settings))))
     routes += maps.map_routes(session.vehicle.store.directory / "maps", worker)
     if (STATIC / "assets").is_dir():
         assets = _Assets(directory=STATIC / "assets", follow_symlink=False)
@@ -187,15 +187,15 @@ def application(
     return served
 
 
-def _doors(settings: ServerSettings) -> Handler:
+def _access_route(settings: ServerSettings) -> Handler:
     served = Served(
         host=settings.host, names=settings.names, access_point=settings.access_point
     )
 
-    async def ways_in(request: Request) -> Any:
+    async def access_reply(request: Request) -> Any:
         return access_list(served, request.url)
 
-    return ways_in
+    return access_reply
 
 
 def _routes(
@@ -225,9 +225,7 @@ def _with_flights_written(session: GroundSession, handler: Handler) -> Handler:
 
     async def handle(request: Request) -> Any:
         vehicles = (session.vehicle, *session.vehicle.companions)
-        await asyncio.gather(
-            *(one.flight.keeper.queue.settle(SETTLES_WITHIN_S) for one in vehicles)
-        )
+        await asyncio.gather(*(one.flight.keeper.queue.settle(SETTLE_S) for one in vehicles))
         return await handler(request)
 
     return handle

@@ -15,8 +15,8 @@ from collections import Counter
 from enum import StrEnum
 
 from uavrt.core.errors import CommandRefused
-from uavrt.core.messages import TakeOff, VehicleSeen, Wish
-from uavrt.guidance.control.observed import HomeSeen, ModeSeen, Observation, PositionSeen
+from uavrt.core.messages import Manoeuvre, TakeOff, VehicleStatus
+from uavrt.guidance.control.observed import HomeReport, ModeReport, Observation, PositionReport
 from uavrt.guidance.control.observed_vehicle import ObservedVehicle, ended_by
 from uavrt.guidance.control.offers import Offer, Offers, resting
 from uavrt.guidance.control.order_watch import OrderWatch
@@ -24,7 +24,7 @@ from uavrt.guidance.control.vehicle_commands import CommandWriter, VehicleComman
 from uavrt.guidance.safety import SAFETY
 
 
-class Standing(StrEnum):
+class ControlStage(StrEnum):
     """Stages of control over the vehicle: none, order confirmed, commands being sent."""
 
     OUT = "out"
@@ -59,12 +59,12 @@ class Authority:
         self._order: OrderWatch | None = None
 
     @property
-    def standing(self) -> Standing:
+    def standing(self) -> ControlStage:
         """Present state: out, confirmed or in command."""
         if self._order is None:
-            return Standing.OUT
+            return ControlStage.OUT
         begun = self._order.motion is not None
-        return Standing.IN_COMMAND if begun else Standing.CONFIRMED
+        return ControlStage.IN_COMMAND if begun else ControlStage.CONFIRMED
 
     @property
     def order_id(self) -> int | None:
@@ -104,7 +104,7 @@ class Authority:
         Raises `CommandRefused` if the order is not the proposed one, the confirmation is late,
         or the vehicle's state has changed.
         """
-        offer = self._offers.take(order_id, nonce, now_s)
+        offer = self._offers.confirmed(order_id, nonce, now_s)
         vehicle, before = self.vehicle, self._order
         _, place, home = self._check_vehicle(now_s, takeoff=offer.takeoff)
         offer.check(vehicle)
@@ -132,7 +132,7 @@ class Authority:
 
     def _check_vehicle(
         self, now_s: float, *, takeoff: bool
-    ) -> tuple[ModeSeen, PositionSeen, HomeSeen]:
+    ) -> tuple[ModeReport, PositionReport, HomeReport]:
         """Return the vehicle's state; `CommandRefused` if the vehicle cannot be flown now."""
         fault = self.fault(now_s, takeoff=takeoff)
         if fault is not None:
@@ -156,7 +156,7 @@ class Authority:
             self._order.planner_alive(now_s)
 
     def command(
-        self, order_id: int, wish: Wish, now_s: float, *, stops: bool = False
+        self, order_id: int, manoeuvre: Manoeuvre, now_s: float, *, stops: bool = False
     ) -> VehicleCommand:
         """Return the command to send now, once, for a requested motion.
 
@@ -169,12 +169,12 @@ class Authority:
         if order is None or order_id != order.offer.order_id:
             raise CommandRefused(f"not in command: {self.reason or 'another order is flown'}")
         first = order.motion is None and not stops
-        order.check(wish, self.vehicle, now_s, first=first, stops=stops)
+        order.check(manoeuvre, self.vehicle, now_s, first=first, stops=stops)
         command = self._writer.command(
-            wish, first=first, datum_m=order.datum_m, home=self.vehicle.home
+            manoeuvre, first=first, datum_m=order.datum_m, home=self.vehicle.home
         )
         self.nearest_m = order.nearest_m
-        order.sent(wish, self.vehicle, now_s, first=first)
+        order.sent(manoeuvre, self.vehicle, now_s, first=first)
         self.counters["commands_sent"] += 1
         return command
 
@@ -188,7 +188,7 @@ class Authority:
     def climbs(self) -> bool:
         """True from the take-off command until the next command; the drone climbs meanwhile."""
         motion = None if self._order is None else self._order.motion
-        return motion is not None and isinstance(motion.wish, TakeOff)
+        return motion is not None and isinstance(motion.manoeuvre, TakeOff)
 
     @property
     def flies_ours(self) -> bool:
@@ -199,11 +199,11 @@ class Authority:
         self,
         *,
         battery_percent: float | None = None,
-        wishes_sent: int = 0,
-        wishes_refused: int = 0,
+        requests_sent: int = 0,
+        requests_refused: int = 0,
         ground_silent_s: float = 0.0,
-    ) -> VehicleSeen | None:
-        """Vehicle state for `uavrt.guidance.pilot`; None without a position or a home."""
+    ) -> VehicleStatus | None:
+        """Vehicle state for `OrderExecution`; None without a position or a home."""
         position, home, order = self.vehicle.position, self.vehicle.home, self._order
         if position is None or home is None:
             return None
@@ -211,7 +211,7 @@ class Authority:
         if order is not None:
             above = position.altitude_amsl_m - order.datum_m
         motion = None if order is None else order.motion
-        return VehicleSeen(
+        return VehicleStatus(
             latitude_deg=position.latitude_deg,
             longitude_deg=position.longitude_deg,
             altitude_amsl_m=position.altitude_amsl_m,
@@ -221,8 +221,8 @@ class Authority:
             home=(home.latitude_deg, home.longitude_deg),
             battery_percent=battery_percent,
             obeyed=self.obeyed,
-            wishes_sent=wishes_sent,
-            wishes_refused=wishes_refused,
+            requests_sent=requests_sent,
+            requests_refused=requests_refused,
             turned_deg=0.0 if motion is None else motion.turned_deg,
             ground_silent_s=ground_silent_s,
             settling=motion is not None and motion.not_settled_yet,
@@ -235,18 +235,18 @@ class Authority:
         motion = None if self._order is None else self._order.motion
         return motion is not None and motion.obeyed
 
-    def see(self, seen: Observation) -> None:
+    def observe(self, seen: Observation) -> None:
         """Handle a report of the vehicle; a change that no command caused ends the order."""
         restarted = self.vehicle.restarted(seen)
         if restarted is not None:
             self._end(restarted, seen.time_s)
             self.vehicle = ObservedVehicle(self.behaviour, self.vehicle.failsafe)
-        if not self.vehicle.take(seen):
+        if not self.vehicle.store(seen):
             return
-        self._offers.see(seen, self.vehicle)
+        self._offers.observe(seen, self.vehicle)
         self._end(ended_by(seen), seen.time_s)
         if self._order is not None:
-            self._end(self._order.see(seen, self.vehicle), seen.time_s)
+            self._end(self._order.observe(seen, self.vehicle), seen.time_s)
 
     def tick(self, now_s: float) -> None:
         """End an order or proposal that has timed out."""

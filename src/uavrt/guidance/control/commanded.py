@@ -3,11 +3,11 @@
 from dataclasses import InitVar, dataclass, field
 from math import cos, hypot, nan, radians, sin
 
-from uavrt.core.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
+from uavrt.core.messages import FlyThere, GoHome, Manoeuvre, TakeMode, TakeOff, TurnInPlace
 from uavrt.core.units import wrap_degrees_180
 from uavrt.guidance.autopilot_behaviour import Behaviour
-from uavrt.guidance.control.observed import PositionSeen, TargetSeen, between_m, same_place
-from uavrt.guidance.control.step_progress import Left, Progress
+from uavrt.guidance.control.observed import PositionReport, TargetReport, between_m, same_place
+from uavrt.guidance.control.step_progress import Progress, Remaining
 from uavrt.guidance.control.stopping_distance import stops_within_m
 from uavrt.guidance.control.yaw import YawWatch
 from uavrt.guidance.safety import SAFETY
@@ -22,14 +22,14 @@ OTHERS_TARGET, OTHERS_HEIGHT = (
 class Commanded:
     """The last command, and checks of whether the drone carries it out."""
 
-    wish: Wish
+    manoeuvre: Manoeuvre
     behaviour: Behaviour
     sent_s: float
     first: bool
     """True for an order's first command, which may change the mode."""
-    before: TargetSeen | None
+    before: TargetReport | None
     """Target that the autopilot reported before the command; None without one."""
-    start: PositionSeen
+    start: PositionReport
     """Position of the drone when the command was sent."""
     turning_deg_s: InitVar[float]
     """Rate at which the drone's heading changed when the command was sent [°/s]."""
@@ -53,19 +53,19 @@ class Commanded:
     pilot's pause there looks like arrival."""
 
     def __post_init__(self, turning_deg_s: float, previous: "Commanded | None") -> None:
-        wish, start = self.wish, self.start
-        turns = wish if isinstance(wish, TurnInPlace) else None
+        manoeuvre, start = self.manoeuvre, self.start
+        turns = manoeuvre if isinstance(manoeuvre, TurnInPlace) else None
         self.top_m = start.altitude_amsl_m
-        self.left_m = between_m(start, wish) if isinstance(wish, FlyThere) else 0.0
+        self.left_m = between_m(start, manoeuvre) if isinstance(manoeuvre, FlyThere) else 0.0
         self.slack_m = SAFETY.astray_m + stops_within_m(start.speed_m_s)
         heights = [start.altitude_amsl_m]
-        if isinstance(wish, FlyThere | TakeOff):
-            heights.append(wish.altitude_amsl_m)
+        if isinstance(manoeuvre, FlyThere | TakeOff):
+            heights.append(manoeuvre.altitude_amsl_m)
         elif turns is not None and previous is not None:
             heights += [previous.lowest_m, previous.highest_m]
             self.left_m = previous.left_m
         self.lowest_m, self.highest_m = min(heights), max(heights)
-        if start.yaw_deg is not None and not isinstance(wish, GoHome):
+        if start.yaw_deg is not None and not isinstance(manoeuvre, GoHome):
             self.yaw = YawWatch(
                 start_s=self.sent_s,
                 yaw_deg=start.yaw_deg,
@@ -79,14 +79,14 @@ class Commanded:
     @property
     def _wanted_yaw_deg(self) -> float | None:
         """Commanded heading [°]; None without one, or if the autopilot accepts none."""
-        if isinstance(self.wish, FlyThere) and self.behaviour.yaw_in_reposition:
-            return self.wish.yaw_deg
+        if isinstance(self.manoeuvre, FlyThere) and self.behaviour.yaw_in_reposition:
+            return self.manoeuvre.yaw_deg
         return None
 
     @property
     def takes_off(self) -> bool:
         """True for a take-off command; the autopilot may then report no target."""
-        return isinstance(self.wish, TakeMode | TakeOff)
+        return isinstance(self.manoeuvre, TakeMode | TakeOff)
 
     @property
     def turned_deg(self) -> float:
@@ -95,7 +95,7 @@ class Commanded:
 
     def overdue(self, now_s: float, target_age_s: float) -> str | None:
         """Text on an overdue reaction to the command, progress or report; None if none is."""
-        rises = isinstance(self.wish, TakeOff)
+        rises = isinstance(self.manoeuvre, TakeOff)
         longest_s = SAFETY.takeoff_begins_within_s if rises else SAFETY.obeyed_within_s
         if not self.obeyed:
             if self.target_yaw is not None:
@@ -109,42 +109,42 @@ class Commanded:
 
     def in_own_mode(self) -> None:
         """Record that the vehicle is in the mode for commands, which completes a `TakeMode`."""
-        self.obeyed |= isinstance(self.wish, TakeMode)
+        self.obeyed |= isinstance(self.manoeuvre, TakeMode)
 
-    def see_target(
-        self, seen: TargetSeen, position: PositionSeen | None, turning_deg_s: float
+    def observe_target(
+        self, seen: TargetReport, position: PositionReport | None, turning_deg_s: float
     ) -> str | None:
         """Text if the reported target shows another's command; None if it may follow from ours.
 
         `turning_deg_s`: rate of change of the reported target heading [°/s].
         """
-        match self.wish:
+        match self.manoeuvre:
             case GoHome():
                 return None  # the mode shows it
             case TakeMode() | TakeOff():
-                return self._see_target_of_takeoff(seen)
+                return self._observe_target_of_takeoff(seen)
             case TurnInPlace():
                 if self.before is not None and not self._same(seen, self.before):
                     return OTHERS_TARGET
                 self.obeyed |= self.turned_deg >= 10.0
                 return None
-        if self._same(seen, self.wish):
-            fault = self.see_target_yaw(seen, position, turning_deg_s)
+        if self._same(seen, self.manoeuvre):
+            fault = self.observe_target_yaw(seen, position, turning_deg_s)
             # A turn keeps the place: there only the heading shows that it was obeyed. After a
             # new place a setpoint may first complete an earlier turn to the other side.
             watch = self.target_yaw or self.yaw
-            moved = self.before is not None and not self._same(self.before, self.wish)
+            moved = self.before is not None and not self._same(self.before, self.manoeuvre)
             self.obeyed |= moved or watch is None or watch.begun
             return fault
         return None if self._may_be_before(seen, position) else OTHERS_TARGET
 
-    def see_target_yaw(
-        self, seen: TargetSeen, position: PositionSeen | None, turning_deg_s: float
+    def observe_target_yaw(
+        self, seen: TargetReport, position: PositionReport | None, turning_deg_s: float
     ) -> str | None:
         """Text if the heading reported with the target deviates from the command, or None."""
         if seen.yaw_deg is None or not self.behaviour.yaw_in_reposition:
             return None
-        if not isinstance(self.wish, FlyThere):
+        if not isinstance(self.manoeuvre, FlyThere):
             return None
         if self.target_yaw is None:
             self.target_yaw = YawWatch(
@@ -155,34 +155,34 @@ class Commanded:
                 turning_deg_s=turning_deg_s,
                 exact=True,
             )
-        here = (None, 0.0) if position is None else position.way_to(self.wish)
+        here = (None, 0.0) if position is None else position.way_to(self.manoeuvre)
         return self.target_yaw.fault(self._made_s(seen), seen.yaw_deg, *here)
 
-    def _see_target_of_takeoff(self, seen: TargetSeen) -> str | None:
+    def _observe_target_of_takeoff(self, seen: TargetReport) -> str | None:
         """Text if a take-off's target is not above the start at the order's height, or None."""
         height = seen.altitude_amsl_m
         if seen.latitude_deg is None or height is None:
             return None
-        waits = isinstance(self.wish, TakeMode) or self._waits(seen)
+        waits = isinstance(self.manoeuvre, TakeMode) or self._waits(seen)
         before = waits and abs(height - self.start.altitude_amsl_m) < SAFETY.height_error_m
-        rises = isinstance(self.wish, TakeOff)
+        rises = isinstance(self.manoeuvre, TakeOff)
         wanted = rises and abs(height - self.highest_m) <= self.behaviour.target_m
         here = between_m(self.start, seen) < SAFETY.astray_m
         return None if here and (before or wanted) else OTHERS_TARGET
 
-    def _same(self, one: TargetSeen, other: TargetSeen | FlyThere) -> bool:
+    def _same(self, one: TargetReport, other: TargetReport | FlyThere) -> bool:
         return same_place(one, other, self.behaviour.target_m)
 
-    def _made_s(self, seen: TargetSeen | PositionSeen) -> float:
+    def _made_s(self, seen: TargetReport | PositionReport) -> float:
         """Time at which the autopilot made a report [s, monotonic], despite delays here."""
         by_its_clock_s = self.start.time_s + seen.boot_s - self.start.boot_s
         return max(min(seen.time_s, by_its_clock_s), seen.time_s - SAFETY.stall_s)
 
-    def _waits(self, seen: TargetSeen) -> bool:
+    def _waits(self, seen: TargetReport) -> bool:
         """True if the report may date from before the autopilot's reaction to the command."""
         return not self.obeyed and self._made_s(seen) - self.sent_s < SAFETY.target_changes_s
 
-    def _may_be_before(self, seen: TargetSeen, position: PositionSeen | None) -> bool:
+    def _may_be_before(self, seen: TargetReport, position: PositionReport | None) -> bool:
         """True if a target may still be the previous one, or be set by the change of mode."""
         if not self._waits(seen):
             return False
@@ -192,14 +192,14 @@ class Commanded:
             return False
         return between_m(seen, position) < SAFETY.astray_m + stops_within_m(position.speed_m_s)
 
-    def see_position(self, seen: PositionSeen, turning_deg_s: float) -> str | None:
+    def observe_position(self, seen: PositionReport, turning_deg_s: float) -> str | None:
         """Text if the position deviates from the command; None if not."""
-        wish = self.wish
-        if isinstance(wish, GoHome):
+        manoeuvre = self.manoeuvre
+        if isinstance(manoeuvre, GoHome):
             return None
-        if isinstance(wish, TakeMode | TakeOff):
-            return self._see_climb(seen)
-        place = wish if isinstance(wish, FlyThere) else self.before
+        if isinstance(manoeuvre, TakeMode | TakeOff):
+            return self._observe_climb(seen)
+        place = manoeuvre if isinstance(manoeuvre, FlyThere) else self.before
         left = 0.0 if place is None else between_m(seen, place)
         self.left_m = min(self.left_m, left)
         off = SAFETY.height_error_m
@@ -207,50 +207,50 @@ class Commanded:
             return "the drone does not fly to the commanded target"
         if not self.lowest_m - off <= seen.altitude_amsl_m <= self.highest_m + off:
             return OTHERS_HEIGHT
-        free = isinstance(wish, FlyThere) and (
+        free = isinstance(manoeuvre, FlyThere) and (
             left > stops_within_m(seen.speed_m_s) or seen.speed_m_s < SAFETY.leg_speed_m_s
         )
-        fault = self._see_yaw(seen)
-        self.progress.see(seen.time_s, *self._left(seen, turning_deg_s), free=free)
+        fault = self._observe_yaw(seen)
+        self.progress.observe(seen.time_s, *self._left(seen, turning_deg_s), free=free)
         return fault
 
-    def _see_yaw(self, seen: PositionSeen) -> str | None:
+    def _observe_yaw(self, seen: PositionReport) -> str | None:
         if self.yaw is None or seen.yaw_deg is None:
             return None
-        wish = self.wish
+        manoeuvre = self.manoeuvre
         made_s = self._made_s(seen)
-        if not isinstance(wish, FlyThere):
+        if not isinstance(manoeuvre, FlyThere):
             return self.yaw.fault(made_s, seen.yaw_deg)
-        bearing_deg, away_m = seen.way_to(wish)
+        bearing_deg, away_m = seen.way_to(manoeuvre)
         least_m_s = SAFETY.course_m_s if away_m > SAFETY.frozen_m else SAFETY.near_course_m_s
         follows = self.behaviour.follows_course and seen.speed_m_s > least_m_s
         course_deg = seen.course_deg if follows else None
         return self.yaw.fault(made_s, seen.yaw_deg, bearing_deg, away_m, course_deg)
 
-    def _see_climb(self, seen: PositionSeen) -> str | None:
+    def _observe_climb(self, seen: PositionReport) -> str | None:
         """Text if the drone does not climb straight up (`TakeMode`: stays down), or None."""
-        altitude, rises = seen.altitude_amsl_m, isinstance(self.wish, TakeOff)
+        altitude, rises = seen.altitude_amsl_m, isinstance(self.manoeuvre, TakeOff)
         done_m = SAFETY.takeoff_done_m
         self.top_m = max(self.top_m, altitude)
         self.obeyed |= rises and altitude > self.start.altitude_amsl_m + SAFETY.takeoff_rise_m
         if self.obeyed and rises:
             left = abs(self.highest_m - altitude)
-            part = Left(now=left, soon=left, least=SAFETY.higher_m, tolerance=done_m)
-            self.progress.see(seen.time_s, part)
+            part = Remaining(now=left, soon=left, least=SAFETY.higher_m, tolerance=done_m)
+            self.progress.observe(seen.time_s, part)
         off = SAFETY.height_error_m if rises else SAFETY.takeoff_rise_m
         if between_m(seen, self.start) > SAFETY.astray_m:
             return "the drone does not climb straight up"
         if not self.top_m - done_m <= altitude <= self.highest_m + off:
             return OTHERS_HEIGHT
-        return self._see_yaw(seen)
+        return self._observe_yaw(seen)
 
-    def _left(self, seen: PositionSeen, turning_deg_s: float) -> tuple[Left, ...]:
+    def _left(self, seen: PositionReport, turning_deg_s: float) -> tuple[Remaining, ...]:
         """Remaining distance, height and angle of a flight to a position, or of a turn."""
-        wish, yaw = self.wish, self.yaw
-        if not isinstance(wish, FlyThere):
+        manoeuvre, yaw = self.manoeuvre, self.yaw
+        if not isinstance(manoeuvre, FlyThere):
             return _left_of_turn(yaw)
-        bearing, left = seen.way_to(wish)
-        height = abs(seen.altitude_amsl_m - wish.altitude_amsl_m)
+        bearing, left = seen.way_to(manoeuvre)
+        height = abs(seen.altitude_amsl_m - manoeuvre.altitude_amsl_m)
         twice = 2.0 * SAFETY.braking_m_s2
         stops = [one * seen.speed_m_s / twice for one in seen.velocity_m_s[:2]]
         along = radians(bearing)
@@ -258,8 +258,10 @@ class Commanded:
         self.settled |= left <= self.behaviour.settles_m
         self.not_settled_yet = not self.settled and left <= SAFETY.arrived_m
         near = SAFETY.arrived_m if self.settled else self.behaviour.settles_m
-        place = Left(now=left, soon=soon, least=SAFETY.nearer_m, tolerance=near)
-        up = Left(now=height, soon=height, least=SAFETY.higher_m, tolerance=SAFETY.at_height_m)
+        place = Remaining(now=left, soon=soon, least=SAFETY.nearer_m, tolerance=near)
+        up = Remaining(
+            now=height, soon=height, least=SAFETY.higher_m, tolerance=SAFETY.at_height_m
+        )
         if seen.yaw_deg is None:
             return place, up
         ahead = bearing if left > SAFETY.frozen_m else nan
@@ -269,11 +271,11 @@ class Commanded:
 
 def _left_of_heading(
     yaw_deg: float, ahead_deg: float, asked_deg: float | None, turning_deg_s: float
-) -> Left:
+) -> Remaining:
     """Remaining angle to a commanded heading, or to the bearing `ahead_deg` (NaN: unknown)."""
     off = wrap_degrees_180((ahead_deg if asked_deg is None else asked_deg) - yaw_deg)
     stops_deg = turning_deg_s * abs(turning_deg_s) / (2.0 * SAFETY.turn_braking_deg_s2)
-    return Left(
+    return Remaining(
         now=abs(off),
         soon=abs(off - stops_deg),
         least=SAFETY.turned_deg,
@@ -282,10 +284,10 @@ def _left_of_heading(
     )
 
 
-def _left_of_turn(yaw: YawWatch | None) -> tuple[Left, ...]:
+def _left_of_turn(yaw: YawWatch | None) -> tuple[Remaining, ...]:
     """Remaining angle of a turn in place; empty if the heading is not reported."""
     if yaw is None or yaw.turn_deg is None:
         return ()
     left = abs(yaw.turn_deg) - yaw.turned_deg
     least = min(SAFETY.turned_deg, 1.5 * yaw.rate_deg_s)
-    return (Left(now=left, soon=left, least=least, tolerance=SAFETY.at_yaw_deg),)
+    return (Remaining(now=left, soon=left, least=least, tolerance=SAFETY.at_yaw_deg),)

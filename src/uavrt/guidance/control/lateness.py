@@ -3,11 +3,11 @@
 Queued on a slow link, the report of a pilot's takeover arrives seconds late.
 """
 
-from uavrt.guidance.control.observed import BootTimeSeen
+from uavrt.guidance.control.observed import BootTimeReport
 from uavrt.guidance.safety import SAFETY
 
 
-class Lateness:
+class ReportDelay:
     """Delay of reports by the autopilot's time, from TIMESYNC or the earliest message.
 
     Uses TIMESYNC if available. Otherwise the message with the smallest offset since the link
@@ -21,7 +21,7 @@ class Lateness:
         self.late_s = 0.0
         """Delay of the autopilot's last message on its way to this computer [s]."""
 
-    def see(self, seen: BootTimeSeen) -> None:
+    def observe(self, seen: BootTimeReport) -> None:
         """Update `late_s` by a message that contains the autopilot's time since its start."""
         self._boot_s = max(seen.boot_s, self._boot_s)
         offset_s = seen.time_s - seen.boot_s
@@ -33,7 +33,7 @@ class Lateness:
             self._least = seen.time_s, offset_s
         self.late_s = max(0.0, offset_s - expected_s if seen.late_s is None else seen.late_s)
 
-    def starts_again(self, seen: BootTimeSeen) -> bool:
+    def starts_again(self, seen: BootTimeReport) -> bool:
         """True if the autopilot has restarted since the previous messages."""
         return seen.boot_s + 1.0 < self._boot_s
 

@@ -10,7 +10,7 @@ from uavrt.core.units import wrap_degrees_180
 
 
 @dataclass(frozen=True, slots=True)
-class ModeSeen:
+class ModeReport:
     """Flight mode, from a HEARTBEAT or CURRENT_MODE."""
 
     time_s: float
@@ -23,7 +23,7 @@ class ModeSeen:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PositionSeen:
+class PositionReport:
     """Position and velocity, from GLOBAL_POSITION_INT."""
 
     time_s: float
@@ -64,7 +64,7 @@ class PositionLost:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TargetSeen:
+class TargetReport:
     """Present target of the autopilot: POSITION_TARGET_GLOBAL_INT."""
 
     time_s: float
@@ -80,7 +80,7 @@ class TargetSeen:
 
 
 @dataclass(frozen=True, slots=True)
-class SticksSeen:
+class SticksReport:
     """Channels of the remote control [µs]: RC_CHANNELS; empty without a signal."""
 
     time_s: float
@@ -91,7 +91,7 @@ class SticksSeen:
 
 
 @dataclass(frozen=True, slots=True)
-class HomeSeen:
+class HomeReport:
     """Home position, from HOME_POSITION."""
 
     time_s: float
@@ -101,7 +101,7 @@ class HomeSeen:
 
 
 @dataclass(frozen=True, slots=True)
-class LandedSeen:
+class LandedReport:
     """Landed state, from EXTENDED_SYS_STATE."""
 
     time_s: float
@@ -110,15 +110,15 @@ class LandedSeen:
 
 
 @dataclass(frozen=True, slots=True)
-class FailsafeSeen:
+class FailsafeReport:
     """Report that the autopilot has started a failsafe action."""
 
     time_s: float
-    what: Literal["fence", "battery", "position estimate", "critical state"]
+    cause: Literal["fence", "battery", "position estimate", "critical state"]
 
 
 @dataclass(frozen=True, slots=True)
-class BootTimeSeen:
+class BootTimeReport:
     """Autopilot's time since its start, from any message with a time stamp."""
 
     time_s: float
@@ -128,25 +128,25 @@ class BootTimeSeen:
 
 
 @dataclass(frozen=True, slots=True)
-class Boot:
+class AutopilotStarted:
     """Event: a new or restarted autopilot was found."""
 
     time_s: float
 
 
 Observation = (
-    ModeSeen
-    | PositionSeen
+    ModeReport
+    | PositionReport
     | PositionLost
-    | TargetSeen
-    | SticksSeen
-    | HomeSeen
-    | LandedSeen
-    | FailsafeSeen
-    | BootTimeSeen
-    | Boot
+    | TargetReport
+    | SticksReport
+    | HomeReport
+    | LandedReport
+    | FailsafeReport
+    | BootTimeReport
+    | AutopilotStarted
 )
-Located = PositionSeen | TargetSeen | HomeSeen | FlyThere
+Located = PositionReport | TargetReport | HomeReport | FlyThere
 
 
 def between_m(one: Located, other: Located) -> float:

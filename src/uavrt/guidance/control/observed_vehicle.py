@@ -4,19 +4,19 @@ from math import inf
 
 from uavrt.core.units import wrap_degrees_180
 from uavrt.guidance.autopilot_behaviour import Behaviour
-from uavrt.guidance.control.lateness import Lateness
+from uavrt.guidance.control.lateness import ReportDelay
 from uavrt.guidance.control.observed import (
-    Boot,
-    BootTimeSeen,
-    FailsafeSeen,
-    HomeSeen,
-    LandedSeen,
-    ModeSeen,
+    AutopilotStarted,
+    BootTimeReport,
+    FailsafeReport,
+    HomeReport,
+    LandedReport,
+    ModeReport,
     Observation,
     PositionLost,
-    PositionSeen,
-    SticksSeen,
-    TargetSeen,
+    PositionReport,
+    SticksReport,
+    TargetReport,
 )
 from uavrt.guidance.control.rc_watch import RcWatch
 from uavrt.guidance.safety import SAFETY
@@ -25,35 +25,35 @@ from uavrt.guidance.safety import SAFETY
 class ObservedVehicle:
     """Newest report of each kind from one vehicle."""
 
-    def __init__(self, behaviour: Behaviour, failsafe: FailsafeSeen | None = None) -> None:
+    def __init__(self, behaviour: Behaviour, failsafe: FailsafeReport | None = None) -> None:
         self.behaviour = behaviour
-        self.mode: ModeSeen | None = None
-        self.heartbeat: ModeSeen | None = None
+        self.mode: ModeReport | None = None
+        self.heartbeat: ModeReport | None = None
         """Newest report of the flight mode that includes the arming state."""
-        self.position: PositionSeen | None = None
-        self.target: TargetSeen | None = None
+        self.position: PositionReport | None = None
+        self.target: TargetReport | None = None
         self.turning_deg_s = self.target_turning_deg_s = 0.0
         """Last rates of change of the heading and of the reported target heading [°/s]."""
-        self._rest: PositionSeen | None = None
+        self._rest: PositionReport | None = None
         """First position report since which the heading stayed within `SAFETY.rest_deg`."""
-        self.landed: LandedSeen | None = None
-        self.sticks: SticksSeen | None = None
-        self.home: HomeSeen | None = None
+        self.landed: LandedReport | None = None
+        self.sticks: SticksReport | None = None
+        self.home: HomeReport | None = None
         self.failsafe = failsafe
         """Last reported failsafe; valid until too old, even if the autopilot restarts."""
-        self._lateness = Lateness()
+        self._lateness = ReportDelay()
 
-    def take(self, seen: Observation) -> bool:
+    def store(self, seen: Observation) -> bool:
         """Store a report; False if a newer report of the kind has arrived before."""
         match seen:
-            case PositionSeen():
+            case PositionReport():
                 if self.position is not None and seen.boot_s < self.position.boot_s:
                     return False
                 self.turning_deg_s = _turning(self.position, seen, self.turning_deg_s)
                 if self._rest is None or _apart_deg(self._rest, seen) > SAFETY.rest_deg:
                     self._rest = seen
                 self.position = seen
-            case TargetSeen():
+            case TargetReport():
                 if self.target is not None and seen.boot_s < self.target.boot_s:
                     return False
                 # Two reports are too uneven in time for the rate: 32°/s for 41°/s on PX4 1.17.
@@ -61,34 +61,34 @@ class ObservedVehicle:
                     self.target, seen, self.target_turning_deg_s
                 )
                 self.target = seen
-            case ModeSeen():
+            case ModeReport():
                 self.mode = seen
                 self.heartbeat = self.heartbeat if seen.armed is None else seen
                 if seen.failsafe:
-                    self.failsafe = FailsafeSeen(seen.time_s, "critical state")
-            case SticksSeen():
+                    self.failsafe = FailsafeReport(seen.time_s, "critical state")
+            case SticksReport():
                 self.sticks = seen
-            case HomeSeen():
+            case HomeReport():
                 self.home = seen
-            case LandedSeen():
+            case LandedReport():
                 self.landed = seen
-            case FailsafeSeen():
+            case FailsafeReport():
                 self.failsafe = seen
             case PositionLost():
                 self.position = None
-            case BootTimeSeen():
-                self._lateness.see(seen)
+            case BootTimeReport():
+                self._lateness.observe(seen)
         return True
 
     def restarted(self, seen: Observation) -> str | None:
         """Text if a report shows that the autopilot has restarted; None if it does not."""
-        if isinstance(seen, Boot):
+        if isinstance(seen, AutopilotStarted):
             return "another autopilot"
-        restarted = isinstance(seen, BootTimeSeen) and self._lateness.starts_again(seen)
+        restarted = isinstance(seen, BootTimeReport) and self._lateness.starts_again(seen)
         return "the autopilot has restarted" if restarted else None
 
     @property
-    def known(self) -> tuple[ModeSeen, PositionSeen, HomeSeen]:
+    def known(self) -> tuple[ModeReport, PositionReport, HomeReport]:
         """Mode, position and home of the vehicle; call it only if `fault` is None."""
         assert self.mode is not None
         assert self.position is not None
@@ -142,7 +142,7 @@ class ObservedVehicle:
         if climbs and not takeoff:
             return "the vehicle still takes off", "Ask again once it hovers"
         if self.failsafe is not None and now_s - self.failsafe.time_s <= SAFETY.mode_lost_s:
-            what = self.failsafe.what
+            what = self.failsafe.cause
             return f"the autopilot reports a failsafe: {what}", "Land, and find its cause"
         return None
 
@@ -183,18 +183,18 @@ class ObservedVehicle:
 def ended_by(seen: Observation) -> str | None:
     """Text if a report (failsafe, disarming, lost position) ends any order; else None."""
     match seen:
-        case FailsafeSeen():
-            return f"failsafe: {seen.what}"
+        case FailsafeReport():
+            return f"failsafe: {seen.cause}"
         case PositionLost():
             return "the position is lost"
-        case ModeSeen(armed=False):
+        case ModeReport(armed=False):
             return "the vehicle is disarmed"
-        case ModeSeen(failsafe=True):
+        case ModeReport(failsafe=True):
             return "the autopilot is in a failsafe"
     return None
 
 
-def _apart_deg(one: PositionSeen, other: PositionSeen) -> float:
+def _apart_deg(one: PositionReport, other: PositionReport) -> float:
     """Difference of the headings in two position reports [°]; 0 if one is not reported."""
     if one.yaw_deg is None or other.yaw_deg is None:
         return 0.0
@@ -202,7 +202,9 @@ def _apart_deg(one: PositionSeen, other: PositionSeen) -> float:
 
 
 def _turning(
-    before: PositionSeen | TargetSeen | None, seen: PositionSeen | TargetSeen, known: float
+    before: PositionReport | TargetReport | None,
+    seen: PositionReport | TargetReport,
+    known: float,
 ) -> float:
     """Rate of turn between two reports [°/s]; `known` if both have the same time."""
     gap_s = 0.0 if before is None else seen.boot_s - before.boot_s

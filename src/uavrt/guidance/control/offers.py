@@ -4,22 +4,22 @@ from dataclasses import dataclass
 
 from uavrt.core.errors import CommandRefused
 from uavrt.guidance.control.observed import (
-    HomeSeen,
-    ModeSeen,
+    HomeReport,
+    ModeReport,
     Observation,
-    PositionSeen,
-    SticksSeen,
-    TargetSeen,
+    PositionReport,
+    SticksReport,
+    TargetReport,
     between_m,
     same_place,
 )
 from uavrt.guidance.control.observed_vehicle import ObservedVehicle
 from uavrt.guidance.control.rc_watch import RcWatch
 from uavrt.guidance.control.stopping_distance import stops_within_m
-from uavrt.guidance.control.yaw import OTHERS_TURN, RestingYaw
+from uavrt.guidance.control.yaw import FOREIGN_TURN, RestingYaw
 from uavrt.guidance.safety import SAFETY
 
-WHEN_YOURS = "A pilot flies it; ask again once it is yours"
+PILOT_FLIES = "A pilot flies it; ask again once it is yours"
 
 
 @dataclass(slots=True, kw_only=True)
@@ -33,19 +33,19 @@ class Offer:
     mode: int
     rests: bool
     """True if the vehicle was in its command mode without an order when it was proposed."""
-    target: TargetSeen | None
+    target: TargetReport | None
     """Target reported by a vehicle at rest, or None; a change shows a station's command."""
-    place: PositionSeen
-    home: HomeSeen
+    place: PositionReport
+    home: HomeReport
     rc: RcWatch | None
     """Monitor of the remote control since the proposal; None without one."""
     yaw: RestingYaw | None
     target_yaw: RestingYaw | None
     """Monitors of a resting vehicle's heading and target heading; None: moving or unknown."""
 
-    def turned(self, seen: PositionSeen | TargetSeen) -> bool:
+    def turned(self, seen: PositionReport | TargetReport) -> bool:
         """True if another station or a pilot has turned the vehicle since the proposal."""
-        watch = self.yaw if isinstance(seen, PositionSeen) else self.target_yaw
+        watch = self.yaw if isinstance(seen, PositionReport) else self.target_yaw
         if watch is None or seen.yaw_deg is None:
             return False
         return watch.turned(seen.boot_s, seen.yaw_deg)
@@ -53,12 +53,12 @@ class Offer:
     def objection(self, seen: Observation, vehicle: ObservedVehicle) -> str | None:
         """Text if a report shows that a pilot flew the vehicle since the proposal, or None."""
         match seen:
-            case ModeSeen() if seen.mode != self.mode:  # also if it comes back
+            case ModeReport() if seen.mode != self.mode:  # also if it comes back
                 return f"the mode has changed to {vehicle.behaviour.mode_name(seen.mode)}"
-            case PositionSeen() | TargetSeen() if self.turned(seen):
-                return f"{OTHERS_TURN} since you were asked"
-            case SticksSeen() if self.rc is not None and seen.channels_us:
-                return self.rc.see(seen)
+            case PositionReport() | TargetReport() if self.turned(seen):
+                return f"{FOREIGN_TURN} since you were asked"
+            case SticksReport() if self.rc is not None and seen.channels_us:
+                return self.rc.observe(seen)
         return None
 
     def check(self, vehicle: ObservedVehicle) -> None:
@@ -71,7 +71,7 @@ class Offer:
             what = "a switch of the remote control was moved just now"
         else:
             return
-        raise CommandRefused(what, remedy=WHEN_YOURS)
+        raise CommandRefused(what, remedy=PILOT_FLIES)
 
 
 class Offers:
@@ -92,11 +92,11 @@ class Offers:
         self._used.add(offer.nonce)
         self._withdrawn, self._offer = None, offer
 
-    def take(self, order_id: int, nonce: int, now_s: float) -> Offer:
+    def confirmed(self, order_id: int, nonce: int, now_s: float) -> Offer:
         """Return the proposed order for confirmation; `CommandRefused` if not allowed."""
         offer, self._offer = self._offer, None
         if offer is None and self._withdrawn is not None and self._withdrawn[0] == nonce:
-            raise CommandRefused(self._withdrawn[1], remedy=WHEN_YOURS)
+            raise CommandRefused(self._withdrawn[1], remedy=PILOT_FLIES)
         if offer is None or (offer.order_id, offer.nonce) != (order_id, nonce):
             raise CommandRefused(
                 "this order is not the proposed one",
@@ -114,7 +114,7 @@ class Offers:
         """Withdraw the proposed order."""
         self._offer = None
 
-    def see(self, seen: Observation, vehicle: ObservedVehicle) -> None:
+    def observe(self, seen: Observation, vehicle: ObservedVehicle) -> None:
         """Withdraw the proposed order if a report shows that a pilot or other station acts."""
         offer = self._offer
         if offer is None:
@@ -122,12 +122,12 @@ class Offers:
         why = offer.objection(seen, vehicle)
         if why is not None:  # a confirmation of it is refused with the reason
             self._withdrawn, self._offer = (offer.nonce, why), None
-        elif isinstance(seen, HomeSeen) and between_m(seen, offer.home) > SAFETY.home_moved_m:
+        elif isinstance(seen, HomeReport) and between_m(seen, offer.home) > SAFETY.home_moved_m:
             self._offer = None
 
 
 def resting(
-    seen: PositionSeen | TargetSeen | None, now_s: float, turning: float, tolerance: float
+    seen: PositionReport | TargetReport | None, now_s: float, turning: float, tolerance: float
 ) -> RestingYaw | None:
     """Start a monitor of a resting vehicle's heading; None if no heading is reported."""
     if seen is None or seen.yaw_deg is None:
@@ -141,7 +141,7 @@ def resting(
     )
 
 
-def is_elsewhere(target: TargetSeen | None, place: PositionSeen | None) -> bool:
+def is_elsewhere(target: TargetReport | None, place: PositionReport | None) -> bool:
     """True if the first reported target is not where the vehicle holds its position.
 
     Then another station commands the vehicle. In Guided, ArduPilot reports no target before it

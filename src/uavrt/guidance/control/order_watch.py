@@ -7,24 +7,24 @@ previous order's target. After the first command, it must follow the command (`C
 from dataclasses import dataclass, field
 
 from uavrt.core.errors import CommandRefused
-from uavrt.core.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
+from uavrt.core.messages import FlyThere, GoHome, Manoeuvre, TakeMode, TakeOff, TurnInPlace
 from uavrt.core.units import wrap_degrees_180
 from uavrt.guidance.control.commanded import OTHERS_TARGET, Commanded
 from uavrt.guidance.control.observed import (
-    HomeSeen,
-    LandedSeen,
-    ModeSeen,
+    HomeReport,
+    LandedReport,
+    ModeReport,
     Observation,
-    PositionSeen,
-    SticksSeen,
-    TargetSeen,
+    PositionReport,
+    SticksReport,
+    TargetReport,
     between_m,
     same_place,
 )
 from uavrt.guidance.control.observed_vehicle import ObservedVehicle
 from uavrt.guidance.control.offers import Offer, is_elsewhere
 from uavrt.guidance.control.rc_watch import RcWatch
-from uavrt.guidance.control.yaw import OTHERS_TURN
+from uavrt.guidance.control.yaw import FOREIGN_TURN
 from uavrt.guidance.safety import SAFETY
 
 
@@ -32,11 +32,11 @@ from uavrt.guidance.safety import SAFETY
 class JumpWatch:
     """Detects jumps of position or altitude; a correction of home's altitude is allowed."""
 
-    before: PositionSeen
+    before: PositionReport
     jumped_m: float = 0.0
     """Sum of changes of altitude above sea level that the height over home did not show [m]."""
 
-    def see(self, seen: PositionSeen) -> str | None:
+    def observe(self, seen: PositionReport) -> str | None:
         """Text on a position or altitude that jumped since the last report; None without."""
         before, self.before = self.before, seen
         gap_s = max(0.0, seen.boot_s - before.boot_s)
@@ -63,10 +63,10 @@ class OrderWatch:
     confirmed_s: float
     planner_s: float
     """Time of the last heartbeat of the planning process [s, monotonic]."""
-    place: PositionSeen
-    home: HomeSeen
+    place: PositionReport
+    home: HomeReport
     """Home position when the order was confirmed."""
-    target: TargetSeen | None
+    target: TargetReport | None
     """Newest target reported before the first command; None without one."""
     rc: RcWatch | None
     """Monitor of the remote control since the confirmation; None without one."""
@@ -97,7 +97,7 @@ class OrderWatch:
     def nearest_m(self) -> float | None:
         """Shortest distance to the target reached on this leg [m]; None: no leg."""
         leg = self.leg
-        flies = leg is not None and isinstance(leg.wish, FlyThere)
+        flies = leg is not None and isinstance(leg.manoeuvre, FlyThere)
         return round(leg.left_m, 2) if leg is not None and flies else None
 
     def planner_alive(self, now_s: float) -> None:
@@ -105,14 +105,20 @@ class OrderWatch:
         self.planner_s = now_s
 
     def check(
-        self, wish: Wish, vehicle: ObservedVehicle, now_s: float, *, first: bool, stops: bool
+        self,
+        manoeuvre: Manoeuvre,
+        vehicle: ObservedVehicle,
+        now_s: float,
+        *,
+        first: bool,
+        stops: bool,
     ) -> None:
         """Raise `CommandRefused` if a request must not become a command now."""
         self._check_seen(vehicle, now_s)
         mode, _, _ = vehicle.known
-        if self.offer.takeoff != isinstance(wish, TakeMode | TakeOff):
+        if self.offer.takeoff != isinstance(manoeuvre, TakeMode | TakeOff):
             raise CommandRefused("another order was confirmed")
-        changes_mode = first or isinstance(wish, GoHome)
+        changes_mode = first or isinstance(manoeuvre, GoHome)
         if changes_mode and now_s - mode.time_s > SAFETY.mode_change_age_s:
             raise CommandRefused("the autopilot's mode was not reported just now")
         if not first and mode.mode != vehicle.behaviour.own_mode:
@@ -126,7 +132,7 @@ class OrderWatch:
             )
         if motion is not None and not stops:
             brakes = motion.not_settled_yet or motion.progress.brakes(now_s)
-            brakes &= not isinstance(wish, GoHome)
+            brakes &= not isinstance(manoeuvre, GoHome)
             if brakes or motion.progress.stopped(now_s, SAFETY.slow_progress_s):
                 raise CommandRefused("the drone is not approaching its target")
         if (
@@ -141,7 +147,7 @@ class OrderWatch:
             raise CommandRefused("the vehicle is in the air already")
         turns = motion is not None and _setpoint_turns(motion, vehicle)
         if (turns and not stops) or (
-            isinstance(wish, TurnInPlace) and not vehicle.heading_rests
+            isinstance(manoeuvre, TurnInPlace) and not vehicle.heading_rests
         ):
             raise CommandRefused("the drone is still moving or turning")
 
@@ -160,10 +166,12 @@ class OrderWatch:
         if self.rc.unsure:
             raise CommandRefused("an RC switch was moved just now")
 
-    def sent(self, wish: Wish, vehicle: ObservedVehicle, now_s: float, *, first: bool) -> None:
+    def sent(
+        self, manoeuvre: Manoeuvre, vehicle: ObservedVehicle, now_s: float, *, first: bool
+    ) -> None:
         """Record a sent command; from now on the vehicle must follow it."""
         self.motion = Commanded(
-            wish=wish,
+            manoeuvre=manoeuvre,
             behaviour=vehicle.behaviour,
             sent_s=now_s,
             first=first,
@@ -191,31 +199,31 @@ class OrderWatch:
             return f"the order was not begun within 10 s{late}"
         return None
 
-    def see(self, seen: Observation, vehicle: ObservedVehicle) -> str | None:
+    def observe(self, seen: Observation, vehicle: ObservedVehicle) -> str | None:
         """Text on a reported change that no command caused; None if there is none."""
         match seen:
-            case PositionSeen():
-                return self._see_position(seen, vehicle)
-            case ModeSeen():
-                return self._see_mode(seen, vehicle)
-            case TargetSeen():
-                return self._see_target(seen, vehicle)
-            case SticksSeen():
-                return self._see_sticks(seen)
-            case LandedSeen():
-                return self._see_landed(seen)
-            case HomeSeen() if between_m(seen, self.home) > SAFETY.home_moved_m:
+            case PositionReport():
+                return self._observe_position(seen, vehicle)
+            case ModeReport():
+                return self._observe_mode(seen, vehicle)
+            case TargetReport():
+                return self._observe_target(seen, vehicle)
+            case SticksReport():
+                return self._observe_sticks(seen)
+            case LandedReport():
+                return self._observe_landed(seen)
+            case HomeReport() if between_m(seen, self.home) > SAFETY.home_moved_m:
                 return "home was moved"  # compared so, it cannot creep away either
         return None
 
-    def _see_mode(self, seen: ModeSeen, vehicle: ObservedVehicle) -> str | None:
+    def _observe_mode(self, seen: ModeReport, vehicle: ObservedVehicle) -> str | None:
         behaviour, motion = vehicle.behaviour, self.motion
         others = f"the mode is {behaviour.mode_name(seen.mode)}"
         if motion is None:
             return None if seen.mode == self.offer.mode else others
-        if isinstance(motion.wish, GoHome) and seen.mode in behaviour.return_modes:
+        if isinstance(motion.manoeuvre, GoHome) and seen.mode in behaviour.return_modes:
             return "returning: the autopilot flies home"
-        if isinstance(motion.wish, TakeOff) and not behaviour.own_mode_first:
+        if isinstance(motion.manoeuvre, TakeOff) and not behaviour.own_mode_first:
             if seen.mode == behaviour.takeoff_mode:
                 self.own_mode_seen = True
                 return None
@@ -229,14 +237,14 @@ class OrderWatch:
         before = not self.own_mode_seen and seen.mode == self.offer.mode
         return None if before and waits else others
 
-    def _see_target(self, seen: TargetSeen, vehicle: ObservedVehicle) -> str | None:
+    def _observe_target(self, seen: TargetReport, vehicle: ObservedVehicle) -> str | None:
         before, self.target = self.target, seen
         if self._turned(seen):
-            return OTHERS_TURN
+            return FOREIGN_TURN
         watched = seen, vehicle.position, vehicle.target_turning_deg_s
         if self.motion is not None:
-            return self.motion.see_target(*watched)
-        fault = None if self.flown is None else self.flown.see_target_yaw(*watched)
+            return self.motion.observe_target(*watched)
+        fault = None if self.flown is None else self.flown.observe_target_yaw(*watched)
         # A vehicle in another mode follows the sticks with its target, or a mission.
         if fault is not None or self.offer.mode != vehicle.behaviour.own_mode:
             return fault
@@ -245,26 +253,26 @@ class OrderWatch:
         others = changed or (before is None and is_elsewhere(seen, self.place))
         return OTHERS_TARGET if others else None
 
-    def _see_position(self, seen: PositionSeen, vehicle: ObservedVehicle) -> str | None:
+    def _observe_position(self, seen: PositionReport, vehicle: ObservedVehicle) -> str | None:
         if self._turned(seen):
-            return OTHERS_TURN
-        jump, leg = self.jumps.see(seen), self.leg
+            return FOREIGN_TURN
+        jump, leg = self.jumps.observe(seen), self.leg
         if jump is not None or leg is None:
             return jump
-        return leg.see_position(seen, vehicle.turning_deg_s)
+        return leg.observe_position(seen, vehicle.turning_deg_s)
 
-    def _turned(self, seen: PositionSeen | TargetSeen) -> bool:
+    def _turned(self, seen: PositionReport | TargetReport) -> bool:
         """True if a pilot or station turns a resting vehicle before the first command."""
         return self.motion is None and self.offer.rests and self.offer.turned(seen)
 
-    def _see_landed(self, seen: LandedSeen) -> str | None:
+    def _observe_landed(self, seen: LandedReport) -> str | None:
         motion, takes_off = self.motion, self.offer.takeoff
         if takes_off and motion is None:
-            return self._see_in_air(seen)
-        rises = motion is not None and isinstance(motion.wish, TakeOff) and motion.obeyed
+            return self._observe_in_air(seen)
+        rises = motion is not None and isinstance(motion.manoeuvre, TakeOff) and motion.obeyed
         return "the vehicle has landed" if seen.on_ground and (rises or not takes_off) else None
 
-    def _see_in_air(self, seen: LandedSeen) -> str | None:
+    def _observe_in_air(self, seen: LandedReport) -> str | None:
         """Text if a vehicle flies before its take-off command; None if not.
 
         PX4 1.17 reports flight for about a second after arming on the ground. Until it reports
@@ -280,12 +288,12 @@ class OrderWatch:
         flies = lasts or rose_m > SAFETY.takeoff_rise_m
         return "the vehicle is in the air already" if flies else None
 
-    def _see_sticks(self, seen: SticksSeen) -> str | None:
+    def _observe_sticks(self, seen: SticksReport) -> str | None:
         if self.rc is None:
             return "a remote control was switched on" if seen.channels_us else None
         if not seen.channels_us:
             return "the RC sticks are no longer reported"
-        return self.rc.see(seen)
+        return self.rc.observe(seen)
 
 
 def _setpoint_turns(motion: Commanded, vehicle: ObservedVehicle) -> bool:
@@ -303,6 +311,6 @@ def _setpoint_turns(motion: Commanded, vehicle: ObservedVehicle) -> bool:
     if wanted_deg is not None:
         there = abs(wrap_degrees_180(wanted_deg - seen.yaw_deg)) <= SAFETY.turn_done_deg
     else:
-        wish = motion.wish
-        there = isinstance(wish, FlyThere) and seen.way_to(wish)[1] < SAFETY.frozen_m
+        manoeuvre = motion.manoeuvre
+        there = isinstance(manoeuvre, FlyThere) and seen.way_to(manoeuvre)[1] < SAFETY.frozen_m
     return there and abs(target.yaw_rate_deg_s) > SAFETY.setpoint_rests_deg_s

@@ -4,7 +4,7 @@ A moved stick means that a pilot flies. The same holds for any switch: PX4's mod
 Hold during a command in Hold changes neither mode nor target.
 """
 
-from uavrt.guidance.control.observed import SticksSeen
+from uavrt.guidance.control.observed import SticksReport
 from uavrt.guidance.safety import SAFETY
 
 
@@ -16,7 +16,7 @@ class RcWatch:
     without a control, such as one that carries the RSSI.
     """
 
-    def __init__(self, then: SticksSeen, unwatched: frozenset[int]) -> None:
+    def __init__(self, then: SticksReport, unwatched: frozenset[int]) -> None:
         self._then, self._unwatched = then, unwatched
         self._off_since_s: dict[int, float] = {}
 
@@ -25,7 +25,7 @@ class RcWatch:
         """True if a switch has moved in one message only."""
         return bool(self._off_since_s)
 
-    def see(self, seen: SticksSeen) -> str | None:
+    def observe(self, seen: SticksReport) -> str | None:
         """Compare a report with the first one; text on a moved stick or switch, or None."""
         off = self._elsewhere(seen.switches_us)
         again = [number for number in off if number in self._off_since_s]

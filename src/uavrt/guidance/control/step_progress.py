@@ -12,7 +12,7 @@ from uavrt.guidance.safety import SAFETY
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Left:
+class Remaining:
     """Remaining distance [m] or angle [°] of a motion."""
 
     now: float
@@ -30,7 +30,7 @@ class Left:
 @dataclass(frozen=True, slots=True)
 class _Sample:
     time_s: float
-    parts: tuple[Left, ...]
+    parts: tuple[Remaining, ...]
     free: bool
 
 
@@ -40,7 +40,7 @@ class Progress:
     def __init__(self) -> None:
         self._samples: deque[_Sample] = deque()
 
-    def see(self, time_s: float, *parts: Left, free: bool = False) -> None:
+    def observe(self, time_s: float, *parts: Remaining, free: bool = False) -> None:
         """Add the present remaining values, in the same order at each call.
 
         `free`: True if the drone has no reason to brake before the first value has decreased.

@@ -5,10 +5,10 @@ from math import isfinite, nan, radians
 from typing import Literal
 
 from uavrt.core.errors import CommandRefused
-from uavrt.core.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
+from uavrt.core.messages import FlyThere, GoHome, Manoeuvre, TakeMode, TakeOff, TurnInPlace
 from uavrt.core.units import wrap_degrees_360
 from uavrt.guidance.autopilot_behaviour import Behaviour
-from uavrt.guidance.control.observed import HomeSeen, between_m
+from uavrt.guidance.control.observed import HomeReport, between_m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,24 +41,27 @@ class CommandWriter:
     """Upper limit of commanded distances from home [m]."""
 
     def command(
-        self, wish: Wish, *, first: bool, datum_m: float, home: HomeSeen | None
+        self, manoeuvre: Manoeuvre, *, first: bool, datum_m: float, home: HomeReport | None
     ) -> VehicleCommand:
         """Make a motion's command, with heights above `datum_m`; raises `CommandRefused`."""
-        match wish:
+        match manoeuvre:
             case FlyThere():
-                return self._fly_there(wish, first, wish.altitude_amsl_m - datum_m, home)
+                return self._fly_there(
+                    manoeuvre, first, manoeuvre.altitude_amsl_m - datum_m, home
+                )
             case TurnInPlace():
                 if first or self.behaviour.yaw_in_reposition:
                     raise CommandRefused("this autopilot does not support this kind of turn")
-                if not 0.0 < abs(wish.turn_deg) <= 360.0 or not wish.rate_deg_s > 0.0:
+                if not 0.0 < abs(manoeuvre.turn_deg) <= 360.0 or not manoeuvre.rate_deg_s > 0.0:
                     raise CommandRefused(
-                        f"the drone cannot turn {wish.turn_deg:g}° at {wish.rate_deg_s:g}°/s"
+                        f"the drone cannot turn {manoeuvre.turn_deg:g}° at "
+                        f"{manoeuvre.rate_deg_s:g}°/s"
                     )
                 return VehicleCommand(
                     name="CONDITION_YAW",
-                    param1=abs(wish.turn_deg),
-                    param2=wish.rate_deg_s,
-                    param3=1.0 if wish.turn_deg > 0.0 else -1.0,
+                    param1=abs(manoeuvre.turn_deg),
+                    param2=manoeuvre.rate_deg_s,
+                    param3=1.0 if manoeuvre.turn_deg > 0.0 else -1.0,
                     param4=1.0,
                 )
             case GoHome():
@@ -72,53 +75,53 @@ class CommandWriter:
                     name="DO_SET_MODE", param1=1.0, param2=float(self.behaviour.own_mode)
                 )
             case TakeOff():
-                return self._take_off(wish, first, wish.altitude_amsl_m - datum_m)
+                return self._take_off(manoeuvre, first, manoeuvre.altitude_amsl_m - datum_m)
 
     def _fly_there(
-        self, wish: FlyThere, first: bool, above_m: float, home: HomeSeen | None
+        self, manoeuvre: FlyThere, first: bool, above_m: float, home: HomeReport | None
     ) -> VehicleCommand:
-        on_globe = abs(wish.latitude_deg) <= 90.0 and abs(wish.longitude_deg) <= 180.0
-        if not (on_globe and isfinite(wish.altitude_amsl_m)):
+        on_globe = abs(manoeuvre.latitude_deg) <= 90.0 and abs(manoeuvre.longitude_deg) <= 180.0
+        if not (on_globe and isfinite(manoeuvre.altitude_amsl_m)):
             raise CommandRefused(
-                f"latitude {wish.latitude_deg}°, longitude {wish.longitude_deg}°, "
-                f"{wish.altitude_amsl_m} m is not a position on earth"
+                f"latitude {manoeuvre.latitude_deg}°, longitude {manoeuvre.longitude_deg}°, "
+                f"{manoeuvre.altitude_amsl_m} m is not a position on earth"
             )
         self._check_height(above_m)
-        if home is None or self.farthest_m < between_m(wish, home):
+        if home is None or self.farthest_m < between_m(manoeuvre, home):
             raise CommandRefused(
                 f"the target is farther than {self.farthest_m:.0f} m from home"
             )
         yaw = nan
-        if wish.yaw_deg is not None and self.behaviour.yaw_in_reposition:
-            yaw = radians(wrap_degrees_360(wish.yaw_deg))
+        if manoeuvre.yaw_deg is not None and self.behaviour.yaw_in_reposition:
+            yaw = radians(wrap_degrees_360(manoeuvre.yaw_deg))
         return VehicleCommand(
             name="DO_REPOSITION",
             param1=-1.0,
             param2=1.0 if first else 0.0,
             param4=yaw,
-            x=round(wish.latitude_deg * 1e7),
-            y=round(wish.longitude_deg * 1e7),
-            z_m=wish.altitude_amsl_m,
+            x=round(manoeuvre.latitude_deg * 1e7),
+            y=round(manoeuvre.longitude_deg * 1e7),
+            z_m=manoeuvre.altitude_amsl_m,
         )
 
-    def _take_off(self, wish: TakeOff, first: bool, above_m: float) -> VehicleCommand:
+    def _take_off(self, manoeuvre: TakeOff, first: bool, above_m: float) -> VehicleCommand:
         """Make the take-off command: PX4 takes an altitude, ArduPilot a height above home."""
         if first == self.behaviour.own_mode_first:
             raise CommandRefused("the autopilot is not in its take-off mode")
         self._check_height(above_m)
-        if not abs(above_m - wish.height_m) <= 1.0:
+        if not abs(above_m - manoeuvre.height_m) <= 1.0:
             raise CommandRefused(
-                f"the take-off has two heights: {above_m:.0f} m and {wish.height_m:.0f} m"
+                f"the take-off has two heights: {above_m:.0f} m and {manoeuvre.height_m:.0f} m"
             )
         if self.behaviour.own_mode_first:
-            return VehicleCommand(name="NAV_TAKEOFF", z_m=wish.height_m)
+            return VehicleCommand(name="NAV_TAKEOFF", z_m=manoeuvre.height_m)
         return VehicleCommand(
             name="NAV_TAKEOFF",
             param1=-1.0,
             param4=nan,
             param5=nan,
             param6=nan,
-            z_m=wish.altitude_amsl_m,
+            z_m=manoeuvre.altitude_amsl_m,
         )
 
     def _check_height(self, above_m: float) -> None:

@@ -7,7 +7,7 @@ from math import atan, copysign, degrees
 from uavrt.core.units import wrap_degrees_180
 from uavrt.guidance.safety import SAFETY
 
-OTHERS_TURN = "another turns the drone"
+FOREIGN_TURN = "another turns the drone"
 
 
 @dataclass(slots=True, kw_only=True)
@@ -38,7 +38,7 @@ class YawWatch:
     _first_deg: float = 0.0
     _best_deg: float = 0.0
     _near: bool = False
-    _looks_since_s: float | None = None
+    _aligned_since_s: float | None = None
     _aligned: bool = False
     """True once the heading was close to its expected value for `SAFETY.aligned_s`."""
     _moved_s: float = 0.0
@@ -116,8 +116,8 @@ class YawWatch:
         follows = self._follows_course(time_s, yaw_deg, course_deg)
         stands = time_s - self._moved_s > SAFETY.stopped_s
         if self.exact and self._turns and not there and stands and not self._turns_on:
-            return OTHERS_TURN  # a setpoint that began to turn continues to its aim
-        return OTHERS_TURN if off > most and not follows else None
+            return FOREIGN_TURN  # a setpoint that began to turn continues to its aim
+        return FOREIGN_TURN if off > most and not follows else None
 
     @property
     def turns_on_s(self) -> float:
@@ -155,11 +155,11 @@ class YawWatch:
         if self.exact or self._near or self._aligned:
             return
         if off_deg > SAFETY.turn_done_deg:
-            self._looks_since_s = None
-        elif self._looks_since_s is None:
-            self._looks_since_s = time_s
+            self._aligned_since_s = None
+        elif self._aligned_since_s is None:
+            self._aligned_since_s = time_s
         else:
-            self._aligned = time_s - self._looks_since_s >= SAFETY.aligned_s
+            self._aligned = time_s - self._aligned_since_s >= SAFETY.aligned_s
 
     def _pass_aim(self, time_s: float, side_deg: float, step_deg: float) -> None:
         """Allow a setpoint that turns past its moving aim the angle that it needs to stop.
@@ -247,7 +247,7 @@ class YawWatch:
         passed = self.rate_deg_s * (time_s - self.start_s)
         soonest = min(abs(self.turn_deg), passed) + self.tolerance_deg
         least = self._best_deg - self.tolerance_deg
-        return None if least <= self.turned_deg <= soonest else OTHERS_TURN
+        return None if least <= self.turned_deg <= soonest else FOREIGN_TURN
 
 
 @dataclass(slots=True)

@@ -133,9 +133,7 @@ def _check_keep_out(order: Order, places: Sequence[Place]) -> None:
     )
     reason = area.entered_area(np.asarray(east), np.asarray(north))
     if reason is not None:
-        raise PlanError(
-            f"the path {reason}", remedy="Draw the area next to it, or in two parts"
-        )
+        raise PlanError(reason, remedy="Draw the area next to it, or in two parts")
 
 
 def _check_with_home(

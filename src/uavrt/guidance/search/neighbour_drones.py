@@ -35,7 +35,7 @@ def _corners(one: Neighbour, plane: TangentPlane) -> list[_Metres]:
     course = one.course
     if course is None:
         return []
-    places = [course.place, course.goal, *course.asked_way]
+    places = [course.place, course.goal, *course.requested_leg]
     return [_local(plane, place) for place in places]
 
 

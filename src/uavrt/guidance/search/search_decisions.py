@@ -56,12 +56,12 @@ class SearchDecisions:
         if belief is None or tag.tag_id in self._search.found:
             return None
         east, north = self._task.local_m(*tag.place)
-        box, wish = belief.prior.area, self._task.order.wish_m
+        box, accuracy_m = belief.prior.area, self._task.order.wish_m
         inside = (
-            box.west_m - wish <= east <= box.east_m + wish
-            and box.south_m - wish <= north <= box.north_m + wish
+            box.west_m - accuracy_m <= east <= box.east_m + accuracy_m
+            and box.south_m - accuracy_m <= north <= box.north_m + accuracy_m
         )
-        if not inside or tag.radius95_m > wish + ROUNDED_M:
+        if not inside or tag.radius95_m > accuracy_m + ROUNDED_M:
             return None
         return Found(
             time_s=time_s,
@@ -105,7 +105,7 @@ class SearchDecisions:
         if reason is None:
             return decision
         return Decision(
-            action=Hold(duration_s=SEARCH_RULES.cycle_s), reason=f"{decision.action} {reason}"
+            action=Hold(duration_s=SEARCH_RULES.cycle_s), reason=f"holding: {reason}"
         )
 
     def _entered(self, action: Action, state: VehicleState, now: VehicleNow) -> str | None:
@@ -142,7 +142,7 @@ def _meets(action: Action, state: VehicleState, drones: OtherDrones) -> str | No
     near = nearest_m(drones, [(state.east_m, state.north_m), goal])
     if near >= SEPARATION.distance_m:
         return None
-    return f"comes within {near:.0f} m of another drone's path"
+    return f"the path comes within {near:.0f} m of another drone's path"
 
 
 def goal_of(action: Action) -> tuple[float, float] | None:

@@ -26,7 +26,7 @@ from uavrt.planning.planners.mi_rate import MiRate
 from uavrt.planning.planners.registry import planner_named
 from uavrt.planning.search import Search
 from uavrt.planning.situation import Planner, SearchSettings
-from uavrt.planning.stopping import HonestStop
+from uavrt.planning.stopping import AccuracyStop
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,7 +82,7 @@ class SearchTask:
             SearchSettings(
                 vehicle=multirotor_of(limits),
                 area=area,
-                stop=HonestStop(radius95_m=order.wish_m),
+                stop=AccuracyStop(radius95_m=order.wish_m),
                 keep_away=KeepAway(
                     radius_m=away,
                     probability=SEARCH_RULES.kept_away,

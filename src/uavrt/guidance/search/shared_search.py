@@ -13,22 +13,22 @@ from uavrt.core.errors import PlanError
 from uavrt.core.messages import Course, Neighbour
 from uavrt.guidance.height_frames import target_amsl_m
 from uavrt.guidance.operator_orders import Place, VehicleNow
-from uavrt.guidance.pilot import stopping_place
+from uavrt.guidance.order_execution import stopping_place
 from uavrt.guidance.safety import SAFETY
 from uavrt.guidance.search.neighbour_drones import SEPARATION, nearest_m, paths_of
 from uavrt.planning.drone_model.other_drones import OtherDrones
 
 if TYPE_CHECKING:
-    from uavrt.guidance.search.seeker import Choice
+    from uavrt.guidance.search.search_run import Choice
 
 _ROUND = 0x10000
 _Tag = TypeVar("_Tag")
 
 
 @dataclass(frozen=True, slots=True)
-class _Asked:
+class _RequestedLeg:
     number: int
-    way: tuple[Place, Place]
+    leg: tuple[Place, Place]
     given: tuple[tuple[int, int], ...]
     asked_s: float
 
@@ -40,7 +40,7 @@ class SharedSearch:
         self._sequence = self._number = sequence % _ROUND
         self._reported_s: float | None = None
         self._others: dict[int, tuple[Neighbour, float]] = {}
-        self._asked: _Asked | None = None
+        self._asked: _RequestedLeg | None = None
         self._granted: bool | None = None
         self._given: dict[int, int] = {}
         """Versions of the other drones' paths that the decision in progress uses."""
@@ -51,7 +51,7 @@ class SharedSearch:
         """Position to which the drone flies at present; None: it stays."""
         self._returning = False
 
-    def take(self, report: Neighbour, now_s: float) -> None:
+    def receive(self, report: Neighbour, now_s: float) -> None:
         """Store the ground station's report of another drone, with its answer to a request."""
         self._reported_s = now_s
         asked = self._asked
@@ -133,15 +133,15 @@ class SharedSearch:
 
         A path already assigned needs no request. Nor does the return: drones differ in height.
         """
-        assert choice.way is not None
-        begin, end = choice.way
+        assert choice.leg is not None
+        begin, end = choice.leg
         self._choice = choice
         if begin == end or choice.returning or not self.has_others(now.time_s):
             self.go(now.home if choice.returning else end, returning=choice.returning)
             return True
         self._number = self._number % (_ROUND - 1) + 1
         given = tuple(self._given.items())
-        self._asked = _Asked(self._number, (begin, end), given, now.time_s)
+        self._asked = _RequestedLeg(self._number, (begin, end), given, now.time_s)
         self._granted = None
         return False
 
@@ -153,9 +153,9 @@ class SharedSearch:
         if self._granted is None and now.time_s - asked.asked_s < SAFETY.answer_s:
             return None
         self._asked = None
-        if not (self._granted and self._clear(now, asked.way[1])):
+        if not (self._granted and self._clear(now, asked.leg[1])):
             return choice, False
-        self._flown, self._goal, self._returning = asked.number, asked.way[1], False
+        self._flown, self._goal, self._returning = asked.number, asked.leg[1], False
         return choice, True
 
     def _clear(self, now: VehicleNow, end: Place) -> bool:
@@ -190,7 +190,7 @@ class SharedSearch:
             returning=self._returning,
             flown=self._flown,
             asked=0 if asked is None else asked.number,
-            asked_way=() if asked is None else asked.way,
+            requested_leg=() if asked is None else asked.leg,
             given=() if asked is None else asked.given,
             held=() if choice is None else _turned(choice.held, self._sequence),
             found=() if choice is None else _turned(choice.found, self._sequence),

@@ -168,7 +168,7 @@ class Component:
             self._send(request)
         fast = self._requests_sent < TIMESYNC_FAST_COUNT
         if now_ns - self._timesync_ns >= (TIMESYNC_FAST_NS if fast else TIMESYNC_SLOW_NS):
-            self._ask_time(autopilot, now_ns)
+            self._request_time(autopilot, now_ns)
 
     def receive(self, frame: Frame, now_ns: int, link: int = 0) -> None:
         """Handle a frame that arrived at `now_ns` by link number `link`."""
@@ -181,7 +181,7 @@ class Component:
             return
         peer = Peer(frame.system_id, frame.component_id, link)
         if isinstance(message, dialect.Timesync) and message.tc1 != 0:
-            self._take_time(message, peer, now_ns)
+            self._handle_time(message, peer, now_ns)
             return
         if not self._is_for_us(message):
             self.counters["for_others"] += 1
@@ -356,7 +356,7 @@ class Component:
         else:
             self.counters["tunnels_of_others"] += 1
 
-    def _ask_time(self, autopilot: Peer, now_ns: int) -> None:
+    def _request_time(self, autopilot: Peer, now_ns: int) -> None:
         self._timesync_ns = now_ns
         if self._requests_sent == 0:
             self._first_asked_ns = now_ns
@@ -364,7 +364,7 @@ class Component:
         self._requests[now_ns] = None
         self._send(dialect.Timesync(ts1=now_ns, **autopilot.address))
 
-    def _take_time(self, message: dialect.Timesync, peer: Peer, now_ns: int) -> None:
+    def _handle_time(self, message: dialect.Timesync, peer: Peer, now_ns: int) -> None:
         """Handle the autopilot's answer to a time request; `ts1` identifies the request.
 
         The answer's target is unusable: PX4 1.17 leaves it uninitialised.

@@ -70,7 +70,7 @@ class Gateway:
             "ros2_pulses_taken": self._pulses_taken,
         }
 
-    def take(self, record: Any) -> None:
+    def receive(self, record: Any) -> None:
         """Publish a record of the drone on ROS 2."""
         match record:
             case Pulse():
@@ -122,7 +122,7 @@ class Gateway:
             return
         try:
             if isinstance(message, RosPulse):
-                self._take_pulse(message)
+                self._receive_pulse(message)
             else:
                 self._commands.receive(arrival, message)
         except (FormatError, ConfigError) as error:
@@ -159,7 +159,7 @@ class Gateway:
             f"{BYTES_OF_ONE} bytes counted as one"
         )
 
-    def _take_pulse(self, message: RosPulse) -> None:
+    def _receive_pulse(self, message: RosPulse) -> None:
         """Pass on a pulse from another computer's detector, if the settings enable this."""
         if message.frequency == 0.0:
             return

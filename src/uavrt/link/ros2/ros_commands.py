@@ -29,7 +29,7 @@ from uavrt.link.ros2.types.ros_messages import (
 from uavrt.link.ros2.upload import Upload
 
 TAG_TOPICS = ("store_tag_information", "store_coded_tag_information")
-ASKED_KEPT = 1000
+MOST_PENDING_COMMANDS = 1000
 """Largest number of sent commands remembered until the supervisor replies."""
 
 
@@ -49,7 +49,7 @@ class RosCommands:
         # Unlike any number before a restart of this process: the supervisor answers a number
         # it has seen before with the old reply.
         self._request_id = now_ns() // 1_000_000
-        self._asked: Newest[int, Command] = Newest(ASKED_KEPT)
+        self._asked: Newest[int, Command] = Newest(MOST_PENDING_COMMANDS)
         self._begun = False
         """True once this gateway has begun a tag upload with the supervisor."""
         self._upload = Upload()
@@ -57,7 +57,7 @@ class RosCommands:
         self._parameters = ParameterServices(
             lambda: drone.settings,
             lambda: drone.running,
-            ask=self._ask_parameter,
+            ask=self._request_parameter,
             reply=bus.reply,
         )
         # Each request may set many, and every command is recorded: none may fill the disk.
@@ -81,7 +81,7 @@ class RosCommands:
             case _ if arrival.sender == UNKNOWN:
                 self._log.refuse(f"{topic}: its sender is not known to DDS")
             case RosTag() | RosCodedTag():
-                self._take_tag(message, arrival)
+                self._receive_tag(message, arrival)
             case Flag():
                 if message.data:
                     self._begun = False
@@ -91,7 +91,7 @@ class RosCommands:
                 "control_start_subprocess",
                 "control_stop_subprocess",
             ):
-                self._take_order(topic, message)
+                self._receive_order(topic, message)
             case DiagnosticArray():
                 self._refuse_part(topic, message)
 
@@ -127,7 +127,7 @@ class RosCommands:
         dropped = self._bus.inbox.dropped
         return sum(dropped.get(name, 0) for name in TAG_TOPICS)
 
-    def _take_tag(self, message: RosTag | RosCodedTag, arrival: Arrival) -> None:
+    def _receive_tag(self, message: RosTag | RosCodedTag, arrival: Arrival) -> None:
         """Send a tag; the first also begins an upload, as the original has no such message."""
         tag_id = message.tag_id if isinstance(message, RosTag) else message.tag.tag_id
         if self._upload.is_late(arrival.sender, arrival.sent_ns):
@@ -141,7 +141,7 @@ class RosCommands:
         self._begun = True
         self._ask("add_tag", tag=tag)
 
-    def _take_order(self, topic: str, order: DiagnosticArray) -> None:
+    def _receive_order(self, topic: str, order: DiagnosticArray) -> None:
         expected = "start" if topic == "control_start_subprocess" else "stop"
         if not order.status or order.status[0].message != expected:
             raise FormatError(f"{topic}: the first status must have the message '{expected}'")
@@ -179,7 +179,7 @@ class RosCommands:
         )
         self._log.refuse(f"{topic}: {reason}", node=COMPONENTS.get(component, AIRSPY))
 
-    def _ask_parameter(self, name: str, value: float) -> int | None:
+    def _request_parameter(self, name: str, value: float) -> int | None:
         """Request a parameter change from the supervisor; None if too many are pending."""
         if not self._parameters_allowed.take(self._now_ns()):
             self._log.refuse("set_parameter: commands come too fast")

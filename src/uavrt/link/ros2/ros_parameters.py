@@ -74,21 +74,21 @@ class ParameterServices:
 
     def receive(self, request: ServiceMessage, refusal: str | None = None) -> None:
         """Handle a request; `refusal`: reason why its sender may not set parameters."""
-        asker = {"guid": request.guid, "sequence": request.sequence}
+        requester = {"guid": request.guid, "sequence": request.sequence}
         match request:
             case ListRequest():
                 names = tuple(n for n in OFFERED if _below(n, request.prefixes))
                 result = ListParametersResult(names=names)
-                self._reply(ListReply(**asker, result=result))
+                self._reply(ListReply(**requester, result=result))
             case GetRequest():
                 values = tuple(map(self._value, request.names))
-                self._reply(GetReply(**asker, values=values))
+                self._reply(GetReply(**requester, values=values))
             case TypesRequest():
                 types = tuple(self._value(name).type for name in request.names)
-                self._reply(TypesReply(**asker, types=types))
+                self._reply(TypesReply(**requester, types=types))
             case DescribeRequest():
                 found = tuple(map(_description, request.names))
-                self._reply(DescribeReply(**asker, descriptors=found))
+                self._reply(DescribeReply(**requester, descriptors=found))
             case SetRequest() | SetTogetherRequest():
                 self._begin(request, refusal)
 
@@ -145,12 +145,14 @@ class ParameterServices:
 
     def _finish(self, setting: _Setting) -> None:
         request, results = setting.request, setting.results
-        asker = {"guid": request.guid, "sequence": request.sequence}
+        requester = {"guid": request.guid, "sequence": request.sequence}
         if isinstance(request, SetRequest):
-            self._reply(SetReply(**asker, results=tuple(results[: len(request.parameters)])))
+            self._reply(
+                SetReply(**requester, results=tuple(results[: len(request.parameters)]))
+            )
             return
         bad = next((result for result in results if not result.successful), DONE)
-        self._reply(SetTogetherReply(**asker, result=bad))
+        self._reply(SetTogetherReply(**requester, result=bad))
 
     def _value(self, name: str) -> ParameterValue:
         """Value in force of a parameter; its type is 0 if the parameter does not exist."""

@@ -55,19 +55,19 @@ class Answer:
     """A payload for the ground station that sent a request."""
 
     payload: bytes
-    asker: Ids
+    requester: Ids
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _PendingCommand:
     """A request that waits for the supervisor's reply: sender, command and generation."""
 
-    asker: Ids
+    requester: Ids
     number: int
     generation: Generation
     request_id: int = 0
     tag_index: int | None = None
-    spoken: Generation | None = None
+    sender_generation: Generation | None = None
     """Protocol generation of the sender's messages; None if they do not show it."""
     upload: TagUpload | None = None
     """Tag upload that the request opens if it is accepted; None: it opens none."""
@@ -112,7 +112,7 @@ class Operations:
             step_count=operation.step_count,
             message=operation.message,
         )
-        return Answer(step.encode(), question.asker)
+        return Answer(step.encode(), question.requester)
 
 
 class Exchange:
@@ -155,25 +155,25 @@ class Exchange:
         """Protocol generation of the pulse messages sent."""
         return self._fixed or self._heard
 
-    def refuse(self, payload: bytes, reason: str, asker: Ids) -> Answer | None:
+    def refuse(self, payload: bytes, reason: str, requester: Ids) -> Answer | None:
         """Make the acknowledgement that refuses an unread payload; None if not a command."""
         self.counters["commands_not_allowed"] += 1
-        return self._refusal(payload, reason, asker)
+        return self._refusal(payload, reason, requester)
 
     def receive(
-        self, payload: bytes, asker: Ids, *, coded_tag: bool = False
+        self, payload: bytes, requester: Ids, *, coded_tag: bool = False
     ) -> Command | Answer | None:
         """Handle a ground station's payload; return a command, an answer or None."""
         try:
             message = CodedTag.decode(payload) if coded_tag else decode(payload)
             if isinstance(message, g2.Requests):
-                return self._request(message, payload, asker)
+                return self._request(message, payload, requester)
             if isinstance(message, CodedTag) and message.request_id:
-                return self._request(message, payload, asker)
-            return self._command(message, asker)
+                return self._request(message, payload, requester)
+            return self._command(message, requester)
         except TunnelError as error:
             self.counters["payloads_refused"] += 1
-            return self._refusal(payload, str(error), asker)
+            return self._refusal(payload, str(error), requester)
 
     def reply(self, reply: CommandReply) -> Answer | None:
         """Convert the supervisor's reply to an acknowledgement for the sender."""
@@ -182,7 +182,7 @@ class Exchange:
             return None
         if reply.accepted:
             # Only now: a refused sender must not change the generation of others.
-            self._heard = question.spoken or self._heard
+            self._heard = question.sender_generation or self._heard
             self._upload = question.upload or self._upload
         if reply.accepted and question.generation == "G2":
             if question.tag_index is not None and self._upload is not None:
@@ -230,19 +230,19 @@ class Exchange:
         return self._next_id - 1
 
     def _request(
-        self, message: g2.Requests | CodedTag, payload: bytes, asker: Ids
+        self, message: g2.Requests | CodedTag, payload: bytes, requester: Ids
     ) -> Command | Answer | None:
         """Handle a command of version 4 or later; a repeated one gets the same answer."""
-        known = self._requests.repeated(asker, message.request_id, payload, self._clock_s())
+        known = self._requests.repeated(requester, message.request_id, payload, self._clock_s())
         if known is True:
             return None  # its acknowledgement is on its way
         if known is not False:
             self.counters["acknowledgements_replayed"] += 1
-            return Answer(known, asker)
+            return Answer(known, requester)
         number = acked_command_of(payload)
         assert number is not None
         question = _PendingCommand(
-            asker=asker, number=number, generation="G2", request_id=message.request_id
+            requester=requester, number=number, generation="G2", request_id=message.request_id
         )
         try:
             if isinstance(message, g2.INFERRED) and not self._experimental:
@@ -251,7 +251,7 @@ class Exchange:
                     payload,
                 )
             if self._experimental:
-                question = replace(question, spoken="G2")
+                question = replace(question, sender_generation="G2")
             return self._numbered_command(message, question)
         except TunnelError as error:
             self.counters["payloads_refused"] += 1
@@ -262,24 +262,24 @@ class Exchange:
     ) -> Command | Answer:
         match message:
             case CodedTag():
-                self._open_upload(message).check_tag(message, question.asker)
+                self._open_upload(message).check_tag(message, question.requester)
                 question = replace(question, tag_index=message.tag_index)
                 return replace(self._ask(question, "add_tag"), tag=message.tag)
             case g2.UploadG2(command=CommandId.START_TAGS):
-                upload = open_upload(message, question.asker)
+                upload = open_upload(message, question.requester)
                 return self._ask(replace(question, upload=upload), "start_tags")
             case g2.UploadG2():
-                self._open_upload(message).check_end(message, question.asker)
+                self._open_upload(message).check_end(message, question.requester)
                 return self._ask(question, "end_tags")
             case g2.TagG2(upload_id=0):  # a correction in flight
                 return replace(self._ask(question, "add_tag"), tag=tag_from_wire(message.tag))
             case g2.TagG2():
-                self._open_upload(message).check_tag(message, question.asker)
+                self._open_upload(message).check_tag(message, question.requester)
                 tag = tag_from_wire(message.tag)
                 question = replace(question, tag_index=message.tag_index)
                 return replace(self._ask(question, "add_tag"), tag=tag)
             case CommandMessage():
-                return self._ask_with(question, message)
+                return self._request_with(question, message)
             case g2.SetLogLevel():
                 self.counters["log_levels"] += 1
                 return self._answer(question, True, "all levels are recorded")
@@ -292,22 +292,22 @@ class Exchange:
         return self._upload
 
     def _command(
-        self, message: TunnelMessage | CodedTag, asker: Ids
+        self, message: TunnelMessage | CodedTag, requester: Ids
     ) -> Command | Answer | None:
         """Handle a command of the protocol generations without request ids."""
         match message:
             case CodedTag(tag=tag):
-                question = self._plain(CommandId.TAG, asker, "G1")
+                question = self._plain(CommandId.TAG, requester, "G1")
                 return replace(self._ask(question, "add_tag"), tag=tag)
             case TagG0() | TagG1():
                 tag = tag_from_wire(message)
-                question = self._plain(CommandId.TAG, asker, generation_of(message))
+                question = self._plain(CommandId.TAG, requester, generation_of(message))
                 return replace(self._ask(question, "add_tag"), tag=tag)
             case CommandMessage():
-                question = self._plain(message.command, asker, generation_of(message))
-                return self._ask_with(question, message)
+                question = self._plain(message.command, requester, generation_of(message))
+                return self._request_with(question, message)
             case HeaderMessage(command=command):
-                question = self._plain(command, asker, generation_of(message))
+                question = self._plain(command, requester, generation_of(message))
                 return self._ask(question, COMMAND_OF_NUMBER[command].name)
             case _:
                 # Acknowledgements, pulses and heartbeats are only sent by us.
@@ -315,12 +315,17 @@ class Exchange:
                 return None
 
     def _plain(
-        self, number: CommandId, asker: Ids, spoken: Generation | None
+        self, number: CommandId, requester: Ids, sender_generation: Generation | None
     ) -> _PendingCommand:
-        generation = self._fixed or spoken or self._heard
-        return _PendingCommand(asker=asker, number=number, generation=generation, spoken=spoken)
+        generation = self._fixed or sender_generation or self._heard
+        return _PendingCommand(
+            requester=requester,
+            number=number,
+            generation=generation,
+            sender_generation=sender_generation,
+        )
 
-    def _ask_with(self, question: _PendingCommand, message: CommandMessage) -> Command:
+    def _request_with(self, question: _PendingCommand, message: CommandMessage) -> Command:
         row = COMMAND_OF_NUMBER[message.command]
         if fault := row.fault(message.numbers):
             raise TunnelError(fault, message.encode())
@@ -332,10 +337,12 @@ class Exchange:
             self.counters["replies_missing"] += 1
         self._pending[number] = question
         self.counters["commands"] += 1
-        asker = question.asker
-        return Command(name=name, request_id=number, source=f"mavlink {asker[0]}/{asker[1]}")
+        requester = question.requester
+        return Command(
+            name=name, request_id=number, source=f"mavlink {requester[0]}/{requester[1]}"
+        )
 
-    def _refusal(self, payload: bytes, reason: str, asker: Ids) -> Answer | None:
+    def _refusal(self, payload: bytes, reason: str, requester: Ids) -> Answer | None:
         """Make the acknowledgement that refuses an unreadable payload; None if no command."""
         number = acked_command_of(payload)
         if number is None or number == CommandId.ACK:
@@ -343,12 +350,12 @@ class Exchange:
         generation = self.generation
         request_id = int.from_bytes(payload[4:8], "little") if generation == "G2" else 0
         message = ack_to_wire(number, False, reason, generation, request_id)
-        return Answer(message.encode(), asker)
+        return Answer(message.encode(), requester)
 
     def _answer(self, question: _PendingCommand, accepted: bool, text: str) -> Answer:
         message = ack_to_wire(
             question.number, accepted, text, question.generation, question.request_id
         )
         payload = message.encode()
-        self._requests.answered(question.asker, question.request_id, payload)
-        return Answer(payload, question.asker)
+        self._requests.answered(question.requester, question.request_id, payload)
+        return Answer(payload, question.requester)

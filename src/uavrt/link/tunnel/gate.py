@@ -35,7 +35,7 @@ ALIVE_S = 0.45
 at 20 % loss all are lost once in 600 flights of half an hour."""
 ECHO_S = 5.0
 """Largest accepted age of a nonce or of an announced session [s]."""
-ASKED = 6
+UNRETURNED_NONCES = 6
 """Number of nonces that the drone did not return after which its software counts as too old for
 sealed sessions. At 20 % loss each way this happens by chance once in 500 starts, and only
 repeats the request."""
@@ -236,7 +236,7 @@ class Sealer:
 
     def _seal(self, inside: bytes, kind: int) -> bytes:
         if self._session is None and any(
-            one.asked >= ASKED for one in self._announced.values()
+            one.asked >= UNRETURNED_NONCES for one in self._announced.values()
         ):
             raise LinkError(
                 "the drone does not confirm its session: its uavrt is older than this one",

@@ -15,7 +15,7 @@ from uavrt.link.tunnel.own_messages.coded_tag import CodedTag
 KEPT = 16
 KEPT_S = 120.0
 
-Asker = tuple[int, int]
+Requester = tuple[int, int]
 
 
 @dataclass(slots=True)
@@ -29,15 +29,15 @@ class RequestCache:
     """Recent requests of all ground stations, with their acknowledgements."""
 
     def __init__(self) -> None:
-        self._requests: Newest[tuple[Asker, int], _Request] = Newest(KEPT)
+        self._requests: Newest[tuple[Requester, int], _Request] = Newest(KEPT)
 
     def repeated(
-        self, asker: Asker, request_id: int, payload: bytes, now_s: float
+        self, requester: Requester, request_id: int, payload: bytes, now_s: float
     ) -> bytes | bool:
         """Acknowledgement of a repeated request; True while it is handled, False if new."""
         if request_id == 0:
             return False  # never kept
-        key = (asker, request_id)
+        key = (requester, request_id)
         known = self._requests.get(key)
         if known is not None and now_s - known.asked_s <= KEPT_S:
             if known.payload != payload:
@@ -46,9 +46,9 @@ class RequestCache:
         self._requests[key] = _Request(payload, now_s)
         return False
 
-    def answered(self, asker: Asker, request_id: int, answer: bytes) -> None:
+    def answered(self, requester: Requester, request_id: int, answer: bytes) -> None:
         """Store the acknowledgement of a request."""
-        known = self._requests.get((asker, request_id))
+        known = self._requests.get((requester, request_id))
         if known is not None:
             known.answer = answer
 
@@ -59,12 +59,12 @@ class TagUpload:
 
     upload_id: int
     tag_count: int
-    asker: Asker
+    requester: Requester
     indices: set[int] = field(default_factory=set)
 
-    def check_tag(self, message: TagG2 | CodedTag, asker: Asker) -> None:
+    def check_tag(self, message: TagG2 | CodedTag, requester: Requester) -> None:
         """Raise `TunnelError` if a tag belongs to another upload or has a wrong index."""
-        if (message.upload_id, asker) != (self.upload_id, self.asker):
+        if (message.upload_id, requester) != (self.upload_id, self.requester):
             raise TunnelError(
                 f"stale upload_id {message.upload_id}: {self.upload_id} is open",
                 message.encode(),
@@ -75,10 +75,10 @@ class TagUpload:
                 message.encode(),
             )
 
-    def check_end(self, message: UploadG2, asker: Asker) -> None:
+    def check_end(self, message: UploadG2, requester: Requester) -> None:
         """Raise `TunnelError` unless the upload is complete."""
         payload = message.encode()
-        if (message.upload_id, asker) != (self.upload_id, self.asker):
+        if (message.upload_id, requester) != (self.upload_id, self.requester):
             raise TunnelError(
                 f"stale upload_id {message.upload_id}: {self.upload_id} is open", payload
             )
@@ -93,9 +93,9 @@ class TagUpload:
             raise TunnelError(f"incomplete: missing {some}", payload)
 
 
-def open_upload(message: UploadG2, asker: Asker) -> TagUpload:
+def open_upload(message: UploadG2, requester: Requester) -> TagUpload:
     """Begin an upload; raises `TunnelError` if its number of tags is 0."""
     assert message.command is CommandId.START_TAGS
     if message.tag_count == 0:
         raise TunnelError("tag_count is 0", message.encode())
-    return TagUpload(message.upload_id, message.tag_count, asker)
+    return TagUpload(message.upload_id, message.tag_count, requester)

@@ -77,7 +77,7 @@ _UNMEASURED_SURVEY_NOISE = Caution(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReadAs:
+class EstimationOptions:
     """Settings for estimating bearings and positions from a flight or log."""
 
     antenna: AntennaPattern | str | None = None
@@ -363,14 +363,14 @@ def corrected_antenna(
     return learn_pattern(turns, pattern, threshold_db=FLIGHT.miss_threshold_db)
 
 
-def antenna_of(heard: Heard, how: ReadAs) -> AntennaPattern | str:
+def antenna_of(heard: Heard, how: EstimationOptions) -> AntennaPattern | str:
     """Requested antenna pattern, or its name; by default that of the receiving antenna."""
     return heard.antenna if how.antenna is None else how.antenna
 
 
 def learnt_pattern(
     heard: Heard,
-    how: ReadAs,
+    how: EstimationOptions,
     turns: Sequence[HeardInTurn],
     past: Sequence[HeardInTurn] = (),
     cache: Cache | None = None,
@@ -388,7 +388,7 @@ def learnt_pattern(
 
 def bearings_of(
     heard: Heard,
-    how: ReadAs | None = None,
+    how: EstimationOptions | None = None,
     past: Sequence[HeardInTurn] = (),
     cache: Cache | None = None,
 ) -> list[TagBearing]:
@@ -396,11 +396,11 @@ def bearings_of(
 
     Pulses that a known interval predicts and that were not received count as misses.
     """
-    return _bearings(heard, how or ReadAs(), past, cache or Cache())[0]
+    return _bearings(heard, how or EstimationOptions(), past, cache or Cache())[0]
 
 
 def _bearings(
-    heard: Heard, how: ReadAs, past: Sequence[HeardInTurn], cache: Cache
+    heard: Heard, how: EstimationOptions, past: Sequence[HeardInTurn], cache: Cache
 ) -> tuple[list[TagBearing], AntennaPattern | None]:
     turns = heard_in_turns(heard, how.offset_deg)
     if not turns:
@@ -424,7 +424,7 @@ def _tag_bearing(
 
 def find(
     heard: Heard,
-    how: ReadAs | None = None,
+    how: EstimationOptions | None = None,
     past: Sequence[HeardInTurn] = (),
     theirs: Sequence[TagBearing] = (),
     cache: Cache | None = None,
@@ -434,7 +434,7 @@ def find(
     A bearing in `theirs`, from the drone, replaces one estimated here from fewer pulses of a
     turn. The other parameters are those of `bearings_of`.
     """
-    how, cache = how or ReadAs(), cache or Cache()
+    how, cache = how or EstimationOptions(), cache or Cache()
     if antenna_of(heard, how) == MONOPOLE:
         return with_strengths(heard, how, [], cache)
     own, pattern = _bearings(heard, how, past, cache)
@@ -443,7 +443,10 @@ def find(
 
 
 def with_strengths(
-    heard: Heard, how: ReadAs, bearings: Sequence[TagBearing], cache: Cache | None = None
+    heard: Heard,
+    how: EstimationOptions,
+    bearings: Sequence[TagBearing],
+    cache: Cache | None = None,
 ) -> Found:
     """Combine a receiver's bearings with the levels of its tags that have no bearing."""
     cache = cache or Cache()
@@ -464,7 +467,7 @@ def with_strengths(
     )
 
 
-def _strengths(heard: Heard, how: ReadAs, tag_id: int, cache: Cache) -> Strengths:
+def _strengths(heard: Heard, how: EstimationOptions, tag_id: int, cache: Cache) -> Strengths:
     antenna = antenna_of(heard, how)
     own = heard.pulses[tag_id].turned(0.0 if antenna == MONOPOLE else how.offset_deg)
     return cache.get(
@@ -509,7 +512,7 @@ def _begins(one: TagBearing) -> int:
 
 def estimate(
     heard: Heard,
-    how: ReadAs | None = None,
+    how: EstimationOptions | None = None,
     *,
     past: Sequence[HeardInTurn] = (),
     theirs: Sequence[TagBearing] = (),
@@ -528,7 +531,7 @@ def estimate(
         `Cache.begin`.
     Raises `UsageError`: unknown method or antenna, or the method cannot use the pulses.
     """
-    how, cache = how or ReadAs(), cache or Cache()
+    how, cache = how or EstimationOptions(), cache or Cache()
     cache.begin(at_once)
     over = _over(heard, how, cache)
     found = find(heard, how, past, theirs, cache)
@@ -558,18 +561,18 @@ def estimate(
     )
 
 
-def _over(heard: Heard, how: ReadAs, cache: Cache) -> FlightGround | None:
+def _over(heard: Heard, how: EstimationOptions, cache: Cache) -> FlightGround | None:
     return heard.over(how.elevation, partial(cache.get, HillLosses))
 
 
 def place(
     found: Sequence[Found],
-    how: ReadAs | None = None,
+    how: EstimationOptions | None = None,
     over: FlightGround | None = None,
     cache: Cache | None = None,
 ) -> list[TagPosition]:
     """Estimate a position of each tag that has bearings or that the first receiver received."""
-    how, cache = how or ReadAs(), cache or Cache()
+    how, cache = how or EstimationOptions(), cache or Cache()
     tags = {one.tag_id for each in found for one in each.bearings}
     every = sorted(tags.union(*(each.heard for each in found[:1])))
     placed: dict[int, TagPosition | None] = {}
@@ -593,7 +596,11 @@ def _of_tag(tag_id: int, found: Sequence[Found]) -> list[Found]:
 
 
 def _placed(
-    tag_id: int, found: Sequence[Found], how: ReadAs, over: FlightGround | None, cache: Cache
+    tag_id: int,
+    found: Sequence[Found],
+    how: EstimationOptions,
+    over: FlightGround | None,
+    cache: Cache,
 ) -> TagPosition | None:
     # Separate gains: two flights may be of two drones under one number, and a common gain
     # reduces circles by less than 4 %.
@@ -682,7 +689,10 @@ def _position_of(
 
 
 def survey(
-    heard: Heard, how: ReadAs, over: FlightGround | None = None, cache: Cache | None = None
+    heard: Heard,
+    how: EstimationOptions,
+    over: FlightGround | None = None,
+    cache: Cache | None = None,
 ) -> tuple[dict[int, TagPosition], dict[int, PowerTrack]]:
     """Positions and powers by tag, from strength alone; `UsageError` if bearings are needed."""
     cache = cache or Cache()

@@ -313,7 +313,7 @@ class Heard:
     tags: tuple[Tag, ...] = ()
     """Entries of the tag list of a flight; empty for a log."""
     antenna: str = "RA-23K"
-    """Name of the receiving antenna's pattern, unless `ReadAs` sets another."""
+    """Name of the receiving antenna's pattern, unless `EstimationOptions` sets another."""
     name: str = "this vehicle"
     """Name of the receiver, for the operator."""
     one_turn: bool = False

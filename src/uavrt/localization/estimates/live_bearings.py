@@ -15,7 +15,11 @@ from uavrt.core.messages import LiveBearing, Pose, PulsePose, Tag
 from uavrt.localization.antenna import AntennaPattern, pattern_named
 from uavrt.localization.bearing.turns import Turn
 from uavrt.localization.estimates.estimate_cache import Cache
-from uavrt.localization.estimates.flight_estimates import ReadAs, TagBearing, bearings_of
+from uavrt.localization.estimates.flight_estimates import (
+    EstimationOptions,
+    TagBearing,
+    bearings_of,
+)
 from uavrt.localization.estimates.heard import Heard
 from uavrt.localization.results import Bearing
 from uavrt.localization.tuning import ACCEPTANCE, FLIGHT
@@ -27,7 +31,7 @@ class LiveBearings:
     def __init__(
         self, antenna: AntennaPattern | str = "RA-23K", tags: Sequence[Tag] = ()
     ) -> None:
-        self._how = ReadAs(antenna=pattern_named(antenna))
+        self._options = EstimationOptions(antenna=pattern_named(antenna))
         self.begin(tags)
 
     def begin(self, tags: Sequence[Tag] = ()) -> None:
@@ -81,7 +85,7 @@ class LiveBearings:
         )
         self._cache.begin()
         found = []
-        for one in bearings_of(heard, self._how, cache=self._cache):
+        for one in bearings_of(heard, self._options, cache=self._cache):
             assert one.turn is not None
             key = (one.tag_id, one.turn.start_time_ns)
             if self._given.get(key) is not one.bearing:

@@ -126,7 +126,7 @@ class MiRate:
         turn = Rotate(duration_s=self._rotation_s)
         actions: list[Action] = [ways.action(n) for n in range(count)]
         actions += [turn] if turns else []
-        refused = [*ways.refused, None if allowed[-1] else "too near to an animal to stay"]
+        refused = [*ways.refused, None if allowed[-1] else "an animal is too near to stay here"]
         candidates = tuple(
             Candidate(
                 action=action,
@@ -172,7 +172,7 @@ class MiRate:
         spans = vehicle.durations(state, east, north, situation.wind)
         strong = ~np.isfinite(spans)
         for number in np.flatnonzero(strong):
-            ways.refused[number] = "against too strong a wind"
+            ways.refused[number] = "the wind on the path is too strong"
         ways.disturbs[strong] = False
         # At a tag it stays for some pulses: the last metres give most.
         fixed = _RATING.directions * len(horizons)

@@ -72,7 +72,7 @@ def checked(
     least = 0.0 if rule is None else rule.probability
     disturbs = np.array([one is None for one in refused]) & (kept < least)
     if rule is not None:
-        reason = f"within {rule.radius_m * rule.margin:.0f} m of an animal, perhaps"
+        reason = f"the path may come within {rule.radius_m * rule.margin:.0f} m of an animal"
         refused = [reason if near else one for one, near in zip(refused, disturbs, strict=True)]
     return CandidatePaths(
         east_m=east_m, north_m=north_m, refused=refused, disturbs=disturbs, kept=kept
@@ -91,7 +91,7 @@ def _near_others(
     place = np.array([state.east_m]), np.array([state.north_m])
     now = float(others.strip_distance_m(start, *place)[0])
     least = np.clip(now - 1e-6, apart.distance_m, apart.margin * apart.distance_m)
-    reason = f"within {apart.distance_m:.0f} m of another drone's path"
+    reason = f"the path comes within {apart.distance_m:.0f} m of another drone's path"
     return [
         one or (reason if off < least else None) for one, off in zip(refused, near, strict=True)
     ]
@@ -136,7 +136,7 @@ def _no_room(situation: Situation, legs: Legs, number: int) -> str | None:
             y = legs.north_m[number, place] + ahead * np.cos(yaw) - right * np.sin(yaw)
             fits |= situation.area.refusal(x, y, situation.state.height_m) is None
         if not fits:
-            return "leaves no room to turn back"
+            return "the path leaves no room to turn back"
     return None
 
 

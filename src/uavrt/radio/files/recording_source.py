@@ -20,7 +20,7 @@ from uavrt.radio.formats import SampleFormat, clean, look_like_floats
 from uavrt.radio.live_source import check_rates
 from uavrt.radio.timing.sample_times import NominalTimes
 
-SAID: Final = "what you said"
+GIVEN_BY_USER: Final = "your options"
 HEADER: Final = "the file's header"
 FILE_DATE: Final = "the date of the file, which copying may change: give --start-time"
 _MAX_BLOCK: Final = 262_144
@@ -49,9 +49,9 @@ class Layout:
     sample_rate_hz: float
     center_frequency_hz: float
     segments: tuple[Segment, ...]
-    frequency_from: str = SAID
-    rate_from: str = SAID
-    start_from: str = SAID
+    frequency_from: str = GIVEN_BY_USER
+    rate_from: str = GIVEN_BY_USER
+    start_from: str = GIVEN_BY_USER
     first_byte: int = 0
     fault_at_end: str | None = None
     """Reason why the recording is incomplete; raised after the last complete sample."""
@@ -163,7 +163,7 @@ class RecordingSource:
             (f"{layout.sample_rate_hz:.0f} samples a second", layout.rate_from),
             (f"begun {iso_utc(self.start_time_ns)}", layout.start_from),
         )
-        return "; ".join(f"{what} by {who}" for what, who in origins if who != SAID)
+        return "; ".join(f"{what} by {who}" for what, who in origins if who != GIVEN_BY_USER)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
         """Get the next block at once; raises `EOFError` at the end of the recording."""
@@ -265,9 +265,9 @@ def raw_layout(
     sample_rate_hz: float,
     center_frequency_hz: float,
     start_time_ns: int | None = None,
-    frequency_from: str = SAID,
-    rate_from: str = SAID,
-    start_from: str = SAID,
+    frequency_from: str = GIVEN_BY_USER,
+    rate_from: str = GIVEN_BY_USER,
+    start_from: str = GIVEN_BY_USER,
 ) -> Layout:
     """Describe a file of raw samples; `rate_from` and others state how values are known."""
     check_rates(sample_rate_hz, center_frequency_hz)

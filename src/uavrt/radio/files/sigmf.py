@@ -18,7 +18,7 @@ from uavrt.core.foreign import NOTES, read_file, read_json
 from uavrt.core.units import NANOSECONDS_PER_SECOND, SIGMF_FULL_SCALE
 from uavrt.radio.files.recording_source import (
     FILE_DATE,
-    SAID,
+    GIVEN_BY_USER,
     Layout,
     Segment,
     file_size,
@@ -73,7 +73,7 @@ def sigmf_layout(
             f"lacks {gap_s / 3600.0:.0f} hours of samples between two captures",
             "Correct their core:global_index or core:datetime, or split it",
         )
-    start_from = SAID
+    start_from = GIVEN_BY_USER
     if start_time_ns is None and captures[0].time_ns is None:
         start_time_ns, start_from = file_start_ns(data_path, count, rate_hz), FILE_DATE
     return Layout(

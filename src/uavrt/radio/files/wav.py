@@ -22,8 +22,8 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 from uavrt.radio.files.file_names import NameFacts, read_name
 from uavrt.radio.files.recording_source import (
     FILE_DATE,
+    GIVEN_BY_USER,
     HEADER,
-    SAID,
     Layout,
     Segment,
     file_size,
@@ -102,7 +102,7 @@ def wav_layout(
             remedy="Record as 8, 16, 24 or 32-bit PCM or 32-bit float",
         )
     named = read_name(path) or NameFacts(program="")
-    frequency_hz, frequency_from = center_frequency_hz or None, SAID
+    frequency_hz, frequency_from = center_frequency_hz or None, GIVEN_BY_USER
     if frequency_hz is None:
         frequency_hz, frequency_from = header.frequency_hz, HEADER
     if frequency_hz is None:
@@ -120,7 +120,7 @@ def wav_layout(
     count, rest = divmod(said, sample_format.bytes_per_sample)
     if rest and fault is None:
         fault = f"{path} ends in the middle of a sample"
-    start_ns, start_from = start_time_ns, SAID
+    start_ns, start_from = start_time_ns, GIVEN_BY_USER
     if start_ns is None:
         start_ns, start_from = header.start_ns, HEADER
     if start_ns is None:

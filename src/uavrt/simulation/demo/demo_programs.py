@@ -214,14 +214,14 @@ class Program:
         """True if the program has ended."""
         return self._wait(0.0)
 
-    def ask_to_stop(self) -> None:
+    def terminate(self) -> None:
         """Send SIGTERM without waiting."""
         if not self.ended:
             self._process.send_signal(signal.SIGTERM)
 
     def stop(self) -> None:
         """Stop the program by SIGTERM, then by SIGKILL."""
-        self.ask_to_stop()
+        self.terminate()
         if not self._wait(STOP_TIMEOUT_S):
             self._process.kill()
             self._wait(STOP_TIMEOUT_S)

@@ -42,7 +42,7 @@ START_LEAD_S = 2.5
 READY_TIMEOUT_S = 20.0
 DRAIN_TIMEOUT_S = 15.0
 REFRESH_S = 0.25
-SAY_EVERY_S = 10.0
+PROGRESS_PERIOD_S = 10.0
 
 
 @dataclass(slots=True)
@@ -64,9 +64,9 @@ class _Drone:
                 case Pulse() if record.tag_id in self.view.tags:
                     self.view.tags[record.tag_id].add(record, time.monotonic())
                 case SystemStatus() if topic == "system_status":
-                    self._take_status(record, ground)
+                    self._receive_status(record, ground)
 
-    def _take_status(self, status: SystemStatus, ground: Program) -> None:
+    def _receive_status(self, status: SystemStatus, ground: Program) -> None:
         self.view.status = status
         if status.flight_directory:
             self.flight_directory = status.flight_directory
@@ -192,9 +192,9 @@ class Demo:
         said_s = 0.0
         while self._elapsed_s < self._duration_s:
             self._tick()
-            if len(self._drones) > 1 and self._elapsed_s - said_s >= SAY_EVERY_S:
+            if len(self._drones) > 1 and self._elapsed_s - said_s >= PROGRESS_PERIOD_S:
                 said_s = self._elapsed_s
-                self._say_progress(said_s)
+                self._print_progress(said_s)
             silent = [one for one in self._drones if not one.flight_directory]
             if silent and time.monotonic() > deadline_s:
                 several = f" on drone {silent[0].side.system_id}"
@@ -203,7 +203,7 @@ class Demo:
     def _stop(self) -> None:
         for one in self._drones:
             one.view.phase = "landed, delivering"
-        self._ground.ask_to_stop()
+        self._ground.terminate()
         deadline_s = time.monotonic() + DRAIN_TIMEOUT_S
         while not self._ground.ended and time.monotonic() < deadline_s:
             self._tick(check=False)
@@ -229,7 +229,7 @@ class Demo:
             one.view.elapsed_s = self._elapsed_s
             one.read(REFRESH_S / len(self._drones), self._ground)
 
-    def _say_progress(self, elapsed_s: float) -> None:
+    def _print_progress(self, elapsed_s: float) -> None:
         words = [
             f"drone {one.side.system_id} {one.view.phase}, "
             f"{sum(tag.detected for tag in one.view.tags.values())} pulses"

@@ -24,7 +24,7 @@ from uavrt.simulation.scene.scenario import Scenario
 from uavrt.simulation.vehicle.airframe import Flavour
 
 RADIUS_M = 260.0
-WISH_M = 35.0
+ACCURACY_M = 35.0
 """Target accuracy of positions [m]; a walking animal 30 m away is seldom located better."""
 BATTERY_WH = 120.0
 SPEED_M_S = 8.0
@@ -147,7 +147,7 @@ class SearchDemo:
         self._among = among
         self.scenario = scenario
         self._limit_s, self._flight_dir = limit_s, flight_dir
-        self._say = say
+        self._print = say
         self._rig = Rig(autopilot)
         self._seen = _Seen()
 
@@ -218,7 +218,7 @@ class SearchDemo:
                 "fly",
                 *("fly", "search", "--yes", "--sticks-unseen", "--json"),
                 *("--mavlink", f"udpout://127.0.0.1:{self._direct}"),
-                *("--radius", str(RADIUS_M), "--radius-wish", str(WISH_M)),
+                *("--radius", str(RADIUS_M), "--accuracy", str(ACCURACY_M)),
                 *("--minutes", str(self._limit_s / 60.0)),
                 *(() if self._among is None else ("--height", str(self._among.height_m))),
             )
@@ -235,11 +235,11 @@ class SearchDemo:
             match record:
                 case SearchNote():
                     self._seen.notes.append(record)
-                    self._say(in_plain_words(record))
+                    self._print(in_plain_words(record))
                 case SystemStatus() if topic == "system_status":
-                    self._take_status(record)
+                    self._receive_status(record)
 
-    def _take_status(self, status: SystemStatus) -> None:
+    def _receive_status(self, status: SystemStatus) -> None:
         seen = self._seen
         seen.flight_directory = status.flight_directory or seen.flight_directory
         for one in status.processes:

@@ -62,7 +62,7 @@ class TogetherDemo:
     ) -> None:
         self._autopilot: Flavour = autopilot
         self._drones, self._scenario, self._limit_s = drones, scenario, limit_s
-        self._flight_dir, self._say = flight_dir.resolve(), say
+        self._flight_dir, self._print = flight_dir.resolve(), say
         self._searches: dict[int, SearchDemo] = {}
         self._ended: dict[int, SearchSummary | UavrtError] = {}
 
@@ -105,7 +105,7 @@ class TogetherDemo:
             scenario=self._scenario,
             limit_s=self._limit_s,
             flight_dir=directory,
-            say=lambda line: self._say(f"drone {number}: {line}"),
+            say=lambda line: self._print(f"drone {number}: {line}"),
             autopilot=self._autopilot,
             among=Among(number=number, ground_port=ground_port, start_ns=start_ns),
         )

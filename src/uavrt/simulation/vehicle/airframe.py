@@ -149,7 +149,7 @@ class Airframe:
         self._line = (north / way, east / way) if way > HOLD_HEADING_M else (0.0, 0.0)
         self._overshoot_m, self.velocity_setpoint = 0.0, None
 
-    def ask_velocity(self, velocity_m_s: geometry.Vector | None) -> None:
+    def set_velocity(self, velocity_m_s: geometry.Vector | None) -> None:
         """Follow a velocity setpoint; None: fly to targets again."""
         self.velocity_setpoint = (
             None if velocity_m_s is None else (velocity_m_s, self.elapsed_s)

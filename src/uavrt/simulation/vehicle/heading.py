@@ -66,7 +66,7 @@ class Heading:
         age_s = SETPOINT_AGE_S * (boot_ms * 0.6180339887 % 1.0)  # a sequence without a pattern
         return self.setpoint_deg - age_s * self._setpoint_rate_deg_s, self._setpoint_rate_deg_s
 
-    def want(self, wanted_deg: float | None) -> None:
+    def turn_to(self, wanted_deg: float | None) -> None:
         """Turn to a heading [°]; None: to the bearing of the target."""
         self.wanted_deg, self._turn_left_deg = wanted_deg, 0.0
 

@@ -57,11 +57,11 @@ class MissionStore:
                 for kind in KINDS:
                     if message.mission_type in (kind, MavMissionType.ALL):
                         self.held[kind] = ()
-                self._say(sender, message.mission_type, 0, send)
+                self._print(sender, message.mission_type, 0, send)
             case dialect.MissionAck():
                 self._end(message, sender)
             case dialect.MissionRequestList() | dialect.MissionRequestInt():
-                self._say(
+                self._print(
                     sender, message.mission_type, MavMissionResult.MISSION_UNSUPPORTED, send
                 )
             case _:
@@ -87,14 +87,14 @@ class MissionStore:
     ) -> None:
         upload, kind = self._upload, message.mission_type
         if upload is not None and (upload.sender != sender or upload.items):
-            self._say(sender, kind, MavMissionResult.MISSION_ERROR, send)  # busy
+            self._print(sender, kind, MavMissionResult.MISSION_ERROR, send)  # busy
         elif kind not in KINDS:
-            self._say(sender, kind, MavMissionResult.MISSION_UNSUPPORTED, send)
+            self._print(sender, kind, MavMissionResult.MISSION_UNSUPPORTED, send)
         elif message.count > ROOM:
-            self._say(sender, kind, MavMissionResult.MISSION_NO_SPACE, send)
+            self._print(sender, kind, MavMissionResult.MISSION_NO_SPACE, send)
         elif message.count == 0:
             self.held[kind] = ()
-            self._say(sender, kind, MavMissionResult.MISSION_ACCEPTED, send)
+            self._print(sender, kind, MavMissionResult.MISSION_ACCEPTED, send)
         else:
             self._upload = _Upload(sender, kind, message.count, send, now_s, now_s)
             self._ask(self._upload, now_s)
@@ -113,17 +113,17 @@ class MissionStore:
     ) -> None:
         upload, kind = self._upload, message.mission_type
         if upload is None or (upload.sender, upload.kind) != (sender, kind):
-            self._say(sender, kind, MavMissionResult.MISSION_ERROR, send)
+            self._print(sender, kind, MavMissionResult.MISSION_ERROR, send)
             return
         if message.seq != len(upload.items):
             if self._flavour == "px4":
                 self._ask(upload, now_s)
             else:
-                self._say(sender, kind, MavMissionResult.MISSION_INVALID_SEQUENCE, send)
+                self._print(sender, kind, MavMissionResult.MISSION_INVALID_SEQUENCE, send)
             return
         if (message.command in FENCE_COMMANDS) != (kind == MavMissionType.FENCE):
             self._upload = None
-            self._say(sender, kind, MavMissionResult.MISSION_UNSUPPORTED, send)
+            self._print(sender, kind, MavMissionResult.MISSION_UNSUPPORTED, send)
             return
         upload.heard_s = now_s
         upload.items.append(message)
@@ -132,7 +132,7 @@ class MissionStore:
             return
         self._upload = None
         self.held[kind] = tuple(upload.items)
-        self._say(sender, kind, MavMissionResult.MISSION_ACCEPTED, send)
+        self._print(sender, kind, MavMissionResult.MISSION_ACCEPTED, send)
 
     def _give(
         self, message: dialect.MissionRequestInt, sender: Place, send: Callable[[Message], None]
@@ -140,7 +140,7 @@ class MissionStore:
         kind = message.mission_type
         items = self.held[kind]
         if message.seq >= len(items):
-            self._say(sender, kind, MavMissionResult.MISSION_INVALID_SEQUENCE, send)
+            self._print(sender, kind, MavMissionResult.MISSION_INVALID_SEQUENCE, send)
             return
         item = items[message.seq]
         values = {name: getattr(item, name) for name in item.__slots__}
@@ -151,7 +151,7 @@ class MissionStore:
         if upload is not None and upload.sender == sender and message.type:
             self._upload = None
 
-    def _say(
+    def _print(
         self, sender: Place, kind: int, result: int, send: Callable[[Message], None]
     ) -> None:
         send(dialect.MissionAck(**_to(sender, kind), type=result))

@@ -135,8 +135,8 @@ class FlyingVehicle:
         if mode == self.mode:
             return
         self.mode, self.taking_off, self.paused = mode, False, False
-        self.heading.want(None)
-        self.body.ask_velocity(None)
+        self.heading.turn_to(None)
+        self.body.set_velocity(None)
         self.body.end_leg()
         names = MODES[self.flavour]
         if self.ground.landed:
@@ -164,7 +164,7 @@ class FlyingVehicle:
                 self.set_mode(MODES[self.flavour]["return"])
                 return MavResult.ACCEPTED
             case MavCmd.DO_SET_MODE:
-                return self._ask_mode(message)
+                return self._set_mode(message)
             case MavCmd.NAV_TAKEOFF:
                 return self._take_off(message)
             case MavCmd.COMPONENT_ARM_DISARM:
@@ -182,10 +182,10 @@ class FlyingVehicle:
         self.paused = on
         return MavResult.ACCEPTED
 
-    def ask_velocity(self, north_m_s: float, east_m_s: float, up_m_s: float) -> None:
+    def set_velocity(self, north_m_s: float, east_m_s: float, up_m_s: float) -> None:
         """Handle SET_POSITION_TARGET_LOCAL_NED with a velocity; flown only in GUIDED."""
         if self.flavour == "ardupilot" and self.commanded and not self.ground.landed:
-            self.body.ask_velocity((north_m_s, east_m_s, up_m_s))
+            self.body.set_velocity((north_m_s, east_m_s, up_m_s))
 
     def _arm(self, *, on: bool) -> int:
         """Arm or disarm as a pilot would; ArduPilot refuses in modes that end on the ground."""
@@ -218,7 +218,7 @@ class FlyingVehicle:
         self.ground.wait()
         return MavResult.ACCEPTED
 
-    def _ask_mode(self, message: dialect.CommandInt | dialect.CommandLong) -> int:
+    def _set_mode(self, message: dialect.CommandInt | dialect.CommandLong) -> int:
         if self.flavour == "px4":
             mode = int(message.param2) << 16 | int(message.param3) << 24
         else:
@@ -258,7 +258,7 @@ class FlyingVehicle:
         self.target = target
         self.body.begin_leg(target)
         turns = px4 and math.isfinite(message.param4)
-        self.heading.want(math.degrees(message.param4) % 360.0 if turns else None)
+        self.heading.turn_to(math.degrees(message.param4) % 360.0 if turns else None)
         return MavResult.ACCEPTED if changes or not px4 else MavResult.UNSUPPORTED
 
     def _asked_place(self, message: dialect.CommandInt | dialect.CommandLong) -> Target | None:

@@ -16,7 +16,12 @@ from typing import Generic, TypeVar
 import msgspec
 
 from uavrt.analysis.archive.parquet.parquet_tables import FlightRow, RecordingRow
-from uavrt.analysis.archive.parquet.seals import Seal, fault_of, read_note, write_note
+from uavrt.analysis.archive.parquet.seals import (
+    FileFingerprint,
+    fault_of,
+    read_note,
+    write_note,
+)
 from uavrt.core.atomic_file import is_part
 from uavrt.core.errors import FormatError, RecordingError
 from uavrt.core.foreign import decode_record
@@ -30,7 +35,7 @@ _TABLE = re.compile(r"[0-9a-f]{16}\.parquet")
 
 class _Entry(msgspec.Struct, frozen=True):
     row: msgspec.Raw
-    files: dict[str, Seal]
+    files: dict[str, FileFingerprint]
     """Size, time and digest of each table of the row, by its path below the output."""
 
 
@@ -52,7 +57,7 @@ class Ledger(Generic[R]):
         self._output, self._directory, self._tables = output, output / name, tables
         self._record: type[R] = record
         self._rows: dict[str, R] = {}
-        self._files: dict[str, dict[str, Seal]] = {}
+        self._files: dict[str, dict[str, FileFingerprint]] = {}
         self._keys: dict[str, set[str]] = defaultdict(set)
         self.damaged: dict[str, str] = {}
         """Reason for each missing or damaged output file; its content is computed again."""
@@ -81,7 +86,7 @@ class Ledger(Generic[R]):
         done = filter(None, map(self.done, self._keys.get(path, ())))
         return max(done, key=lambda row: row.finished_time_ns, default=None)
 
-    def files(self, key: str) -> dict[str, Seal]:
+    def files(self, key: str) -> dict[str, FileFingerprint]:
         """Size, time and digest of a row's table files, by path below the output."""
         return dict(self._files.get(key, {}))
 
@@ -94,7 +99,7 @@ class Ledger(Generic[R]):
             if name.startswith(f"{table}/")
         }
 
-    def record(self, row: R, files: Mapping[str, Seal] | None = None) -> None:
+    def record(self, row: R, files: Mapping[str, FileFingerprint] | None = None) -> None:
         """Write a finished row with its `files`; remove rows and tables that it replaces."""
         key, before = row.fingerprint, self.files(row.fingerprint)
         held = before if files is None else dict(files)
@@ -148,7 +153,7 @@ class Ledger(Generic[R]):
         self._remove_strays()
 
     def _faults(
-        self, files: Mapping[str, Seal], *, thorough: bool
+        self, files: Mapping[str, FileFingerprint], *, thorough: bool
     ) -> Iterator[tuple[str, str]]:
         for name, seal in files.items():
             if (fault := fault_of(self._output / name, seal, thorough=thorough)) is not None:
@@ -187,14 +192,14 @@ class Ledger(Generic[R]):
         """Path of a row's file, relative to the output."""
         return f"{self._directory.name}/{key}.json"
 
-    def _remove(self, key: str, kept: Mapping[str, Seal] | None = None) -> None:
+    def _remove(self, key: str, kept: Mapping[str, FileFingerprint] | None = None) -> None:
         (self._output / self.place(key)).unlink(missing_ok=True)
         for name in self._files.pop(key).keys() - (kept or {}).keys():
             with suppress(FileNotFoundError):
                 (self._output / name).unlink()
         del self._rows[key]
 
-    def _note(self, row: R, files: Mapping[str, Seal]) -> None:
+    def _note(self, row: R, files: Mapping[str, FileFingerprint]) -> None:
         self._rows[row.fingerprint] = row
         self._files[row.fingerprint] = dict(files)
         self._keys[row.path].add(row.fingerprint)

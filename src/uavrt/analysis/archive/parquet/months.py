@@ -33,7 +33,13 @@ from uavrt.analysis.archive.parquet.parquet_tables import (
     ROWS,
     SCHEMA_VERSION,
 )
-from uavrt.analysis.archive.parquet.seals import Seal, fault_of, read_note, sealed, write_note
+from uavrt.analysis.archive.parquet.seals import (
+    FileFingerprint,
+    fault_of,
+    read_note,
+    sealed,
+    write_note,
+)
 from uavrt.core.atomic_file import make_directories, replacing
 from uavrt.core.errors import FormatError, needs_extra
 from uavrt.core.foreign import decode_record, require_plain_file
@@ -56,7 +62,7 @@ UNKNOWN = "unknown"
 class Copy(msgspec.Struct, frozen=True):
     """Index entry of a file with copied rows of other files, or with a cached query result."""
 
-    seal: Seal
+    seal: FileFingerprint
     keys: list[str] = []  # a struct copies it
     """Names of the files whose rows were copied, without extension."""
 

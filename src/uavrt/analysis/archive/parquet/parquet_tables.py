@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import quote
 
-from uavrt.analysis.archive.parquet.seals import Seal, sealed
+from uavrt.analysis.archive.parquet.seals import FileFingerprint, sealed
 from uavrt.core.atomic_file import make_directories, replacing
 from uavrt.core.errors import FormatError, needs_extra
 from uavrt.core.messages import Pulse
@@ -247,7 +247,7 @@ def _for_pandas(kinds: Mapping[str, str]) -> str:
 
 def write_pulses(
     path: Path, pulses: Sequence[tuple[int, Pulse]], recording: str, flight: str
-) -> Seal:
+) -> FileFingerprint:
     """Write pulses with their cell numbers, in order of time; raises `OSError`."""
     more: dict[str, list[Any]] = {
         "recording": [recording] * len(pulses),
@@ -259,7 +259,7 @@ def write_pulses(
 
 def write_rows(
     path: Path, record: type[Row], rows: Sequence[Row], flight: str | None = None
-) -> Seal:
+) -> FileFingerprint:
     """Write a table of records of one type; raises `OSError`."""
     more = {} if flight is None else {"flight": [flight] * len(rows)}
     return _write(path, record, rows, more)
@@ -288,7 +288,9 @@ def pulse_of(row: dict[str, Any]) -> Pulse:
     return Pulse(**(values | listed))
 
 
-def _write(path: Path, record: type, rows: Sequence[Any], more: dict[str, list[Any]]) -> Seal:
+def _write(
+    path: Path, record: type, rows: Sequence[Any], more: dict[str, list[Any]]
+) -> FileFingerprint:
     import pyarrow as pa
     import pyarrow.parquet as pq
 

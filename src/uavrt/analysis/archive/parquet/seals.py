@@ -18,7 +18,7 @@ from uavrt.core.foreign import ARCHIVE_NOTE, read_file
 _DIGEST_BYTES = 16
 
 
-class Seal(msgspec.Struct, frozen=True):
+class FileFingerprint(msgspec.Struct, frozen=True):
     """Size, modification time and digest of a file when written."""
 
     size: int
@@ -27,13 +27,13 @@ class Seal(msgspec.Struct, frozen=True):
     """BLAKE2b digest of the file's content."""
 
 
-def sealed(path: Path) -> Seal:
+def sealed(path: Path) -> FileFingerprint:
     """Size, time and digest of a file that has just been written; raises `OSError`."""
     about = path.stat()
-    return Seal(about.st_size, about.st_mtime_ns, _digest(path.read_bytes()))
+    return FileFingerprint(about.st_size, about.st_mtime_ns, _digest(path.read_bytes()))
 
 
-def fault_of(path: Path, seal: Seal, *, thorough: bool = False) -> str | None:
+def fault_of(path: Path, seal: FileFingerprint, *, thorough: bool = False) -> str | None:
     """Reason why a file differs from its record, else None; raises `OSError`."""
     try:
         about = path.stat()

@@ -27,7 +27,7 @@ CONNECT_S = 15.0
 NO_WORKER_S = 3.0
 """Time without any worker of the cluster after which a message is shown [s]."""
 _CLOSE_S = 0.5
-_LOOK_S = 0.5
+_POLL_S = 0.5
 _QUEUED_LEAST = 64
 """Minimum number of queued tasks; an adaptive cluster grows with its queue."""
 
@@ -46,7 +46,7 @@ class RunMarker:
     def should_stop(self) -> bool:
         """True if the file is gone or names another run, so that the worker must stop."""
         now_s = time.monotonic()
-        if now_s - self._read_s >= _LOOK_S and not self._stop:
+        if now_s - self._read_s >= _POLL_S and not self._stop:
             self._read_s = now_s
             self._stop = not self._path.is_file() or self._path.read_text() != self._run
         return self._stop
@@ -167,7 +167,7 @@ class _ProgressSender:
 
     def add(self, amount: int) -> None:
         self._amount += amount
-        if time.monotonic() - self._reported_s >= _LOOK_S:
+        if time.monotonic() - self._reported_s >= _POLL_S:
             self.flush()
 
     def flush(self) -> None:

@@ -22,7 +22,7 @@ from uavrt.analysis.archive.parquet.parquet_tables import (
     write_pulses,
     write_rows,
 )
-from uavrt.analysis.archive.parquet.seals import Seal
+from uavrt.analysis.archive.parquet.seals import FileFingerprint
 from uavrt.analysis.archive.recordings import Found, Recording, flight_of
 from uavrt.analysis.archive.steps.batch_settings import STEPS, BatchSettings
 from uavrt.analysis.archive.steps.flight_work import FlightResult, FlightTask, Searched
@@ -153,7 +153,7 @@ class Placing:
         failed = replace(task, key=key_of(task.path, {}))
         return self._settled(_row(failed, result), {})
 
-    def _settled(self, row: FlightRow, files: Mapping[str, Seal]) -> FlightRow:
+    def _settled(self, row: FlightRow, files: Mapping[str, FileFingerprint]) -> FlightRow:
         copies = self._copies.get(row.path, ())
         row = replace(row, copies="\n".join(sorted(copies)))
         self._flights.record(row, files)
@@ -164,7 +164,7 @@ class Placing:
         task = replace(plan.task, key=key_of(plan.task.path, keys))
         if task.is_flight:
             self._settle_recorded(task, result)
-        row, files = _row(task, result), dict[str, Seal]()
+        row, files = _row(task, result), dict[str, FileFingerprint]()
         if (before := plan.before) is not None:
             tables = {TABLE_OF[step] for step in plan.kept}
             kept = self._flights.files(before.fingerprint)
@@ -179,7 +179,7 @@ class Placing:
 
     def _write(
         self, task: FlightTask, table: str, record: type[R], rows: tuple[R, ...]
-    ) -> dict[str, Seal]:
+    ) -> dict[str, FileFingerprint]:
         if not rows:
             return {}
         name = f"{table}/{task.key}.parquet"

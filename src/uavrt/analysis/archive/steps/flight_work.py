@@ -27,8 +27,8 @@ from uavrt.flight.integrated import IntegratedVerdict
 from uavrt.flight.reading.flight_reader import Flight, read_flight
 from uavrt.localization.antenna import MONOPOLE, pattern_named
 from uavrt.localization.estimates.flight_estimates import (
+    EstimationOptions,
     HeardInTurn,
-    ReadAs,
     TagBearing,
     TagPosition,
     bearings_of,
@@ -43,7 +43,7 @@ PATH_FIELDS = ("time_ns", "latitude_deg", "longitude_deg", "radius50_m", "radius
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlacingSettings(ReadAs):
+class PlacingSettings(EstimationOptions):
     """Settings for bearings and positions, as in `uavrt localize`."""
 
     antenna: str | None = None
@@ -53,11 +53,11 @@ class PlacingSettings(ReadAs):
     sea: bool = False
     """True if terrain that no elevation file covers is water."""
 
-    def read_as(self, antenna: str) -> ReadAs:
+    def read_as(self, antenna: str) -> EstimationOptions:
         """These settings in the form that the estimator takes."""
-        same = {one.name: getattr(self, one.name) for one in fields(ReadAs)}
+        same = {one.name: getattr(self, one.name) for one in fields(EstimationOptions)}
         elevation = _elevation(self.dem, self.sea)
-        return ReadAs(**same | {"antenna": antenna, "elevation": elevation})
+        return EstimationOptions(**same | {"antenna": antenna, "elevation": elevation})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -194,7 +194,7 @@ def _integrated(
     """Whole-flight results of tags with a recorded channel; errors as text, None without."""
     from uavrt.analysis.inputs.flown_with import antenna_is_recorded
     from uavrt.analysis.integrated.hindsight import verdict_of
-    from uavrt.analysis.whole_flights.judged_flights import JudgeAs
+    from uavrt.analysis.whole_flights.judged_flights import WholeFlightOptions
     from uavrt.analysis.whole_flights.kept_samples import (
         channel_of,
         integrate_kept,
@@ -203,7 +203,9 @@ def _integrated(
 
     assumed = task.settings.antenna is None and not antenna_is_recorded(flight)
     elevation = _elevation(task.settings.dem, task.settings.sea)
-    how = JudgeAs(pattern=pattern_named(antenna), antenna_assumed=assumed, elevation=elevation)
+    how = WholeFlightOptions(
+        pattern=pattern_named(antenna), antenna_assumed=assumed, elevation=elevation
+    )
     channels = kept_channels(Path(flight.info.directory))
     verdicts, faults = [], []
     for tag in flight.info.tags:

@@ -14,7 +14,7 @@ from uavrt.drone.ipc.parent import die_with_parent
 
 MOST_DEATHS = 3
 """Number of worker crashes on one task after which it is skipped."""
-_LOOK_S = 0.3
+_POLL_S = 0.3
 
 
 R_co = TypeVar("R_co", covariant=True)
@@ -119,7 +119,7 @@ def run_in_pool(
                 break
         if not running:
             break
-        ended, _ = wait(running, timeout=_LOOK_S, return_when=FIRST_COMPLETED)
+        ended, _ = wait(running, timeout=_POLL_S, return_when=FIRST_COMPLETED)
         now = pool.done()
         on_done(now - reported)
         reported = now

@@ -29,14 +29,14 @@ from uavrt.core.messages import (
     SearchReport,
     StatusText,
     SystemStatus,
-    VehicleWish,
+    VehicleRequest,
 )
 from uavrt.drone.processes.connection_parts.ground_stations import GroundStations
 from uavrt.drone.processes.connection_parts.ground_status import GroundStatus
-from uavrt.drone.processes.connection_parts.parameter_desk import ParameterDesk
-from uavrt.drone.processes.connection_parts.pose_desk import PoseDesk
+from uavrt.drone.processes.connection_parts.parameter_handler import ParameterHandler
+from uavrt.drone.processes.connection_parts.pose_collector import PoseCollector
 from uavrt.drone.processes.connection_parts.pulse_path import PulsePath
-from uavrt.drone.processes.motions.motion_desk import MotionDesk
+from uavrt.drone.processes.motions.motion_handler import MotionHandler
 from uavrt.link.mavlink.dialect import ParamRequestList
 from uavrt.link.mavlink.discovery import Peer
 from uavrt.link.mavlink.mavlink_connection import Connection
@@ -77,10 +77,10 @@ class ConnectionInbox:
         stations: GroundStations,
         exchange: Exchange,
         pulses: PulsePath,
-        poses: PoseDesk,
+        poses: PoseCollector,
         status: GroundStatus,
-        parameters: ParameterDesk,
-        motion: MotionDesk | None,
+        parameters: ParameterHandler,
+        motion: MotionHandler | None,
         *,
         ask: Callable[[Command], None],
         text: Callable[[StatusText], None],
@@ -93,13 +93,13 @@ class ConnectionInbox:
         """Latest status of the system; None until the supervisor sends it, so that a restarted
         connection does not report an idle drone."""
         self._payloads: dict[int, _Handler] = {
-            PLAIN_INSIDE: self._take_command,
-            RECEIPT_INSIDE: self._take_receipt,
-            PARAMETER_INSIDE: self._take_parameter,
-            MOTION_INSIDE: self._take_motion,
-            CODED_TAG_INSIDE: partial(self._take_command, coded_tag=True),
-            NEIGHBOUR_INSIDE: self._take_neighbour,
-            ALIVE_INSIDE: self._take_keepalive,
+            PLAIN_INSIDE: self._receive_command,
+            RECEIPT_INSIDE: self._receive_receipt,
+            PARAMETER_INSIDE: self._receive_parameter,
+            MOTION_INSIDE: self._receive_motion,
+            CODED_TAG_INSIDE: partial(self._receive_command, coded_tag=True),
+            NEIGHBOUR_INSIDE: self._receive_neighbour,
+            ALIVE_INSIDE: self._receive_keepalive,
         }
         self._records: dict[type, Callable[[Any], None]] = {
             Pulse: pulses.add,
@@ -111,10 +111,13 @@ class ConnectionInbox:
             CommandReply: self._reply,
             Settings: self._changed,
             StatusText: text,
-            SystemStatus: self._take_system,
+            SystemStatus: self._receive_system,
         }
         if motion is not None:
-            self._records |= {MotionOffer: motion.orders.offer, VehicleWish: motion.wish}
+            self._records |= {
+                MotionOffer: motion.orders.offer,
+                VehicleRequest: motion.handle_request,
+            }
         if linked:
             self._records |= {
                 LiveBearing: self._send_bearing,
@@ -146,51 +149,51 @@ class ConnectionInbox:
             refusal = self.stations.gate.refusal(peer.place, sealed=False)
             self._parameters.receive(message, peer, refusal, self._exchange.next_request_id())
 
-    def _take_command(
+    def _receive_command(
         self, payload: bytes, peer: Peer, *, sealed: bool, coded_tag: bool = False
     ) -> None:
-        asker, gate = peer.place, self.stations.gate
+        requester, gate = peer.place, self.stations.gate
         self.stations.asked(peer)
-        reason = gate.refusal(asker, sealed=sealed)
+        reason = gate.refusal(requester, sealed=sealed)
         if reason is not None:
-            refused = self._exchange.refuse(payload, reason, asker)
+            refused = self._exchange.refuse(payload, reason, requester)
             self.stations.answer(refused, urgent=not gate.locked)
             return
-        result = self._exchange.receive(payload, asker, coded_tag=coded_tag)
+        result = self._exchange.receive(payload, requester, coded_tag=coded_tag)
         if isinstance(result, Command):
             self._ask(replace(result, sealed=sealed))
         else:
             self.stations.answer(result)
 
-    def _take_receipt(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
+    def _receive_receipt(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
         if self.stations.gate.locked and not sealed:
             self._exchange.counters["payloads_ignored"] += 1
         else:
             self._pulses.receipt(payload, peer.place)
 
-    def _take_parameter(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
+    def _receive_parameter(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
         refusal = self.stations.gate.refusal(peer.place, sealed=sealed)
         number = self._exchange.next_request_id()
         self._parameters.receive_sealed(payload, peer, refusal, number)
 
-    def _take_motion(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
-        asker = peer.place
+    def _receive_motion(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
+        requester = peer.place
         self.stations.asked(peer)
-        with self.stations.gate.order(payload, asker, sealed=sealed) as refusal:
+        with self.stations.gate.order(payload, requester, sealed=sealed) as refusal:
             if self._motion is not None:
-                self._motion.orders.receive(payload, asker, refusal, sealed=sealed)
+                self._motion.orders.receive(payload, requester, refusal, sealed=sealed)
                 return
             text = "this drone takes no orders of motion: see guidance.enabled"
             number = number_of(payload)
             state = MotionState(kind="refused", standing="out", text=text, request_id=number)
-            self.stations.answer_motion(encode_state(state), asker)
+            self.stations.answer_motion(encode_state(state), requester)
 
-    def _take_neighbour(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
+    def _receive_neighbour(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
         if self._motion is not None:
             refusal = self.stations.gate.refusal(peer.place, sealed=sealed)
             self._motion.neighbours.receive(payload, peer.place, refusal, sealed=sealed)
 
-    def _take_keepalive(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
+    def _receive_keepalive(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
         assert sealed
         self.stations.answer_keepalive(payload, peer)
 
@@ -204,7 +207,7 @@ class ConnectionInbox:
     def _reply(self, reply: CommandReply) -> None:
         answer = self._exchange.reply(reply)
         if answer is not None and reply.accepted:
-            self.stations.accepted(answer.asker)
+            self.stations.accepted(answer.requester)
         self.stations.answer(answer)
         self._parameters.reply(reply)
         if self._motion is not None:
@@ -215,7 +218,7 @@ class ConnectionInbox:
         self._status.radio_set(settings.radio)
         self._poses.use(settings.pose)
 
-    def _take_system(self, status: SystemStatus) -> None:
+    def _receive_system(self, status: SystemStatus) -> None:
         self.system = status
         self.stations.commander(status.commander)
         self._parameters.running(status.state is SystemState.DETECTING and not status.ending)

@@ -41,10 +41,10 @@ class GroundStations:
         self._link.component.discovery.keep(Peer(*place))
         self._limits.commander(place)
 
-    def accepted(self, asker: Place) -> None:
+    def accepted(self, requester: Place) -> None:
         """Treat a station as in command, if none is, until the supervisor confirms it."""
         if not self._limits.has_commander:
-            self._limits.commander(asker)
+            self._limits.commander(requester)
 
     @property
     def dropped(self) -> int:
@@ -77,26 +77,30 @@ class GroundStations:
     def answer(self, answer: Answer | None, *, urgent: bool = True) -> None:
         """Send an answer: before pulses to the station in command, after pulses to others."""
         if answer is not None:
-            first = urgent and self._limits.commands(answer.asker)
+            first = urgent and self._limits.commands(answer.requester)
             priority = Priority.ACK if first else Priority.OTHER
-            self._link.tunnel.send_tunnel(answer.payload, priority, self._peer(answer.asker))
+            self._link.tunnel.send_tunnel(
+                answer.payload, priority, self._peer(answer.requester)
+            )
 
-    def answer_motion(self, payload: bytes, asker: Place | None) -> None:
+    def answer_motion(self, payload: bytes, requester: Place | None) -> None:
         """Report the progress of a motion order to the given station, or to all if None."""
-        if asker is None:
+        if requester is None:
             self._link.tunnel.send_tunnel(payload, Priority.STATUS, None, MOTION_STATE_TYPE)
             return
-        payload, kind, first = self.gate.answer(payload, asker, self._link.place)
+        payload, kind, first = self.gate.answer(payload, requester, self._link.place)
         priority = Priority.ACK if first else Priority.OTHER
-        self._link.tunnel.send_tunnel(payload, priority, self._peer(asker), kind)
+        self._link.tunnel.send_tunnel(payload, priority, self._peer(requester), kind)
 
-    def answer_parameter(self, value: ParamValue, asker: Peer | None) -> None:
-        """Report a parameter's value to all stations or, with low priority, to `asker`."""
+    def answer_parameter(self, value: ParamValue, requester: Peer | None) -> None:
+        """Report a parameter's value to all stations or, with low priority, to `requester`."""
         tunnel = self._link.tunnel
-        if asker is None or (self._limits.commands(asker.place) and not self.gate.locked):
+        if requester is None or (
+            self._limits.commands(requester.place) and not self.gate.locked
+        ):
             tunnel.send_message(value)
         else:
-            tunnel.send_message(value, Priority.OTHER, asker.link)
+            tunnel.send_message(value, Priority.OTHER, requester.link)
 
     def answer_keepalive(self, payload: bytes, peer: Peer) -> None:
         """Answer a station's keepalive with its nonce, and the session for sealed commands."""
@@ -120,5 +124,5 @@ class GroundStations:
         if session is not None:
             self._link.tunnel.send_tunnel(session, Priority.STATUS, payload_type=SESSION_TYPE)
 
-    def _peer(self, asker: Place) -> Peer:
-        return Peer(*asker, self._asked_on.get(asker, 0))
+    def _peer(self, requester: Place) -> Peer:
+        return Peer(*requester, self._asked_on.get(requester, 0))

@@ -35,7 +35,7 @@ HEARTBEAT_NS = ns_from_s(1.0)
 COMPUTER_NS = ns_from_s(10.0)
 """Time between two reports of the computer's load [ns]; 250 bytes: 2 % of the slowest link."""
 FAULTS_NS = ns_from_s(2.0)
-AGAIN_NS = ns_from_s(30.0)
+FAULT_REPEAT_NS = ns_from_s(30.0)
 """Time between two reports of a lasting fault [ns]: below 1 % of the slowest link."""
 SEARCH_REPORT_NS = ns_from_s(5.0)
 """Time between two search reports of a tag on the link [ns], which its pulses share."""
@@ -96,7 +96,7 @@ class GroundStatus:
         if self._due("heartbeat", HEARTBEAT_NS, now_ns):
             self._send(self._exchange.heartbeat(state, cpu_temperature_c()))
             for step in self._exchange.operations.again():
-                self._sender.send_tunnel(step.payload, Priority.STATUS, Peer(*step.asker))
+                self._sender.send_tunnel(step.payload, Priority.STATUS, Peer(*step.requester))
         if self._beeps and self._due("beep", BEEP_NS, now_ns):
             self._send_beep()
         if self._due("computer", COMPUTER_NS, now_ns):
@@ -142,13 +142,15 @@ class GroundStatus:
         others: Sequence[StatusText],
         now_ns: int,
         *,
-        newcomer: bool,
+        new_station: bool,
     ) -> None:
-        """Repeat lasting faults for stations that missed them; at once for a `newcomer`."""
-        if not newcomer and not self._due("faults", FAULTS_NS, now_ns):
+        """Repeat lasting faults for stations that missed them; at once if `new_station`."""
+        if not new_station and not self._due("faults", FAULTS_NS, now_ns):
             return
         for fault in (*map(_fault_of, filter(lambda one: one.reason, processes)), *others):
-            if newcomer or not self._limiter.sent_within(fault.text, AGAIN_NS, now_ns):
+            if new_station or not self._limiter.sent_within(
+                fault.text, FAULT_REPEAT_NS, now_ns
+            ):
                 self.text(fault, now_ns)
 
     def tag_text(self, text: str, now_ns: int) -> bool:
@@ -189,12 +191,12 @@ class GroundStatus:
         asked = not self._asking
         if asked:
             self._asking = True
-            asked = self._disk(partial(_disk_mib, self._root), self._take_space)
+            asked = self._disk(partial(_disk_mib, self._root), self._receive_space)
             self._asking = self._asking and asked
         if not asked:
             self._sender.send_message(self._computer_status())
 
-    def _take_space(self, space_mib: tuple[int, int]) -> None:
+    def _receive_space(self, space_mib: tuple[int, int]) -> None:
         self._asking = False
         self._space_mib = space_mib
         self._sender.send_message(self._computer_status())

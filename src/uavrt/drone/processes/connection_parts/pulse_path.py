@@ -11,7 +11,7 @@ from uavrt.core.runtime.disk_thread import DiskThread
 from uavrt.drone.ipc.process import ProcessFrame
 from uavrt.drone.processes.connection_parts.ground_status import GroundStatus
 from uavrt.drone.processes.connection_parts.named_values import NamedValues
-from uavrt.drone.processes.connection_parts.pose_desk import PoseDesk
+from uavrt.drone.processes.connection_parts.pose_collector import PoseCollector
 from uavrt.drone.processes.connection_parts.pulse_outlet import PulseOutlet
 from uavrt.drone.processes.connection_parts.tag_texts import TagTexts
 from uavrt.flight.database.spool import heard_tags
@@ -34,7 +34,7 @@ class PulsePath:
         frame: ProcessFrame,
         link: Connection,
         exchange: Exchange,
-        poses: PoseDesk,
+        poses: PoseCollector,
         status: GroundStatus,
         disk: DiskThread,
         *,

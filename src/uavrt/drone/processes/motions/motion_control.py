@@ -11,12 +11,19 @@ from uavrt.config.settings import GuidanceSettings
 from uavrt.core.clock import monotonic_s
 from uavrt.core.errors import CommandRefused
 from uavrt.core.log import get_logger
-from uavrt.core.messages import Command, FlyThere, MotionOffer, StatusText, VehicleWish, Wish
+from uavrt.core.messages import (
+    Command,
+    FlyThere,
+    Manoeuvre,
+    MotionOffer,
+    StatusText,
+    VehicleRequest,
+)
 from uavrt.drone.processes.motions.stall_watch import StallWatch
 from uavrt.guidance.autopilot_behaviour import BEHAVIOURS, AutopilotName
-from uavrt.guidance.control.authority import Authority, Standing
+from uavrt.guidance.control.authority import Authority, ControlStage
 from uavrt.guidance.control.observed import Observation
-from uavrt.guidance.control.offers import WHEN_YOURS
+from uavrt.guidance.control.offers import PILOT_FLIES
 from uavrt.guidance.control.vehicle_commands import CommandWriter
 from uavrt.guidance.height_frames import target_amsl_m
 from uavrt.guidance.safety import SAFETY
@@ -26,20 +33,20 @@ from uavrt.link.tunnel.own_messages.motion_messages import MotionConfirmation
 
 log = get_logger()
 
-Asker = tuple[int, int]
+Requester = tuple[int, int]
 STOP_WITHIN_S = 1.5
 """Longest wait to send the stop command [s]; then control ends without it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outlets:
+class MotionOutputs:
     """Functions that send messages of motion control to their receivers."""
 
     command: Callable[[Message], None]
     """Function that sends a command to the autopilot at once."""
     leaves: Callable[[], bool]
     """Function that returns True if a command could be sent at once."""
-    state: Callable[[bytes, Asker | None], None]
+    state: Callable[[bytes, Requester | None], None]
     """Function that sends the state of a motion order to one station, or to all if None."""
     ask: Callable[[Command], None]
     record: Callable[[str, object], None]
@@ -53,7 +60,7 @@ class MotionControl:
     def __init__(
         self,
         settings: GuidanceSettings,
-        outlets: Outlets,
+        outlets: MotionOutputs,
         own_place: Callable[[], tuple[int, int]],
         changed: Callable[[float], None],
     ) -> None:
@@ -61,11 +68,11 @@ class MotionControl:
         self._own_place, self._changed = own_place, changed
         self.authority: Authority | None = None
         """Permits or refuses each command; None while the autopilot is unknown."""
-        self.standing = Standing.OUT
+        self.standing = ControlStage.OUT
         self.stalls = StallWatch(monotonic_s())
         self.order_id = self.sent = self.refused = 0
         """Id of the last confirmed order; numbers of its commands `sent` and `refused`."""
-        self._said = ""
+        self._status_text = ""
         self._late_reported = False
 
     def use(self, kind: AutopilotName | None) -> None:
@@ -91,14 +98,14 @@ class MotionControl:
         """State of the order, as a text for the operator."""
         if self.authority is None:
             return "the autopilot is not known"
-        if self.authority.standing is Standing.OUT:
+        if self.authority.standing is ControlStage.OUT:
             return self.authority.reason
         late = self.authority.vehicle.late
-        return self._said if late is None else f"{late}: nothing is commanded"
+        return self._status_text if late is None else f"{late}: nothing is commanded"
 
     def watch(self, now_s: float) -> None:
         """Report the state of control at once if it has changed."""
-        standing = Standing.OUT if self.authority is None else self.authority.standing
+        standing = ControlStage.OUT if self.authority is None else self.authority.standing
         if standing is not self.standing:
             self.standing = standing
             self._changed(now_s)
@@ -109,11 +116,11 @@ class MotionControl:
         if pause_s > SAFETY.stall_s:
             self.end(f"the drone side stood still for {pause_s:.0f} s", now_s)
 
-    def see(self, observations: Iterable[Observation], now_s: float) -> None:
+    def observe(self, observations: Iterable[Observation], now_s: float) -> None:
         """Pass the autopilot's reports to `authority`, which may end control."""
         if self.authority is not None:
             for one in observations:
-                self.authority.see(one)
+                self.authority.observe(one)
             self.watch(now_s)
 
     def end(self, reason: str, now_s: float) -> None:
@@ -132,7 +139,7 @@ class MotionControl:
         authority = self.known
         mode = authority.vehicle.mode_name
         if offer.mode != mode:
-            raise CommandRefused(f"the flight mode is {mode} now", remedy=WHEN_YOURS)
+            raise CommandRefused(f"the flight mode is {mode} now", remedy=PILOT_FLIES)
         authority.offer(offer.order_id, offer.nonce, monotonic_s(), takeoff=offer.takeoff)
 
     def confirm(self, confirmation: MotionConfirmation, now_s: float) -> None:
@@ -145,7 +152,7 @@ class MotionControl:
         )
         self.sent = self.refused = 0
         self._late_reported = False
-        self._said, self.order_id = "confirmed", confirmation.order_id
+        self._status_text, self.order_id = "confirmed", confirmation.order_id
 
     @property
     def known(self) -> Authority:
@@ -154,30 +161,34 @@ class MotionControl:
             raise CommandRefused("the autopilot has not reported yet")
         return self.authority
 
-    def fly(self, wish: VehicleWish, now_s: float) -> bool:
+    def fly(self, request: VehicleRequest, now_s: float) -> bool:
         """Handle a request of the guide process; True if for a motion, even a refused one."""
         authority = self.known
-        assert wish.order_id is not None
-        self._said = wish.said or self._said
-        if wish.ends:
+        assert request.order_id is not None
+        self._status_text = request.status_text or self._status_text
+        if request.ends:
             late = authority.vehicle.late
-            authority.stop(now_s, wish.said if late is None else f"{wish.said}: {late}")
+            authority.stop(
+                now_s, request.status_text if late is None else f"{request.status_text}: {late}"
+            )
             return False
-        if wish.wish is None:
+        if request.manoeuvre is None:
             return False
-        if not self.stalls.late and self.command(wish.order_id, wish.wish, now_s):
+        if not self.stalls.late and self.command(request.order_id, request.manoeuvre, now_s):
             self.sent += 1
         else:
             self.refused += 1
         return True
 
-    def command(self, order_id: int, wish: Wish, now_s: float, *, stops: bool = False) -> bool:
+    def command(
+        self, order_id: int, manoeuvre: Manoeuvre, now_s: float, *, stops: bool = False
+    ) -> bool:
         """Send a motion command if it is permitted and can be sent at once; True if sent."""
         authority = self.known
         try:
             if not self._out.leaves():
                 raise CommandRefused("the link to the autopilot is busy")
-            command = authority.command(order_id, wish, now_s, stops=stops)
+            command = authority.command(order_id, manoeuvre, now_s, stops=stops)
         except CommandRefused as error:
             log.info("motion command not sent: not permitted", reason=error.message)
             self._report_late(authority)
@@ -189,7 +200,7 @@ class MotionControl:
 
     def _report_late(self, authority: Authority) -> None:
         late = authority.vehicle.late
-        if late is None or authority.standing is Standing.OUT or self._late_reported:
+        if late is None or authority.standing is ControlStage.OUT or self._late_reported:
             return
         self._late_reported = True
         self._out.text(StatusText(severity=4, text=f"Not commanded: {late}"))
@@ -225,7 +236,7 @@ class TakeBack:
             authority.stop(now_s)
         elif now_s >= self._by_s:
             authority.stop(now_s, "stopped by the operator: it flies on to its last target")
-        if authority.standing is Standing.OUT:
+        if authority.standing is ControlStage.OUT:
             self._by_s = 0.0
         self._control.watch(now_s)
 

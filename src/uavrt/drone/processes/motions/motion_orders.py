@@ -10,7 +10,12 @@ from uavrt.core.errors import CommandRefused, TunnelError
 from uavrt.core.log import get_logger
 from uavrt.core.messages import Command, CommandReply, MotionOffer, MotionRequest
 from uavrt.core.newest import Newest
-from uavrt.drone.processes.motions.motion_control import Asker, MotionControl, Outlets, TakeBack
+from uavrt.drone.processes.motions.motion_control import (
+    MotionControl,
+    MotionOutputs,
+    Requester,
+    TakeBack,
+)
 from uavrt.drone.processes.motions.motion_reports import MotionReports
 from uavrt.drone.processes.motions.reported_autopilot import ReportedAutopilot
 from uavrt.link.tunnel.own_messages.motion_messages import (
@@ -23,7 +28,7 @@ from uavrt.link.tunnel.own_messages.neighbour_messages import decode_neighbour
 log = get_logger()
 
 PENDING = 16
-ANSWERS_WITHIN_S = 2.0
+SUPERVISOR_TIMEOUT_S = 2.0
 """Longest wait for the supervisor when an order is confirmed [s]; stations wait no longer."""
 SENDER_S = 10.0
 """Silence of the station that reports other drones after which another station may do so [s].
@@ -31,10 +36,10 @@ Two stations at once could assign the same path twice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Question:
+class _PendingRequest:
     name: CommandName
     about: MotionRequest | MotionConfirmation
-    asker: Asker
+    requester: Requester
     asked_s: float
 
 
@@ -43,7 +48,7 @@ class MotionOrders:
 
     def __init__(
         self,
-        outlets: Outlets,
+        outlets: MotionOutputs,
         autopilot: ReportedAutopilot,
         control: MotionControl,
         take_back: TakeBack,
@@ -53,17 +58,17 @@ class MotionOrders:
         self._out, self._autopilot, self._control = outlets, autopilot, control
         self._take_back, self._reports = take_back, reports
         self._next_request_id = next_request_id
-        self._pending: Newest[int, _Question] = Newest(PENDING)
-        self._offered_to: Asker | None = None
+        self._pending: Newest[int, _PendingRequest] = Newest(PENDING)
+        self._offered_to: Requester | None = None
         self.refused = 0
         """Number of orders that were unauthenticated or invalid."""
 
     def receive(
-        self, payload: bytes, asker: Asker, refusal: str | None, *, sealed: bool
+        self, payload: bytes, requester: Requester, refusal: str | None, *, sealed: bool
     ) -> None:
         """Handle a ground station's message about motion; `refusal`: why it may not command."""
         try:
-            message = decode_motion(payload, asker)
+            message = decode_motion(payload, requester)
         except TunnelError as error:
             self.refused += 1
             log.seldom(self.refused, "order of motion refused", reason=error.message)
@@ -74,37 +79,37 @@ class MotionOrders:
             refusal = self._autopilot.link_fault
         if refusal is not None:
             self.refused += 1
-            self._reports.answer("refused", refusal, asker, message.request_id)
+            self._reports.answer("refused", refusal, requester, message.request_id)
         elif isinstance(message, MotionStop):
-            self._stop(message, asker)
+            self._stop(message, requester)
         elif isinstance(message, MotionConfirmation):
-            self._ask("confirm_motion", message, asker, sealed=sealed)
-        elif not self._reports.is_repeated(asker, message.request_id):
-            self._ask("fly", message, asker, sealed=sealed)
+            self._ask("confirm_motion", message, requester, sealed=sealed)
+        elif not self._reports.is_repeated(requester, message.request_id):
+            self._ask("fly", message, requester, sealed=sealed)
 
-    def _stop(self, stop: MotionStop, asker: Asker) -> None:
+    def _stop(self, stop: MotionStop, requester: Requester) -> None:
         now_s = monotonic_s()
         self._control.wake(now_s)
         self._take_back.begin(now_s)
-        self._reports.answer("state", self._control.text, asker, stop.request_id)
+        self._reports.answer("state", self._control.text, requester, stop.request_id)
 
     def _ask(
         self,
         name: CommandName,
         about: MotionRequest | MotionConfirmation,
-        asker: Asker,
+        requester: Requester,
         *,
         sealed: bool,
     ) -> None:
         number = self._next_request_id()
-        self._pending[number] = _Question(
-            name=name, about=about, asker=asker, asked_s=monotonic_s()
+        self._pending[number] = _PendingRequest(
+            name=name, about=about, requester=requester, asked_s=monotonic_s()
         )
         self._out.ask(
             Command(
                 name=name,
                 request_id=number,
-                source=f"mavlink {asker[0]}/{asker[1]}",
+                source=f"mavlink {requester[0]}/{requester[1]}",
                 sealed=sealed,
             )
         )
@@ -115,47 +120,47 @@ class MotionOrders:
         if question is None or question.name != reply.name:
             return
         del self._pending[reply.request_id]
-        about, asker = question.about, question.asker
+        about, requester = question.about, question.requester
         waited_s = monotonic_s() - question.asked_s
         if not reply.accepted:
-            self._reports.answer("refused", reply.message, asker, about.request_id)
+            self._reports.answer("refused", reply.message, requester, about.request_id)
         elif isinstance(about, MotionRequest):
             self._out.record("motion", about)
-        elif waited_s > ANSWERS_WITHIN_S:
+        elif waited_s > SUPERVISOR_TIMEOUT_S:
             text = f"the confirmation waited {waited_s:.0f} s on the drone: ask again"
-            self._reports.answer("refused", text, asker, about.request_id)
+            self._reports.answer("refused", text, requester, about.request_id)
         else:
-            self._confirm(about, asker)
+            self._confirm(about, requester)
 
-    def _confirm(self, confirmation: MotionConfirmation, asker: Asker) -> None:
+    def _confirm(self, confirmation: MotionConfirmation, requester: Requester) -> None:
         now_s, control = monotonic_s(), self._control
         try:
-            if control.known and asker != self._offered_to:
+            if control.known and requester != self._offered_to:
                 raise CommandRefused(
                     "another station requested this order",
                     remedy="Request it from this station",
                 )
             control.confirm(confirmation, now_s)
         except CommandRefused as error:
-            self._reports.answer("refused", str(error), asker, confirmation.request_id)
+            self._reports.answer("refused", str(error), requester, confirmation.request_id)
             return
-        log.info("motion confirmed", order=confirmation.order_id, source=asker)
-        self._reports.confirmed(asker, confirmation.request_id, now_s)
+        log.info("motion confirmed", order=confirmation.order_id, source=requester)
+        self._reports.confirmed(requester, confirmation.request_id, now_s)
 
     def offer(self, offer: MotionOffer) -> None:
         """Send a proposed order, or the refusal of a request, to the requesting station."""
-        answer, asker, number = self._reports.answer, offer.asker, offer.request_id
+        answer, requester, number = self._reports.answer, offer.requester, offer.request_id
         if offer.refused:
-            answer("refused", offer.summary, asker, number)
+            answer("refused", offer.summary, requester, number)
             return
         try:
             self._control.offer(offer)
         except CommandRefused as error:
-            answer("refused", str(error), asker, number)
+            answer("refused", str(error), requester, number)
             return
-        self._offered_to = asker
+        self._offered_to = requester
         order_id, nonce = offer.order_id, offer.nonce
-        answer("offer", offer.summary, asker, number, order_id=order_id, nonce=nonce)
+        answer("offer", offer.summary, requester, number, order_id=order_id, nonce=nonce)
 
 
 class NeighbourReports:
@@ -163,17 +168,17 @@ class NeighbourReports:
 
     def __init__(
         self,
-        outlets: Outlets,
+        outlets: MotionOutputs,
         autopilot: ReportedAutopilot,
         own_place: Callable[[], tuple[int, int]],
     ) -> None:
         self._record, self._autopilot, self._own_place = outlets.record, autopilot, own_place
-        self._sender: Asker | None = None
+        self._sender: Requester | None = None
         self._sent_s = -inf
         self.refused = 0
 
     def receive(
-        self, payload: bytes, asker: Asker, refusal: str | None, *, sealed: bool
+        self, payload: bytes, requester: Requester, refusal: str | None, *, sealed: bool
     ) -> None:
         """Handle a report on another drone; parameters as in `MotionOrders.receive`."""
         now_s = monotonic_s()
@@ -183,10 +188,10 @@ class NeighbourReports:
             self.refused += 1
             log.seldom(self.refused, "neighbour refused", reason=error.message)
             return
-        another = self._sender not in (None, asker) and now_s - self._sent_s < SENDER_S
+        another = self._sender not in (None, requester) and now_s - self._sent_s < SENDER_S
         proven = refusal is None and (sealed or self._autopilot.takes_unsealed)
         if not proven or another or neighbour.vehicle == self._own_place()[0]:
             self.refused += 1
             return
-        self._sender, self._sent_s = asker, now_s
+        self._sender, self._sent_s = requester, now_s
         self._record("neighbour", neighbour)

@@ -5,9 +5,9 @@ from math import inf
 
 from uavrt.core.log import get_logger
 from uavrt.core.messages import StatusText, VehicleReport
-from uavrt.drone.processes.motions.motion_control import Asker, MotionControl, Outlets
+from uavrt.drone.processes.motions.motion_control import MotionControl, MotionOutputs, Requester
 from uavrt.drone.processes.motions.reported_autopilot import ReportedAutopilot
-from uavrt.guidance.control.authority import Authority, Standing
+from uavrt.guidance.control.authority import Authority, ControlStage
 from uavrt.link.tunnel.own_messages.motion_messages import MotionState, StateKind, encode_state
 
 log = get_logger()
@@ -22,13 +22,13 @@ class MotionReports:
     """Sends reports and answers about the motion order in progress."""
 
     def __init__(
-        self, outlets: Outlets, control: MotionControl, autopilot: ReportedAutopilot
+        self, outlets: MotionOutputs, control: MotionControl, autopilot: ReportedAutopilot
     ) -> None:
         self._out, self._control, self._autopilot = outlets, control, autopilot
-        self._silent_s: Mapping[Asker, float] = {}
-        self._confirmer: Asker | None = None
+        self._silent_s: Mapping[Requester, float] = {}
+        self._confirmer: Requester | None = None
         """Station that confirmed the order; control ends when this station falls silent."""
-        self._request: tuple[Asker, int] | None = None
+        self._request: tuple[Requester, int] | None = None
         self._answered: bytes | None = None
         """Encoded answer to the last motion request; None if not answered yet."""
         self._next_report_s = self._next_state_s = -inf
@@ -37,13 +37,13 @@ class MotionReports:
         self,
         kind: StateKind,
         text: str,
-        asker: Asker | None,
+        requester: Requester | None,
         request_id: int,
         *,
         order_id: int = 0,
         nonce: int = 0,
     ) -> None:
-        """Answer a station, or all stations if `asker` is None."""
+        """Answer a station, or all stations if `requester` is None."""
         authority = self._control.authority
         state = MotionState(
             kind=kind,
@@ -54,36 +54,36 @@ class MotionReports:
             nonce=nonce,
         )
         payload = encode_state(state)
-        if asker is not None and (asker, request_id) == self._request:
+        if requester is not None and (requester, request_id) == self._request:
             self._answered = payload
-        self._out.state(payload, asker)
+        self._out.state(payload, requester)
 
-    def is_repeated(self, asker: Asker, request_id: int) -> bool:
+    def is_repeated(self, requester: Requester, request_id: int) -> bool:
         """True if a request repeats the last one; its answer is then sent again."""
-        if (asker, request_id) != self._request:
-            self._request, self._answered = (asker, request_id), None
+        if (requester, request_id) != self._request:
+            self._request, self._answered = (requester, request_id), None
             return False
         if self._answered is not None:
-            self._out.state(self._answered, asker)
+            self._out.state(self._answered, requester)
         return True
 
-    def confirmed(self, asker: Asker, request_id: int, now_s: float) -> None:
+    def confirmed(self, requester: Requester, request_id: int, now_s: float) -> None:
         """Report that a station has confirmed the order."""
-        self._confirmer = asker
-        self.answer("state", "confirmed", asker, request_id)
+        self._confirmer = requester
+        self.answer("state", "confirmed", requester, request_id)
         self.report(now_s)
 
     def standing_changed(self, now_s: float) -> None:
         """Report to operator, stations and guide that control has begun or ended."""
         control = self._control
-        ended = control.authority if control.standing is Standing.OUT else None
+        ended = control.authority if control.standing is ControlStage.OUT else None
         log.info(
             "motion control",
             standing=control.standing.value,
             reason=control.text,
             nearest_m=None if ended is None else ended.nearest_m,
         )
-        if control.standing is Standing.OUT:
+        if control.standing is ControlStage.OUT:
             self._out.text(StatusText(severity=5, text=f"Not flying: {control.text}"))
         self._report_state(now_s)
         self.report(now_s)
@@ -99,7 +99,7 @@ class MotionReports:
         self._next_state_s = now_s + STATE_S
         self.answer("state", self._control.text, None, 0)
 
-    def stations_silent(self, silent_s: Mapping[Asker, float]) -> None:
+    def stations_silent(self, silent_s: Mapping[Requester, float]) -> None:
         """Set for how long each ground station has been silent [s]."""
         self._silent_s = silent_s
 
@@ -107,7 +107,7 @@ class MotionReports:
     def _ground_silent_s(self) -> float:
         """Silence of the station that confirmed the order; else the shortest of all [s]."""
         silent_s = self._silent_s
-        if self._control.standing is Standing.OUT or self._confirmer is None:
+        if self._control.standing is ControlStage.OUT or self._confirmer is None:
             return min((NEVER_S, *silent_s.values()))
         return min(NEVER_S, silent_s.get(self._confirmer, NEVER_S))
 
@@ -130,8 +130,8 @@ class MotionReports:
             mode=authority.vehicle.mode_name,
             seen=authority.vehicle_seen(
                 battery_percent=self._autopilot.battery_percent(now_s),
-                wishes_sent=self._control.sent,
-                wishes_refused=self._control.refused,
+                requests_sent=self._control.sent,
+                requests_refused=self._control.refused,
                 ground_silent_s=self._ground_silent_s,
             ),
             wind_m_s=self._autopilot.wind_m_s(now_s),

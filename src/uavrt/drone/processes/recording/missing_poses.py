@@ -25,7 +25,7 @@ class AwaitedPoses:
     """
 
     def __init__(self, patience_s: float) -> None:
-        self._patience_s = patience_s
+        self._timeout_s = patience_s
         self._tags: dict[int, OrderedDict[int, tuple[Pulse, float]]] = {}
 
     def __len__(self) -> int:
@@ -34,7 +34,7 @@ class AwaitedPoses:
     def add(self, pulse: Pulse, now_s: float) -> None:
         """Add a pulse; a pulse that is already waiting keeps its time."""
         waiting = self._tags.setdefault(pulse.tag_id, OrderedDict())
-        waiting.setdefault(pulse.start_time_ns, (pulse, now_s + self._patience_s))
+        waiting.setdefault(pulse.start_time_ns, (pulse, now_s + self._timeout_s))
 
     def came(self, pulse: Pulse) -> list[Pulse]:
         """Remove a pulse with its pose; return the tag's earlier pulses, which get no pose."""

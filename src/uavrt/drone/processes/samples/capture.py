@@ -67,9 +67,9 @@ class Capture:
             return None
         self._why = self._recorder.trouble or self._why
         self._recorder.close()
-        return "captured" if self.said() else "not captured"
+        return "captured" if self.status_text() else "not captured"
 
-    def said(self) -> str:
+    def status_text(self) -> str:
         """Text on the samples recorded and the reason if incomplete; empty if none were."""
         recorded = self._earlier + self._recorder.written_samples
         if not recorded:
@@ -84,7 +84,7 @@ class Capture:
         """Decimate and record a block; samples beyond the set duration are dropped."""
         band = self._front_end.decimate(block)
         self._lost += block.lost_before
-        self._check.look(band)
+        self._check.check(band)
         room = self._wanted - self._taken
         if self.status is not None or not len(band.samples):
             return

@@ -14,13 +14,13 @@ from uavrt.core.errors import UavrtError
 from uavrt.core.log import get_logger
 from uavrt.core.messages import Command, CommandReply, FlightInfo, Tag
 from uavrt.core.newest import Newest
+from uavrt.drone.supervisor.mission.commanding_station import CommandingStation
 from uavrt.drone.supervisor.mission.kept_parameters import SettingsInForce
 from uavrt.drone.supervisor.mission.mission_flights import Flights, Notify, Tuner
 from uavrt.drone.supervisor.mission.saved_state import SavedState, StateStore
 from uavrt.drone.supervisor.mission.search_planning import request_tuning
 from uavrt.drone.supervisor.mission.storage.operations import Operations
 from uavrt.drone.supervisor.mission.tag_upload import TagUpload
-from uavrt.drone.supervisor.mission.who_commands import Commander
 from uavrt.link.tunnel.tag_lists import searched_text
 
 log = get_logger()
@@ -64,7 +64,7 @@ class Mission:
         self._notify, self._on_stop, self._on_correction = notify, on_stop, on_correction
         self._replies: Newest[tuple[str, int], CommandReply] = Newest(REPLIES_KEPT)
         self.refused = 0
-        self.commander = Commander(pinned=settings.mavlink.first_commands)
+        self.commander = CommandingStation(pinned=settings.mavlink.first_commands)
 
     # ------------------------------------------------------------------ memory
 

@@ -24,7 +24,7 @@ class WallClockWatch:
         self._again_s = None if text is None else now_s + REPEAT_AFTER_S
         return text
 
-    def wrong_time_again(self, now_s: float) -> str | None:
+    def repeated_warning(self, now_s: float) -> str | None:
         """Repeat the warning of a wrong date, once after `REPEAT_AFTER_S`; otherwise None."""
         if self._again_s is None or now_s < self._again_s:
             return None

@@ -20,7 +20,7 @@ class RestartPolicy:
         return f"after {delays} s …; degraded after {self.degraded_after}"
 
 
-SOON = RestartPolicy()
+FLIGHT_RESTARTS = RestartPolicy()
 """Policy for processes that a flight needs: first restart at once."""
 
 
@@ -28,7 +28,7 @@ SOON = RestartPolicy()
 class Restarts:
     """Counts the consecutive ends of one process and computes its next start."""
 
-    policy: RestartPolicy = SOON
+    policy: RestartPolicy = FLIGHT_RESTARTS
     total: int = 0
     in_a_row: int = 0
     not_before_s: float = 0.0

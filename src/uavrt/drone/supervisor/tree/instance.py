@@ -43,7 +43,7 @@ class Instance:
     """Last warning or error that the process printed, for the operator if it ends."""
 
     def __post_init__(self) -> None:
-        self.outbox = Outbox(self.row.backlog, keeps=self.row.acks_taken)
+        self.outbox = Outbox(self.row.backlog, keeps=self.row.acknowledges_records)
         self.restarts = Restarts(self.row.restart)
         self.pace = PaceWatch(self.name, self.row.produces)
         self.budget = BudgetWatch(

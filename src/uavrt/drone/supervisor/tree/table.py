@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from uavrt.config.settings import Settings
 from uavrt.core.commands import SystemState
-from uavrt.drone.supervisor.start.restarts import SOON, RestartPolicy
+from uavrt.drone.supervisor.start.restarts import FLIGHT_RESTARTS, RestartPolicy
 
 Predicate = Callable[[SystemState], bool]
 
@@ -51,7 +51,7 @@ class ProcessRow:
     backlog: int | None = None
     """Largest number of one topic's records queued for the process; None: no limit. Bursts must
     fit: a hundred tags with pulses at the same time give hundreds of records."""
-    acks_taken: bool = False
+    acknowledges_records: bool = False
     """True if the process acknowledges handled records; others are resent after a restart."""
     per_worker: bool = False
     """True if one such process runs for each detector worker."""
@@ -61,7 +61,7 @@ class ProcessRow:
     """Silence after which the process is killed [s]; a healthy one reports once a second."""
     start_limit_s: float = 20.0
     """Longest wait for the first report after the start [s], which includes the imports."""
-    restart: RestartPolicy = SOON
+    restart: RestartPolicy = FLIGHT_RESTARTS
     """Delays of restarts after the process ended unexpectedly."""
     cpu_budget_percent: float
     """CPU budget [% of one core of the reference machine], with 100 tags."""
@@ -92,8 +92,8 @@ PROCESSES: tuple[ProcessRow, ...] = (
             "status_text",
             "health",
         ),
-        produces=("pulse_pose", "recorded", "taken", "health", "status_text"),
-        acks_taken=True,
+        produces=("pulse_pose", "recorded", "records_handled", "health", "status_text"),
+        acknowledges_records=True,
         cpu_budget_percent=2.0,
         memory_limit_mb=60.0,
         # A memory card may need seconds for an fsync; killing the writer would not help.
@@ -120,7 +120,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
             "flight_end",
             "corrected_tags",
             "motion_offer",
-            "wish",
+            "vehicle_request",
             "course",
         ),
         produces=(
@@ -180,7 +180,14 @@ PROCESSES: tuple[ProcessRow, ...] = (
             "pulse_pose",
             "search_report",
         ),
-        produces=("motion_offer", "wish", "course", "search_note", "health", "status_text"),
+        produces=(
+            "motion_offer",
+            "vehicle_request",
+            "course",
+            "search_note",
+            "health",
+            "status_text",
+        ),
         backlog=500,
         cpu_budget_percent=5.0,
         memory_limit_mb=80.0,
@@ -234,7 +241,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
     ),
 )
 
-SUPERVISOR_TOPICS = ("command", "health", "status_text", "taken")
+SUPERVISOR_TOPICS = ("command", "health", "status_text", "records_handled")
 
 
 def consumers_of(

@@ -4,7 +4,7 @@ Records of lossless topics wait until the process takes them. Only the newest re
 topics are kept; dropped ones are counted.
 
 A process may end before it has read or stored records that were sent. If the process reports
-its progress (`ProcessRow.acks_taken`), such records are sent again to its next run.
+its progress (`ProcessRow.acknowledges_records`), such records are sent again to its next run.
 """
 
 import socket
@@ -33,7 +33,7 @@ class Outbox:
         self._lines: deque[Line] = deque()
         self._kept: deque[Line] = deque()
         """Lines sent to the present run of the process but not yet acknowledged."""
-        self._taken = 0
+        self._acknowledged = 0
         self._runs_without_progress = 0
         self._flight: bytes | None = None
         """Record of the flight of the first waiting or kept line; None outside of flights."""
@@ -76,18 +76,18 @@ class Outbox:
         self._waiting[name] = 0
         self._written = 0
 
-    def taken(self, count: int) -> None:
+    def remove_acknowledged(self, count: int) -> None:
         """Remove kept lines; `count`: number that this run of the process has acknowledged."""
-        while self._taken < count and self._kept:
-            self._taken += 1
+        while self._acknowledged < count and self._kept:
+            self._acknowledged += 1
             self._update_flight(*self._kept.popleft())
 
     def process_ended(self, *, by_itself: bool) -> None:
         """Queue the unacknowledged lines again, before all waiting ones."""
         self._runs_without_progress = (
-            self._runs_without_progress + 1 if by_itself and not self._taken else 0
+            self._runs_without_progress + 1 if by_itself and not self._acknowledged else 0
         )
-        self._taken = 0
+        self._acknowledged = 0
         if self._runs_without_progress >= RUNS_WITHOUT_PROGRESS:
             self._runs_without_progress = 0
             while self._kept:
@@ -117,7 +117,7 @@ class Outbox:
         self._kept.append((name, line))
         if len(self._kept) > MOST_KEPT:
             self._give_up()
-            self._taken += 1
+            self._acknowledged += 1
 
     def _next_bytes(self) -> bytes:
         """Join waiting lines to be sent by one call, because each call wakes the receiver."""

@@ -32,14 +32,14 @@ def motion_request(
     named: MotionAction = action
     return MotionRequest(
         request_id=new_number(),
-        asker=(0, 0),
+        requester=(0, 0),
         action=named,
         places=tuple(places),
         **values,  # type: ignore[arg-type]
     )
 
 
-async def ask(link: GroundLink, request: MotionRequest) -> MotionState:
+async def request_motion(link: GroundLink, request: MotionRequest) -> MotionState:
     """Request a motion; return the drone's proposed order. Nothing moves yet.
 
     Raises `CommandRefused` if the drone refuses, or `LinkError` without an answer.
@@ -48,7 +48,7 @@ async def ask(link: GroundLink, request: MotionRequest) -> MotionState:
 
 
 async def confirm(link: GroundLink, offer: MotionState, *, sticks_unseen: bool) -> MotionState:
-    """Confirm a proposed order; without an answer the drone is stopped. Raises as `ask`.
+    """Confirm a proposed order; without an answer the drone is stopped.
 
     `sticks_unseen`: True if the operator accepts that the drone has no RC link. If the stop is
     not answered either, its error is the cause of the raised one.
@@ -71,6 +71,6 @@ async def confirm(link: GroundLink, offer: MotionState, *, sticks_unseen: bool) 
 
 
 async def stop(link: GroundLink) -> MotionState:
-    """Stop the drone and end uavrt's control; if this raises as `ask`, a pilot must stop it."""
+    """Stop the drone and end uavrt's control; if this raises an error, a pilot must stop it."""
     number = new_number()
     return await link.motion(encode_stop(MotionStop(request_id=number)), number)

@@ -16,7 +16,12 @@ from uavrt.core.errors import CommandRefused, FormatError, LinkError, UsageError
 from uavrt.core.messages import KeepOut, MotionRequest, Tag
 from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 from uavrt.ground.link.drone_link import GroundLink
-from uavrt.ground.link.motions.motion_requests import ask, confirm, motion_request, stop
+from uavrt.ground.link.motions.motion_requests import (
+    confirm,
+    motion_request,
+    request_motion,
+    stop,
+)
 from uavrt.ground.link.page_values import Places, number_in, places_in
 from uavrt.ground.link.served_vehicle import ServedVehicle
 from uavrt.guidance.files.area_text import (
@@ -45,7 +50,7 @@ class ProposedMotion:
     """Motion that the drone proposes, and flies only after a confirmation."""
 
     state: MotionState
-    way: Places
+    path: Places
     time_ns: int
     page: str | None
     """Name of the page that requested the motion; None for a script."""
@@ -68,7 +73,7 @@ class MotionCommands:
         self._flown: ProposedMotion | None = None
         self._noted = ("", "")
 
-    def take(self, state: MotionState) -> None:
+    def receive_state(self, state: MotionState) -> None:
         """Store the drone's report of its motion."""
         self._heard_ns = self._vehicle.clock.now_ns()
         if state.kind != "state":
@@ -104,7 +109,7 @@ class MotionCommands:
             "standing": state.standing,
             "text": with_names(state.text, tags),
             "heard": heard,
-            "way": [] if self._flown is None else _listed(self._flown.way),
+            "way": [] if self._flown is None else _listed(self._flown.path),
             "offer": None
             if offered is None
             else {
@@ -112,37 +117,37 @@ class MotionCommands:
                 "text": with_names(offered.state.text, tags),
                 "page": offered.page,
                 "left_s": (OFFER_NS - (now_ns - offered.time_ns)) / NANOSECONDS_PER_SECOND,
-                "way": _listed(offered.way),
+                "way": _listed(offered.path),
             },
         }
 
-    def plan(self, wish: dict[str, Any]) -> dict[str, Any]:
+    def plan(self, body: dict[str, Any]) -> dict[str, Any]:
         """Preview a motion without involving the drone, as far as the ground can plan it."""
-        way = self._way(_request(wish))
+        path = self._planned_path(_request(body))
         home = self._home()
         return {
-            "way": _listed(way),
-            "length_m": _length_m(way),
+            "way": _listed(path),
+            "length_m": _length_m(path),
             "farthest_m": None
             if home is None
-            else max((distance_m(*home, *place) for place in way), default=0.0),
+            else max((distance_m(*home, *place) for place in path), default=0.0),
         }
 
-    async def ask(self, wish: dict[str, Any], page: str | None) -> dict[str, Any]:
+    async def request_motion(self, body: dict[str, Any], page: str | None) -> dict[str, Any]:
         """Request a motion; return the drone's proposed order. Nothing moves yet."""
-        request = _request(wish)
-        way = self._way(request)
+        request = _request(body)
+        path = self._planned_path(request)
         self._offered = None
-        offer = await ask(self._link(), request)
+        offer = await request_motion(self._link(), request)
         now_ns = self._vehicle.clock.now_ns()
-        self._offered = ProposedMotion(state=offer, way=way, time_ns=now_ns, page=page)
+        self._offered = ProposedMotion(state=offer, path=path, time_ns=now_ns, page=page)
         self._vehicle.feed.note(6, f"the drone proposes to {offer.text}")
         self._vehicle.feed.send_state()
-        return {"order_id": offer.order_id, "text": offer.text, "way": _listed(way)}
+        return {"order_id": offer.order_id, "text": offer.text, "way": _listed(path)}
 
-    async def confirm(self, wish: dict[str, Any], page: str | None) -> dict[str, Any]:
+    async def confirm(self, body: dict[str, Any], page: str | None) -> dict[str, Any]:
         """Confirm the order that this page shows; the drone then moves."""
-        number, unseen, offered = wish.get("order_id"), wish.get("sticks_unseen"), self._offered
+        number, unseen, offered = body.get("order_id"), body.get("sticks_unseen"), self._offered
         if offered is None or number != offered.state.order_id or page != offered.page:
             raise CommandRefused("the proposed motion has expired", remedy="Request it again")
         self._offered = None
@@ -150,15 +155,15 @@ class MotionCommands:
             raise CommandRefused("the proposed motion has expired", remedy="Request it again")
         state = await confirm(self._link(), offered.state, sticks_unseen=unseen is True)
         self._flown = offered
-        self.take(state)
+        self.receive_state(state)
         self._vehicle.feed.note(5, f"confirmed: {offered.state.text}")
         return {"standing": state.standing, "text": state.text}
 
     async def upload(
-        self, wish: dict[str, Any], call: Callable[..., Awaitable[Any]] = asyncio.to_thread
+        self, body: dict[str, Any], call: Callable[..., Awaitable[Any]] = asyncio.to_thread
     ) -> dict[str, Any]:
         """Upload a survey as the autopilot's mission; `call` checks the path in a thread."""
-        order = Order.of(_request(wish))
+        order = Order.of(_request(body))
         await call(survey_items, order)  # what is none is refused without a link, too
         link = self._vehicle.connection.link
         if link is None:
@@ -176,7 +181,7 @@ class MotionCommands:
         self._offered = None
         self._vehicle.feed.note(5, "stopped by the operator")
         state = await stop(self._link())
-        self.take(state)
+        self.receive_state(state)
         return {"standing": state.standing, "text": state.text}
 
     def _link(self) -> GroundLink:
@@ -191,7 +196,7 @@ class MotionCommands:
         watch = self._vehicle.connection.watch
         return None if watch is None else watch.home
 
-    def _way(self, request: MotionRequest) -> Places:
+    def _planned_path(self, request: MotionRequest) -> Places:
         pose = self._vehicle.connection.watch.pose if self._vehicle.connection.watch else None
         here: Places = () if pose is None else ((pose.latitude_deg, pose.longitude_deg),)
         match request.action:
@@ -215,13 +220,13 @@ class MotionCommands:
         return ()
 
 
-def area_of_file(wish: dict[str, Any]) -> dict[str, Any]:
+def area_of_file(body: dict[str, Any]) -> dict[str, Any]:
     """Read an area's file, ``{"name": …, "text": …}``, or a circle; raises `FormatError`."""
-    if "radius_m" in wish:
-        (center,) = places_in([wish.get("center")])
-        places = circle(center, number_in(wish, "radius_m"))
+    if "radius_m" in body:
+        (center,) = places_in([body.get("center")])
+        places = circle(center, number_in(body, "radius_m"))
         return {"places": _listed(places), "keep_out": []}
-    name, text = wish.get("name"), wish.get("text")
+    name, text = body.get("name"), body.get("text")
     if not isinstance(name, str) or not isinstance(text, str):
         raise FormatError("an area must have a name and a text, or a center and a radius_m")
     places, keep_out = area_in(text, name[:80]), keep_out_in(text, name[:80])
@@ -250,30 +255,30 @@ def area_of_file(wish: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _request(wish: dict[str, Any]) -> MotionRequest:
+def _request(body: dict[str, Any]) -> MotionRequest:
     """Parse a motion request of the page; raises `FormatError` or `UsageError`."""
-    height = wish.get("height_m")
-    pattern = wish.get("pattern", "lines")
+    height = body.get("height_m")
+    pattern = body.get("pattern", "lines")
     if pattern not in PATTERNS:
         raise FormatError("pattern must be lines, around or points")
-    places = places_in(wish.get("places", []))
+    places = places_in(body.get("places", []))
     if len(places) > MAX_PLACES:
         raise UsageError(
             f"the area has {len(places)} corners, which are too many",
             remedy=f"Draw an area with {MAX_PLACES} corners or fewer",
         )
     return motion_request(
-        str(wish.get("action")),
+        str(body.get("action")),
         places,
-        height_m=None if height is None else number_in(wish, "height_m"),
-        duration_s=number_in(wish, "duration_s", 60.0),
-        clockwise=wish.get("clockwise", True) is not False,
-        spacing_m=number_in(wish, "spacing_m", 60.0),
+        height_m=None if height is None else number_in(body, "height_m"),
+        duration_s=number_in(body, "duration_s", 60.0),
+        clockwise=body.get("clockwise", True) is not False,
+        spacing_m=number_in(body, "spacing_m", 60.0),
         pattern=pattern,
-        radius_m=None if wish.get("radius_m") is None else number_in(wish, "radius_m"),
-        wish_m=number_in(wish, "wish_m", 25.0),
-        tags=_tags(wish.get("tags", [])),
-        keep_out=_keep_out(wish.get("keep_out", [])),
+        radius_m=None if body.get("radius_m") is None else number_in(body, "radius_m"),
+        wish_m=number_in(body, "wish_m", 25.0),
+        tags=_tags(body.get("tags", [])),
+        keep_out=_keep_out(body.get("keep_out", [])),
     )
 
 
@@ -311,5 +316,5 @@ def _listed(places: Places) -> list[list[float]]:
     return [list(place) for place in places]
 
 
-def _length_m(way: Places) -> float:
-    return sum(distance_m(*a, *b) for a, b in itertools.pairwise(way))
+def _length_m(path: Places) -> float:
+    return sum(distance_m(*a, *b) for a, b in itertools.pairwise(path))

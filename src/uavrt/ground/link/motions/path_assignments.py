@@ -39,7 +39,7 @@ class PathAssignments:
         self._members: dict[int, _Member] = {}
         self._begun_s: float | None = None
 
-    def take(self, vehicle: int, course: Course, now_s: float) -> bool:
+    def receive_course(self, vehicle: int, course: Course, now_s: float) -> bool:
         """Store a drone's report; return True if the other drones must be informed at once."""
         one = self._members.get(vehicle)
         if self._begun_s is None:
@@ -64,7 +64,7 @@ class PathAssignments:
     def _grant_or_refuse(self, vehicle: int, one: _Member) -> bool:
         """Grant or refuse a requested path; return True if other drones must be informed."""
         asked = one.course.asked
-        if not asked or not one.course.asked_way or asked in (one.granted, one.denied):
+        if not asked or not one.course.requested_leg or asked in (one.granted, one.denied):
             return False
         given = dict(one.course.given)
         knew = all(
@@ -73,7 +73,7 @@ class PathAssignments:
             if other != vehicle
         )
         if one.course.searching and knew:
-            one.granted, one.path = asked, one.course.asked_way
+            one.granted, one.path = asked, one.course.requested_leg
             one.version = _next(one.version)
         else:
             one.denied = asked
@@ -106,7 +106,7 @@ class PathAssignments:
                 vehicle=other,
                 version=member.version,
                 age_s=now_s - member.heard_s,
-                course=replace(member.course, asked=0, asked_way=member.path, given=()),
+                course=replace(member.course, asked=0, requested_leg=member.path, given=()),
             )
             for other, member in self._members.items()
             if other != vehicle

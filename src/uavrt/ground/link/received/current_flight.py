@@ -32,7 +32,7 @@ BATTERY_STEP_PERCENT = 5
 """Battery charge is written at the start of a flight and after each step of this size [%]."""
 ENDS_WITHIN_S = 10.0
 """Longest wait for a slow disk to write the flight when the session ends [s]."""
-_LOOKS_BACK = 10
+_PAST_FLIGHTS = 10
 """Number of past flights searched for the last measured pulse trains, to show at the start."""
 
 
@@ -180,7 +180,7 @@ def last_beeps(directory: Path, flight_id: str | None, tags: tuple[Tag, ...]) ->
     """Read the pulse trains measured in a flight; None: in the last flight that has any."""
     paths = directory.glob(f"{flight_id or '*'}/flight.sqlite")
     with suppress(OSError):
-        for path in sorted(paths, key=lambda one: -one.stat().st_mtime)[:_LOOKS_BACK]:
+        for path in sorted(paths, key=lambda one: -one.stat().st_mtime)[:_PAST_FLIGHTS]:
             with suppress(UavrtError):
                 if beeps := read_beeps(path.parent):
                     return [one for one in beeps if still_holds(one, tags)]

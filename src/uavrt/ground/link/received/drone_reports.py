@@ -36,19 +36,19 @@ class DroneReports:
         """Time by which the drone's clock is behind ours [ns]; None while unknown."""
         return self._skew.skew_ns
 
-    def take_heartbeat(self, heartbeat: DroneHeartbeat) -> SystemState | None:
+    def receive_heartbeat(self, heartbeat: DroneHeartbeat) -> SystemState | None:
         """Store the drone's reported state; return the previous one, None if unknown."""
         before, self.state = self.state, heartbeat.state
         self.temperature_c = heartbeat.cpu_temperature_c
         return before
 
-    def take_pulse(self, event: PulsePose, now_ns: int) -> str | None:
+    def receive_pulse(self, event: PulsePose, now_ns: int) -> str | None:
         """Add the time of a pulse; return a message at the first clock offset, else None."""
         self.heard[event.pulse.tag_id] = now_ns
         self.last_pulse_s = monotonic_s()
         return self._skew.learn(now_ns - event.pulse.end_time_ns)
 
-    def take_beep(self, beep: Beep, corrections: Iterable[TagCorrection]) -> bool:
+    def receive_beep(self, beep: Beep, corrections: Iterable[TagCorrection]) -> bool:
         """Store a measured pulse train; False for a repeated or outdated measurement."""
         if beep in self.beeps or self._is_outdated(beep, corrections):
             return False
@@ -63,7 +63,7 @@ class DroneReports:
             for one in corrections
         )
 
-    def take_presence(self, present: bool, now_ns: int) -> bool:
+    def set_presence(self, present: bool, now_ns: int) -> bool:
         """Set whether there is contact; True if that has changed."""
         changed, self._present = present != self._present, present
         if present:

@@ -43,7 +43,7 @@ class DroneParameters:
         self._awaited: dict[str, asyncio.Future[bool]] = {}
         self._setting: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
 
-    def take(self, frame: Frame) -> None:
+    def receive(self, frame: Frame) -> None:
         """Read parameter values and capability bits from a received frame."""
         if frame.component_id != DRONE_COMPONENT:
             return
@@ -90,7 +90,7 @@ class DroneParameters:
             answer = self._awaited[name] = asyncio.get_running_loop().create_future()
             # Sealed for each try: a drone takes no seal twice.
             with suppress(LinkError):  # its session comes within a second
-                self._send(self._wish(name, value, drone))
+                self._send(self._set_parameter(name, value, drone))
             if await within(self._wait_s, answer):
                 now = self._value(name)
                 if abs(now - value) > 1e-6 * abs(value):
@@ -100,7 +100,7 @@ class DroneParameters:
                 return now
         raise LinkError(f"the drone did not confirm the parameter {name}", remedy="Try again")
 
-    def _wish(self, name: str, value: float, drone: Peer) -> Message:
+    def _set_parameter(self, name: str, value: float, drone: Peer) -> Message:
         return self._protocol.sealed_parameter(name, value) or dialect.ParamSet(
             **drone.address,
             param_id=name,

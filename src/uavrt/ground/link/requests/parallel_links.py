@@ -95,7 +95,9 @@ class Links:
         return FrameWriter(*self._own, partial(self._signing.signature, link_id=link_id))
 
     async def _open(self, number: int, address: str) -> None:
-        self._links[number] = await open_link(address, lambda frame: self._hear(frame, number))
+        self._links[number] = await open_link(
+            address, lambda frame: self._receive(frame, number)
+        )
 
     async def _keep_trying(self, number: int, address: str) -> None:
         while self._links[number] is None:
@@ -103,7 +105,7 @@ class Links:
             with suppress(LinkError):
                 await self._open(number, address)
 
-    def _hear(self, frame: Frame, number: int) -> None:
+    def _receive(self, frame: Frame, number: int) -> None:
         """Pass a frame to all listeners; an error in one does not stop the others."""
         with ExitStack() as stack:
             for listener in reversed(self._listeners):
@@ -139,14 +141,14 @@ class DroneLinks:
 
     async def open(self, addresses: Sequence[str]) -> list[asyncio.Task[None]]:
         """Open all links, or join those of another session; return tasks that retry others."""
-        self._shared.listen(self._hear)
+        self._shared.listen(self._receive)
         opening = await self._shared.open(addresses) if addresses else []
         self._joined = True
         return opening
 
     async def close(self, *, opened: bool = True) -> None:
         """Leave the links; with `opened`, close them as well."""
-        self._shared.leave(self._hear)
+        self._shared.leave(self._receive)
         if opened:
             await self._shared.close()
 
@@ -187,7 +189,7 @@ class DroneLinks:
         if pulse:
             self._pulses_by = link
 
-    def _hear(self, frame: Frame, number: int) -> None:
+    def _receive(self, frame: Frame, number: int) -> None:
         """Handle a frame; an autopilot's frames are used from one link, without duplicates."""
         if frame.component_id == MavComponent.COMP_ID_AUTOPILOT1 and self._shared.count > 1:
             now_ns = self._clock_ns()

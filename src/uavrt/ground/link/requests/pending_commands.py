@@ -20,7 +20,7 @@ ACK_WAIT_S = 2.0
 TRIES = 4
 STOP_WAIT_S = 0.4
 """Time after which an unanswered stop is sent again [s]; a radio's answer takes 0.3 s."""
-CONFIRMS_WITHIN_NS = ns_from_s(1.0)
+CONFIRM_TIMEOUT_NS = ns_from_s(1.0)
 """Longest delay between confirmation and sending [ns]; a later order is dropped."""
 
 
@@ -43,7 +43,7 @@ class Exchange:
         order."""
         self._busy = asyncio.Lock()
 
-    def take(self, event: GroundEvent) -> None:
+    def receive(self, event: GroundEvent) -> None:
         """Pass an event on to the exchange that waits for it."""
         key: tuple[int, int] | int | None = None
         if isinstance(event, Acknowledged):
@@ -95,7 +95,7 @@ class Exchange:
         begun_ns = self._clock_ns()
         async with contextlib.nullcontext() if is_stop(payload) else self._busy:
             waited_ns = self._clock_ns() - begun_ns
-            if is_confirmation(payload) and waited_ns > CONFIRMS_WITHIN_NS:
+            if is_confirmation(payload) and waited_ns > CONFIRM_TIMEOUT_NS:
                 raise LinkError(
                     f"the confirmation waited {s_from_ns(waited_ns):.0f} s for another command "
                     "and was not sent",

@@ -50,7 +50,7 @@ class VehicleIdentity:
             self.others[system_id] = now_ns
         return False
 
-    def take_version(self, message: dialect.AutopilotVersion, now_ns: int) -> None:
+    def receive_version(self, message: dialect.AutopilotVersion, now_ns: int) -> None:
         """Store the unique number of the served vehicle's autopilot."""
         uid = unique_number(message)
         if uid is None:
@@ -60,9 +60,9 @@ class VehicleIdentity:
         if uid != self.uid:
             self._foreign_ns = now_ns
 
-    def take_place(self, place: tuple[float, float], now_ns: int) -> None:
+    def receive_position(self, place: tuple[float, float], now_ns: int) -> None:
         """Add a position of a station without an autopilot, to detect two under one number."""
-        if self._places.take(place):
+        if self._places.add(place):
             self._foreign_ns = now_ns
 
     def foreign(self, now_ns: int) -> bool:
@@ -79,7 +79,7 @@ class _Places:
         """The vehicle's position before its last impossibly fast move; None without one."""
         self._back = 0
 
-    def take(self, place: tuple[float, float]) -> bool:
+    def add(self, place: tuple[float, float]) -> bool:
         """Add a position; True if two stations send under this number."""
         last, self._last = self._last, place
         if last is None or distance_m(*last, *place) < JUMP_M:

@@ -67,7 +67,7 @@ class VehicleMissions:
         self._uploads = False
         self._busy = asyncio.Lock()
 
-    def take(self, frame: Frame) -> None:
+    def receive(self, frame: Frame) -> None:
         """Handle an autopilot's frame: heartbeat, home, or an answer to a transfer."""
         if frame.component_id != MavComponent.COMP_ID_AUTOPILOT1:
             return

@@ -15,11 +15,11 @@ from uavrt.link.mavlink.frame import Frame
 from uavrt.link.mavlink.message import Message
 
 POSE_SILENCE_NS = ns_from_s(3.0)
-ASK_AGAIN_NS = ns_from_s(5.0)
+REQUEST_REPEAT_NS = ns_from_s(5.0)
 REQUESTED_HZ = 5.0
 """Rate of attitude and position requested from an autopilot that sends none [Hz]; both together
 take 0.4 kB/s."""
-FACTS_AGAIN_NS = ns_from_s(20.0)
+IDENTITY_REPEAT_NS = ns_from_s(20.0)
 LOSS_WINDOW_NS = ns_from_s(30.0)
 SILENCE_NS = ns_from_s(6.0)
 """Silence after which the frame loss of the link is unknown [ns]."""
@@ -111,23 +111,23 @@ class VehicleWatch:
             return None
         if isinstance(message, dialect.Ping) and frame.component_id == DRONE_COMPONENT:
             if self._is_ours(frame.system_id):
-                self._take_ping(message, now_ns)
+                self._receive_ping(message, now_ns)
             return None
         if isinstance(message, dialect.OnboardComputerStatus):
             if frame.component_id == DRONE_COMPONENT and self._is_ours(frame.system_id):
-                self._take_computer(message)
+                self._receive_computer_status(message)
             return None
         if frame.component_id == DRONE_COMPONENT and self._alone(frame.system_id, now_ns):
-            pose = self._take_pose(message, now_ns)
+            pose = self._receive_pose(message, now_ns)
             if pose is not None:
-                self.identity.take_place((pose.latitude_deg, pose.longitude_deg), now_ns)
+                self.identity.receive_position((pose.latitude_deg, pose.longitude_deg), now_ns)
             return pose
         if frame.component_id != MavComponent.COMP_ID_AUTOPILOT1:
             return None
         peer = Peer(frame.system_id, frame.component_id)
         ours = self.identity.system_id
         if isinstance(message, dialect.Heartbeat):
-            self._hear(peer, now_ns)
+            self._handle_heartbeat(peer, now_ns)
         if peer != self.autopilot or (ours is not None and peer.system_id != ours):
             return None
         self._heard_ns = now_ns
@@ -141,7 +141,7 @@ class VehicleWatch:
         """True for a station without an autopilot: a mast, or a person on foot."""
         return system_id == self.identity.system_id and not self.present(now_ns)
 
-    def _hear(self, peer: Peer, now_ns: int) -> None:
+    def _handle_heartbeat(self, peer: Peer, now_ns: int) -> None:
         """Handle a heartbeat of the vehicle's autopilot, or of any before one is chosen."""
         ours = self.identity.system_id
         if ours is None:
@@ -158,7 +158,9 @@ class VehicleWatch:
     def requests(self, now_ns: int) -> list[Message]:
         """Messages that request poses if none arrive; ArduPilot sends them only on request."""
         silent = self.pose is None or now_ns - self.pose.time_ns > POSE_SILENCE_NS
-        if not (silent and self.present(now_ns) and now_ns - self._asked_ns > ASK_AGAIN_NS):
+        if not (
+            silent and self.present(now_ns) and now_ns - self._asked_ns > REQUEST_REPEAT_NS
+        ):
             return []
         self._asked_ns = now_ns
         assert self.autopilot is not None
@@ -169,7 +171,7 @@ class VehicleWatch:
 
     def questions(self, now_ns: int) -> list[Message]:
         """Messages that query the autopilot's version, home and battery from time to time."""
-        due = self._facts_asked_ns == 0 or now_ns - self._facts_asked_ns > FACTS_AGAIN_NS
+        due = self._facts_asked_ns == 0 or now_ns - self._facts_asked_ns > IDENTITY_REPEAT_NS
         if not (due and self.present(now_ns)):
             return []
         self._facts_asked_ns = now_ns
@@ -204,24 +206,24 @@ class VehicleWatch:
                 percent = message.battery_remaining
                 self.battery_percent = percent if 0 <= percent <= 100 else None
             case dialect.AutopilotVersion():
-                self.identity.take_version(message, now_ns)
+                self.identity.receive_version(message, now_ns)
             case dialect.HomePosition() if is_place(message.latitude, message.longitude):
                 self.home = (message.latitude / 1e7, message.longitude / 1e7)
             case _ if not self.identity.foreign(now_ns):
-                return self._take_pose(message, now_ns)
+                return self._receive_pose(message, now_ns)
         return None
 
-    def _take_pose(self, message: Message | None, now_ns: int) -> Pose | None:
+    def _receive_pose(self, message: Message | None, now_ns: int) -> Pose | None:
         match message:
             case dialect.AttitudeQuaternion():
                 attitude = attitude_sample(message, now_ns)
                 if attitude is not None:
                     self._attitude = attitude.quaternion_wxyz
             case dialect.GlobalPositionInt():
-                return self._take_position(message, now_ns)
+                return self._receive_position(message, now_ns)
         return None
 
-    def _take_position(self, message: dialect.GlobalPositionInt, now_ns: int) -> Pose | None:
+    def _receive_position(self, message: dialect.GlobalPositionInt, now_ns: int) -> Pose | None:
         position = position_sample(message, now_ns)
         if position is None:
             return None
@@ -241,12 +243,12 @@ class VehicleWatch:
         )
         return self.pose
 
-    def _take_computer(self, message: dialect.OnboardComputerStatus) -> None:
+    def _receive_computer_status(self, message: dialect.OnboardComputerStatus) -> None:
         used_mib, whole_mib = message.storage_usage[0], message.storage_total[0]
         known = UNKNOWN_SPACE not in (used_mib, whole_mib) and whole_mib > 0
         self.disk_free_mb = (whole_mib - used_mib) * 2**20 / 1e6 if known else None
 
-    def _take_ping(self, message: dialect.Ping, now_ns: int) -> None:
+    def _receive_ping(self, message: dialect.Ping, now_ns: int) -> None:
         if self._own != Peer(message.target_system, message.target_component):
             return
         passed_ns = now_ns - message.time_usec * 1000

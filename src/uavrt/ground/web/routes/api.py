@@ -154,7 +154,7 @@ class Api:
         page = page_of(request)
         if not page or len(page) > MAX_PAGE_NAME:
             raise UsageError("only a page can take command")
-        self._session.commander.take(page)
+        self._session.commander.claim(page)
         self._vehicle.feed.note(5, "another page has taken command")
         self._vehicle.feed.send_state()
         return {"commander": page}

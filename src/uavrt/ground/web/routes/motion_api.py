@@ -29,7 +29,7 @@ class MotionApi:
             Row("/motion/plan", "POST", self.plan),
             Row("/motion/coverage", "POST", self.coverage),
             Row("/motion/upload", "POST", self.upload, commands=True),
-            Row("/motion/ask", "POST", self.ask, commands=True),
+            Row("/motion/ask", "POST", self.request_motion, commands=True),
             Row("/motion/confirm", "POST", self.confirm, commands=True),
             Row("/motion/stop", "POST", self.stop),
         ]
@@ -53,9 +53,9 @@ class MotionApi:
         """Upload a survey to the autopilot as its mission. Nothing moves yet."""
         return await self._flying.upload(await json_object(request), self._worker.call)
 
-    async def ask(self, request: Request) -> Any:
+    async def request_motion(self, request: Request) -> Any:
         """Request a motion; return the drone's proposed order. Nothing moves yet."""
-        return await self._flying.ask(await json_object(request), page_of(request))
+        return await self._flying.request_motion(await json_object(request), page_of(request))
 
     async def confirm(self, request: Request) -> Any:
         """Confirm an order, ``{"order_id": …, "sticks_unseen": false}``; the drone moves."""

@@ -10,7 +10,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from uavrt.core.errors import CommandRefused, FormatError, LinkError, NotFound, UavrtError
-from uavrt.ground.commanding_page import Commander
+from uavrt.ground.commanding_page import CommandingPage
 from uavrt.ground.page_listeners import encode
 from uavrt.ground.web.work.foreign_requests import read_body, read_object
 
@@ -37,7 +37,7 @@ class Answer:
     value: Any
 
 
-def made(rows: Iterable[Row], commander: Commander) -> list[Route]:
+def made(rows: Iterable[Row], commander: CommandingPage) -> list[Route]:
     """Make the web server's routes below ``/api`` from rows."""
     return [
         Route(
@@ -54,7 +54,7 @@ def page_of(request: Request) -> str | None:
     return request.headers.get("x-page")
 
 
-def _by(commander: Commander, handle: Handler) -> Handler:
+def _by(commander: CommandingPage, handle: Handler) -> Handler:
     async def handle_by_commander(request: Request) -> Any:
         commander.check(page_of(request))
         return await handle(request)

@@ -30,7 +30,7 @@ class SetUpApi:
             Row("/set-up", "GET", self.state),
             Row("/set-up/finish", "POST", self.finish, commands=True),
             Row("/set-up/command.key", "GET", self.command_key),
-            Row("/set-up/{step}", "PUT", self.take, commands=True),
+            Row("/set-up/{step}", "PUT", self.save_step, commands=True),
             Row("/set-up/{step}/test", "POST", self.test, commands=True),
         ]
 
@@ -46,11 +46,11 @@ class SetUpApi:
             "choices": await asyncio.to_thread(setup.choices),
         }
 
-    async def take(self, request: Request) -> Any:
+    async def save_step(self, request: Request) -> Any:
         """Check and write a step; 422 with ``faults: [{field, text}]``, or its new values."""
         setup = self._setup
         body = await json_object(request)
-        faults = await asyncio.to_thread(setup.take, request.path_params["step"], body)
+        faults = await asyncio.to_thread(setup.save_step, request.path_params["step"], body)
         if faults:
             return Answer(422, {"faults": [asdict(fault) for fault in faults]})
         return {"faults": [], "values": await asyncio.to_thread(setup.values)}

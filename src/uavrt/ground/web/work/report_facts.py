@@ -4,14 +4,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from uavrt.analysis.inputs.flight_facts import NAME, Facts, read_facts, write_facts
+from uavrt.analysis.inputs.flight_facts import NAME, ReportFacts, read_facts, write_facts
 from uavrt.core.errors import ConfigError, UsageError
 
 
 def facts_in(folder: Path) -> dict[str, str]:
     """Text of each field, empty if it is not set; raises `ConfigError`."""
     path = folder / NAME
-    found = read_facts(path) if path.is_file() else Facts()
+    found = read_facts(path) if path.is_file() else ReportFacts()
     return {name: text or "" for name, text in asdict(found).items()}
 
 
@@ -25,7 +25,7 @@ def change_facts(folder: Path, values: dict[str, Any]) -> dict[str, str]:
             raise UsageError(f"{name} is not text")
         now[name] = text.strip()
     try:
-        write_facts(folder, Facts(**{name: text or None for name, text in now.items()}))
+        write_facts(folder, ReportFacts(**{name: text or None for name, text in now.items()}))
     except ConfigError as error:
         raise UsageError(error.message, remedy=error.remedy) from error
     return now

@@ -74,9 +74,9 @@ class MissionTransfer(ABC):
             return []
         place = (message.target_system, message.target_component)
         if sender != self._vehicle.place:
-            return self._strange()
+            return self._ignore_unexpected()
         if place != self._own or message.mission_type != self._type:
-            return self._strange()
+            return self._ignore_unexpected()
         return self._take(message, now_s)
 
     def due(self, now_s: float) -> list[Message]:
@@ -110,7 +110,7 @@ class MissionTransfer(ABC):
     def _again(self, now_s: float) -> list[Message]:
         """Mission requests that are due to be sent, for the first time or as a repetition."""
 
-    def _strange(self) -> list[Message]:
+    def _ignore_unexpected(self) -> list[Message]:
         self.counters["strange"] += 1
         return []
 
@@ -166,19 +166,19 @@ class MissionUpload(MissionTransfer):
                 return self._give(message.seq, now_s)
             case dialect.MissionAck(type=MavMissionResult.MISSION_ACCEPTED):
                 if len(self._asked) < len(self._items):
-                    return self._strange()
+                    return self._ignore_unexpected()
                 self.done = self.acknowledged = True
             case dialect.MissionAck(type=MavMissionResult.MISSION_INVALID_SEQUENCE):
                 self.counters["out_of_sequence"] += 1  # a copy of what it had: it asks again
             case dialect.MissionAck():
                 self._refused(message)
             case _:
-                return self._strange()
+                return self._ignore_unexpected()
         return []
 
     def _give(self, number: int, now_s: float) -> list[Message]:
         if number >= len(self._items):
-            return self._strange()
+            return self._ignore_unexpected()
         if number in self._asked:
             self.counters["sent_again"] += 1
         self._asked.add(number)
@@ -232,7 +232,7 @@ class MissionDownload(MissionTransfer):
             case dialect.MissionAck() if message.type != MavMissionResult.MISSION_ACCEPTED:
                 self._refused(message)
                 return []
-        return self._strange()
+        return self._ignore_unexpected()
 
     def _begin(self, count: int, now_s: float) -> list[Message]:
         if count > MOST_ITEMS:
@@ -243,7 +243,7 @@ class MissionDownload(MissionTransfer):
 
     def _add(self, message: dialect.MissionItemInt, now_s: float) -> list[Message]:
         if message.seq != len(self.items):
-            return self._strange()  # a copy, or out of turn: asked for again in time
+            return self._ignore_unexpected()  # a copy, or out of turn: asked for again in time
         params = (message.param1, message.param2, message.param3, message.param4)
         if not isfinite(message.z) or not all(isnan(one) or isfinite(one) for one in params):
             self.fault = f"the autopilot's item {message.seq + 1} has an invalid number"

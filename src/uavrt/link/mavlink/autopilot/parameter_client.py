@@ -52,7 +52,7 @@ class ParameterClient:
         """Open the link and wait for the autopilot; raises `LinkError` if that fails."""
         client = cls()
         client._link = await open_link(address, client._receive)
-        beating = asyncio.create_task(client._beat())
+        beating = asyncio.create_task(client._send_heartbeat())
         try:
             if not await within(timeout_s, client._there.wait()):
                 raise LinkError(
@@ -105,7 +105,7 @@ class ParameterClient:
                 return value_now
         return None
 
-    async def _beat(self) -> None:
+    async def _send_heartbeat(self) -> None:
         """Send a heartbeat, so that the autopilot learns this side's address."""
         while True:
             self._send(own_heartbeat(MavType.ONBOARD_CONTROLLER))

@@ -7,16 +7,16 @@ from typing import Any
 from uavrt.core.units import wrap_degrees_360
 from uavrt.guidance.autopilot_behaviour import AutopilotName
 from uavrt.guidance.control.observed import (
-    BootTimeSeen,
-    FailsafeSeen,
-    HomeSeen,
-    LandedSeen,
-    ModeSeen,
+    BootTimeReport,
+    FailsafeReport,
+    HomeReport,
+    LandedReport,
+    ModeReport,
     Observation,
     PositionLost,
-    PositionSeen,
-    SticksSeen,
-    TargetSeen,
+    PositionReport,
+    SticksReport,
+    TargetReport,
 )
 from uavrt.guidance.control.vehicle_commands import VehicleCommand
 from uavrt.link.mavlink import dialect
@@ -75,33 +75,33 @@ def observations(
 ) -> Iterator[Observation]:
     """Convert a message of the autopilot to observations; most messages contain none."""
     if isinstance(message, TIMED):
-        yield BootTimeSeen(now_s, message.time_boot_ms / 1e3, late_s)
+        yield BootTimeReport(now_s, message.time_boot_ms / 1e3, late_s)
     match message:
         case dialect.GlobalPositionInt():
             yield _position(message, now_s)
         case dialect.PositionTargetGlobalInt():
             yield _target(message, now_s)
         case dialect.Heartbeat():
-            yield ModeSeen(
+            yield ModeReport(
                 now_s,
                 message.custom_mode,
                 armed=bool(message.base_mode & MavModeFlag.SAFETY_ARMED),
                 failsafe=message.system_status >= MavState.CRITICAL,
             )
         case dialect.CurrentMode():
-            yield ModeSeen(now_s, message.custom_mode)
+            yield ModeReport(now_s, message.custom_mode)
         case dialect.RcChannels():
             yield _rc(message, now_s)
         case dialect.HomePosition():
-            yield HomeSeen(
+            yield HomeReport(
                 now_s, message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1e3
             )
         case dialect.ExtendedSysState():
             state = message.landed_state
             known = state != MavLandedState.UNDEFINED
-            yield LandedSeen(now_s, state == MavLandedState.ON_GROUND if known else None)
+            yield LandedReport(now_s, state == MavLandedState.ON_GROUND if known else None)
         case dialect.FenceStatus() if message.breach_status:
-            yield FailsafeSeen(now_s, "fence")
+            yield FailsafeReport(now_s, "fence")
         case dialect.SysStatus():
             yield from _failing(message, now_s)
 
@@ -110,7 +110,7 @@ def _position(message: dialect.GlobalPositionInt, now_s: float) -> Observation:
     sample = position_sample(message, 0)
     if sample is None:
         return PositionLost(now_s)
-    return PositionSeen(
+    return PositionReport(
         time_s=now_s,
         boot_s=message.time_boot_ms / 1e3,
         latitude_deg=sample.latitude_deg,
@@ -122,10 +122,10 @@ def _position(message: dialect.GlobalPositionInt, now_s: float) -> Observation:
     )
 
 
-def _target(message: dialect.PositionTargetGlobalInt, now_s: float) -> TargetSeen:
+def _target(message: dialect.PositionTargetGlobalInt, now_s: float) -> TargetReport:
     boot_s = message.time_boot_ms / 1e3
     if message.type_mask & _NO_PLACE:
-        return TargetSeen(
+        return TargetReport(
             time_s=now_s,
             boot_s=boot_s,
             latitude_deg=None,
@@ -138,7 +138,7 @@ def _target(message: dialect.PositionTargetGlobalInt, now_s: float) -> TargetSee
     ignored, mask = message.type_mask, PositionTargetTypemask
     no_yaw = ignored & mask.YAW_IGNORE or not isfinite(message.yaw)
     no_rate = ignored & mask.YAW_RATE_IGNORE or not isfinite(message.yaw_rate)
-    return TargetSeen(
+    return TargetReport(
         time_s=now_s,
         boot_s=boot_s,
         latitude_deg=message.lat_int / 1e7,
@@ -149,21 +149,21 @@ def _target(message: dialect.PositionTargetGlobalInt, now_s: float) -> TargetSee
     )
 
 
-def _rc(message: dialect.RcChannels, now_s: float) -> SticksSeen:
+def _rc(message: dialect.RcChannels, now_s: float) -> SticksReport:
     """All RC channels; empty without a receiver, or if it has lost the transmitter."""
     count = min(message.chancount, MOST_CHANNELS)
     raw = [getattr(message, f"chan{number}_raw") for number in range(1, count + 1)]
     known_us = tuple(0 if one == NO_CHANNEL_US else int(one) for one in raw)
     if count < STICKS or 0 in known_us[:STICKS]:
-        return SticksSeen(now_s, ())
-    return SticksSeen(now_s, known_us[:STICKS], known_us[STICKS:])
+        return SticksReport(now_s, ())
+    return SticksReport(now_s, known_us[:STICKS], known_us[STICKS:])
 
 
-def _failing(message: dialect.SysStatus, now_s: float) -> Iterator[FailsafeSeen]:
+def _failing(message: dialect.SysStatus, now_s: float) -> Iterator[FailsafeReport]:
     ill = message.onboard_control_sensors_enabled & ~message.onboard_control_sensors_health
     for bit, what in _FAILING.items():
         if ill & bit:
-            yield FailsafeSeen(now_s, what)  # type: ignore[arg-type]
+            yield FailsafeReport(now_s, what)  # type: ignore[arg-type]
 
 
 def command_message(command: VehicleCommand, system_id: int) -> Message:

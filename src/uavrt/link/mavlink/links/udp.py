@@ -118,7 +118,7 @@ class UdpLink(Link):
         self._watched = False
 
     def _rest(self) -> None:
-        self._timer = asyncio.get_running_loop().call_later(REST_S, self._look)
+        self._timer = asyncio.get_running_loop().call_later(REST_S, self._read_after_pause)
 
     def _woken(self) -> None:
         self._deaf()
@@ -128,7 +128,7 @@ class UdpLink(Link):
             if self._socket is not None:
                 self._rest()
 
-    def _look(self) -> None:
+    def _read_after_pause(self) -> None:
         """Read the socket after a pause; if it is empty, wait for the next datagram."""
         self._timer = None
         found = True

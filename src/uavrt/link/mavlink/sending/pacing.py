@@ -21,7 +21,7 @@ from uavrt.link.mavlink.sending.rate import FRAME_OVERHEAD, LinkRate
 
 MIN_GAP_S = 0.012
 """Shortest time between frames via an autopilot [s]; PX4's pass at ``-r 1200`` is 8.33 ms."""
-STRAIGHT_GAP_S = 0.001
+DIRECT_LINK_GAP_S = 0.001
 """Shortest time between frames on a direct link [s]; bursts of 200 overran a socket."""
 HEADER_BYTES = 12
 
@@ -44,7 +44,7 @@ URGENT = (Priority.ACK, Priority.STATUS)
 ROOM_BYTES = {Priority.VALUE: 45, Priority.OTHER: 160, Priority.FILE: 280}
 """Bytes that must be left in the rate limiter's token bucket for a pulse when a message of low
 priority is sent: that priority's longest frame."""
-OTHER_PATIENCE_NS = ns_from_s(2.0)
+OTHER_WAIT_NS = ns_from_s(2.0)
 """Longest wait behind pulses for answers to stations that do not command [ns]."""
 
 
@@ -79,7 +79,7 @@ class PacedQueue:
     def __init__(
         self, gap_s: float = 0.020, rate: LinkRate | None = None, *, straight: bool = False
     ) -> None:
-        floor_s = STRAIGHT_GAP_S if straight else MIN_GAP_S
+        floor_s = DIRECT_LINK_GAP_S if straight else MIN_GAP_S
         if not gap_s >= floor_s:
             raise ConfigError(
                 f"tunnel_gap_s = {gap_s} would lose messages in the autopilot",
@@ -134,7 +134,7 @@ class PacedQueue:
             self._other_since_ns = None
         elif self._other_since_ns is None:
             self._other_since_ns = now_ns
-        elif now_ns - self._other_since_ns >= OTHER_PATIENCE_NS:
+        elif now_ns - self._other_since_ns >= OTHER_WAIT_NS:
             return other
         return next((self._queues[p] for p in URGENT if self._queues[p]), None)
 

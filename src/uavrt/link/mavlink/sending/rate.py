@@ -54,7 +54,7 @@ class Reach:
 
 
 RADIO = Reach()
-STRAIGHT = Reach(start=60_000.0, least=2_000.0, most=1_000_000.0, plain=30_000.0)
+DIRECT_LINK = Reach(start=60_000.0, least=2_000.0, most=1_000_000.0, plain=30_000.0)
 """Send rates over Wi-Fi or cable [bytes/s]; even 1 Mbit/s Wi-Fi carries 100 kB/s."""
 
 

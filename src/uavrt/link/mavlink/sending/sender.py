@@ -14,8 +14,14 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 from uavrt.link.mavlink.dialect import Tunnel
 from uavrt.link.mavlink.discovery import Discovery, Peer
 from uavrt.link.mavlink.message import Message
-from uavrt.link.mavlink.sending.pacing import STRAIGHT_GAP_S, Item, PacedQueue, Priority, Source
-from uavrt.link.mavlink.sending.rate import STRAIGHT, LinkRate
+from uavrt.link.mavlink.sending.pacing import (
+    DIRECT_LINK_GAP_S,
+    Item,
+    PacedQueue,
+    Priority,
+    Source,
+)
+from uavrt.link.mavlink.sending.rate import DIRECT_LINK, LinkRate
 from uavrt.link.mavlink.sending.routes import Routes
 from uavrt.link.mavlink.sending.statustext import chunks_of
 
@@ -52,7 +58,7 @@ class PacedSender:
         self._target = target
         self._clock_ns = clock_ns
         if straight:
-            self._queue = PacedQueue(STRAIGHT_GAP_S, LinkRate(STRAIGHT), straight=True)
+            self._queue = PacedQueue(DIRECT_LINK_GAP_S, LinkRate(DIRECT_LINK), straight=True)
         else:
             self._queue = PacedQueue(gap_s)
         self._queue.frame_extra_bytes = frame_extra_bytes

@@ -58,8 +58,8 @@ MOTION_ACTIONS: tuple[MotionAction, ...] = (
     "takeoff",
 )
 PATTERNS: tuple[SurveyPattern, ...] = ("lines", "around", "points")
-Standing = Literal["out", "confirmed", "in command"]
-STANDINGS: tuple[Standing, ...] = ("out", "confirmed", "in command")
+ControlStage = Literal["out", "confirmed", "in command"]
+CONTROL_STAGES: tuple[ControlStage, ...] = ("out", "confirmed", "in command")
 StateKind = Literal["offer", "refused", "state"]
 _KINDS: tuple[StateKind, ...] = ("offer", "refused", "state")
 
@@ -86,7 +86,7 @@ class MotionState:
     """State of one motion order, or of the drone's motion."""
 
     kind: StateKind
-    standing: Standing
+    standing: ControlStage
     text: str
     request_id: int = 0
     order_id: int = 0
@@ -199,7 +199,7 @@ def encode_stop(stop: MotionStop) -> bytes:
 
 
 def decode_motion(
-    payload: bytes, asker: tuple[int, int]
+    payload: bytes, requester: tuple[int, int]
 ) -> MotionRequest | MotionConfirmation | MotionStop:
     """Decode a motion order, a confirmation or a stop; raises `TunnelError`."""
     if is_confirmation(payload):
@@ -209,18 +209,18 @@ def decode_motion(
         return MotionStop(**_STOP.unpack(payload))
     got = _ASK.unpack(payload)
     try:
-        return _request(got, asker)
+        return _request(got, requester)
     except (struct.error, IndexError) as error:
         raise TunnelError("a motion order message has a wrong length", payload) from error
 
 
-def _request(got: Mapping[str, Any], asker: tuple[int, int]) -> MotionRequest:
+def _request(got: Mapping[str, Any], requester: tuple[int, int]) -> MotionRequest:
     kept, width_m, body = got["kept"], got["width_m"], got["body"]
     if got["version"] != (_VERSION_KEEP_OUT if kept else _VERSION):
         raise TunnelError("a motion order has an unsupported version", body)
     request = MotionRequest(
         request_id=got["request_id"],
-        asker=asker,
+        requester=requester,
         action=MOTION_ACTIONS[got["action"]],
         height_m=got["height_m"] if got["has_height"] else None,
         duration_s=got["duration_s"],
@@ -280,7 +280,7 @@ def encode_state(state: MotionState) -> bytes:
     return _STATE.pack(
         state,
         kind=_KINDS.index(state.kind) + 1,
-        standing=STANDINGS.index(state.standing),
+        standing=CONTROL_STAGES.index(state.standing),
         text=cut_text(state.text).encode(),
     )
 
@@ -292,7 +292,7 @@ def decode_state(payload: bytes) -> MotionState:
         **{
             **got,
             "kind": _KINDS[got["kind"] - 1],
-            "standing": STANDINGS[got["standing"]],
+            "standing": CONTROL_STAGES[got["standing"]],
             "text": _printable(got["text"].decode("utf-8", "replace")),
         }
     )

@@ -41,7 +41,7 @@ def encode_course(course: Course, most: int = MAX_COURSE) -> bytes:
     """Encode a drone's course with the tags that fit in `most` bytes; raises `TunnelError`."""
     here = course.place
     latitude, longitude = here
-    asked = course.asked_way or (here, here)
+    asked = course.requested_leg or (here, here)
     room = most - _COURSE.size - _GIVEN_SIZE * len(course.given)
     try:
         near = [one for one in course.found if max(map(abs, _offset(here, one.place))) <= _MOST]
@@ -49,7 +49,7 @@ def encode_course(course: Course, most: int = MAX_COURSE) -> bytes:
         room -= _FOUND_SIZE * len(found)
         return _COURSE.pack(
             course,
-            asks=bool(course.asked_way),
+            asks=bool(course.requested_leg),
             latitude=round(latitude / _FINE),
             longitude=round(longitude / _FINE),
             offsets=[step for place in (course.goal, *asked) for step in _offset(here, place)],
@@ -76,12 +76,12 @@ def decode_course(payload: bytes) -> Course:
     got = _COURSE.unpack(payload)
     here = (got.pop("latitude") * _FINE, got.pop("longitude") * _FINE)
     offsets, asks, found = got.pop("offsets"), got.pop("asks"), got.pop("found")
-    goal, *asked_way = (_at(here, *offsets[n : n + 2]) for n in (0, 2, 4))
+    goal, *requested_leg = (_at(here, *offsets[n : n + 2]) for n in (0, 2, 4))
     return Course(
         **got,
         place=here,
         goal=goal,
-        asked_way=tuple(asked_way) if asks else (),
+        requested_leg=tuple(requested_leg) if asks else (),
         found=tuple(
             FoundTag(tag_id=tag_id, place=_at(here, dn, de), radius95_m=float(radius))
             for tag_id, dn, de, radius in found

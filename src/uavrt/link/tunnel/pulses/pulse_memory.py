@@ -14,7 +14,13 @@ from typing import Generic
 
 from uavrt.core.units import ns_from_s
 from uavrt.link.tunnel.pulses.receiving_stations import PLAIN, Stores
-from uavrt.link.tunnel.pulses.underway import Entry, EntryKey, ItemKey, T, Underway
+from uavrt.link.tunnel.pulses.underway import (
+    Entry,
+    EntryKey,
+    ItemKey,
+    T,
+    UnacknowledgedMessages,
+)
 
 PROBES, PROBE_NS = 4, ns_from_s(1.0)
 """Largest number of probes at once; time to the next [ns]. A probe repeats a pulse for stations
@@ -41,7 +47,7 @@ class PulseMemory(Generic[T]):
         """Pulses that only ground stations without any acknowledgement so far still lack."""
         self._probed_ns = -PROBES * PROBE_NS
         self._sent_plain: list[ItemKey] = []
-        self.underway: Underway[T] = Underway()
+        self.underway: UnacknowledgedMessages[T] = UnacknowledgedMessages()
         self.put_back = 0
         """Number of pulses removed from a full memory; they are read from disk later."""
 

@@ -59,7 +59,7 @@ class Entry(Generic[T]):
         return self.key[0], self.key[1]
 
 
-class Underway(Generic[T]):
+class UnacknowledgedMessages(Generic[T]):
     """Sent messages without an acknowledgement, in the order of sending."""
 
     def __init__(self) -> None:

@@ -30,7 +30,7 @@ log = get_logger()
 PENDING = 64
 
 
-class ParameterDesk:
+class ParameterHandler:
     """Answers requests for parameters and passes changes to the supervisor."""
 
     def __init__(

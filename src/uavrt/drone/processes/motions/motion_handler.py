@@ -9,27 +9,32 @@ from collections.abc import Callable, Mapping
 
 from uavrt.config.settings import GuidanceSettings
 from uavrt.core.clock import monotonic_s
-from uavrt.core.messages import VehicleWish
+from uavrt.core.messages import VehicleRequest
 from uavrt.drone.processes.motions.fence_watch import FenceWatch
-from uavrt.drone.processes.motions.motion_control import Asker, MotionControl, Outlets, TakeBack
+from uavrt.drone.processes.motions.motion_control import (
+    MotionControl,
+    MotionOutputs,
+    Requester,
+    TakeBack,
+)
 from uavrt.drone.processes.motions.motion_orders import MotionOrders, NeighbourReports
 from uavrt.drone.processes.motions.motion_reports import MotionReports
 from uavrt.drone.processes.motions.reported_autopilot import ReportedAutopilot
-from uavrt.guidance.control.authority import Standing
-from uavrt.guidance.control.observed import Boot
+from uavrt.guidance.control.authority import ControlStage
+from uavrt.guidance.control.observed import AutopilotStarted
 from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.autopilot.vehicle_messages import observations
 from uavrt.link.mavlink.links.address import Address
 from uavrt.link.mavlink.message import Message
 
 
-class MotionDesk:
+class MotionHandler:
     """Passes each message of autopilot and guide to the parts that need it, in a safe order."""
 
     def __init__(
         self,
         settings: GuidanceSettings,
-        outlets: Outlets,
+        outlets: MotionOutputs,
         *,
         own_place: Callable[[], tuple[int, int]],
         next_request_id: Callable[[], int],
@@ -51,7 +56,7 @@ class MotionDesk:
     def autopilot_found(self) -> None:
         """Reset, because the autopilot is new or another one."""
         now_s = monotonic_s()
-        self.control.see([Boot(now_s)], now_s)
+        self.control.observe([AutopilotStarted(now_s)], now_s)
         self.control.use(None)
         self._autopilot.reset()
         self._fence.autopilot_found()
@@ -68,28 +73,28 @@ class MotionDesk:
         if isinstance(message, dialect.Heartbeat):
             self.control.watch(now_s)
         if self.control.authority is not None:
-            self.control.see(observations(message, now_s - age_s, late_s), now_s)
+            self.control.observe(observations(message, now_s - age_s, late_s), now_s)
             self._fence.vehicle(message, now_s)
 
-    def wish(self, wish: VehicleWish) -> None:
+    def handle_request(self, request: VehicleRequest) -> None:
         """Handle a motion request from the guide process, which plans orders."""
         now_s, authority = monotonic_s(), self.control.authority
         self.control.wake(now_s)
         if authority is None:
             return
-        if wish.order_id is None:
-            if wish.ends:
+        if request.order_id is None:
+            if request.ends:
                 self.control.end("the guide has restarted", now_s)
                 self._fence.repeat()
-        elif wish.order_id == authority.order_id:
+        elif request.order_id == authority.order_id:
             authority.planner_alive(now_s)
             if self._take_back.under_way:
                 return
-            if self.control.fly(wish, now_s):
+            if self.control.fly(request, now_s):
                 self._reports.report(now_s)
             self.control.watch(now_s)
 
-    def tick(self, silent_s: Mapping[Asker, float]) -> None:
+    def tick(self, silent_s: Mapping[Requester, float]) -> None:
         """End or continue control, and send requests and reports that are due."""
         now_s = monotonic_s()
         self.control.wake(now_s, turn=True)
@@ -99,7 +104,7 @@ class MotionDesk:
         self.control.watch(now_s)
         self._autopilot.ask_identity(self._out.command, self._own_place()[0], now_s)
         if self.control.authority is not None:
-            self._fence.tick(now_s, resting=self.control.standing is Standing.OUT)
+            self._fence.tick(now_s, resting=self.control.standing is ControlStage.OUT)
         self._reports.tick(now_s)
 
     def counters(self) -> dict[str, float]:

@@ -33,7 +33,7 @@ SILENCE_REPORT_S = 4.0
 """Silence after which a process with a longer silence limit is reported [s]."""
 
 
-class Fleet:
+class ProcessTree:
     """Starts, monitors and stops the processes in the table, in the table's order.
 
     `mission`: source of state, tags, flight, settings and clock. `wake`: a process has ended.
@@ -320,11 +320,11 @@ class Fleet:
             fds += [sender.fileno() for sender, _ in self._sockets.get(row.samples_to, ())]
         return tuple(fds)
 
-    async def taken(self, topic: str, limit_s: float) -> bool:
+    async def wait_until_acknowledged(self, topic: str, limit_s: float) -> bool:
         """Wait until processes acknowledged a topic's records; False after `limit_s` [s]."""
         deadline_s = monotonic_s() + limit_s
-        takers = [i for i in self._instances.values() if i.row.acks_taken]
-        while any(instance.outbox.holds(topic) for instance in takers):
+        receivers = [i for i in self._instances.values() if i.row.acknowledges_records]
+        while any(instance.outbox.holds(topic) for instance in receivers):
             if monotonic_s() > deadline_s:
                 return False
             await asyncio.sleep(0.02)
@@ -336,7 +336,9 @@ class Fleet:
         settings = mission.settings.in_flight if in_flight_only else mission.settings.now
         # Untaken records of an earlier flight come before the present one.
         taken = instance.outbox.flight
-        flight: FlightInfo | None = taken if instance.row.acks_taken else mission.flights.flight
+        flight: FlightInfo | None = (
+            taken if instance.row.acknowledges_records else mission.flights.flight
+        )
         tags: tuple[Tag, ...] = flight.tags if flight else (*mission.upload.tags.values(),)
         shares = self._shares(tags)
         return Assignment(

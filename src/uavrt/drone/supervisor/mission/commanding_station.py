@@ -9,7 +9,7 @@ not an attack (docs/how-to/lock-the-link.md).
 from collections.abc import Callable
 
 from uavrt.core.clock import monotonic_s
-from uavrt.core.commands import COMMANDS, Who
+from uavrt.core.commands import COMMANDS, PermittedSender
 from uavrt.core.messages import Command
 
 SILENCE_S = 60.0
@@ -19,7 +19,7 @@ OWN_SOURCES = ("capture", "command line")
 """Command sources on the drone itself: the supervisor and the program that started it."""
 
 
-class Commander:
+class CommandingStation:
     """Keeps which station is in command; unless `pinned`, every station may command."""
 
     def __init__(
@@ -43,13 +43,17 @@ class Commander:
 
     def refusal(self, command: Command) -> str | None:
         """Text that explains why a command is refused; None if it is allowed."""
-        who = COMMANDS[command.name].who
-        if not self._pinned or who is Who.ANYBODY or _is_own(command.source):
+        permitted_sender = COMMANDS[command.name].permitted_sender
+        if (
+            not self._pinned
+            or permitted_sender is PermittedSender.ANYBODY
+            or _is_own(command.source)
+        ):
             return None
         self.heard(command.source, 0.0)
         if self.name in (None, command.source) or command.sealed:
             return None
-        if self._flight_over and who is Who.COMMANDER:
+        if self._flight_over and permitted_sender is PermittedSender.COMMANDER:
             return None
         left_s = SILENCE_S - (self._clock_s() - self._heard_s)
         if left_s <= 0.0:
@@ -66,7 +70,9 @@ class Commander:
 
     def accepted(self, command: Command) -> bool:
         """Register an accepted command; True if its sender is now in command."""
-        if COMMANDS[command.name].who is Who.ANYBODY or _is_own(command.source):
+        if COMMANDS[command.name].permitted_sender is PermittedSender.ANYBODY or _is_own(
+            command.source
+        ):
             return False
         changed = self.name != command.source
         self._flight_over = self._flight_over and not changed and command.name != "start_tags"

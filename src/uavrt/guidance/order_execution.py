@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from math import atan2, cos, degrees, radians
 
 from uavrt.core.earth.geodesy import distance_m
-from uavrt.core.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
+from uavrt.core.messages import FlyThere, GoHome, Manoeuvre, TakeMode, TakeOff, TurnInPlace
 from uavrt.core.units import wrap_degrees_180
 from uavrt.guidance.control.stopping_distance import stops_within_m
 from uavrt.guidance.height_frames import target_amsl_m
@@ -18,7 +18,7 @@ from uavrt.guidance.plans import (
     Go,
     Home,
     Plan,
-    Ready,
+    SetTakeoffMode,
     Step,
     Turn,
     map_fault,
@@ -57,7 +57,7 @@ def _waits(step: Step, now: VehicleNow) -> bool:
     return now.settling and not isinstance(step, Home)
 
 
-class Pilot:
+class OrderExecution:
     """Flies the steps of one order; with `waits` it then waits for more, by `redirect`."""
 
     def __init__(
@@ -68,8 +68,8 @@ class Pilot:
         self._limits = limits
         self._steps: list[Step] = list(plan.steps)
         self._number = 0
-        self._wished = 0
-        self._wished_step: Step | None = None
+        self._requested = 0
+        self._requested_step: Step | None = None
         self._there_s: float | None = None
         self._sent_for_step = 0
         self._holding: Go | None = None
@@ -78,7 +78,7 @@ class Pilot:
         self.shared = False
         """True if other drones search too. The drone then flies home at its own height, because
         the autopilot's return may climb into another drone's height."""
-        self._asks = False
+        self._awaits_operator = False
         """True while the operator must decide; the drone then only hovers."""
         self._battery = _BatteryWatch(limits)
         self._sent = self._refused_before = 0
@@ -86,7 +86,7 @@ class Pilot:
         """Reason for cutting the order short; None if it is flown as planned."""
         self.ended: str | None = None
         """Reason for the order's end; None while it continues."""
-        self.said = ""
+        self.status_text = ""
         """Text on the present action and its reason, for the operator."""
 
     @property
@@ -109,7 +109,7 @@ class Pilot:
         if not self.idle and self._turns_off(steps[0], now):
             first = [self._stop_at(now)]
         self._steps, self._number = [*first, *steps], 0
-        self._wished_step = None
+        self._requested_step = None
 
     def give_up(self, reason: str) -> None:
         """Cut the order short and fly home: hovering on would leave the battery unmonitored.
@@ -130,17 +130,17 @@ class Pilot:
         near = min(distance_m(*here, *one.place) for one in (before, step)) < SAFETY.bend_from_m
         return near or abs(wrap_degrees_180(ways[1] - ways[0])) > SAFETY.bend_deg
 
-    def next(self, now: VehicleNow) -> Wish | None:
+    def next(self, now: VehicleNow) -> Manoeuvre | None:
         """Return the motion to request now; None if none is due."""
         if self.ended is not None:
             return None
         if now.order_id != self.order.order_id:
             self.ended = "the order has ended"
             return None
-        if now.wishes_sent > self._sent:
-            self._sent, self._refused_before = now.wishes_sent, now.wishes_refused
-        if now.wishes_refused - self._refused_before > SAFETY.refusals:
-            self._refused_before = now.wishes_refused
+        if now.requests_sent > self._sent:
+            self._sent, self._refused_before = now.requests_sent, now.requests_refused
+        if now.requests_refused - self._refused_before > SAFETY.refusals:
+            self._refused_before = now.requests_refused
             if self._returning:
                 self.ended = "the commands are refused"
                 return None
@@ -148,14 +148,14 @@ class Pilot:
         if self._failed is not None and (not now.began or self.order.action == "takeoff"):
             self.ended = self._failed
             return None
-        if now.wishes_sent + now.wishes_refused < self._wished or (
+        if now.requests_sent + now.requests_refused < self._requested or (
             now.began and not now.obeyed
         ):
             return None  # the last one is on its way, or is not seen to be obeyed yet
-        if now.wishes_sent < self._sent_for_step:
-            self._wished_step = None  # it was refused
+        if now.requests_sent < self._sent_for_step:
+            self._requested_step = None  # it was refused
         step = self._due(now)
-        return None if step is None or _waits(step, now) else self._wish(step, now)
+        return None if step is None or _waits(step, now) else self._request_step(step, now)
 
     def _due(self, now: VehicleNow) -> Step | None:
         """Step to request now, by priority: return, hold, next step of the order; or None."""
@@ -165,18 +165,18 @@ class Pilot:
             self._flies_home = True
         elif urgent is not None:
             return urgent
-        if self._flies_home and not isinstance(self._wished_step, Home):
+        if self._flies_home and not isinstance(self._requested_step, Home):
             return self._next_step(now)
         if self._returning or self._holding is not None:
             waiting = Home() if self._holding is None or self._returning else self._holding
-            return None if self._wished_step in (waiting, Home()) else waiting
+            return None if self._requested_step in (waiting, Home()) else waiting
         return self._next_step(now)
 
     def _next_step(self, now: VehicleNow) -> Step | None:
         if self.idle:
             return None
         step = self._steps[self._number]
-        if self._wished_step is not step:
+        if self._requested_step is not step:
             return step
         last = self._number + 1 == len(self._steps)
         if not self._done(step, now) or (now.settling and not last):
@@ -187,10 +187,10 @@ class Pilot:
             return None
         return self._steps[self._number]
 
-    def _wish(self, step: Step, now: VehicleNow) -> Wish:
-        self._wished += 1
-        self._sent_for_step = now.wishes_sent + 1
-        self._wished_step, self._there_s = step, None
+    def _request_step(self, step: Step, now: VehicleNow) -> Manoeuvre:
+        self._requested += 1
+        self._sent_for_step = now.requests_sent + 1
+        self._requested_step, self._there_s = step, None
         match step:
             case Go():
                 amsl = target_amsl_m(
@@ -207,7 +207,7 @@ class Pilot:
             case Home():
                 self._returning = True  # the vehicle's mode will end the order
                 return GoHome()
-            case Ready():
+            case SetTakeoffMode():
                 return TakeMode()
             case Climb():
                 amsl, relative = now.altitude_amsl_m, now.altitude_relative_m
@@ -220,7 +220,7 @@ class Pilot:
         match step:
             case Turn():
                 return now.turned_deg >= abs(step.turn_deg) - SAFETY.at_yaw_deg
-            case Home() | Ready():
+            case Home() | SetTakeoffMode():
                 return True
             case Climb():
                 return abs(now.altitude_relative_m - step.height_m) < SAFETY.at_height_m
@@ -254,21 +254,21 @@ class Pilot:
             if reason is not None:
                 return self._home(reason)
             apart = map_fault(now, limits)
-            if apart is not None and not self._asks:
-                self._asks, self._holding = True, self._stop_at(now)
-                self.said = f"{apart}: holding, confirm another order"
-        if self._asks:
+            if apart is not None and not self._awaits_operator:
+                self._awaits_operator, self._holding = True, self._stop_at(now)
+                self.status_text = f"{apart}: holding, confirm another order"
+        if self._awaits_operator:
             return None
         if now.ground_silent_s < limits.link_lost_s or limits.link_lost == "go on":
             if self._holding is not None:
-                self._holding, self._wished_step = None, None  # and on with the step
-                self.said = "contact with the ground is back"
+                self._holding, self._requested_step = None, None  # and on with the step
+                self.status_text = "contact with the ground is back"
             return None
         if limits.link_lost == "return":
             return self._home("the link to the ground is lost")
         if self._holding is None:
             self._holding_s = now.time_s
-            self.said = "the link to the ground is lost: holding"
+            self.status_text = "the link to the ground is lost: holding"
             self._holding = self._stop_at(now)
         elif now.time_s - self._holding_s >= limits.return_after_s:
             return self._home("the link to the ground stays lost")
@@ -296,7 +296,7 @@ class Pilot:
         return self._returning
 
     def _home(self, reason: str) -> Step:
-        self.said, self._returning = f"returning: {reason}", True
+        self.status_text, self._returning = f"returning: {reason}", True
         return Home()
 
 

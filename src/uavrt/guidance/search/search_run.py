@@ -8,7 +8,7 @@ from uavrt.core.messages import FoundTag, Neighbour, PulsePose, SearchNote, Sear
 from uavrt.core.units import s_from_ns, wrap_degrees_360
 from uavrt.guidance.autopilot_behaviour import Behaviour
 from uavrt.guidance.operator_orders import Limits, Order, Place, VehicleNow
-from uavrt.guidance.pilot import stopping_place
+from uavrt.guidance.order_execution import stopping_place
 from uavrt.guidance.plans import (
     Go,
     Home,
@@ -35,10 +35,10 @@ class Choice:
 
     steps: tuple[Step, ...] | None
     """Steps to fly from now on; None: continue the present ones."""
-    said: str
+    status_text: str
     """Text for the operator on the decision, one line."""
     notes: tuple[SearchNote, ...]
-    way: tuple[Place, Place] | None = None
+    leg: tuple[Place, Place] | None = None
     """Start and end of the path that the steps fly, equal for a stay; None: no change."""
     returning: bool = False
     held: tuple[int, ...] = ()
@@ -55,10 +55,10 @@ class _Course:
     near: float = 0.0
     """Probability at the decision that an animal was nearer than its protected distance."""
     over: bool = False
-    said: str = "searching"
+    status_text: str = "searching"
 
 
-class Seeker:
+class SearchRun:
     """Runs one search; raises `PlanError`, with reason and remedy, if it cannot be flown."""
 
     def __init__(
@@ -123,9 +123,9 @@ class Seeker:
         stay = Go(place=(now.latitude_deg, now.longitude_deg), height_m=task.height_m)
         return Choice(
             steps=(stay,),
-            said=self._course.said,
+            status_text=self._course.status_text,
             notes=(replace(note, area=task.outline),),
-            way=(stay.place, stay.place),
+            leg=(stay.place, stay.place),
         )
 
     def place(self, time_ns: int, now: VehicleNow) -> None:
@@ -167,7 +167,7 @@ class Seeker:
         self._latest_s[tag_id] = max(self._latest_s.get(tag_id, 0.0), evidence.time_s)
         self._search.listen(tag_id, self._latest_s[tag_id], evidence.listening)
 
-    def think(
+    def decide(
         self, time_ns: int, now: VehicleNow, *, idle: bool, others: Sequence[Neighbour] = ()
     ) -> Choice:
         """Mark found tags, and decide where to fly; `idle` if the last decision is done."""
@@ -176,7 +176,7 @@ class Seeker:
         time_s, search, course = self._elapsed_s(time_ns), self._search, self._course
         new = self._decisions.judge(time_s, others)
         notes = [self._notes.found(tag_id, time_ns, time_s, now) for tag_id in new]
-        unchanged = Choice(steps=None, said=course.said, notes=tuple(notes))
+        unchanged = Choice(steps=None, status_text=course.status_text, notes=tuple(notes))
         if course.over:
             return unchanged
         staying = course.goal_m is None and not idle
@@ -192,9 +192,11 @@ class Seeker:
             return unchanged
         short = self._decisions.text(decision.action, now)
         found = f"{len(search.found)} of {len(self._task.tags)} found"
-        said = f"{found}; {short}: {decision.reason}"
+        status_text = f"{found}; {short}: {decision.reason}"
         self._course_before = course
-        self._course = _Course(goal_m=goal, near=search.near(state), over=ends, said=said)
+        self._course = _Course(
+            goal_m=goal, near=search.near(state), over=ends, status_text=status_text
+        )
         notes.append(
             self._notes.note(
                 "decision", time_ns, time_s, now, short, decision.reason, goal_m=goal
@@ -203,9 +205,9 @@ class Seeker:
         stand = self._stopping_point(now, course.goal_m)
         return Choice(
             steps=self._steps(decision.action, now, stand),
-            said=said,
+            status_text=status_text,
             notes=tuple(notes),
-            way=(stand, stand if goal is None else self._task.place(*goal)),
+            leg=(stand, stand if goal is None else self._task.place(*goal)),
             returning=ends,
             held=self._decisions.held,
             found=self._notes.all_found(),

@@ -53,7 +53,7 @@ def _missing_text(missing: str) -> StatusText:
     return StatusText(severity=4, text=missing.capitalize()[:200])
 
 
-class PoseDesk:
+class PoseCollector:
     """Collects attitude and position samples; computes the poses of pulses."""
 
     def __init__(
