@@ -18,9 +18,9 @@ from uavrt.localization.position.estimate_position import estimate_position
 from uavrt.localization.position.levels.level_belief import Listening
 from uavrt.localization.position.levels.level_evidence import Propagation
 from uavrt.localization.position.trackers import ParticleTracker, TagPrior
-from uavrt.localization.position.tuning import COMMON, LEVEL, LOSS, SURVEY, TRACK
+from uavrt.localization.position.tuning import COMMON, LEVEL, LOSS, TRACK
 from uavrt.localization.results import Position
-from uavrt.localization.tuning import FLIGHT
+from uavrt.localization.tuning import FLIGHT, LEVELS
 from uavrt_experiments.localization.circle_bars import height_error_m
 from uavrt_experiments.localization.position_bars import flown_lines, survey
 
@@ -56,9 +56,9 @@ def surveyed(
         height_m=40.0 + height_error_m(rng),
         exponent=float(np.clip(rng.normal(usual.exponent, usual.exponent_sigma), 1.6, 4.5)),
     )
-    foreign = rng.random(len(track.snr_db)) < SURVEY.foreign_share
+    foreign = rng.random(len(track.snr_db)) < LEVELS.outlier_share
     middle_db = float(np.median(track.snr_db))
-    any_db = middle_db + SURVEY.foreign_range_db * rng.uniform(-0.5, 0.5, len(foreign))
+    any_db = middle_db + LEVELS.any_strength_db * rng.uniform(-0.5, 0.5, len(foreign))
     shift = rng.normal(0.0, place_m, 2)
     east, north = _PLANE.to_local(track.latitude_deg, track.longitude_deg)
     latitude, longitude = _PLANE.to_geodetic(east + shift[0], north + shift[1])
