@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 AREA = Area(west_m=0.0, east_m=600.0, south_m=0.0, north_m=600.0)
 SHADOWING_M = 40.0
-"""Length of the path over which a simulated shadowing decorrelates [m]; trackers take 100."""
+"""Length of the path over which a simulated shadowing decorrelates [m]; trackers take 30."""
 
 
 def listen_along(
