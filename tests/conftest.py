@@ -5,10 +5,12 @@ import gc
 import inspect
 import os
 import platform
+import random
 import signal
 import socket
 import sys
 from collections.abc import Callable, Iterator
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,7 @@ from ros_peer import GatewayProcess, RosPeer
 from uavrt.config.settings import Ros2Settings, Settings
 from uavrt.core.messages import FlightInfo
 from uavrt.core.runtime import native
+from uavrt.simulation.demo import demo_programs
 
 # The same examples in each run; `make claims` sets UAVRT_NEW_EXAMPLES: others, and more.
 # An example is not wrong because a shared machine is late.
@@ -40,8 +43,18 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 FLIGHTS = Path(__file__).parent / "flight"
+PORT_SHARES = 16
+"""Shares of the UDP ports: eight for workers in virtual time, and eight for those in real time."""
 MOST_SECOND_TRIES = 3
 """Flights in real time that may need a second try before the run fails."""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Give each worker UDP ports of its own: two could take one that neither has bound yet."""
+    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw7").removeprefix("gw")) % 8
+    share = worker + 8 * any("tests/unit" in one for one in config.args)
+    ports = demo_programs.PORTS[share::PORT_SHARES]
+    demo_programs._ports = cycle(random.SystemRandom().sample(ports, len(ports)))
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
