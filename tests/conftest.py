@@ -44,7 +44,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 FLIGHTS = Path(__file__).parent / "flight"
 PORT_SHARES = 16
-"""Shares of the UDP ports: eight for workers in virtual time, and eight for those in real time."""
+"""Shares of the UDP ports: eight for workers in virtual time, eight for those in real time."""
 MOST_SECOND_TRIES = 3
 """Flights in real time that may need a second try before the run fails."""
 
