@@ -157,12 +157,15 @@ def latitude(cell: str) -> float:
 
 
 def longitude(cell: str) -> float:
-    """Parse a longitude [deg]; raises `ValueError` beyond two turns."""
+    """Parse a longitude [deg]; raises `ValueError` beyond ±360°."""
     return longitude_on_earth(finite(cell))
 
 
 def place_or_none(latitude_cell: str, longitude_cell: str) -> tuple[float, float] | None:
-    """Parse a position [deg]; None if a cell is empty or not a number. Raises `ValueError`."""
+    """Parse a position [deg]; None if a cell is empty or not a number.
+
+    Raises `ValueError` for a latitude beyond ±90° or a longitude beyond ±360°.
+    """
     return place_on_earth(number_or_nan(latitude_cell), number_or_nan(longitude_cell))
 
 

@@ -106,9 +106,9 @@ class SafetyLimits:
     at_height_m: float = 2.0
     at_yaw_deg: float = 8.0
     no_progress_s: float = 3.0
-    """Time without progress to the target that ends an order, even after commands [s]. PX4 1.17
-    (SIH) made progress 0.7 to 1.3 s after a command from rest, and up to 2.495 s after one that
-    replaced a leg (104 commands)."""
+    """Time without progress to the target after which an order is ended [s]. It is longer than
+    the autopilot's delay after a command: PX4 1.17 (SIH) made progress 0.7 to 1.3 s after a
+    command from rest, and up to 2.495 s after one that replaced a leg (104 commands)."""
     slow_progress_s: float = 1.0
     """Time without progress to the target after which further commands are held back [s]."""
     # Least change in `no_progress_s` that is progress; wind may slow a drone to that.

@@ -110,12 +110,12 @@ def check_tag_file_name(path: str | os.PathLike[str]) -> None:
     if target.name.lower() == "detectorconfig.txt":
         raise ConfigError(
             f"uavrt does not write {target}, the original detector's file",
-            remedy="Write .toml or TagInfo.txt; a flight has such a file for each tag",
+            remedy="Choose a name in .toml, or TagInfo.txt; flights have this file for each tag",
         )
     if target.suffix.lower() not in (".toml", ".txt"):
         raise ConfigError(
-            f"{target} does not have the name of a tag file",
-            remedy="Write .toml, or .txt for the original's TagInfo.txt",
+            f"{target} ends in neither .toml nor .txt, so its format is unknown",
+            remedy="Choose a name in .toml, or in .txt for the thesis's TagInfo format",
         )
 
 

@@ -24,7 +24,7 @@ def latitude_on_earth(value_deg: float) -> float:
 
 
 def longitude_on_earth(value_deg: float) -> float:
-    """Wrap a longitude to ±180°; raises `OffEarthError` outside -180° to 360°."""
+    """Wrap a longitude to ±180°; raises `OffEarthError` beyond ±360° or if not finite."""
     if not abs(value_deg) <= 360.0:
         raise OffEarthError(f"{value_deg:.12g} is not a longitude", remedy=_remedy(value_deg))
     return value_deg if -180.0 <= value_deg < 180.0 else math.remainder(value_deg, 360.0)

@@ -99,9 +99,11 @@ class TrainTuning:
     image_share: float = 0.8
     """Minimum share of an image's pulses that coincide with those of a stronger train."""
     image_db: float = 3.0
-    """Minimum level of a signal over its image in the receiver, at image frequencies [dB]."""
+    """Minimum level of a signal over its image, at a frequency where the receiver makes images
+    [dB]."""
     anywhere_db: float = 25.0
-    """Minimum level of a signal over its image in the receiver, at other frequencies [dB]."""
+    """Minimum level of a signal over a simultaneous weaker train, for that train to be an image
+    at a frequency where the receiver is not known to make images [dB]."""
     one_device_db: float = 10.0
     """Maximum level difference between trains of one device, such as a data sender [dB]."""
     one_device_s: float = 0.001

@@ -69,7 +69,7 @@ class Receiver:
     """Processes the radio's samples for the detectors."""
 
     makes_channels = True
-    """True if the samples of this receiver's channels are recorded, if so configured."""
+    """False in a subclass that leaves the recording of channels to another process."""
 
     def __init__(
         self,

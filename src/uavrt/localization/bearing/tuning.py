@@ -17,8 +17,9 @@ class TurnTuning:
     path_window_s: float = 15.0
     """Time before and after a pose over which its displacement is measured [s]."""
     window_shift_m: float = 3.0
-    """Minimum displacement in `path_window_s`, before and after a pose on a flown path [m].
-    With 30 % more, 4 % fewer turns are separate."""
+    """Minimum displacement within `path_window_s`, both before and after a pose, for the pose
+    to count as on a flown path between turns [m]. With 30 % more, 4 % fewer turns are separated
+    from the next one."""
     radius_m: float = 15.0
     """Maximum distance from the middle of a turn in place [m]. With 30 % less, 23 % of drifting
     turns are lost."""

@@ -293,7 +293,11 @@ class LevelTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LastingError:
-    """An error of expected levels that pulses reveal, and that changes along the path."""
+    """Parameters of a slowly varying error of expected levels, which is estimated from pulses.
+
+    Its correlation falls exponentially with the drone's path. It is a multiple of the loss
+    behind hills, or of the standard deviation of shadowing.
+    """
 
     mean: float
     sigma: float

@@ -60,9 +60,10 @@ class PulseMemory(Generic[T]):
         return len(self._waiting)
 
     def keys(self, store: int) -> set[ItemKey]:
-        """Keys of pulses that need not be read from disk for a ground station; all for `PLAIN`.
+        """Keys of pulses in memory that a ground station lacks or has acknowledged.
 
-        Pulses in memory for other ground stations only must be read for this one too.
+        They need not be read from disk for it. A pulse that is in memory only for other
+        stations is left out, so that it is read for this one. With `PLAIN`: all keys.
         """
         return {
             entry.pulse
