@@ -110,7 +110,7 @@ def check_tag_file_name(path: str | os.PathLike[str]) -> None:
     if target.name.lower() == "detectorconfig.txt":
         raise ConfigError(
             f"uavrt does not write {target}, the original detector's file",
-            remedy="Choose a name in .toml, or TagInfo.txt; flights have this file for each tag",
+            remedy="Choose a name in .toml, or TagInfo.txt; flights have it for each tag",
         )
     if target.suffix.lower() not in (".toml", ".txt"):
         raise ConfigError(
