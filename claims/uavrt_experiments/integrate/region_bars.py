@@ -1,6 +1,7 @@
-"""I8: regions of whole flights, in the estimator's own world and in worlds unlike it.
+"""I8: how often regions of whole-flight searches contain the tag.
 
-No constant of the estimator may be chosen by these worlds.
+One simulated world draws errors as the estimator assumes them; the others do not. No constant
+of the estimator may be chosen by these worlds.
 """
 
 import math
@@ -43,7 +44,7 @@ _LASTING_DB, _ALIKE = 1.0, 0.6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conditions:
-    """How a flight differs from an exact one."""
+    """Errors of a simulated flight, of its antenna and of its pulses."""
 
     name: str
     heading_deg: float = 0.0
@@ -53,11 +54,11 @@ class Conditions:
     """Standard deviation of each pulse's fading [dB]."""
     lasting_db: float = 0.0
     back_db: float = 0.0
-    """Level of the true pattern over the table's behind the antenna [dB]."""
+    """Level of the true pattern behind the antenna, relative to the table's [dB]."""
     line_db: float | None = None
-    """Noise of a power line over the receiver's own, on boresight [dB]."""
+    """Noise of a power line on boresight, relative to the receiver's own [dB]."""
     exponent: tuple[float, float] = (2.0, 0.0)
-    """Mean and standard deviation of the path loss exponent, at least 2."""
+    """Mean and standard deviation of the path loss exponent; values below 2 become 2."""
 
 
 OWN = Conditions(
@@ -81,14 +82,14 @@ class Regions:
     off_deg: float
     arc90_deg: float
     rank: float
-    """Probability of all positions that the posterior holds for likelier than the tag's."""
+    """Posterior probability of all positions that are more probable than the tag's."""
     held50: bool
     held90: bool
     held95: bool
 
 
 def _near(course: Course, half_m: float) -> Course:
-    """The same course; the tag is anywhere in a square around its middle."""
+    """Course with the tag anywhere in a square around its middle."""
 
     def place(rng: np.random.Generator) -> tuple[float, float]:
         east, north = rng.uniform(-half_m, half_m, 2)
@@ -98,7 +99,7 @@ def _near(course: Course, half_m: float) -> Course:
 
 
 def _nose_first(course: Course) -> Course:
-    """The same course with a directional antenna that points along the path."""
+    """Course with a directional antenna that points along the path."""
     along = np.degrees(np.arctan2(np.gradient(course.east_m), np.gradient(course.north_m)))
     return replace(course, antenna="RA-23K", yaw_deg=along)
 
@@ -183,7 +184,7 @@ def located(
 
 
 def _region_case(world: Conditions, bars: dict[str, tuple[float | None, float | None]]) -> Case:
-    """Flights of all courses in turn."""
+    """Case that flies all courses in turn; `bars`: limits by the start of a quantity."""
     names = list(COURSES)
 
     def trial(rng: np.random.Generator, number: int) -> Regions | None:
@@ -222,7 +223,7 @@ def outcomes_found(outcomes: Sequence[Regions | None]) -> list[Regions]:
 
 
 def _rank_case(name: str, world: Conditions, **bar: float) -> Case:
-    """Ranks of true positions after turning on the spot (Talts et al. 2018)."""
+    """Case that tests ranks of true positions after turning (Talts et al. 2018)."""
     course, enr_db = COURSES["turning on the spot"]
 
     def rows(outcomes: Sequence[Regions | None]) -> list[Row]:

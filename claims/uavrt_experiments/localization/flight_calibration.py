@@ -1,6 +1,6 @@
 """Ranks of true positions in posteriors of surveys, of trackers, and of moving tags' paths.
 
-Each world is the estimator's own prior, drawn by code of its own.
+The worlds are drawn from the estimator's priors, by code that the estimator does not use.
 """
 
 from dataclasses import dataclass, replace
@@ -34,11 +34,11 @@ _OWN_DEG = 3.0
 def surveyed(
     rng: Generator, place_m: float = FLIGHT.place_sigma_m
 ) -> tuple[Position, tuple[float, float]]:
-    """Fly lines past a tag with errors drawn from the priors; its position, and the true one.
+    """Fly lines past a tag with errors drawn from the priors; return estimate and truth.
 
     `place_m`: standard deviation of the error of all positions [m].
     """
-    # Uniform in the square, and falling outside by a factor e each quarter spacing.
+    # Uniform in the square; outside, the density falls by a factor e per quarter spacing.
     scale_m = max(0.25 * _SPACING_M * _SIDE_M / (_SIDE_M + _SPACING_M), 10.0)
     while True:
         tag = rng.uniform(-10.0 * scale_m, _SIDE_M + 10.0 * scale_m, 2)
@@ -116,7 +116,7 @@ class _Animal:
 def tracker_rank(rng: Generator, *, weaker_db: float = 0.0) -> float:
     """Rank of the true position in a tracker's posterior after 100 pulses over 600 m.
 
-    `weaker_db`: what pulses lose in the western half, which the tracker does not know.
+    `weaker_db`: loss of pulses in the western half, unknown to the tracker [dB].
     """
     prior = TagPrior(area=_AREA)
     tracker = ParticleTracker(prior, np.random.default_rng(rng.integers(2**32)), particles=4000)
@@ -156,9 +156,9 @@ def tracker_rank(rng: Generator, *, weaker_db: float = 0.0) -> float:
 
 
 def rank_among(rng: Generator, places: _Floats, truth: _Floats) -> float:
-    """Share of a posterior's draws in denser surroundings than the truth.
+    """Share of a posterior's draws at positions with a higher density than the true one.
 
-    The density is that of half of the draws, around the other half.
+    The density is estimated from half of the draws, and evaluated at the other half.
     """
     order = rng.permutation(len(places))
     known, tried = places[order[::2]], np.vstack([truth, places[order[1::2]]])
@@ -173,8 +173,8 @@ def rank_among(rng: Generator, places: _Floats, truth: _Floats) -> float:
 def path_rank(rng: Generator, *, turned_deg: float = 0.0) -> float:
     """Rank of the true position at the end of a path by eight bearings.
 
-    It is drawn between those of the circles of 50 and 95 %. `turned_deg`: error of all headings
-    besides the usual one.
+    As only the circles of 50 and 95 % are known, the rank is drawn evenly between their
+    probabilities. `turned_deg`: error of all headings, added to the usual one.
     """
     prior = TagPrior(
         area=Area(west_m=-150.0, east_m=150.0, south_m=-150.0, north_m=150.0),
@@ -191,7 +191,7 @@ def path_rank(rng: Generator, *, turned_deg: float = 0.0) -> float:
         bearing[number] = np.degrees(
             np.arctan2(here[0] - east[number], here[1] - north[number])
         )
-    # As the tracker takes them: the common error of headings counts for each bearing alone.
+    # The tracker treats the common heading error as independent for each bearing.
     sigma_deg = float(np.hypot(_OWN_DEG, COMMON.heading_sigma_deg))
     bearing += rng.normal(0.0, sigma_deg, 8) + turned_deg
     gross = rng.random(8) < 0.05

@@ -1,4 +1,4 @@
-"""Experiment L9: circles along the paths of animals that move.
+"""Experiment L9: how often circles along a path contain an animal that moves.
 
 No constant of the estimator may be chosen by these walks.
 """
@@ -44,14 +44,14 @@ class Walk:
         )
 
     def moved(self, east_m: float, north_m: float) -> "Walk":
-        """The same path elsewhere."""
+        """Path shifted by a distance to east and north."""
         return Walk(
             time_s=self.time_s, east_m=self.east_m + east_m, north_m=self.north_m + north_m
         )
 
 
 def steady(rng: Generator, span_s: float, *, speed_m_s: float) -> Walk:
-    """Walk straight on."""
+    """Walk in a straight line, in a random direction."""
     towards = rng.uniform(0.0, 2.0 * np.pi)
     gone = speed_m_s * span_s
     return Walk(
@@ -118,7 +118,7 @@ class Followed:
 
 
 def by_bearings(rng: Generator, walks: Walks, stations: int = 6) -> Followed:
-    """Turn for a minute at each station of a ring; bearings of 3° with a common error."""
+    """Estimate a walk by one bearing a station on a ring; errors of 3°, in common 1.5°."""
     angle = rng.uniform(0.0, 2.0 * np.pi) + np.arange(stations) * 2.0 * np.pi / stations
     radius = rng.uniform(250.0, 450.0, stations)
     east, north = radius * np.sin(angle), radius * np.cos(angle)
@@ -149,10 +149,10 @@ def by_strengths(
     fading_db: float = 3.0,
     correlation: float = 0.0,
 ) -> Followed:
-    """Fly lines 50 m apart over 300 by 300 m past an animal.
+    """Estimate a walk by a survey of 300 by 300 m with lines 50 m apart.
 
-    `leaves`: True: it begins in the square, and ends 30 m or more outside; otherwise it is in
-    the inner part of the square in the middle of the flight.
+    `leaves`: True if the animal begins in the square, and ends 30 m or more outside. False: it
+    is in the inner part of the square in the middle of the flight.
     """
     east, north, time_s = flown_lines(SIDE_M, 50.0)
     while True:

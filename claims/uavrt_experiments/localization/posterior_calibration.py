@@ -146,7 +146,7 @@ RANKS: dict[str, Rank] = {
     "tracker": tracker_rank,
     "path of a moving tag": path_rank,
 }
-"""Function that draws a rank, by posterior; I8 has those of whole flights."""
+"""Functions that draw a rank, by posterior; experiment I8 tests those of whole flights."""
 
 FAULTS: dict[str, tuple[str, int, Rank]] = {
     "noise 3 dB wrong": ("bearing", 200, partial(bearing_rank, fault=Fault(noise_db=3.0))),
@@ -172,9 +172,9 @@ FAULTS: dict[str, tuple[str, int, Rank]] = {
 
 
 def p_uniform(rank: Rank, runs: int, seed: int, *, too_sure: bool = False) -> float:
-    """Probability that uniform ranks deviate as much (Kolmogorov and Smirnov).
+    """Probability that uniform ranks deviate as much (Kolmogorov-Smirnov test).
 
-    `too_sure`: True: only ranks that are too high count, as of regions that are too small.
+    `too_sure`: True if only too high ranks count, which result from too small regions.
     """
     ranks = [rank(np.random.default_rng([seed, number])) for number in range(runs)]
     if too_sure:

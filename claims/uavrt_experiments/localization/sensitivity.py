@@ -55,7 +55,7 @@ def figures(name: str, runs: int, changes: str) -> dict[str, float]:
     for found in pkgutil.walk_packages(package.__path__, "uavrt.localization."):
         importlib.import_module(found.name)
     for module, record, original in originals:
-        setattr(module, record, original)  # what the experiments import draws the worlds
+        setattr(module, record, original)  # the worlds use these
     experiments = importlib.import_module("uavrt_experiments.localization.experiments")
     rows = experiments.EXPERIMENTS[name](runs, _SEED)
     return {f"{one.case}: {one.quantity}": one.figure for one in rows}

@@ -11,14 +11,15 @@ import threading
 from contextlib import suppress
 
 RESEND_S = 0.01
-"""Delay after which a discarded Ctrl-C is sent again [s]: the discarding code has returned."""
+"""Delay after which a discarded Ctrl-C is sent again [s]; the code that discarded it has then
+returned."""
 
 
 def _send_again(discarded: "sys.UnraisableHookArgs") -> None:
     """Send a discarded Ctrl-C again.
 
-    Python discards what is raised in a finalizer or in the lock of an import that another
-    thread makes; the program would go on as if Ctrl-C had not been pressed.
+    Python discards exceptions in finalizers, and in the lock of an import by another thread.
+    The program would continue as if Ctrl-C had not been pressed.
     """
     if not issubclass(discarded.exc_type, KeyboardInterrupt):
         sys.__unraisablehook__(discarded)

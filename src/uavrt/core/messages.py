@@ -701,7 +701,8 @@ class Neighbour:
     age_s: float = 0.0
     """Time since the other drone's last report [s]."""
     course: Course | None = None
-    """Last report of the other drone, or None; `requested_leg`: leg assigned, not yet begun."""
+    """Last report of the other drone; None if unknown. Its `requested_leg` is a leg that is
+    assigned and not yet begun."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,6 +1,7 @@
-"""Kinds of numbers in the records of constants; a number of no kind is tuned.
+"""Kinds of numbers in the records of constants; a number without a kind is tuned.
 
-A change of a tuned number by 30 % moves a result. `tests/unit/test_rules.py` counts them.
+A change of a tuned number by 30 % changes a result. `tests/unit/test_rules.py` limits how many
+numbers are tuned.
 """
 
 from typing import Annotated, TypeVar

@@ -41,9 +41,9 @@ class LevelPriors:
     """Share of pulses that geometry does not explain: missed or of any strength by chance, or
     another sender's."""
     any_strength_db: float = 120.0
-    """Range of powers over which such pulses are uniformly distributed [dB]."""
+    """Range over which the powers of pulses that geometry does not explain are uniform [dB]."""
     threshold_db: float = 10.0
-    """SNR above which a pulse is detected, where nothing says otherwise [dB]."""
+    """SNR above which a pulse is detected, if the data give no threshold [dB]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

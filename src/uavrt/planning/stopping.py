@@ -45,8 +45,8 @@ class AccuracyStop:
     def verdict(self, belief: TagBelief) -> Verdict:
         """Decide whether a tag is found; the checks that need least computing come first."""
         rms = belief.spread().rms_m
-        # A circle of 95 % is 1.7 times as wide as the root mean square of round clouds, and of
-        # long ones twice: clouds beyond the wish need no closer look.
+        # The 95 % radius is 1.7 times the rms of a round cloud of hypotheses, and twice that of
+        # a long one, so a cloud whose rms exceeds the target is rejected without its circle.
         if rms > self.radius95_m:
             return Verdict(found=False, reason=f"still ± {rms:.0f} m")
         if belief.log_bayes_factor < np.log(self.bayes_factor):

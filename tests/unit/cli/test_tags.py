@@ -168,7 +168,7 @@ def test_tags_are_written_only_under_names_of_tag_files(
     for line in (("convert", "tags.txt", target), ("measure", "a.cf32", *RADIO, "-o", target)):
         assert uavrt("tags", *line) == 2
         said = capsys.readouterr()
-        assert "Choose a name in .toml" in said.err
+        assert "Choose a name that ends in .toml" in said.err
         assert "pulses" not in said.err  # told before the work
         assert not (folder / target).exists()
 

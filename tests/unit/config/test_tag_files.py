@@ -270,7 +270,7 @@ def test_a_directory_that_is_not_there_is_told_on_writing(tmp_path: Path) -> Non
 def test_no_tags_are_written_under_a_name_that_is_another_formats(
     tmp_path: Path, name: str
 ) -> None:
-    with pytest.raises(ConfigError, match=r"Choose a name in \.toml"):
+    with pytest.raises(ConfigError, match=r"Choose a name that ends in \.toml"):
         write_tags(tmp_path / name, [THESIS_TAG])
     assert not (tmp_path / name).exists()
 

@@ -110,8 +110,8 @@ def bearings_together(
 ) -> list[TagBearing]:
     """Estimate the bearings of flights and logs in memory that share one antenna.
 
-    The method ``pattern_ml`` first corrects the antenna pattern by all turns, also those of
-    past flights; `warn` receives a sentence on the flights that contributed.
+    The method ``pattern_ml`` first corrects the antenna pattern with all turns, including those
+    of past flights; `warn` receives a sentence on the flights that contributed.
     """
     check_method(how.bearing_method, (*get_args(BearingMethod), *ADDED_METHODS))
     antennas = [one.turning() if how.antenna is None else how.antenna for one in recorded]

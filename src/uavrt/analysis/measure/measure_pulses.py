@@ -203,7 +203,7 @@ def _line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float,
 
 
 def _enr(fit: FittedPulse, window: PulseWindow) -> float:
-    """Pulse energy over noise density; the noise is that before the pulse, within 600 Hz of it.
+    """Pulse energy over noise density, measured before the pulse within 600 Hz of it.
 
     The noise is the spectrum's median, since a nearby carrier fills some of its bins.
     """

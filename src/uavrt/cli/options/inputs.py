@@ -25,7 +25,10 @@ def require_content(paths: Sequence[Path]) -> None:
 
 
 def refuse(given: dict[str, bool], sentence: str) -> None:
-    """Raise `ConfigError` for an option that is true in `given`; `{}` stands for its name."""
+    """Raise `ConfigError` for an option that is true in `given`.
+
+    `sentence`: its text, with `{}` for the option's name.
+    """
     for option, wrong in given.items():
         if wrong:
             raise ConfigError(sentence.format(option), remedy=f"Leave {option} out")

@@ -193,7 +193,7 @@ def _check_used(
     """Reject options that would have no effect; raises `ConfigError`."""
     if source.is_dir():
         refuse(of_plan, "{} applies to a plan; a flight has its own value")
-        refuse(of_one_tag, "{} applies to a tag without a list; a flight has its own tags")
+        refuse(of_one_tag, "{} describes a tag without a list; a flight has its own list")
         if prior is not None and area is None:
             raise ConfigError("--prior needs an area", remedy="Name it with --area")
         return
@@ -203,7 +203,7 @@ def _check_used(
             remedy="Leave it out, or name the flight's directory",
         )
     if tags is not None:
-        refuse(of_one_tag, "{} applies to a tag without a list; --tags has its own value")
+        refuse(of_one_tag, "{} describes a tag without a list; --tags has its own values")
     elif ids:
         raise ConfigError(
             f"--tag {ids[0]} needs a list of tags",

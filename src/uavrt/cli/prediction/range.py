@@ -80,7 +80,7 @@ def range(
                 "--frequency": frequency != _FREQUENCY_HZ,
                 "--pulse-width": pulse_width != _PULSE_WIDTH_S,
             },
-            "{} applies to a tag without a list; --tags has its own value",
+            "{} describes a tag without a list; --tags has its own values",
         )
     if not whole_flight:
         refuse(

@@ -373,7 +373,7 @@ def _check_unused_options(opened: dict[str, Any]) -> None:
     for name, option in options.items():
         if opened[name] is not None:
             raise ConfigError(
-                f"{option} applies to --recording; a flight's stored channels state their own",
+                f"{option} applies to --recording; a flight's channels contain their own",
                 remedy=f"Leave {option} out, or name the recording",
             )
 

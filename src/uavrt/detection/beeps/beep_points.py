@@ -265,8 +265,8 @@ class PointSearch:
 def _without_edges(points: Points) -> Points:
     """Remove detections that are only the edges of a strong pulse.
 
-    At a distance df, edges have at most 1 / (pi df T)^2 of the pulse's power in a window of T;
-    twice that amplitude is allowed.
+    At a frequency df away, edges have at most 1 / (pi df T)^2 of the pulse's power in a window
+    of T; twice that amplitude is allowed.
     """
     keep = np.ones(len(points), dtype=bool)
     for at in np.flatnonzero(points.levels_db >= POINTS.strong_db):

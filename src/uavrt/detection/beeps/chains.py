@@ -25,7 +25,7 @@ def chain_with_switches(
     """Follow a tag that switches between two intervals.
 
     A chain at one interval can run on through pulses sent at another: one of 1333 ms meets
-    every second pulse of 2000 ms. Followed with both, the chain switches where that explains
+    every second pulse of 2000 ms. With both intervals, the chain switches where that explains
     more pulses.
 
     `times_s` (n,): pulses, ascending. Returns (merit, stretches): number of pulses less the

@@ -206,8 +206,8 @@ def _best(
 
 
 def least_pulses(pulses: int) -> int:
-    """Minimum number of undisturbed pulses in a burst: all but two, and at least three (all of
-    fewer).
+    """Minimum number of undisturbed pulses in a burst: all but two, and at least three (all, if
+    the burst has fewer).
     """
     return max(min(3, pulses), pulses - 1) if pulses <= 4 else pulses - 2
 

@@ -63,8 +63,8 @@ def refine(
 def _prefix(
     cells: Cells, row: int, firsts: NDArray[np.int64]
 ) -> tuple[NDArray[np.bool_], NDArray[np.complex128]]:
-    """True for pulses whose samples are stored, (bursts, pulses); running sums of the samples
-    around each, shifted to the frequencies tried: (frequencies, bursts, pulses, n + 1).
+    """Return which pulses have stored samples, (bursts, pulses), and running sums of the
+    samples around each, shifted to the trial frequencies: (frequencies, bursts, pulses, n + 1).
     """
     count = 2 * REFINE.margin_columns * cells.hop + cells.length + 1
     first = (firsts - cells.base) * cells.hop

@@ -139,8 +139,8 @@ class ShapeTuning:
     loud_energy: float = 20.0
     """Minimum energy of a signal whose leakage is considered [noise energies]."""
     rounded: float = 1.0 - 1e-6
-    """Share of the required sum below which possible bursts are dropped; below 1 only for
-    rounding."""
+    """Share of the required sum below which a possible burst is dropped; just below 1, so that
+    a rounding error drops none."""
     least_amplitude: float = 0.33
     """Minimum amplitude of a pulse relative to another of the same burst."""
     hit_amplitude: float = 0.5

@@ -30,15 +30,15 @@ class AnchorSearch(RateSearch):
             GROUPS.measured_columns + math.ceil((k - 1 - p) * self.intervals[-1])
             for p in range(k)
         ]
-        """(K,) number of columns from a strong cell to its group's end, if it is that one of K
-        pulses."""
+        """(K,) number of columns from a strong cell to the end of its group, if the cell is the
+        pulse with this index."""
         others = np.stack([np.delete(self._offsets[p], p, axis=0) for p in range(k)])
         first = others.min(axis=2, initial=np.iinfo(np.intp).max, keepdims=True)
         self.rest = others - first
         """(K, K - 1, intervals) delay of each other pulse after its earliest one [columns]."""
         self.lows = first[:, :, 0] - reach
-        """(K, K - 1) number of columns from a strong cell, if it is that one of K pulses, to
-        the first column searched for each other pulse."""
+        """(K, K - 1) number of columns from a strong cell to the first column searched for each
+        other pulse, if the cell is the pulse with the first index."""
         self.stretch = int(self.rest.max(initial=0)) + 2 * reach + 1
         """Number of spectrogram columns searched for one other pulse of a group."""
         self.length = self.span + self.piece + 2 * reach + 4 + GROUPS.measured_columns

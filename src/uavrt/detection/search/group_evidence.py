@@ -25,8 +25,9 @@ from uavrt.detection.search.tuning import EVIDENCE, THRESHOLDS
 def gate(tag: Tag) -> float:
     """Minimum score of a tag's candidates, as a share of the search's threshold.
 
-    Below 1 only where their likelihood is tested: with a jitter of many pulse widths the number
-    of lattices to sum, and their memory, would have no limit.
+    It is below 1 for tags whose candidates are also tested by their likelihood: those with
+    `EVIDENCE.tested_k` pulses and a jitter of few pulse widths. With more jitter, the number of
+    lattices to sum, and their memory, would have no limit.
     """
     most_jitter_s = EVIDENCE.most_jitter_widths * tag.pulse_width_s
     tested = tag.k == EVIDENCE.tested_k and tag.interval_jitter_s <= most_jitter_s
@@ -69,7 +70,7 @@ class Evidence:
         return self.weigh(starts, offset, level, strength) >= bound
 
     def _bounds_of(self, rate: int) -> tuple[float, float]:
-        """Minimum log-likelihood ratio of a group: usually, and at the first decision."""
+        """Minimum log-likelihood ratio of a group at later decisions, and at the first."""
         tag, grid = self._tag, self._grid
         width_s = tag.pulse_width_s
         usual_s = decision_interval_s(tag, rate)

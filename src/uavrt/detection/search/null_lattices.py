@@ -72,19 +72,19 @@ class NullLattices:
         return 1.0 + max(0.0, self._more - NULL.by_chance) / threshold
 
     def least(self, threshold: float) -> float:
-        """Least sum of the powers of a group that is counted [noise powers]."""
+        """Minimum sum of powers for a group to be counted [noise powers]."""
         return NULL.counted_share * threshold * self.factor(threshold)
 
     def cell_limit(self, threshold: float) -> float:
-        """Limit on a cell in a counted group at the present threshold [noise powers]."""
+        """Limit on a cell's power in counted groups, at this threshold [noise powers]."""
         return counted_cell_limit(self._k, threshold * self.factor(threshold))
 
 
 def counted_cell_limit(k: int, threshold: float) -> float:
-    """Limit on a cell in a counted group of K [noise powers].
+    """Limit on each cell's power in groups of K pulses at null intervals [noise powers].
 
-    With a lower limit than that of the search, one pulse of a tag that is too weak to be found
-    forms few groups with noise, and does not raise the threshold of its own tag.
+    It is lower than the limit in the search. Otherwise a single pulse of a weak tag would form
+    such groups together with noise, and raise the threshold of its own tag.
     """
     share = NULL.cell_share + (1.0 - NULL.cell_share) / k
     return min(GROUPS.cell_limit, share * threshold)

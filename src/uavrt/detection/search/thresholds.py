@@ -55,8 +55,8 @@ def begun_within_s(tag: Tag, rate: int = 1) -> float:
 def _tail(k: int, spread: float, limit: float) -> tuple[np.ndarray, np.ndarray]:
     """Sums x, and the probability that noise reaches each, for one hypothesis of K pulses.
 
-    Summed are an exponential and k - 1 maxima, each of `spread` exponentials; every term is
-    limited to `limit`.
+    The sum has one exponential variable and k - 1 maxima of `spread` exponential variables
+    each; every term is limited to `limit`.
     """
     top = limit if math.isfinite(limit) else 60.0
     x = np.arange(0.0, top + THRESHOLDS.tail_step, THRESHOLDS.tail_step)
@@ -83,7 +83,7 @@ def group_tail(
 ) -> float:
     """Probability that the sum of one hypothesis in noise reaches the threshold.
 
-    `limit`: of a cell in the sum [noise powers].
+    `limit`: maximum power that a cell adds to the sum [noise powers].
     """
     if k == 1:
         return math.exp(-threshold)

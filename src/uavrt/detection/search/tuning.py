@@ -177,9 +177,9 @@ class NullTuning:
     enough to count within ten seconds, and close to those that reach the threshold. At 0.85,
     varying sparks made 1.5 times the nominal false groups, because their tail falls slowly."""
     cell_share: float = 0.15
-    """Share of the threshold by which a cell of a counted group may exceed the equal share of
-    the rest. With the limit of the search, which is higher, each pulse of a weak tag formed
-    groups with noise, and the tag's own threshold rose by 0.1 to 0.2 dB (K = 3)."""
+    """Share c in a cell's limit in a counted group, which is c + (1 - c) / K of the threshold.
+    With the higher limit of the search, each pulse of a weak tag formed groups with noise, and
+    the tag's own threshold rose by 0.1 to 0.2 dB (K = 3)."""
     # Range of the intervals tried, relative to the tag's; two of the shortest exceed the tag's.
     shortest_share: float = 0.58
     longest_share: float = 0.86
@@ -187,10 +187,10 @@ class NullTuning:
     """Number of intervals, not the tag's, at which groups are counted."""
     gain: float = 0.08
     """Rise of the threshold by each group counted at another interval [noise powers]."""
-    # While coloured noise is new a group adds `eager_gain` over the groups awaited since it
-    # began plus `eager_groups`: the steps of stochastic approximation. 1.6, the mean excess of
-    # a group in such noise, would be faster, but cost a tag of 14 dB next to a carrier one
-    # pulse in a hundred.
+    # Soon after coloured noise begins, a counted group adds `eager_gain` / (`eager_groups` +
+    # groups expected since then), as in stochastic approximation. With 1.6, the mean excess of
+    # a group in such noise, the threshold rises faster, but a tag of 14 dB next to a carrier
+    # loses 1 % of its pulses.
     eager_gain: float = 0.7
     """Rise of the threshold by the first group counted in new coloured noise [noise powers]."""
     eager_groups: float = 3.0

@@ -64,8 +64,8 @@ class Intake:
     def admit(
         self, samples: NDArray[np.complex64], time_ns: int, *, after: int
     ) -> Literal["taken", "refused", "later", "earlier"]:
-        """Add a block by its time; ``later`` or ``earlier``, and no block added, after a jump
-        of time.
+        """Add a block at the position given by its time; after a jump of time, add none and
+        return ``later`` or ``earlier``.
         """
         buffer, counters = self.buffer, self._counters
         if not buffer.empty:

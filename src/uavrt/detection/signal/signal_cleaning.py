@@ -142,7 +142,7 @@ class Cleaner:
     def _blank(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
         """Blank impulses in samples [first, last).
 
-        They are found in whitened samples, so that strong neighbours are not blanked.
+        Impulses are found in whitened samples, so that strong neighbours are not blanked.
         """
         margin = self._beyond
         low = max(buffer.start, first - margin)

@@ -10,7 +10,7 @@ Places = tuple[tuple[float, float], ...]
 
 
 def number_in(body: dict[str, Any], name: str, default: float = nan) -> float:
-    """Read the finite number of a given name; raises `FormatError`."""
+    """Read the finite number of a given name; raises `FormatError` if it is none."""
     value = body.get(name, default)
     number = value if isinstance(value, int | float) else nan
     if isinstance(value, bool) or not abs(number) <= sys.float_info.max:
@@ -21,7 +21,7 @@ def number_in(body: dict[str, Any], name: str, default: float = nan) -> float:
 def number_between(
     body: dict[str, Any], name: str, least: float, most: float, default: float = nan
 ) -> float:
-    """Read a number within limits; raises `FormatError` or `UsageError`."""
+    """Read a number; raises `FormatError` if it is none, `UsageError` outside the limits."""
     number = number_in(body, name, default)
     if not least <= number <= most:
         raise UsageError(f"{name} must be {least:g} to {most:g}")
@@ -29,7 +29,7 @@ def number_between(
 
 
 def power_in(body: dict[str, Any]) -> float:
-    """Read a tag's radiated power [dBm]; raises `FormatError` or `UsageError`."""
+    """Read a tag's power [dBm]; raises `FormatError` if no number, `UsageError` if absurd."""
     power_dbm = number_in(body, "tag_power_dbm")
     if not -100.0 <= power_dbm <= 40.0:
         raise UsageError("a tag's power must be -100 to 40 dBm")
@@ -37,14 +37,14 @@ def power_in(body: dict[str, Any]) -> float:
 
 
 def whole_in(body: dict[str, Any], name: str) -> int:
-    """Read a whole number; raises `FormatError`."""
+    """Read a whole number; raises `FormatError` for any other value."""
     if type(value := body.get(name)) is not int:
         raise FormatError(f"{name} must be a whole number")
     return value
 
 
 def places_in(given: Any) -> Places:
-    """Read a list of [latitude, longitude] in degrees; raises `FormatError`."""
+    """Read a list of [latitude, longitude] in degrees; raises `FormatError` if invalid."""
     places = []
     for one in given if isinstance(given, list) else [None]:
         match one:

@@ -323,7 +323,7 @@ class FlightLibrary:
 
 
 def _record(row: Row) -> dict[str, Any]:
-    """A pulse with its pose as the page gets it, from a row of `PULSE_POSE_COLUMNS`."""
+    """Record of a pulse and its pose for the page, from a row of `PULSE_POSE_COLUMNS`."""
     width = len(PULSES.types)
     pulse = PULSES.values(row[:width])
     values = pulse | dict(zip(POSES.types, row[width:], strict=True))

@@ -56,7 +56,7 @@ class Offer:
             case ModeReport() if seen.mode != self.mode:  # also if it comes back
                 return f"the mode has changed to {vehicle.behaviour.mode_name(seen.mode)}"
             case PositionReport() | TargetReport() if self.turned(seen):
-                return f"{FOREIGN_TURN} since you were asked"
+                return f"{FOREIGN_TURN} since the proposal"
             case SticksReport() if self.rc is not None and seen.channels_us:
                 return self.rc.observe(seen)
         return None

@@ -10,26 +10,27 @@ class TurnTuning:
     """Constants for recognising turns in place from the poses of a flight."""
 
     window_s: float = 2.5
-    """Window over which speed, climb and rate of turn are averaged, and shortest stop [s]; GNSS
-    noise averages out, and 0.5° of compass error gives 0.2°/s."""
+    """Window over which speed, climb and rate of turn are averaged; a stop lasts at least as
+    long [s]. GNSS noise averages out, and 0.5° of compass error gives 0.2°/s."""
     speed_m_s: float = 1.5
     """Maximum speed of hovering in wind [m/s]."""
     path_window_s: float = 15.0
     """Time before and after a pose over which its displacement is measured [s]."""
     window_shift_m: float = 3.0
     """Minimum displacement within `path_window_s`, both before and after a pose, for the pose
-    to count as on a flown path between turns [m]. With 30 % more, 4 % fewer turns are separated
-    from the next one."""
+    to count as on a flown path between turns [m]. If it is 30 % larger, 4 % fewer turns are
+    separated from the next one."""
     radius_m: float = 15.0
-    """Maximum distance from the middle of a turn in place [m]. With 30 % less, 23 % of drifting
-    turns are lost."""
+    """Maximum distance from the middle of a turn in place [m]. If it is 30 % smaller, 23 % of
+    the turns that drift are not found."""
     drift_span_deg: float = 45.0
-    """Span of yaw over which a turn's drift is measured, and half of that for stops [°]."""
+    """Shorter of the two spans of yaw over which a turn's drift is measured [°]; the other one
+    is twice as long."""
     drift_step_deg: Resolution[float] = 5.0
     """Step in yaw between the starts of the spans over which a turn's drift is measured [°]."""
     one_turn_deg: float = 450.0
-    """Maximum yaw of a single turn [°]; more may be two turns with a flown path between. With
-    30 % less, 4 % of drifting turns are cut."""
+    """Maximum yaw of a single turn [°]; more may be two turns with a flown path between. If it
+    is 30 % smaller, 4 % of the turns that drift are split."""
     reversal_deg: float = 25.0
     """Minimum yaw against a turn's sense that ends it [°]; less is hovering or overshoot."""
     stop_deg: float = 4.0
@@ -64,20 +65,21 @@ class PatternTuning:
     refined_nats: Guard[float] = 18.0
     """Log-density below the best at which a trial bearing is not refined [nats]."""
     lobe_deg: float = 25.0
-    """Half-width of a lobe of a bearing's posterior [°]. With 30 % less, standard deviations of
-    turns of 8 pulses are 12 % smaller and half of them count as ambiguous."""
+    """Half-width of a lobe of a bearing's posterior [°]. If it is 30 % smaller, bearings from 8
+    pulses have 12 % smaller standard deviations, and half of them count as ambiguous."""
     correlation_pulses: Guard[int] = 12
     """Minimum number of pulses to estimate the correlation of neighbouring pulses' fading."""
     # Fading that is correlated from pulse to pulse.
     correlations: Resolution[tuple[float, ...]] = (0.3, 0.5, 0.7, 0.8, 0.9, 0.95)
     """Candidate correlations of neighbouring pulses' fading."""
     variance_factors: tuple[float, ...] = (1.0, 2.0, 4.0)
-    """Candidate ratios of the fading variance to that estimated for independent pulses. Fading
-    correlated over more than a quarter turn looks like the pattern. With 30 % more, arcs in
-    lasting fading are 6 % wider."""
+    """Candidate ratios of the fading variance to that estimated for independent pulses. Larger
+    ones are tried because fading that is correlated over more than a quarter turn resembles the
+    antenna's pattern. If they are 30 % larger, credible arcs of bearings in correlated fading
+    are 6 % wider."""
     correlated_share: float = 0.2
-    """Prior share of turns in which neighbouring pulses' fading is correlated. With 30 % more,
-    arcs are 2 % wider."""
+    """Prior share of turns in which neighbouring pulses' fading is correlated. If it is 30 %
+    larger, credible arcs of bearings are 2 % wider."""
     most_pulses: Guard[int] = 240
     """Maximum number of pulses for which correlated fading is evaluated: a limit on work."""
     least_pulses: Guard[int] = 12

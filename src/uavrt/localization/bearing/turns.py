@@ -20,7 +20,7 @@ _Floats = NDArray[np.float64]
 _Ints = NDArray[np.int64]
 
 _PATH_M = 0.5 * TURNS.radius_m
-"""Minimum distance between the ends of a flown path [m]."""
+"""Minimum distance between the ends of a movement that counts as a flown path [m]."""
 _DRIFT_M_PER_DEG = _PATH_M / 90.0
 """Maximum drift of a turn in place [m/°]; a whole turn then stays within its radius."""
 
@@ -296,7 +296,8 @@ def _turning(seconds: _Floats, yaw: _Floats) -> NDArray[np.bool_]:
     took = np.maximum(seconds[after] - seconds[before], 1e-3)
     rate = np.abs(yaw[after] - yaw[before]) / took
     turning = rate >= TURNS.least_rate_deg_s
-    # The window reaches into what stands still: seen where it is, not around it.
+    # The averaged rate also exceeds its limit just before and after a rotation: its ends are
+    # found from the headings themselves.
     edges = np.zeros(len(yaw), bool)
     for first, last in _runs(turning):
         span = yaw[first:last]

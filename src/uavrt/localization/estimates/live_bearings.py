@@ -131,7 +131,7 @@ def bearing_from_drone(one: LiveBearing) -> TagBearing:
             evidence=ACCEPTANCE.evidence_nats if one.accepted else 0.0,
             multipath_suspected=one.multipath_suspected,
             level_db=one.level_db,
-            # The message has no error of the level; it is small beside shadowing.
+            # The message has no error of the level; it is small compared with shadowing.
             level_sigma_db=None if one.level_db is None else 0.0,
             posterior=_von_mises(one.bearing_deg, one.sigma_deg),
         ),

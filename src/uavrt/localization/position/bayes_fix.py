@@ -85,7 +85,7 @@ class Cells:
         return shifted_m(float(np.interp(share, held, spread[order], left=0.0)), share, sigma_m)
 
     def ellipse(self, sigma_m: float) -> Ellipse:
-        """95 % ellipse by covariance of the posterior and of a shared error, as if normal."""
+        """95 % ellipse of a normal density; `sigma_m`: error common to all positions [m]."""
         x, y = self.mean()
         centred = np.stack([self.east_m - x, self.north_m - y])
         covariance = (centred * self.probability) @ centred.T
@@ -101,7 +101,7 @@ class Cells:
         for width_m in np.unique(self.width_m):
             own = np.flatnonzero(self.width_m == width_m)
             own = own[np.argsort(self.north_m[own])]
-            # Cells of one width share few rows and columns of their grid.
+            # Cells of one width lie in few rows and columns of a grid.
             rows, starts = np.unique(self.north_m[own], return_index=True)
             columns, column = np.unique(self.east_m[own], return_inverse=True)
             one_m = float(np.sqrt(width_m**2 / 12.0 + sigma_m**2 + step**2 / 12.0))

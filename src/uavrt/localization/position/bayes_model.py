@@ -103,7 +103,11 @@ class Model:
         )
 
     def shared_sigma_m(self, point: tuple[float, float], share: float) -> float:
-        """Sigma [m] of the normal shift with the possible shifts' circle of `share`."""
+        """Standard deviation of a normal shift that stands for all possible shifts [m].
+
+        `share`: probability at which the circles of both have the same radius.
+        `point`: the position.
+        """
         away = np.concatenate(self.tracks, axis=1) - np.array(point)[:, None]
         probability, relative, beyond_m = np.transpose(self.known.displacements)
         away_m = np.mean(np.hypot(*away))
@@ -228,10 +232,14 @@ def _prior_of_distance(around: Area, east_m: _Floats, north_m: _Floats) -> _Floa
 
 
 def _prior_near_track(surveyed: Area, length_m: float, height_m: float) -> LogDensity:
-    """Standard deviation of a normal shift that moves a position as far as the possible shifts
-    do [m].
+    """Log-prior of a position for a power survey, which is flown where the tag is expected.
 
-    `share`: probability at which the circles of both have equal radii. `point`: the position.
+    The prior is uniform inside the surveyed rectangle. Each line covers half a spacing to both
+    sides. Outside, the prior falls by a factor e per quarter of the lines' spacing, which is
+    the rectangle's area over the track's length. Power alone hardly separates a tag beyond the
+    outermost line from its mirror image. Along a single line, a tenth of the extent replaces
+    the quarter spacing. This distance is at least a quarter of the height, since lines closer
+    than the height reach no farther.
     """
     wide, high = surveyed.east_m - surveyed.west_m, surveyed.north_m - surveyed.south_m
     scale_m = 0.1 * max(wide, high)

@@ -66,8 +66,8 @@ def path_by_powers(
 ) -> tuple[TrackPoint, ...]:
     """Estimate the path of a tag through the pulses of a flight, missed pulses included.
 
-    `first`, `last`: areas of the tag at the first and last pulse. Without `last`, it is as far
-        from `first` as an animal walks.
+    `first`, `last`: areas in which the tag is at the first and last pulse. Without `last`, it
+        is as far from `first` as an animal can walk during the flight.
     """
     times = _checked(powers.time_s, "pulses")
     east, north = plane.to_local(powers.latitude_deg, powers.longitude_deg)
@@ -160,7 +160,10 @@ def _forwards_and_backwards(
     origin_ns: int,
     began: Area | None = None,
 ) -> tuple[TrackPoint, ...]:
-    """`began`: area in which the path begins, which the tracker backwards learns at its end."""
+    """Estimate a path with a tracker that runs forwards and one that runs backwards.
+
+    `began`: area in which the path begins; the backward tracker is confined to it at its end.
+    """
     points_s = _point_times(times)
     forwards = _trail(priors[0], times, points_s, take)
     reverse_s = [-one for one in reversed(points_s)]
@@ -240,7 +243,7 @@ def _trail(
         _remember_at(tracker, time_s)
     if ends_in is not None:
         evidence += tracker.confine(ends_in)
-    area = prior.area  # evidence for each square metre: trackers begin in unequal areas
+    area = prior.area  # evidence per square metre, since the trackers begin in unequal areas
     wide_m, high_m = area.east_m - area.west_m, area.north_m - area.south_m
     return _Trail(places=tracker.past(), log_evidence=evidence + math.log(wide_m * high_m))
 

@@ -448,7 +448,7 @@ class _StoredPaths:
 
 
 class ParticleTracker:
-    """Ten thousand hypotheses of a tag that rests, browses or travels, each with its strength.
+    """Many hypotheses of a tag that rests, browses or travels, each with its strength.
 
     Single precision: 0.5 ms for each pulse.
 
@@ -456,7 +456,7 @@ class ParticleTracker:
     `rng`: the same seed gives the same track.
     `particles`: number of hypotheses.
     `first`: number of hypotheses at the beginning, if larger. Each resampling halves it, down
-        to `particles`: a wide prior takes more hypotheses than what the pulses leave of it.
+        to `particles`: a wide prior needs more hypotheses than the posterior after some pulses.
     """
 
     def __init__(
@@ -581,7 +581,7 @@ class ParticleTracker:
         return gained
 
     def confine(self, area: Area) -> float:
-        """Exclude hypotheses outside of an area; returns the log share of those inside."""
+        """Exclude hypotheses outside an area; return the log of the probability inside it."""
         state = self._state
         inside = (state.east_m >= area.west_m) & (state.east_m <= area.east_m)
         inside &= (state.north_m >= area.south_m) & (state.north_m <= area.north_m)

@@ -88,8 +88,9 @@ class CommonErrorTuning:
     least_stations: Guard[int] = 4
     """Minimum number of bearings from which errors common to all are estimated."""
     widest_gap_deg: float = 210.0
-    """Maximum arc without a station, seen from the tag, to estimate common errors [°]. With
-    30 % less, circles of stations on one side with a wrong compass are half as wide."""
+    """Maximum arc without a station, seen from the tag, to estimate common errors [°]. If it is
+    30 % smaller, circles from stations on one side of the tag are half as wide when the compass
+    is wrong."""
     wrong_compass_share: float = 0.02
     """Prior share of flights with a wrong compass."""
     wrong_compass_deg: float = 20.0
@@ -154,7 +155,7 @@ class PowerTuning:
     censored_rounds: Guard[int] = 8
     """Number of iterations of the fit of level and exponent with missed pulses."""
     foreign_rounds: Guard[int] = 4
-    """Number of iterations of the fit to received pulses with other senders' pulses."""
+    """Number of iterations of the fit to received pulses that may include other senders'."""
     most_misses: Guard[int] = 60
     """Maximum number of missed pulses in a fit; more are thinned out and weighted."""
     lowest_sigmas: Resolution[float] = -12.0
@@ -286,9 +287,10 @@ class LevelTuning:
     """Range of the table of the normal tail to both sides [standard deviations]."""
     receiver_gains_db: tuple[tuple[float, float], ...] = ((0.7, 6.0), (0.3, 20.0))
     """Common error of another receiver's levels: probability and standard deviation [dB] of two
-    cases. Another radio or cable makes some decibels. By the ground's reflection, an antenna
-    at 6 m receives a far tag 20 dB weaker than one at 60 m; a hut weakens it further. With 30 %
-    more, circles of a turn with three masts are 6 % wider."""
+    cases. Another radio or cable changes levels by some decibels. Because of the ground's
+    reflection, an antenna at 6 m receives a far tag 20 dB weaker than one at 60 m; a hut
+    weakens it further. If they are 30 % larger, circles from one turn and three masts are 6 %
+    wider."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -321,8 +323,9 @@ class LossErrorTuning:
         mean=0.0, sigma=1.0, correlation_m=30.0, limits=(-4.0, 4.0)
     )
     """Shadowing in units of its standard deviation. Its correlation is exponential in the path
-    (Gudmundson 1991, "Correlation model for shadow fading in mobile radio systems"). With 100 m
-    a walking animal is not found within 25 m in 15 minutes, with 30 m in 5."""
+    (Gudmundson 1991, "Correlation model for shadow fading in mobile radio systems"). With 100
+    m, a search of 15 minutes does not locate a walking animal within 25 m; with 30 m it takes 5
+    minutes."""
     pulse_share: float = 0.05
     """Standard deviation of errors that differ between pulses, as a share of a hill's loss."""
     grazing_db: float = 6.0
@@ -353,8 +356,8 @@ class TrackTuning:
     least_times: Guard[int] = 3
     """Minimum number of bearings or pulses for a moving tag's path."""
     particles: Guard[int] = 40_000
-    """Number of position hypotheses (particles) for a moving tag's path. Of 10 000, too few
-    follow an animal that stops and goes."""
+    """Number of position hypotheses (particles) for a moving tag's path. With 10 000, too few
+    of them follow an animal that stops and goes."""
     first_particles: Guard[int] = 80_000
     """Number of position hypotheses at the beginning of a moving tag's path."""
     point_step_s: Resolution[float] = 15.0
@@ -368,10 +371,12 @@ class TrackTuning:
     end_m: float = 120.0
     """Constant part of the uncertainty of a tag's first and last position in a survey [m]."""
     end_m_s: float = 0.15
-    """Growth of a walking tag's uncertainty at both ends with a survey's duration [m/s]."""
+    """Growth of the uncertainty of a walking tag's first and last position with a survey's
+    duration [m/s]."""
     fading_factor: float = 1.1
-    """Factor on a pulse's fading, because hypotheses are too few for a survey's sharp
-    likelihood. Without it and with ten thousand, circles held 85 % of tags at 1 m/s."""
+    """Factor on the standard deviation of fading for the path of a moving tag; the likelihood
+    of a survey is too narrow for the number of hypotheses. Without the factor, and with 10 000
+    hypotheses, the 95 % circles contained 85 % of tags that walk at 1 m/s."""
     turning_m_s_per_root_s: float = 0.03
     """Change of a tag's velocity per axis after a second [m/s/√s]: 20° at 1 m/s in two minutes.
     Circles hold 97 % of straight walkers, 93 % of those turning by 0.05 m/s/√s."""

@@ -91,7 +91,7 @@ class Cells:
         return parts
 
     def parts(self) -> "list[Part]":
-        """Connected parts of the region of 95 %, the most probable first."""
+        """Connected parts of the 95 % region, the most probable first."""
         inside = np.flatnonzero(self.region(0.95))
         found = [self._part(cells) for cells in self._connected(inside)]
         return sorted(found, key=lambda one: -one.probability)

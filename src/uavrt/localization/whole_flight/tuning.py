@@ -168,8 +168,8 @@ class PlaceTuning:
     fading_cells: Guard[int] = 300
     """Number of the likeliest ground cells used to compare sizes of fading."""
     odd_fading_db: float = 6.0
-    """Standard deviation of the levels of odd pulses, half hidden by a body or two at once
-    [dB]; as many as those without information (`LevelPriors.outlier_share`)."""
+    """Standard deviation of the levels of unusual pulses, such as those half hidden by a body
+    [dB]. Their share is that of pulses without information (`LevelPriors.outlier_share`)."""
     least_log: Guard[float] = -30.0
     loud_factor: float = 6.0
     """Factor f in f · ln E, by which a strong pulse's energy E in a slot is replaced."""
@@ -228,7 +228,7 @@ class BurstTuning:
     sender_sigmas: float = 4.5
     sender_share: float = 0.15
     beside_s: float = 0.005
-    """Margin on each side that belongs to a burst [s]."""
+    """Margin on both sides of a burst that counts as part of it [s]."""
 
 
 ENERGY, SEARCH, PLACE, BURSTS = EnergyTuning(), SearchTuning(), PlaceTuning(), BurstTuning()

@@ -60,7 +60,7 @@ class _Instants(Generic[H]):
         self._times_ns, self._owners = times_ns[order], owners[order].tolist()
 
     def coinciding(self, one: _ReceivedTrain[H]) -> list[_ReceivedTrain[H]]:
-        """Trains that may coincide with a given train and have enough pulses."""
+        """Other trains with pulses near at least `GHOSTS.least_pulses` of a train's pulses."""
         near_s = np.maximum(one.near_s, one.edge_s)
         near_ns = (near_s * NANOSECONDS_PER_SECOND).astype(np.int64) + GHOSTS.rounding_ns
         times_ns = np.array(one.times_ns, np.int64)

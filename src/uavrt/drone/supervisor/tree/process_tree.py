@@ -61,7 +61,7 @@ class ProcessTree:
         self._intake = Intake()
         self._instances: dict[str, Instance] = {}
         self._earlier_children = set(launcher.children())
-        """Children of this program from before the fleet was created; they are not orphans."""
+        """Children that this program had before the tree was created; they are not orphans."""
         self._exempt: set[int] = set()
         self._ending: set[int] = set()
         self._sockets: dict[str, list[tuple[socket.socket, socket.socket]]] = {}

@@ -17,7 +17,7 @@ def read_body(content: bytes, limit: Limit = REQUEST) -> Any:
 
 
 def read_object(content: bytes, limit: Limit = REQUEST) -> dict[str, Any]:
-    """Decode the body of a request that is an object; raises `FormatError`."""
+    """Decode a request's body; raises `FormatError` if it is not a JSON object."""
     found = read_body(content, limit)
     if not isinstance(found, dict):
         raise FormatError("the request must be an object")

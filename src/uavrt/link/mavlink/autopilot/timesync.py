@@ -20,8 +20,8 @@ CLEAR_SPAN_S = 0.5
 WINDOW_NS = ns_from_s(20.0)
 """Time for which a round trip counts [ns]."""
 KEPT_SHARE = 0.6
-"""Share of round trips to which the line is fitted: the shortest of those that are the shortest
-in every 2 s."""
+"""Share of round trips, the shortest ones, to which the clock line is fitted. Of those within
+2 s only the shortest takes part."""
 JUMP_NS = ns_from_s(0.08)
 """Error beyond the uncertainty of round trips and skew that means another clock [ns]; below one
 second it must occur in two consecutive answers."""
@@ -161,7 +161,8 @@ class TimeSync:
     def local_ns(self, remote_ns: int) -> int | None:
         """Local time at which the boot clock shows a given time [ns].
 
-        After 3 s without round trips, one-way delays of messages give it.
+        Without round trips it is computed from one-way delays, once these span 3 s; until then
+        it is None.
         """
         if self._line is not None:
             remote, local, skew = self._line

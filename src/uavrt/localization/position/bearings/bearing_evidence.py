@@ -31,7 +31,7 @@ class BearingEvidence:
         self._north_m = north_m
         self._outlier = outlier_share / 360.0
         tables = self._blurred(posterior) * (1.0 - outlier_share) + self._outlier
-        # A heading error is an offset in a table that goes round a little more than once.
+        # The tables go on beyond 360°, so that a heading error is only an offset in them.
         self._offsets = (turned_steps - turned_steps[0])[:, None]
         more = int(turned_steps[-1])
         self._tables = np.pad(tables, ((0, 0), (0, 0), (more, more + 1)), mode="wrap")
@@ -130,9 +130,10 @@ class Doubts:
 
 
 def log_product(densities: _Floats) -> _Floats:
-    """Logarithm of the product over the first axis, with few logarithms.
+    """Logarithm of the product over the first axis, computed with few logarithms.
 
-    No product of so few densities, each with its share of outliers, is too small for a float.
+    Products of `BEARING_FIX.multiplied` densities do not underflow, since each density includes
+    the share of outliers.
     """
     total = np.zeros(densities.shape[1:])
     for first in range(0, len(densities), BEARING_FIX.multiplied):

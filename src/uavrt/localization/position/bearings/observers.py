@@ -109,7 +109,7 @@ def _log_evidence(
     away = east - trial.east_m[:, None], north - trial.north_m[:, None]
     off = difference_deg(trial.bearing_deg[:, None], np.degrees(np.arctan2(*away)))
     variance = np.degrees(np.arctan2(np.sqrt(area / 12.0), np.hypot(*away))) ** 2
-    # Stations first; apart from the heading error, all terms are the same.
+    # The first axis is the station. Only the heading error differs between two passes.
     spread = scatter_deg[:, None] ** 2 + variance[:, None, :]
     per_square = -0.5 / spread
     height = (1.0 - OBSERVER.outlier_share) / np.sqrt(2.0 * np.pi * spread)

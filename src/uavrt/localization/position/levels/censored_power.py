@@ -3,8 +3,9 @@
 A fit to the received pulses alone is biased: near the threshold the loss looks flat. Each miss
 is therefore replaced by its expected level below the threshold, and the fit repeated
 (expectation maximisation of Tobin's model). Some misses have other reasons, such as an
-interferer: their share is estimated at each position in the same way. So is the probability of
-each received pulse to be another sender's, of any strength, where a fit must allow for these.
+interferer: their share is estimated at each position in the same way. A fit can also allow for
+pulses of other senders, which have any strength: the probability that a received pulse is one
+of them is then estimated, too.
 """
 
 from dataclasses import dataclass

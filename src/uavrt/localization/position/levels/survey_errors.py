@@ -306,7 +306,7 @@ def _log_prior_of_reading(kept: NDArray[np.bool_]) -> float:
 
 
 def _unlike_neighbours(residual: _Floats) -> tuple[_Floats, _Floats]:
-    """Deviations of residuals (places, n) from an estimate by their neighbours; its sigma."""
+    """Deviations of residuals (places, n) from a prediction by neighbours, and their sigma."""
     padded = np.pad(residual, ((0, 0), (2, 2)), mode="reflect")
     count = residual.shape[1]
     around = np.stack([padded[:, first : first + count] for first in (0, 1, 3, 4)])
@@ -323,7 +323,7 @@ def _unlike_neighbours(residual: _Floats) -> tuple[_Floats, _Floats]:
 
 
 def _over_readings(fits: Sequence[tuple[PowerFit, float]]) -> PowerFit:
-    """Sum likelihoods over sets of the tag's pulses; level and exponent are the best set's."""
+    """Sum likelihoods over candidate sets of the tag's pulses; other results: likeliest set."""
     if len(fits) == 1:
         return fits[0][0]
     score = np.stack([fit.log_likelihood + log_prior for fit, log_prior in fits])
