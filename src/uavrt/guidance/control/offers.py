@@ -19,7 +19,7 @@ from uavrt.guidance.control.stopping_distance import stops_within_m
 from uavrt.guidance.control.yaw import FOREIGN_TURN, RestingYaw
 from uavrt.guidance.safety import SAFETY
 
-PILOT_FLIES = "A pilot flies it; ask again once it is yours"
+PILOT_FLIES = "A pilot flies the drone; request again later"
 
 
 @dataclass(slots=True, kw_only=True)
@@ -66,7 +66,7 @@ class Offer:
         then, now, within_m = self.target, vehicle.target, vehicle.behaviour.target_m
         given = then is not None and now is not None and not same_place(then, now, within_m)
         if given or (self.rests and then is None and is_elsewhere(now, self.place)):
-            what = "another program has set a target since you were asked"
+            what = "another program has set a target since the proposal"
         elif self.rc is not None and self.rc.unsure:
             what = "a switch of the remote control was moved just now"
         else:

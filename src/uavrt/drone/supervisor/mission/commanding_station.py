@@ -20,7 +20,7 @@ OWN_SOURCES = ("capture", "command line")
 
 
 class CommandingStation:
-    """Keeps which station is in command; unless `pinned`, every station may command."""
+    """Stores which station commands the drone; unless `pinned`, every station may command."""
 
     def __init__(
         self,
