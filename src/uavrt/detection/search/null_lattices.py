@@ -76,7 +76,7 @@ class NullLattices:
         return NULL.counted_share * threshold * self.factor(threshold)
 
     def cell_limit(self, threshold: float) -> float:
-        """Limit on a cell's power in counted groups, at this threshold [noise powers]."""
+        """Limit on a cell's power in counted groups at a threshold [noise powers]."""
         return counted_cell_limit(self._k, threshold * self.factor(threshold))
 
 

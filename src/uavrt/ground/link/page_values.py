@@ -29,7 +29,7 @@ def number_between(
 
 
 def power_in(body: dict[str, Any]) -> float:
-    """Read a tag's power [dBm]; raises `FormatError` if no number, `UsageError` if absurd."""
+    """Read a tag's power [dBm]; raises the errors of `number_between`."""
     power_dbm = number_in(body, "tag_power_dbm")
     if not -100.0 <= power_dbm <= 40.0:
         raise UsageError("a tag's power must be -100 to 40 dBm")

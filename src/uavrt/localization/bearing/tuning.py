@@ -73,10 +73,10 @@ class PatternTuning:
     correlations: Resolution[tuple[float, ...]] = (0.3, 0.5, 0.7, 0.8, 0.9, 0.95)
     """Candidate correlations of neighbouring pulses' fading."""
     variance_factors: tuple[float, ...] = (1.0, 2.0, 4.0)
-    """Candidate ratios of the fading variance to that estimated for independent pulses. Larger
-    ones are tried because fading that is correlated over more than a quarter turn resembles the
-    antenna's pattern. If they are 30 % larger, credible arcs of bearings in correlated fading
-    are 6 % wider."""
+    """Candidate ratios of the fading variance to that estimated for independent pulses. Ratios
+    above 1 are tried because fading that is correlated over more than a quarter turn resembles
+    the antenna's pattern. If the ratios are 30 % larger, credible arcs of bearings in
+    correlated fading are 6 % wider."""
     correlated_share: float = 0.2
     """Prior share of turns in which neighbouring pulses' fading is correlated. If it is 30 %
     larger, credible arcs of bearings are 2 % wider."""

@@ -85,7 +85,10 @@ class Cells:
         return shifted_m(float(np.interp(share, held, spread[order], left=0.0)), share, sigma_m)
 
     def ellipse(self, sigma_m: float) -> Ellipse:
-        """95 % ellipse of a normal density; `sigma_m`: error common to all positions [m]."""
+        """95 % ellipse of a normal distribution with the posterior's covariance.
+
+        `sigma_m`: standard deviation of an error of all positions alike, which is added [m].
+        """
         x, y = self.mean()
         centred = np.stack([self.east_m - x, self.north_m - y])
         covariance = (centred * self.probability) @ centred.T

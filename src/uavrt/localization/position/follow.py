@@ -72,7 +72,7 @@ def _by_powers(
         )
         fading_db = walk.fading_db
     else:
-        # Without a recognised walk, the path begins near the drone's or at the place of rest.
+        # No walk recognised: the tag's path begins near the flown path or its place of rest.
         place = model.plane.to_local(position.latitude_deg, position.longitude_deg)
         here = (float(place[0]), float(place[1]))
         flown = model.plane.to_local(powers.latitude_deg, powers.longitude_deg)

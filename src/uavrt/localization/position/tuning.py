@@ -289,8 +289,8 @@ class LevelTuning:
     """Common error of another receiver's levels: probability and standard deviation [dB] of two
     cases. Another radio or cable changes levels by some decibels. Because of the ground's
     reflection, an antenna at 6 m receives a far tag 20 dB weaker than one at 60 m; a hut
-    weakens it further. If they are 30 % larger, circles from one turn and three masts are 6 %
-    wider."""
+    weakens it further. If the standard deviations are 30 % larger, circles from one turn and
+    three masts are 6 % wider."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

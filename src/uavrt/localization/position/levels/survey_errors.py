@@ -323,7 +323,10 @@ def _unlike_neighbours(residual: _Floats) -> tuple[_Floats, _Floats]:
 
 
 def _over_readings(fits: Sequence[tuple[PowerFit, float]]) -> PowerFit:
-    """Sum likelihoods over candidate sets of the tag's pulses; other results: likeliest set."""
+    """Sum likelihoods over candidate sets of the tag's pulses.
+
+    Level and exponent are those of the likeliest set.
+    """
     if len(fits) == 1:
         return fits[0][0]
     score = np.stack([fit.log_likelihood + log_prior for fit, log_prior in fits])
