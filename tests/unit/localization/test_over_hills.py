@@ -55,7 +55,7 @@ def test_silence_speaks_no_longer_against_a_tag_behind_the_ridge() -> None:
             motion=(1.0, 0.0, 0.0),
             hills=ground,
         )
-        tracker = ParticleTracker(prior, np.random.default_rng(3))
+        tracker = ParticleTracker(prior, np.random.default_rng(3), particles=10_000)
         for heard in silent_flight():
             tracker.listen(heard)
         share = np.mean(tracker.hypotheses(4000).east_m > 140.0)
