@@ -9,10 +9,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-RISE_S, DECAY_S = 1.0e-4, 1.5e-4
-CHIRP_HZ, SETTLING_S = 40.0, 8e-4
 GAP_JITTER_S, INTERVAL_JITTER_S = 3e-5, 1e-4
 DRIFT_HZ_PER_S = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeyedStage:
+    """How amplitude and frequency of a pulse begin and end."""
+
+    rise_s: float
+    decay_s: float
+    chirp_hz: float
+    """Excess of the frequency at the beginning of a pulse [Hz]."""
+    settling_s: float
+
+
+CODED = KeyedStage(rise_s=1.0e-4, decay_s=1.5e-4, chirp_hz=40.0, settling_s=8e-4)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,8 +67,9 @@ def send(
         carrier_hz = one.offset_hz + DRIFT_HZ_PER_S * (begin_s - first_s)
         for gap_s, key_s in zip((0.0, *one.gaps_s), one.keys_s, strict=True):
             at_s += gap_s * (1.0 + one.timer_error)
-            _key(
+            add_pulse(
                 samples,
+                CODED,
                 at_s + rng.normal(0.0, GAP_JITTER_S),
                 key_s,
                 carrier_hz,
@@ -67,8 +80,9 @@ def send(
     return begins
 
 
-def _key(
+def add_pulse(
     samples: NDArray[np.complex64],
+    stage: KeyedStage,
     at_s: float,
     key_s: float,
     carrier_hz: float,
@@ -76,14 +90,17 @@ def _key(
     phase: float,
     rate_hz: float,
 ) -> None:
-    first = int(np.floor(at_s * rate_hz))
-    index = np.arange(first, first + int((key_s + 8.0 * DECAY_S) * rate_hz) + 2)
+    """Add a pulse that is keyed for `key_s`, as far as it lies within the samples."""
+    first = max(int(np.floor(at_s * rate_hz)), 0)
+    last = first + int((key_s + 8.0 * stage.decay_s) * rate_hz) + 2
+    index = np.arange(first, min(last, len(samples)))
     t_s = index / rate_hz - at_s
-    on = 1.0 - np.exp(-np.maximum(t_s, 0.0) / RISE_S)
-    off = np.exp(-np.maximum(t_s - key_s, 0.0) / DECAY_S)
+    since_s = t_s.clip(0.0)
+    on = 1.0 - np.exp(-since_s / stage.rise_s)
+    off = np.exp(-(t_s - key_s).clip(0.0) / stage.decay_s)
     envelope = np.where(t_s > 0.0, on * off, 0.0)
-    settled = np.where(t_s > 0.0, SETTLING_S * (1.0 - np.exp(-t_s.clip(0.0) / SETTLING_S)), 0.0)
-    turns = carrier_hz * t_s + CHIRP_HZ * settled
+    settled = stage.settling_s * (1.0 - np.exp(-since_s / stage.settling_s))
+    turns = carrier_hz * since_s + stage.chirp_hz * settled
     envelope *= np.sqrt(10.0 ** (enr_db / 10.0) / np.sum(envelope**2))
     samples[index] += (envelope * np.exp(1j * (2.0 * np.pi * turns + phase))).astype(
         np.complex64

@@ -7,12 +7,11 @@ and decay, its frequency settles within each pulse and drifts, and its timer is 
 from dataclasses import dataclass
 
 import numpy as np
-from foreign_bursts import white_noise
+from foreign_bursts import KeyedStage, add_pulse, white_noise
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-RISE_S, DECAY_S = 4e-4, 6e-4
-CHIRP_HZ, SETTLING_S = 30.0, 1.5e-3
+COLLAR = KeyedStage(rise_s=4e-4, decay_s=6e-4, chirp_hz=30.0, settling_s=1.5e-3)
 FADING_DB = 0.5
 """Standard deviation of a pulse's level, from the animal's movements."""
 
@@ -70,8 +69,9 @@ def fly(
     while at_s + 0.06 < time_s[-1]:
         passed = at_s / time_s[-1]
         level_db = float(np.interp(at_s, time_s, beam_db(away_deg)) - beam_db(np.zeros(1))[0])
-        _key(
+        add_pulse(
             samples,
+            COLLAR,
             at_s + float(np.clip(rng.normal(0.0, jitter_s / 2.0), -jitter_s, jitter_s)),
             0.02,
             offset_hz + slow_hz * passed,
@@ -91,27 +91,3 @@ def fly(
 
 def _smoothed(values: Floats, count: int) -> Floats:
     return np.convolve(values, np.ones(count) / count, mode="same")
-
-
-def _key(
-    samples: NDArray[np.complex64],
-    at_s: float,
-    key_s: float,
-    carrier_hz: float,
-    enr_db: float,
-    phase: float,
-    rate_hz: float,
-) -> None:
-    first = max(int(np.floor(at_s * rate_hz)), 0)
-    index = np.arange(
-        first, min(first + int((key_s + 8 * DECAY_S) * rate_hz) + 2, len(samples))
-    )
-    t_s = index / rate_hz - at_s
-    since_s = t_s.clip(0.0)
-    envelope = np.where(t_s > 0.0, 1.0 - np.exp(-since_s / RISE_S), 0.0)
-    envelope *= np.exp(-(t_s - key_s).clip(0.0) / DECAY_S)
-    turns = carrier_hz * since_s - CHIRP_HZ * SETTLING_S * np.exp(-since_s / SETTLING_S)
-    envelope *= np.sqrt(10.0 ** (enr_db / 10.0) / np.sum(envelope**2))
-    samples[index] += (envelope * np.exp(1j * (2.0 * np.pi * turns + phase))).astype(
-        np.complex64
-    )

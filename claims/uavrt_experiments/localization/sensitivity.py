@@ -7,6 +7,7 @@ Several changes, separated by commas, are made together. The simulated worlds ke
 constants.
 """
 
+import argparse
 import importlib
 import json
 import pkgutil
@@ -16,6 +17,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from types import ModuleType
 from typing import Any
+
+from uavrt.core.errors import UsageError
 
 TUNING = (
     "uavrt.localization.tuning",
@@ -45,12 +48,8 @@ def figures(name: str, runs: int, changes: str) -> dict[str, float]:
         for module in modules
         for record in records_of(module)
     ]
-    for change in filter(None, changes.split(",")):
-        path, factor = change.split("*")
-        record, field = path.split(".")
-        (owner,) = (getattr(one, record) for one in modules if hasattr(one, record))
-        value = scaled(getattr(owner, field), float(factor))
-        object.__setattr__(owner, field, value)
+    for owner, field, factor in _parsed(changes):
+        object.__setattr__(owner, field, scaled(getattr(owner, field), factor))
     package = importlib.import_module("uavrt.localization")
     for found in pkgutil.walk_packages(package.__path__, "uavrt.localization."):
         importlib.import_module(found.name)
@@ -59,6 +58,27 @@ def figures(name: str, runs: int, changes: str) -> dict[str, float]:
     experiments = importlib.import_module("uavrt_experiments.localization.experiments")
     rows = experiments.EXPERIMENTS[name](runs, _SEED)
     return {f"{one.case}: {one.quantity}": one.figure for one in rows}
+
+
+def _parsed(changes: str) -> Iterator[tuple[Any, str, float]]:
+    """Record, field and factor of each change; raises `UsageError`."""
+    records = {
+        name: getattr(module, name)
+        for module in map(importlib.import_module, TUNING)
+        for name in records_of(module)
+    }
+    for change in filter(None, changes.split(",")):
+        path, _, factor = change.partition("*")
+        record, _, field = path.partition(".")
+        try:
+            getattr(records[record], field)
+            yield records[record], field, float(factor)
+        except (KeyError, AttributeError, ValueError):
+            raise UsageError(
+                f"{change} is not a change of a constant",
+                remedy="Write RECORD.field*factor, such as COMMON.heading_sigma_deg*1.3; "
+                f"the records are {', '.join(sorted(records))}",
+            ) from None
 
 
 def records_of(module: ModuleType) -> Iterator[str]:
@@ -70,7 +90,7 @@ def records_of(module: ModuleType) -> Iterator[str]:
 
 
 def compared(name: str, runs: int, changes: str) -> Iterator[str]:
-    """One line for each figure that a change of constants moves, before and after."""
+    """One line for each figure that a change of constants moves, then a count."""
     before, after = (
         json.loads(
             subprocess.run(
@@ -84,11 +104,36 @@ def compared(name: str, runs: int, changes: str) -> Iterator[str]:
     for case, figure in before.items():
         if figure != after[case]:
             yield f"{case}: {figure:.4g} -> {after[case]:.4g}"
+    moved = sum(figure != after[case] for case, figure in before.items())
+    yield f"{moved} of {len(before)} figures change"
+
+
+def main() -> None:
+    """Run the command line, or one of the two runs that it compares."""
+    parser = argparse.ArgumentParser(
+        prog=f"python -m {MODULE}", description=(__doc__ or "").partition("\n")[0]
+    )
+    parser.add_argument("experiment", help="such as L6")
+    parser.add_argument("runs", type=int, help="simulated turns or surveys of each condition")
+    parser.add_argument("changes", help="such as COMMON.heading_sigma_deg*1.3")
+    asked = parser.parse_args()
+    if asked.changes.startswith("="):
+        # The experiments may not be imported before the constants are changed.
+        found = figures(asked.experiment, asked.runs, asked.changes[1:])
+        sys.stdout.write(json.dumps(found))
+        return
+    known = importlib.import_module("uavrt_experiments.localization.experiments").EXPERIMENTS
+    if asked.experiment not in known:
+        parser.error(
+            f"there is no experiment {asked.experiment}. Choose from {', '.join(known)}"
+        )
+    try:
+        list(_parsed(asked.changes))
+    except UsageError as error:
+        parser.error(str(error))
+    for line in compared(asked.experiment, asked.runs, asked.changes):
+        sys.stdout.write(f"{line}\n")
 
 
 if __name__ == "__main__":
-    if sys.argv[-1].startswith("="):
-        sys.stdout.write(json.dumps(figures(sys.argv[1], int(sys.argv[2]), sys.argv[-1][1:])))
-    else:
-        for line in compared(sys.argv[1], int(sys.argv[2]), sys.argv[3]):
-            sys.stdout.write(f"{line}\n")
+    main()

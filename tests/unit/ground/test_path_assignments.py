@@ -143,7 +143,7 @@ def test_who_has_spoken_is_told_also_when_the_other_has_landed_or_is_silent() ->
     assert ways.recipients([1]) == set()
     ways.receive_course(
         1, asks(3, 2, (2, 1)), 0.0
-    )  # it knows of another: the station began anew
+    )  # it knows of another: the station was restarted
     assert ways.recipients([]) == {1}
     ways.receive_course(2, STANDS, 0.0)
     assert ways.recipients([]) == {1, 2}

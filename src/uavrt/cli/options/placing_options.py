@@ -52,7 +52,7 @@ class Placing:
     dem: Path | None = None
     sea: Annotated[bool, Parameter(negative="")] = False
 
-    def read_as(self, method: str = "bayes") -> "EstimationOptions":
+    def estimation_options(self, method: str = "bayes") -> "EstimationOptions":
         """Convert the options to the estimator's settings; opens the elevation files."""
         from uavrt.analysis.measure.antenna_files import antenna_named
         from uavrt.localization.estimates.flight_estimates import EstimationOptions

@@ -113,7 +113,7 @@ def batch(
 
     sought = read_tag_source(tags)
     check_method(method, POSITION_METHODS)
-    how = place.read_as(method)  # a damaged file is named before anything is done
+    how = place.estimation_options(method)  # a damaged file is named before anything is done
     given = [one for one in (manifest, tags) if one is not None]
     listed = None if manifest is None else read_manifest(manifest)
     found = find_recordings(paths, listed, known=given)

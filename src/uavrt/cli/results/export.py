@@ -63,7 +63,7 @@ def export(
             f"there is no format {', '.join(unknown)}",
             remedy=f"Choose from {', '.join(EXPORT_FORMATS)}",
         )
-    how = place.read_as()
+    how = place.estimation_options()
     survey = read_survey(flight, how)
     for warning in survey.warnings:
         warn(warning)

@@ -68,7 +68,7 @@ def localize(
     names = {} if tags is None else {tag.tag_id: tag.name for tag in read_tags(tags)}
     found = read_positions(
         *flights,
-        how=replace(place.read_as(method), displacement=displacement),
+        how=replace(place.estimation_options(method), displacement=displacement),
         warn=warn,
         observers=observers,
     )

@@ -64,7 +64,7 @@ def report(
     from uavrt.analysis.survey import read_survey
     from uavrt.formats.whole_file import write_whole
 
-    how = place.read_as()
+    how = place.estimation_options()
     survey = read_survey(flight, how)
     map_folder = flight.absolute().parent / "maps"
     maps = maps_in(map_folder) if background is None else (_named_map(background),)

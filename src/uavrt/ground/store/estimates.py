@@ -61,7 +61,7 @@ class AntennaChoice:
     """Elevation file or folder; empty: the ground is taken as level."""
 
     @property
-    def read_as(self) -> EstimationOptions:
+    def estimation_options(self) -> EstimationOptions:
         """Settings for the estimator; raises `FormatError`."""
         return EstimationOptions(
             antenna=self.pattern,
@@ -156,7 +156,7 @@ class Estimator:
         heard = columns.heard(every, name)
         found = estimate(
             heard,
-            antenna.read_as,
+            antenna.estimation_options,
             past=past,
             theirs=[
                 bearing_from_drone(one)

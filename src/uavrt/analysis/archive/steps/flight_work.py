@@ -53,7 +53,7 @@ class PlacingSettings(EstimationOptions):
     sea: bool = False
     """True if terrain that no elevation file covers is water."""
 
-    def read_as(self, antenna: str) -> EstimationOptions:
+    def estimation_options(self, antenna: str) -> EstimationOptions:
         """These settings in the form that the estimator takes."""
         same = {one.name: getattr(self, one.name) for one in fields(EstimationOptions)}
         elevation = _elevation(self.dem, self.sea)
@@ -248,7 +248,7 @@ def _located(
     if flight is not None and antenna != MONOPOLE:
         for turns in past_turns(flight, antenna, task.settings.offset_deg):
             past += turns
-    how = task.settings.read_as(antenna)
+    how = task.settings.estimation_options(antenna)
     if not localize:
         return bearings_of(heard, how, past), []
     found = estimate(heard, how, past=past)

@@ -13,5 +13,5 @@ EXPORTS: dict[str, OneFile] = {"csv": OneFile("text/csv", pulses_csv), **ONE_FIL
 
 def export(name: str, flight: Path, antenna: AntennaChoice) -> bytes:
     """Write a flight with its marks in one of the formats of `EXPORTS`."""
-    content = EXPORTS[name].content(read_survey(flight, antenna.read_as))
+    content = EXPORTS[name].content(read_survey(flight, antenna.estimation_options))
     return content if isinstance(content, bytes) else content.encode()
