@@ -131,7 +131,7 @@ def main() -> None:
         list(_parsed(asked.changes))
     except UsageError as error:
         parser.error(str(error))
-    for line in compared(asked.experiment, asked.runs, asked.changes):
+    for line in compared(names[0], asked.runs, asked.changes):
         sys.stdout.write(f"{line}\n")
 
 
