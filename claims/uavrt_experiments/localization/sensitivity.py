@@ -123,7 +123,8 @@ def main() -> None:
         sys.stdout.write(json.dumps(found))
         return
     known = importlib.import_module("uavrt_experiments.localization.experiments").EXPERIMENTS
-    if asked.experiment not in known:
+    names = [key for key in known if asked.experiment in key.split(", ")]
+    if not names:
         parser.error(
             f"there is no experiment {asked.experiment}. Choose from {', '.join(known)}"
         )
