@@ -1,7 +1,7 @@
 """Orders flown from end to end, and takeovers at random instants, as campaigns.
 
-Telemetry and commands go through MotionDesk, Authority, Pilot and the frames of the link, in
-virtual time, with a simulated autopilot in the manners of PX4 or ArduCopter.
+Telemetry and commands go through the motion handler, the authority, the execution of the order
+and the frames of the link, in virtual time, with a simulated PX4 or ArduCopter.
 """
 
 import math
@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import made
-from desked import Desked
 from flown import Flown
+from motion_handled import MotionHandled
 from searched import Animal, Searched
 from some import some
 
@@ -31,7 +31,7 @@ WELL = ("done", "returning: the autopilot flies home")
 """How an order ends that nobody took over; a search ends in its return."""
 
 
-class Framed(Desked):
+class Framed(MotionHandled):
     """Its messages are frames on the way, in both directions."""
 
     def __init__(self, flavour: Flavour, **values: Any) -> None:

@@ -1,13 +1,14 @@
 """One world in virtual time: drone, autopilot, radio and ground station in one event loop.
 
 Everything between the animal and the operator is the product: supervisor, mission, recorder,
-connection, guide, desk and authority, ground link and session. Simulated are the autopilot
-(`uavrt.simulation`), the radio link (`Relay`) and what the detectors find. Under `asyncio.run`
-of the unit tests a wait costs nothing; in a real loop the same world runs in real time.
+connection, guide, motion handler and authority, ground link and session. Simulated are the
+autopilot (`uavrt.simulation`), the radio link (`Relay`) and what the detectors find. Under
+`asyncio.run` of the unit tests a wait costs nothing; in a real loop the same world runs in
+real time.
 
-`tests/drivers/flown.py` and `desked.py` fly the same vehicle without wires, loop or processes:
-thousands of steps in a second for the rules of authority and pilot. Who wants to know whether
-the parts are joined flies here. The animals of both are those of `searched.py`.
+`tests/drivers/flown.py` and `motion_handled.py` fly the same vehicle without wires, loop or
+processes, at thousands of steps in a second, to test the rules of authority and orders. This
+world tests whether the parts are connected. Both use the animals of `searched.py`.
 
 ::
 
@@ -240,12 +241,12 @@ class World:
 
     @property
     def standing(self) -> ControlStage:
-        """Our say over the vehicle, as the desk at the link has it."""
+        """Our say over the vehicle, as the motion handler at the link has it."""
         return ControlStage(self.vehicle_report.standing)
 
     @property
     def vehicle_report(self) -> VehicleReport:
-        """What the desk last reported of the vehicle."""
+        """What the motion handler last reported of the vehicle."""
         report: VehicleReport = decode_record(self._vehicle_line)[1]
         return report
 

@@ -47,8 +47,8 @@ def answered(ask: Callable[[], Record]) -> Record:
 
 
 def foreseen(wanted: Record, antenna: AntennaChoice = WHIP, *tags: Tag) -> Record:
-    desk, asked = plan_map_jobs(), PlanMapRequest.from_request(wanted, tags, antenna)
-    return answered(lambda: desk.answer(asked))
+    jobs, asked = plan_map_jobs(), PlanMapRequest.from_request(wanted, tags, antenna)
+    return answered(lambda: jobs.answer(asked))
 
 
 def printed(capsys: pytest.CaptureFixture[str], plan: Path, **options: Any) -> list[Record]:
@@ -198,7 +198,7 @@ def test_everybody_may_ask_and_nothing_moves(served: Any) -> None:
     assert other.status == 403
 
 
-def test_another_map_takes_the_desk_and_the_first_page_is_told() -> None:
+def test_another_map_replaces_the_first_and_its_page_is_informed() -> None:
     given_up = []
 
     def make(asked: str, on_step: OnStep) -> str:
@@ -211,12 +211,12 @@ def test_another_map_takes_the_desk_and_the_first_page_is_told() -> None:
             raise
         return asked
 
-    desk = MapJobs(make, lambda found: {"map": found}, "a map of a test")
-    assert desk.answer("slow")["state"] == "working"
-    done = answered(lambda: desk.answer("quick"))
+    jobs = MapJobs(make, lambda found: {"map": found}, "a map of a test")
+    assert jobs.answer("slow")["state"] == "working"
+    done = answered(lambda: jobs.answer("quick"))
     assert done == {"state": "done", "map": "quick"}
-    again = desk.answer("slow", again=True)
+    again = jobs.answer("slow", again=True)
     assert again["state"] == "failed"
     assert "another map" in again["error"]
-    assert desk.found("quick") == "quick"
+    assert jobs.found("quick") == "quick"
     until(lambda: given_up == ["slow"])

@@ -31,11 +31,11 @@ WriteFlight = Callable[..., Path]
 ANTENNA = AntennaChoice()
 
 
-def answered(desk: CoverageMapJobs, asked: CoverageMapRequest) -> dict[str, object]:
+def answered(jobs: CoverageMapJobs, asked: CoverageMapRequest) -> dict[str, object]:
     """Ask, and ask again when the map is there or cannot be made."""
-    answer = desk.answer(asked)
+    answer = jobs.answer(asked)
     joined("map of silence")
-    return desk.answer(asked) if answer["state"] == "working" else answer
+    return jobs.answer(asked) if answer["state"] == "working" else answer
 
 
 def around(flight: Path, half_m: float) -> list[list[float]]:
@@ -80,26 +80,26 @@ def test_the_report_maps_where_each_tag_would_have_been_heard(
 
 def test_the_page_is_told_how_probably_a_silent_tag_is_not_in_an_area(flight: Path) -> None:
     heard, silent = (tag.tag_id for tag in read_flight(flight).info.tags)
-    desk, found = CoverageMapJobs(), {}
+    jobs, found = CoverageMapJobs(), {}
     for tag_id in (silent, heard):
         wanted = {"tag_id": tag_id, "tag_power_dbm": -60}
         asked = CoverageMapRequest.from_request(flight, ANTENNA, wanted)
         with pytest.raises(UsageError, match="not ready yet"):
-            desk.absence(asked, wanted | {"outline": around(flight, 200.0)})
-        found[tag_id] = answered(desk, asked)
+            jobs.absence(asked, wanted | {"outline": around(flight, 200.0)})
+        found[tag_id] = answered(jobs, asked)
         assert found[tag_id]["state"] == "done"
         picture = base64.b64decode(str(found[tag_id]["picture"]))
         assert picture.startswith(b"\x89PNG")
         if tag_id == silent:
-            near = desk.absence(asked, wanted | {"outline": around(flight, 200.0)})
-            wide = desk.absence(asked, wanted | {"outline": around(flight, 1500.0)})
+            near = jobs.absence(asked, wanted | {"outline": around(flight, 200.0)})
+            wide = jobs.absence(asked, wanted | {"outline": around(flight, 1500.0)})
             assert near["prior"] < wide["prior"]
             assert near["not_here"] > wide["not_here"] > 1.0 - wide["prior"]
             with pytest.raises(FormatError, match="an outline"):
-                desk.absence(asked, wanted | {"outline": [[8.0, 47.0]]})
+                jobs.absence(asked, wanted | {"outline": [[8.0, 47.0]]})
         else:
             with pytest.raises(UsageError, match="was detected"):
-                desk.absence(asked, wanted | {"outline": around(flight, 200.0)})
+                jobs.absence(asked, wanted | {"outline": around(flight, 200.0)})
     assert found[heard]["heard_pulses"]
     assert not found[silent]["heard_pulses"]
 
@@ -205,11 +205,11 @@ def test_a_tag_found_in_hindsight_is_not_silent(
     told = covered(flight, area, capsys)[silent]
     assert told["in_hindsight"]
     assert told["not_here"] is None
-    desk, wanted = CoverageMapJobs(), {"tag_id": silent, "tag_power_dbm": -62}
+    jobs, wanted = CoverageMapJobs(), {"tag_id": silent, "tag_power_dbm": -62}
     asked = CoverageMapRequest.from_request(flight, ANTENNA, wanted)
-    assert answered(desk, asked)["in_hindsight"]
+    assert answered(jobs, asked)["in_hindsight"]
     with pytest.raises(UsageError, match="was detected"):
-        desk.absence(asked, wanted | {"outline": corners})
+        jobs.absence(asked, wanted | {"outline": corners})
 
 
 def test_a_tag_that_may_be_another_train_is_not_silent(
@@ -221,11 +221,11 @@ def test_a_tag_that_may_be_another_train_is_not_silent(
     told = covered(flight, area, capsys)[silent]
     assert told["not_here"] is None
     assert any("may be the tag" in text for text in told["limitations"])
-    desk, wanted = CoverageMapJobs(), {"tag_id": silent, "tag_power_dbm": -62}
+    jobs, wanted = CoverageMapJobs(), {"tag_id": silent, "tag_power_dbm": -62}
     asked = CoverageMapRequest.from_request(flight, ANTENNA, wanted)
-    assert answered(desk, asked)["state"] == "done"
+    assert answered(jobs, asked)["state"] == "done"
     with pytest.raises(UsageError, match="absence cannot be concluded"):
-        desk.absence(asked, wanted | {"outline": corners})
+        jobs.absence(asked, wanted | {"outline": corners})
 
 
 @pytest.mark.parametrize(

@@ -165,7 +165,7 @@ def test_two_changes_of_one_parameter_are_confirmed_one_after_the_other() -> Non
 def test_a_drone_with_a_key_lists_its_parameters_for_sealed_requests(tmp_path: Path) -> None:
     path = key_file(tmp_path)
     gate, asked = Gate((), str(path)), list[Any]()
-    desk = ParameterHandler(
+    handler = ParameterHandler(
         Settings(),
         lambda: True,
         send=lambda value, _: asked.append(value.param_id),
@@ -176,7 +176,7 @@ def test_a_drone_with_a_key_lists_its_parameters_for_sealed_requests(tmp_path: P
     def drone(message: Message) -> None:
         assert isinstance(message, dialect.Tunnel), "nothing unsealed"
         opened = some(gate.open(message.payload[: message.payload_length], GROUND, DRONE))
-        desk.receive_sealed(opened[1], Peer(*GROUND), None, 1)
+        handler.receive_sealed(opened[1], Peer(*GROUND), None, 1)
 
     parameters = DroneParameters(sealing_ground(read_key(path), gate), drone, 0.01)
     for message in parameters._missing(Peer(*DRONE)):

@@ -4,7 +4,7 @@ import json
 
 import pytest
 from flown import Flown
-from tests.unit.processes.test_motion_desk import Link, begin
+from tests.unit.processes.test_motion_handler import Link, begin
 
 from uavrt.core.messages import TurnInPlace, VehicleRequest
 
@@ -24,7 +24,7 @@ def test_the_log_says_how_near_each_leg_came_to_its_target(
         link.run(1.0)
         link.alive()
     turn = VehicleRequest(order_id=5, manoeuvre=TurnInPlace(turn_deg=90.0, rate_deg_s=20.0))
-    link.desk.handle_request(turn)
+    link.handler.handle_request(turn)
     link.run(1.0)
     first, after_leg = logged(capsys, "command sent")
     assert first is None, "no leg before the first command"

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from flown import Flown
 from tests.unit.processes.test_guide import Hub
-from tests.unit.processes.test_motion_desk import Link
+from tests.unit.processes.test_motion_handler import Link
 from virtual_time import VirtualClock
 
 from uavrt.config.settings import GuidanceSettings
@@ -49,7 +49,7 @@ def test_a_wind_that_cannot_be_is_none(speed: float) -> None:
 
 
 @BOTH
-def test_the_desk_reports_the_wind_until_it_is_old(flavour: Flavour) -> None:
+def test_the_motion_handler_reports_the_wind_until_it_is_old(flavour: Flavour) -> None:
     flown = Flown(flavour, frame=Frame(wind_m_s=BLOWS))
     link = Link(flown=flown)
     link.run(10.0)

@@ -1,8 +1,8 @@
 """Orders that nobody takes over end by arrival; a takeover ends one at once.
 
-Random orders in wind, through the desk and the frames of the link, with the simulated autopilot
-in the manners of PX4 and of ArduCopter. ``UAVRT_FLIGHTS=1000`` flies as many as the promise
-names, ``UAVRT_TAKEOVERS=100`` takes over at so many instants.
+Random orders in wind, through the motion handler and the frames of the link, with a simulated
+PX4 or ArduCopter. ``UAVRT_FLIGHTS=1000`` sets the number of flights, ``UAVRT_TAKEOVERS=100``
+the number of instants at which a pilot takes over.
 """
 
 import os

@@ -1,10 +1,10 @@
-"""Whoever takes over, however and whenever: not one more command of ours.
+"""After a takeover of any kind, at any time, the drone gets no further command from uavrt.
 
-Random histories in virtual time: a drone of either autopilot's manners, an order of any kind,
-and at any moment a pilot, a second ground station or a fault that ends our say. Two of five
-fly with the desk at the link in between, over a link that brings telemetry late, out of order,
-twice or not at all, and with an operator who presses stop.
-``UAVRT_HISTORIES=10000`` runs as many as the promise names.
+Random histories in virtual time: a simulated PX4 or ArduCopter, an order of any kind, and at a
+random time a pilot, a second ground station or a fault that ends the order. Two of five
+histories include the motion handler and a link that delivers telemetry late, out of order,
+twice or not at all, and an operator who presses stop. ``UAVRT_HISTORIES=10000`` sets the
+number of histories.
 """
 
 import os
@@ -14,8 +14,8 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from desked import Desked
 from flown import CENTRED, HOME, STEP_S, Flown, nonce_of
+from motion_handled import MotionHandled
 from rough import Rough
 from searched import Animal, Searched
 
@@ -240,14 +240,14 @@ def test_after_a_takeover_not_one_more_command_leaves(flavour: Flavour) -> None:
 
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 @pytest.mark.timeout(1800)
-def test_nor_behind_the_desk_over_a_rough_link(flavour: Flavour) -> None:
+def test_nor_through_the_motion_handler_over_a_rough_link(flavour: Flavour) -> None:
     crossings = alone = commanded = 0
     happened: Counter[str] = Counter()
     for seed in range(ROUGH // 2):
         rng = random.Random(f"rough {seed}")
         name = [*EVENTS, "stop"][seed % (len(EVENTS) + 1)]
-        flown = begin(rng, flavour, name, ROUGH_ORDERS, Desked)
-        assert isinstance(flown, Desked)
+        flown = begin(rng, flavour, name, ROUGH_ORDERS, MotionHandled)
+        assert isinstance(flown, MotionHandled)
         order_id = flown.authority.order_id
         slack_s = roughen(flown, rng)
         flown.run(rng.uniform(0.0, 4.0))
@@ -265,7 +265,7 @@ def test_nor_behind_the_desk_over_a_rough_link(flavour: Flavour) -> None:
         assert len(flown.commands) == sent, story
         assert not flown.sent_when_out, story
         assert_only_the_first_changes_the_mode(flown)
-        assert_the_desk_is_not_brought_back(flown, order_id)
+        assert_the_motion_handler_is_not_brought_back(flown, order_id)
     print(f"{flavour}: {happened}, {crossings} crossed, {alone} out before, {commanded} flew")
     assert len(happened) == len(EVENTS) + 1
     assert crossings <= 0.1 * happened.total()
@@ -285,7 +285,11 @@ def roughen(flown: Flown, rng: random.Random) -> float:
 
 
 def take_over(
-    flown: Desked, rng: random.Random, name: str, stop_s: float | None, slack_s: float
+    flown: MotionHandled,
+    rng: random.Random,
+    name: str,
+    stop_s: float | None,
+    slack_s: float,
 ) -> int:
     """Let it happen, with a stop so long after it; give how often ours undid it."""
     crossings = 0
@@ -313,7 +317,7 @@ def take_over(
     return crossings
 
 
-def once(flown: Desked, at_s: float, before: Callable[[], None]) -> Callable[[], None]:
+def once(flown: MotionHandled, at_s: float, before: Callable[[], None]) -> Callable[[], None]:
     """Stop it at a time, and else do as before."""
 
     def each_step() -> None:
@@ -325,18 +329,20 @@ def once(flown: Desked, at_s: float, before: Callable[[], None]) -> Callable[[],
     return each_step
 
 
-def assert_only_the_first_changes_the_mode(flown: Desked) -> None:
+def assert_only_the_first_changes_the_mode(flown: MotionHandled) -> None:
     repositions = [m for _, m in flown.commands if m.command == 192]
     assert not any(m.param2 for m in repositions[1:])
     assert not any(m.param2 for m in flown.stop_commands if m.command == 192)
 
 
-def assert_the_desk_is_not_brought_back(flown: Desked, order_id: int | None) -> None:
+def assert_the_motion_handler_is_not_brought_back(
+    flown: MotionHandled, order_id: int | None
+) -> None:
     """Neither by the wish that was on its way, nor by the old confirmation or offer."""
     assert order_id is not None
     sent = len(flown.commands)
     latitude, longitude = flown.place(50.0, 50.0)
-    flown.desk.handle_request(
+    flown.handler.handle_request(
         VehicleRequest(
             order_id=order_id,
             manoeuvre=FlyThere(

@@ -1,8 +1,8 @@
 """The search tables hold for the drone behind its link, not only for its planner.
 
 Each pair meets the same animals and the same fading: once as the tables fly them, once through
-MotionDesk, Authority, the frames of the link and an autopilot that shows what PX4 or ArduCopter
-shows. ``UAVRT_PAIRS=30`` flies as many pairs as the promise names, ``-s`` shows the ratios.
+the motion handler, the authority, the frames of the link and a simulated PX4 or ArduCopter.
+``UAVRT_PAIRS=30`` sets the number of pairs, ``-s`` shows the ratios.
 """
 
 import os
@@ -28,11 +28,11 @@ ERRORS_OF_ONE = 5
 """Factor on the pairs of a table with one animal: one error scatters more than means of ten."""
 OURS = Contender(planner="mi_rate", stop="ours")
 SETTLES_S = 3.0
-"""Time before the order for the desk to receive mode, position and home [s]."""
+"""Time before the order for the motion handler to receive mode, position and home [s]."""
 
 
 class BehindTheLink(Framed):
-    """A drone of the tables with the motion desk and commands as frames."""
+    """A drone of the tables with the motion handler and commands as frames."""
 
     def __init__(
         self, flavour: Flavour, frame: Frame, limits: Limits, start: VehicleState

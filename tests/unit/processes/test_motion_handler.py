@@ -1,4 +1,4 @@
-"""The desk at the link: who may move the drone, and when it lets go."""
+"""The motion handler at the link: who may move the drone, and when it lets go."""
 
 import random
 from dataclasses import dataclass, field, replace
@@ -53,7 +53,7 @@ SETTINGS = GuidanceSettings(enabled=True, battery_wh=120.0, may_take_off=True)
 
 @dataclass
 class Link:
-    """A desk between a flown vehicle and the test."""
+    """A motion handler between a flown vehicle and the test."""
 
     flown: Flown = field(default_factory=lambda: Flown("px4"))
     commands: list[Any] = field(default_factory=list)
@@ -72,7 +72,7 @@ class Link:
     def __post_init__(self) -> None:
         follow(lambda: self.flown.time_s)
         numbers = iter(range(1, 1000))
-        self.desk = MotionHandler(
+        self.handler = MotionHandler(
             self.settings,
             MotionOutputs(
                 command=self.command,
@@ -107,11 +107,11 @@ class Link:
             answers, self.answers = self.answers, []
             told = self.flown.through(self.flown.time_s, self.flown.telemetry())
             for message in (*told, *answers):
-                self.desk.vehicle(message)
-            self.desk.tick(self.silent_s)
+                self.handler.vehicle(message)
+            self.handler.tick(self.silent_s)
 
     def alive(self) -> None:
-        self.desk.handle_request(VehicleRequest(order_id=5))
+        self.handler.handle_request(VehicleRequest(order_id=5))
 
     def stall(self, seconds: float) -> None:
         """The vehicle lives on; nothing is read."""
@@ -124,12 +124,12 @@ class Link:
     def say(
         self, payload: bytes, requester: tuple[int, int] = US, *, sealed: bool = True
     ) -> None:
-        self.desk.orders.receive(payload, requester, None, sealed=sealed)
+        self.handler.orders.receive(payload, requester, None, sealed=sealed)
         self.supervisor_answers()
 
     def supervisor_answers(self) -> None:
         for command in self.asked:
-            self.desk.orders.reply(
+            self.handler.orders.reply(
                 CommandReply(
                     request_id=command.request_id, name=command.name, accepted=True, message=""
                 )
@@ -141,13 +141,13 @@ class Link:
         for name in values:
             if "custom_version" in name or name == "uid2":
                 values[name] = bytes(18 if name == "uid2" else 8)
-        self.desk.vehicle(dialect.AutopilotVersion(**values | {"uid": number}))
+        self.handler.vehicle(dialect.AutopilotVersion(**values | {"uid": number}))
 
     def offered(self, mode: str = "Position", **fields: Any) -> None:
         offer = MotionOffer(
             request_id=9, requester=US, order_id=5, nonce=77, summary="hold here", mode=mode
         )
-        self.desk.orders.offer(replace(offer, **fields))
+        self.handler.orders.offer(replace(offer, **fields))
 
     def confirm(self, requester: tuple[int, int] = US, nonce: int = 77) -> MotionState:
         confirmation = MotionConfirmation(
@@ -158,7 +158,7 @@ class Link:
 
     def fly(self, north_m: float = 0.0) -> None:
         latitude, longitude = self.flown.place(north_m, 0.0)
-        self.desk.handle_request(
+        self.handler.handle_request(
             VehicleRequest(
                 order_id=5,
                 manoeuvre=FlyThere(
@@ -199,7 +199,7 @@ def test_an_unsealed_order_moves_the_simulator_alone(link: Link) -> None:
 
 def test_a_new_autopilot_is_no_simulator_until_it_says_so(link: Link) -> None:
     link.simulator()
-    link.desk.autopilot_found()
+    link.handler.autopilot_found()
     link.run(1.5)
     link.say(request(), sealed=False)
     assert "sealed" in link.states[-1].text
@@ -218,7 +218,7 @@ def test_an_order_that_is_repeated_on_the_way_is_offered_once(link: Link) -> Non
 def test_it_is_flown_when_confirmed_by_who_asked(link: Link) -> None:
     link.offered()
     assert link.confirm(OTHERS).kind == "refused"
-    link.desk.orders.offer(
+    link.handler.orders.offer(
         MotionOffer(
             request_id=9, requester=US, order_id=5, nonce=78, summary="hold", mode="Position"
         )
@@ -287,8 +287,8 @@ def test_a_stop_between_two_orders_never_takes_the_drone_out_of_a_return(
     link.run(0.05 * phase)
     own = link.flown.authority.behaviour.mode_name(MODES[flavour]["hold"])
     begin(link, north_m=200.0)
-    link.desk.handle_request(VehicleRequest(order_id=5))
-    link.desk.orders.offer(
+    link.handler.handle_request(VehicleRequest(order_id=5))
+    link.handler.orders.offer(
         MotionOffer(request_id=11, requester=US, order_id=6, nonce=78, summary="hold", mode=own)
     )
     confirmation = MotionConfirmation(request_id=12, order_id=6, nonce=78, sticks_unseen=True)
@@ -322,7 +322,7 @@ def test_a_stop_after_a_stall_waits_for_what_the_pilot_did_meanwhile(
     if first == "the stop":
         link.say(encode_stop(MotionStop(request_id=3)), OTHERS)
     else:
-        link.desk.tick(link.silent_s)
+        link.handler.tick(link.silent_s)
     assert len(link.motions) == sent
     link.run(3.0)
     assert len(link.motions) == sent
@@ -368,7 +368,7 @@ def test_a_wish_while_the_port_is_busy_is_refused_and_moves_nothing_later(link: 
     link.leaves = True
     link.run(1.0)
     assert len(link.motions) == 1
-    assert link.desk.counters()["motion_commands_sent"] == 1
+    assert link.handler.counters()["motion_commands_sent"] == 1
     link.fly(100.0)
     assert len(link.motions) == 2
 
@@ -399,8 +399,8 @@ def test_who_is_not_on_this_computer_is_no_simulator_whatever_it_says(address: s
     link.simulator()
     link.say(request(), sealed=False)
     assert "sealed" in link.states[-1].text
-    link.desk.neighbours.receive(encode_neighbour(ELSEWHERE), US, None, sealed=False)
-    assert link.desk.counters()["neighbours_refused"] == 1
+    link.handler.neighbours.receive(encode_neighbour(ELSEWHERE), US, None, sealed=False)
+    assert link.handler.counters()["neighbours_refused"] == 1
 
 
 def test_no_order_is_flown_over_tcp_to_another_computer() -> None:
@@ -434,7 +434,7 @@ def test_the_operator_is_told_once_that_the_link_is_too_late_to_command(link: Li
     assert link.states[-1].text == (
         "the autopilot's messages come 0.5 s late: nothing is commanded"
     )
-    link.desk.handle_request(
+    link.handler.handle_request(
         VehicleRequest(order_id=5, ends=True, status_text="the commands are refused")
     )
     assert link.states[-1].text == (
@@ -458,7 +458,7 @@ def test_a_channel_of_the_settings_is_not_watched() -> None:
 
 def test_a_guide_that_was_restarted_ends_the_order(link: Link) -> None:
     begin(link)
-    link.desk.handle_request(VehicleRequest(order_id=None, ends=True))
+    link.handler.handle_request(VehicleRequest(order_id=None, ends=True))
     assert link.states[-1].text == "the guide has restarted"
     assert link.texts[-1].text == "Not flying: the guide has restarted"
     link.fly(100.0)
@@ -476,7 +476,7 @@ def test_a_pilots_mode_is_told_to_guide_and_ground_at_once(link: Link) -> None:
 
 def test_another_autopilot_ends_the_order(link: Link) -> None:
     begin(link)
-    link.desk.autopilot_found()
+    link.handler.autopilot_found()
     assert link.states[-1].standing == "out"
     link.run(1.5)
     link.fly(100.0)
@@ -495,9 +495,9 @@ def test_what_arrived_long_ago_is_no_position_of_now(link: Link) -> None:
     begin(link)
     for _ in range(12):
         link.flown.time_s += 0.05
-        link.desk.tick(link.silent_s)
+        link.handler.tick(link.silent_s)
     for message in link.flown.telemetry():
-        link.desk.vehicle(message, 0.6)
+        link.handler.vehicle(message, 0.6)
     link.fly(100.0)
     assert len(link.motions) == 1
 
@@ -509,8 +509,10 @@ CONFIRMED = encode_confirmation(
 
 def test_a_stop_overtakes_a_confirmation_that_waits_for_the_supervisor(link: Link) -> None:
     link.offered()
-    link.desk.orders.receive(CONFIRMED, US, None, sealed=True)
-    link.desk.orders.receive(encode_stop(MotionStop(request_id=3)), OTHERS, None, sealed=True)
+    link.handler.orders.receive(CONFIRMED, US, None, sealed=True)
+    link.handler.orders.receive(
+        encode_stop(MotionStop(request_id=3)), OTHERS, None, sealed=True
+    )
     link.supervisor_answers()
     assert link.states[-1].kind == "refused"
     link.fly(60.0)
@@ -520,7 +522,7 @@ def test_a_stop_overtakes_a_confirmation_that_waits_for_the_supervisor(link: Lin
 
 def test_a_confirmation_that_the_supervisor_kept_for_long_is_none(link: Link) -> None:
     link.offered()
-    link.desk.orders.receive(CONFIRMED, US, None, sealed=True)
+    link.handler.orders.receive(CONFIRMED, US, None, sealed=True)
     link.run(3.0)
     link.supervisor_answers()
     assert link.states[-1].kind == "refused"
@@ -529,10 +531,10 @@ def test_a_confirmation_that_the_supervisor_kept_for_long_is_none(link: Link) ->
 
 def test_a_reply_to_another_command_of_that_number_is_no_leave_to_fly(link: Link) -> None:
     link.offered()
-    link.desk.orders.receive(CONFIRMED, US, None, sealed=True)
+    link.handler.orders.receive(CONFIRMED, US, None, sealed=True)
     number = link.asked[-1].request_id
     other = CommandReply(request_id=number, name="stop_detection", accepted=True, message="")
-    link.desk.orders.reply(other)
+    link.handler.orders.reply(other)
     assert all(one.standing == "out" for one in link.states)
     link.supervisor_answers()
     assert link.states[-1].standing == "confirmed"
@@ -585,7 +587,7 @@ def test_an_autopilot_that_turns_out_to_be_another_is_told(link: Link) -> None:
     begin(link)
     link.flown.kind = 1
     for _ in range(6):
-        link.desk.handle_request(VehicleRequest(order_id=5))
+        link.handler.handle_request(VehicleRequest(order_id=5))
         link.run(0.2)
     assert link.texts[-1].text == "Not flying: the autopilot is not known"
 
@@ -619,7 +621,7 @@ def test_a_wish_read_after_a_pause_waits_for_what_the_autopilot_said_meanwhile(
     link.flown.time_s += 0.4
     link.flown.boot_s += 0.4
     if first == "a sign of life":
-        link.desk.handle_request(VehicleRequest(order_id=5))
+        link.handler.handle_request(VehicleRequest(order_id=5))
     link.fly(100.0)
     assert len(link.motions) == 1
     link.run(0.1)
@@ -665,7 +667,7 @@ def test_a_take_off_is_one_command_and_a_stop_after_it_is_silent() -> None:
     for _ in range(20):  # until the mode was told just now
         if not link.motions:
             link.run(0.05)
-            link.desk.handle_request(request)
+            link.handler.handle_request(request)
     assert [one.command for one in link.motions] == [dialect.MavCmd.NAV_TAKEOFF]
     link.run(1.0)
     link.say(encode_stop(MotionStop(request_id=12)))
@@ -681,7 +683,7 @@ def test_a_stop_before_the_take_off_itself_leaves_the_drone_on_the_ground() -> N
     link.run(1.5)
     link.offered("Loiter", summary="take off", takeoff=True)
     assert link.confirm().standing == "confirmed"
-    link.desk.handle_request(VehicleRequest(order_id=5, manoeuvre=TakeMode()))
+    link.handler.handle_request(VehicleRequest(order_id=5, manoeuvre=TakeMode()))
     assert [one.command for one in link.motions] == [dialect.MavCmd.DO_SET_MODE]
     link.run(0.5)
     link.say(encode_stop(MotionStop(request_id=12)))
@@ -690,7 +692,7 @@ def test_a_stop_before_the_take_off_itself_leaves_the_drone_on_the_ground() -> N
     request = VehicleRequest(
         order_id=5, manoeuvre=TakeOff(height_m=30.0, altitude_amsl_m=460.0)
     )
-    link.desk.handle_request(request)
+    link.handler.handle_request(request)
     link.run(3.0)
     assert len(link.motions) == 1
     assert link.flown.vehicle.ground.landed
@@ -719,7 +721,7 @@ def test_a_guide_that_was_restarted_is_told_the_fence_at_once() -> None:
     link = Link()
     link.missions.held[1] = made.mission_items(made.fence_items(MEADOW), 1)
     link.run(3.0)
-    link.desk.handle_request(VehicleRequest(order_id=None, ends=True))
+    link.handler.handle_request(VehicleRequest(order_id=None, ends=True))
     assert fences(link) == [MEADOW, MEADOW]
 
 
@@ -743,7 +745,7 @@ def test_what_is_told_of_another_drone_commands_nothing() -> None:
             link.fly(50.0)
             link.run(0.5)
         before = len(link.motions)
-        link.desk.neighbours.receive(encode_neighbour(ELSEWHERE), US, None, sealed=True)
+        link.handler.neighbours.receive(encode_neighbour(ELSEWHERE), US, None, sealed=True)
         link.run(0.2)
         told = [one for one in link.records if isinstance(one, Neighbour)]
         assert told[-1].granted == 5
@@ -755,17 +757,17 @@ def test_words_on_others_that_are_not_to_be_trusted_are_counted_and_dropped() ->
     link.run(2.0)
     payload = encode_neighbour(ELSEWHERE)
     own = encode_neighbour(replace(ELSEWHERE, vehicle=1))
-    link.desk.neighbours.receive(payload, US, None, sealed=False)
-    link.desk.neighbours.receive(payload, US, "may not command", sealed=True)
-    link.desk.neighbours.receive(payload[:-1], US, None, sealed=True)
-    link.desk.neighbours.receive(own, US, None, sealed=True)
-    assert link.desk.counters()["neighbours_refused"] == 4
-    link.desk.neighbours.receive(payload, US, None, sealed=True)
-    link.desk.neighbours.receive(
+    link.handler.neighbours.receive(payload, US, None, sealed=False)
+    link.handler.neighbours.receive(payload, US, "may not command", sealed=True)
+    link.handler.neighbours.receive(payload[:-1], US, None, sealed=True)
+    link.handler.neighbours.receive(own, US, None, sealed=True)
+    assert link.handler.counters()["neighbours_refused"] == 4
+    link.handler.neighbours.receive(payload, US, None, sealed=True)
+    link.handler.neighbours.receive(
         payload, OTHERS, None, sealed=True
     )  # two would give the same way
-    assert link.desk.counters()["neighbours_refused"] == 5
+    assert link.handler.counters()["neighbours_refused"] == 5
     assert len([one for one in link.records if isinstance(one, Neighbour)]) == 1
     link.simulator()
-    link.desk.neighbours.receive(payload, US, None, sealed=False)
-    assert link.desk.counters()["neighbours_refused"] == 5
+    link.handler.neighbours.receive(payload, US, None, sealed=False)
+    assert link.handler.counters()["neighbours_refused"] == 5

@@ -1,4 +1,4 @@
-"""A drone whose telemetry, orders and commands go through the desk at the link."""
+"""A drone whose telemetry, orders and commands go through the motion handler at the link."""
 
 import random
 from collections import deque
@@ -35,10 +35,10 @@ from uavrt.simulation.vehicle.airframe import Flavour
 
 STATION = (254, 190)
 SLOWEST_STEPS = 3
-"""That the hub needs from guide to desk."""
+"""That the hub needs from guide to motion handler."""
 
 
-class Desked(Flown):
+class MotionHandled(Flown):
     """Its guide wishes by records that take some time, as through the hub.
 
     The clock of the test shows the time of the drone that was made last.
@@ -59,7 +59,7 @@ class Desked(Flown):
         self._numbers = iter(range(1, 1_000_000))
         self._hub = random.Random(str(values.get("phase_s")))
         limits = values.get("limits")
-        self.desk = MotionHandler(
+        self.handler = MotionHandler(
             GuidanceSettings(
                 enabled=True,
                 battery_wh=120.0,
@@ -97,13 +97,13 @@ class Desked(Flown):
 
     def control(self) -> None:
         for message in self.through(self.time_s, self.telemetry()):
-            self.desk.vehicle(message)
-        self._stopping = True  # the desk itself commands nothing else
-        self.desk.tick({STATION: self.ground_silent_s})
+            self.handler.vehicle(message)
+        self._stopping = True  # the motion handler itself commands nothing else
+        self.handler.tick({STATION: self.ground_silent_s})
         self._stopping = False
-        self.authority = self.desk.control.authority or self.authority
+        self.authority = self.handler.control.authority or self.authority
         while self._wishes and self._wishes[0][0] <= self.steps:
-            self.desk.handle_request(self._wishes.popleft()[1])
+            self.handler.handle_request(self._wishes.popleft()[1])
         if self.alive and self._is_new:
             self._is_new = False
             self.request_motion()
@@ -146,7 +146,7 @@ class Desked(Flown):
             raise CommandRefused(self.states[-1].text)
 
     def offer(self, order_id: int, *, takeoff: bool = False) -> None:
-        self.desk.orders.offer(
+        self.handler.orders.offer(
             MotionOffer(
                 request_id=next(self._numbers),
                 requester=STATION,
@@ -166,10 +166,12 @@ class Desked(Flown):
             nonce=nonce_of(order_id),
             sticks_unseen=not self.channels,
         )
-        self.desk.orders.receive(encode_confirmation(confirmation), STATION, None, sealed=True)
+        self.handler.orders.receive(
+            encode_confirmation(confirmation), STATION, None, sealed=True
+        )
         asked, self._asked[:] = list(self._asked), []
         for one in asked:
-            self.desk.orders.reply(
+            self.handler.orders.reply(
                 CommandReply(
                     request_id=one.request_id, name=one.name, accepted=True, message=""
                 )
@@ -179,5 +181,5 @@ class Desked(Flown):
         """The operator takes it back."""
         self._stopping = True
         stop = encode_stop(MotionStop(request_id=next(self._numbers)))
-        self.desk.orders.receive(stop, STATION, None, sealed=True)
+        self.handler.orders.receive(stop, STATION, None, sealed=True)
         self._stopping = False

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 from flown import Flown
-from tests.unit.processes.test_motion_desk import Link, begin
+from tests.unit.processes.test_motion_handler import Link, begin
 
 from uavrt.core.messages import FlyThere, Manoeuvre, TakeMode, TakeOff, VehicleRequest
 from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
@@ -67,9 +67,9 @@ def stalled(
         if step == 12:
             pilot()
         arrived += [(link.flown.time_s, one) for one in link.flown.telemetry()]
-    link.desk.tick(link.silent_s)
+    link.handler.tick(link.silent_s)
     for at_s, message in arrived:
-        link.desk.vehicle(message, link.flown.time_s - at_s if with_time else 0.0)
+        link.handler.vehicle(message, link.flown.time_s - at_s if with_time else 0.0)
     link.alive()
 
 
@@ -108,11 +108,11 @@ def flight_to(link: Link, north_m: float) -> FlyThere:
 
 
 def wished_until_sent(link: SlowLink, manoeuvre: Manoeuvre) -> None:
-    """Repeat a wish until the desk takes it; it is on its way to the vehicle then."""
+    """Repeat a wish until the motion handler takes it; it is on its way to the vehicle then."""
     before, link.on_their_way = len(link.motions), []
     while len(link.motions) == before:
         link.run(STEP_S)
-        link.desk.handle_request(VehicleRequest(order_id=5, manoeuvre=manoeuvre))
+        link.handler.handle_request(VehicleRequest(order_id=5, manoeuvre=manoeuvre))
 
 
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
