@@ -126,7 +126,7 @@ def clock_is_lost() -> bool:
 
 
 def clock_fault() -> str | None:
-    """Text on a fault of this computer's clock or its battery; None if there is none."""
+    """Describe a fault of this computer's clock or its battery; None if there is none."""
     if clock_is_lost():
         seconds = wall_ns() // NANOSECONDS_PER_SECOND
         return time.strftime("shows %Y-%m-%d %H:%M UTC", time.gmtime(seconds))

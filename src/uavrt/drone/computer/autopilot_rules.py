@@ -101,7 +101,7 @@ def names_to_read(px4: bool, port: str | None) -> list[str]:
 def needs(
     px4: bool, values: Mapping[str, float | None], port: str | None, baud: int
 ) -> list[Need]:
-    """Reported and needed values of all relevant parameters; `ConfigError`: no usable port."""
+    """Compare parameters with the needed values; raises `ConfigError` for an unusable port."""
     return _px4(values, port, baud) if px4 else _ardupilot(values, port, baud)
 
 

@@ -184,7 +184,7 @@ def check_kept_time() -> Finding:
 
 
 def _timedatectl() -> str:
-    """``yes`` if a time server has set the clock, by systemd; else ``no``; empty if unknown."""
+    """Ask systemd if a time server has set the clock: ``yes``, ``no``, or empty if unknown."""
     if shutil.which("timedatectl") is None:
         return ""
     finished = subprocess.run(

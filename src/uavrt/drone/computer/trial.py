@@ -98,7 +98,7 @@ class Seen:
 
 
 class Trial:
-    """Tries a new version, which must work within `patience_s` and for `hold_s`."""
+    """Trial of a new version, which must start to work in `patience_s` and last `hold_s`."""
 
     def __init__(
         self,

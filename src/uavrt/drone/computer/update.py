@@ -134,7 +134,7 @@ def _make(update: Update, present: Path, made: Path) -> None:
 
 
 def _require_libraries(made: Path, update: Update) -> None:
-    done = _done(python_module(made, "pip", "check"))
+    done = _run_isolated(python_module(made, "pip", "check"))
     lacks = [line for line in done.stdout.splitlines() if line.startswith("uavrt ")]
     if lacks:
         raise UsageError(
@@ -148,7 +148,7 @@ def _has(environment: Path, distribution: str) -> bool:
 
 
 def _run(command: Sequence[str], update: Update) -> None:
-    done = _done(command)
+    done = _run_isolated(command)
     if done.returncode:
         said = (done.stderr + done.stdout).strip().splitlines() or ["no word"]
         errors = [line for line in said if line.startswith("ERROR:")] or said
@@ -160,7 +160,7 @@ def _run(command: Sequence[str], update: Update) -> None:
         )
 
 
-def _done(command: Sequence[str]) -> "subprocess.CompletedProcess[str]":
+def _run_isolated(command: Sequence[str]) -> "subprocess.CompletedProcess[str]":
     """Run a command in the root directory, without the caller's Python and pip settings."""
     kept = {name: value for name, value in os.environ.items() if name in ("PATH", "LANG")}
     kept |= {"PIP_CONFIG_FILE": "/dev/null", "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
@@ -174,7 +174,7 @@ def rehearse(made: Path, version: str, *, config: Path) -> None:
     command = python_module(made, "uavrt.cli", "update", "--rehearse")
     if config.exists():
         command += ["--config", str(config.absolute())]
-    done = _done(command)
+    done = _run_isolated(command)
     if done.returncode or done.stdout.split() != [version]:
         said = (done.stderr.strip() or f"it says it is {done.stdout.strip()!r}").splitlines()
         raise UsageError(

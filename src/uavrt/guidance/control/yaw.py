@@ -61,7 +61,8 @@ class YawWatch:
     _seen_s: float = field(init=False)
     """Time of the last report of a heading [s]."""
     _stood_s: float = 0.0
-    """Time for which the drone has stood after moving [s], at most `SAFETY.course_follow_s`."""
+    """Time for which the drone has been at rest after moving [s], up to
+    `SAFETY.course_follow_s`."""
 
     def __post_init__(self) -> None:
         self._turn_s = self._seen_s = self.start_s
@@ -291,12 +292,12 @@ def _turns_to(goal_deg: float, yaw_deg: float, before_deg: float, tolerance_deg:
 
 
 def _turns_on_deg(turning_deg_s: float) -> float:
-    """Largest angle by which a drone continues an earlier turn [°]; measured: 25° and 50°."""
+    """Largest angle by which a drone continues an earlier turn [°]; up to 50° were measured."""
     return 1.5 * abs(turning_deg_s) + 15.0 if abs(turning_deg_s) > SAFETY.turning_deg_s else 0.0
 
 
 def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
-    """Largest angle in which PX4's heading setpoint stops a turn, with a margin of 3° [°]."""
+    """Angle that PX4's heading setpoint needs to stop a turn, with a margin of 3° [°]."""
     if abs(turning_deg_s) <= SAFETY.turning_deg_s:
         return 0.0
     return turning_deg_s**2 / (2.0 * SAFETY.setpoint_braking_deg_s2) + 3.0

@@ -66,7 +66,7 @@ class RosCommands:
         """Number of commands sent to the supervisor."""
 
     def of_others(self, command: Command) -> None:
-        """Handle a command that came without ROS 2; a new upload replaces the present one."""
+        """Handle a command from outside ROS 2; its tag upload replaces one begun over ROS 2."""
         if command.name == "start_tags":
             self._upload.forget()
 

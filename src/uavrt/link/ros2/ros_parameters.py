@@ -175,12 +175,18 @@ def _type(parameter: Parameter) -> int:
 
 
 def _below(name: str, prefixes: tuple[str, ...]) -> bool:
-    """True if `prefixes` select a parameter: none do, or its whole name, which has no dots."""
+    """True if `prefixes` select a parameter: an empty list, or the parameter's whole name.
+
+    Names of parameters have no dots, so no shorter prefix matches.
+    """
     return not prefixes or name in prefixes
 
 
 def _number(wanted: RosParameter) -> float:
-    """Number in a parameter value, also an integer for a real; `ConfigError` if neither."""
+    """Number in a parameter value; raises `ConfigError` for an unknown parameter or wrong type.
+
+    An integer is accepted for a real number or a switch, too.
+    """
     parameter = OFFERED.get(wanted.name)
     if parameter is None:
         raise ConfigError(f"no parameter {wanted.name[:40]}: known are {', '.join(OFFERED)}")

@@ -42,7 +42,7 @@ class GroundStations:
         self._limits.commander(place)
 
     def accepted(self, requester: Place) -> None:
-        """Treat a station as in command, if none is, until the supervisor confirms it."""
+        """If no station is in command, assume this one is, until the supervisor decides."""
         if not self._limits.has_commander:
             self._limits.commander(requester)
 
@@ -60,7 +60,10 @@ class GroundStations:
         return self._limits.admits(place, self._now_ns(), answers=answers)
 
     def admits_file_request(self, peer: Peer, *, detecting: bool) -> bool:
-        """True if the rate limits allow a file request; lower if `detecting` without proof."""
+        """True if the rate limits allow a file request.
+
+        With a key, stations without proof of it have a lower limit while `detecting`.
+        """
         proof = not (self.gate.locked and detecting) or self.gate.asks_for_files(peer.place)
         return self._limits.admits_file_request(peer.place, self._now_ns(), proof=proof)
 

@@ -25,11 +25,11 @@ log = get_logger()
 FIXED_PERIOD_S = 0.5
 """Time between two poses of a fixed station [s]; poses are interpolated."""
 CLOSEST_NS = ns_from_s(0.02)
-"""Shortest time between used positions [ns]; others are dropped; GPS sends 1 to 20 a second."""
+"""Shortest time between two used positions [ns]; a GPS receiver sends 1 to 20 a second."""
 SILENCE_NS = ns_from_s(5.0)
 """Age above which a GPS position is outdated [ns]; receivers send one a second."""
 ALTITUDE_HOLDS_NS = ns_from_s(3.0)
-"""Time after a GPS position with altitude in which those without one are dropped [ns]."""
+"""Time after a GPS position with altitude in which positions without one are dropped [ns]."""
 WATCH_PERIOD_S = 3.0
 """Time between requests for data to a silent gpsd [s], which forgets them in a restart."""
 GPSD = "127.0.0.1:2947"

@@ -68,7 +68,7 @@ class ParameterHandler:
         *,
         sealed: bool = False,
     ) -> None:
-        """Handle a request for parameters; `refusal`: why none may be set, or None."""
+        """Handle a request; `refusal`: the reason why no parameter may be set, or None."""
         answer = self._server.receive(message)
         if isinstance(answer, list):
             for value in answer:

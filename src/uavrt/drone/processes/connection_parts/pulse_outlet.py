@@ -31,8 +31,8 @@ FLIGHTS = 4
 """Number of flights whose pulses may be undelivered; the recorder handles as many."""
 RECENT = 2_000
 RECENT_NS = ns_from_s(60.0)
-"""Time for which delivered pulses are remembered [ns], `RECENT` at most; the database may lag.
-The recorder commits every three seconds; after a longer delay some pulses are sent twice."""
+"""Time for which up to `RECENT` delivered pulses are remembered [ns]. The recorder commits
+every three seconds; if it takes longer than this time, some pulses are sent twice."""
 REFILL_PERIOD_NS = ns_from_s(0.5)
 
 

@@ -8,7 +8,7 @@ from uavrt.core.units import s_from_ns
 SILENCE_S = 30.0
 SILENCE_INTERVALS = 10
 """Silence after which a tag is received "again" [pulse intervals], and at least `SILENCE_S`. It
-exceeds a turn's time behind the antenna, and one or two lost groups."""
+exceeds the time per turn in which the tag is behind the antenna, and one or two lost groups."""
 
 
 class TagTexts:

@@ -45,7 +45,7 @@ class MotionOutputs:
     command: Callable[[Message], None]
     """Function that sends a command to the autopilot at once."""
     leaves: Callable[[], bool]
-    """Function that returns True if a command could be sent at once."""
+    """Function that returns True if a command could be sent without waiting."""
     state: Callable[[bytes, Requester | None], None]
     """Function that sends the state of a motion order to one station, or to all if None."""
     ask: Callable[[Command], None]

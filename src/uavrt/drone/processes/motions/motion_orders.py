@@ -180,7 +180,10 @@ class NeighbourReports:
     def receive(
         self, payload: bytes, requester: Requester, refusal: str | None, *, sealed: bool
     ) -> None:
-        """Handle a report on another drone; parameters as in `MotionOrders.receive`."""
+        """Handle a report on another drone.
+
+        `refusal`: reason why the reporting station may not command, or None.
+        """
         now_s = monotonic_s()
         try:
             neighbour = decode_neighbour(payload)

@@ -21,7 +21,7 @@ _CLOSE_S: Final = 2.0
 
 
 _Item = tuple[BeepSearch, IQBlock | None, IQBlock | None]
-"""Queued work: the search, and samples of the radio's band and the tags' band, or None."""
+"""Queued work: the search, then samples of the radio's band and of the tags' band (or None)."""
 
 
 class BeepListener:

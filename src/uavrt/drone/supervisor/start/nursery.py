@@ -39,7 +39,8 @@ MODULES = (
 MAX_REQUEST_BYTES = 65_536
 MAX_FDS = 200
 FIRST_FREE_FD = 500
-"""Number above which descriptors move before they get their final numbers, which are lower."""
+"""Lowest number of a descriptor's temporary copy; the final numbers of descriptors are below
+it."""
 _PR_SET_NAME = 15
 """Option number of prctl(2) that sets the process name shown by ``top``."""
 

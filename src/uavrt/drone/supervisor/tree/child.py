@@ -20,7 +20,8 @@ log = get_logger()
 
 LineHandler = Callable[[bytes], None]
 READ_BYTES = 65_536
-"""Most bytes read at once from a process; for 128 KiB, glibc would map memory each time."""
+"""Largest number of bytes read at once from a process; reads of 128 KiB would make glibc map
+memory for each."""
 
 
 class Child:

@@ -18,20 +18,20 @@ LEAST_SPAN_S = 4.0
 """Minimum span of TIMESYNC round trips for a reliable clock skew, even on a slow link [s]."""
 CLEAR_SPAN_S = 0.5
 WINDOW_NS = ns_from_s(20.0)
-"""Time for which a round trip counts [ns]."""
+"""Age up to which a TIMESYNC round trip is used for the clock fit [ns]."""
 KEPT_SHARE = 0.6
-"""Share of round trips, the shortest ones, to which the clock line is fitted. Of those within
-2 s only the shortest takes part."""
+"""Share of round trips used for the clock fit, the shortest first; only the shortest of every 2
+s is considered at all."""
 JUMP_NS = ns_from_s(0.08)
-"""Error beyond the uncertainty of round trips and skew that means another clock [ns]; below one
-second it must occur in two consecutive answers."""
+"""Clock error, beyond the uncertainty of round trips and skew, that shows a restarted clock
+[ns]; below one second it must occur in two consecutive answers."""
 CLEAR_SKEW = 0.002
-"""Largest uncertainty of a clock skew fitted over less than `LEAST_SPAN_S`: 2 ms a second."""
+"""Largest uncertainty at which a skew fitted over less than `LEAST_SPAN_S` is used [s/s]."""
 ONE_WAY_NS = ns_from_s(3.0)
 """Time for which messages are received before their least delay sets the clock offset [ns]."""
 ONE_WAY_BIN_NS = ns_from_s(1.0)
 ONE_WAY_BINS = 20
-"""Number of last seconds whose messages bound the clock offset; older ones have drifted."""
+"""Number of one-second bins whose messages bound the clock offset; older ones have drifted."""
 STALE_NS = ns_from_s(10.0)
 """Age of the last TIMESYNC answer above which the clock fit counts as extrapolated [ns]."""
 

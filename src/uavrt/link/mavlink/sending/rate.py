@@ -37,7 +37,7 @@ BASE_WINDOW = 240
 """Number of 0.25 s rounds (a minute) whose smallest mean round trip counts as unqueued."""
 QUEUE_GROW_S = 0.15
 QUEUE_SHRINK_S = 0.35
-"""Queueing delay above which frames are sent slower [s]; a SiK radio holds 1850 B, 0.6 s."""
+"""Queueing delay above which the send rate is lowered [s]; a SiK radio holds 1850 B, 0.6 s."""
 MEAN_WEIGHT = 0.1
 QUICK_GROWTH = 1.25
 
@@ -121,7 +121,7 @@ class LinkRate:
         self._rate = min(self._reach.most, max(self._reach.least, self._rate))
 
     def wait_ns(self, now_ns: int, room_bytes: float = 0.0) -> int:
-        """Time until a message that is not urgent may leave, with room for a pulse [ns]."""
+        """Time until a message that is not urgent may be sent [ns], with room for a pulse."""
         self._fill(now_ns)
         rate = self.bytes_s(now_ns)
         lacking = max(0.0, room_bytes - PULSE_WAIT_S * rate) - self._tokens

@@ -88,7 +88,7 @@ ORDER_OF_USE = {
     "store_coded_tag_information": 0,
     "release_tag_information": 1,
 }
-"""Order of messages with the same time stamp: tags first, then their release, then a start."""
+"""Order of messages with the same time stamp: tags, then the upload's end, then a start."""
 GOODBYE_S = 0.2
 """Longest wait at the end for others to acknowledge the empty list of nodes [s]."""
 

@@ -118,7 +118,7 @@ def _proof(state: bytes, key: Key, session: Session, station: Ids) -> bytes:
 def keepalive_content(nonce: int, *, files: bool = False) -> bytes:
     """Make the content of a keepalive before sealing; the drone returns its nonce.
 
-    With `files` it answers the station's file requests quickly, also while it detects.
+    With `files`, the drone answers the station's file requests quickly even while it detects.
     """
     return _ALIVE.pack(nonce, files)
 
