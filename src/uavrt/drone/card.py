@@ -47,7 +47,7 @@ class Card:
         if self.read_only:
             found.append("read-only: nothing more is recorded")
         if self.errors:
-            found.append(f"{self.errors} errors of the file system")
+            found.append(f"file-system errors: {self.errors}")
         if (self.life_used_tenths or 0) >= WORN_TENTHS:
             found.append("worn out")
         return found

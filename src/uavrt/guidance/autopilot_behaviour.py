@@ -132,6 +132,8 @@ def behaviour_of(name: str | None) -> Behaviour:
         if known == name:
             return behaviour
     raise CommandRefused(
-        "autopilot unknown" if name is None else f"autopilot {name} is not known",
+        "the autopilot's type is unknown"
+        if name is None
+        else f"autopilot {name} is not supported",
         remedy="Motion needs a multirotor with PX4 or ArduPilot; fly by hand",
     )

@@ -89,8 +89,8 @@ def at_rest(flavour: Flavour) -> Flown:
         (Flown, fly_and_return_the_mode, "the mode has changed"),
         (Flown, change_mode, "the mode has changed to R"),
         (at_rest, give_target, "another program has set a target"),
-        (at_rest, partial(turn_and_back, by_deg=-120.0), "another turns the drone"),
-        (at_rest, partial(turn_and_back, by_deg=40.0), "another turns the drone"),
+        (at_rest, partial(turn_and_back, by_deg=-120.0), "another program turns the drone"),
+        (at_rest, partial(turn_and_back, by_deg=40.0), "another program turns the drone"),
     ],
 )
 def test_what_would_end_an_order_takes_away_one_that_is_only_offered(
@@ -150,7 +150,7 @@ def test_who_turns_it_before_the_first_command_has_taken_it(
     flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
     flown.change_heading(by_deg)
     flown.run(1.0)
-    assert flown.authority.reason == "another turns the drone"
+    assert flown.authority.reason == "another program turns the drone"
     with pytest.raises(CommandRefused):
         flown.authority.command(1, manoeuvre(flown), flown.time_s)
 

@@ -247,9 +247,7 @@ def _time(facts: FlightFacts, bench: Bench) -> Finding:
     waiting = facts.time_known is None and bench.posed is None
     return failed(
         what,
-        "unknown until a pulse is detected"
-        if waiting
-        else "the autopilot's clock is not known",
+        "unknown until a pulse is detected" if waiting else "the autopilot's clock is unknown",
         "Switch on the bench tag"
         if waiting
         else "Check the drone's cable to the autopilot, both wires, and its MAVLink port",

@@ -298,7 +298,7 @@ def _writing(directory: Path) -> AbstractContextManager[None]:
     return os_errors_as(
         ConfigError,
         f"{directory} cannot be written",
-        "See whether the card is full or read-only: uavrt doctor",
+        "Check with uavrt doctor whether the card is full or read-only",
     )
 
 
@@ -337,6 +337,6 @@ def _is_ed25519(pem: str) -> bool:
     except FileNotFoundError:
         raise UsageError(
             "openssl is not installed: keys cannot be checked",
-            remedy="sudo apt install openssl",
+            remedy="Run: sudo apt install openssl",
         ) from None
     return listed.returncode == 0 and listed.stdout.upper().startswith(b"ED25519")

@@ -125,7 +125,7 @@ class Trial:
                 self.fault = f"{', '.join(self.seen.restarted)} had to be restarted"
         if missing := self.seen.missing(self._needs, now_s):
             self._good_from_s = None
-            self.fault = f"not there: {missing}"
+            self.fault = f"missing: {missing}"
         elif self._good_from_s is None:
             self._good_from_s = now_s
         if self._good_from_s is not None and now_s - self._good_from_s >= self._hold_s:

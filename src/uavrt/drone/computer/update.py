@@ -176,7 +176,9 @@ def rehearse(made: Path, version: str, *, config: Path) -> None:
         command += ["--config", str(config.absolute())]
     done = _run_isolated(command)
     if done.returncode or done.stdout.split() != [version]:
-        said = (done.stderr.strip() or f"it says it is {done.stdout.strip()!r}").splitlines()
+        said = (
+            done.stderr.strip() or f"it reports the version {done.stdout.strip()!r}"
+        ).splitlines()
         raise UsageError(
             f"{version} does not start here: {said[-1]}",
             remedy="The previous version stays in use; check uavrt.toml, or report this",
@@ -190,7 +192,7 @@ def exchange(
     before = place.current()
     place.point(place.trial, before)
     place.point(place.link, made)
-    say(f"{made.name} runs, on trial; the one before is {before.name}")
+    say(f"{made.name} runs on trial; the previous version is {before.name}")
     _restart(restart, say)
     return finish(place, restart=restart, judge=judge, say=say)
 
@@ -210,10 +212,10 @@ def finish(place: Installation, *, restart: Restart, judge: TrialCheck, say: Pri
         _take_keys(current, place)
         place.end_trial()
         place.remove_others(current, before)
-        say(f"{current.name} is good, and stays")
+        say(f"{current.name} has passed its trial and stays")
         return True
     place.point(place.link, before)
-    say(f"{current.name} was not good ({fault}): back to {before.name}")
+    say(f"{current.name} has failed its trial ({fault}): back to {before.name}")
     _go_back(place, before, restart, say)
     return False
 

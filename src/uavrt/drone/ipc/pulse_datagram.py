@@ -96,7 +96,7 @@ class PulseDatagramSender:
     """Sends pulse records and heartbeats by UDP; `LinkError` for an unknown host."""
 
     def __init__(self, host: str, port: int, tag_ids: Sequence[int]) -> None:
-        with os_errors_as(LinkError, f"no address {host}", "Check the name"):
+        with os_errors_as(LinkError, f"no address {host}", "Check the host's name"):
             found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
         self._place = found[4]
         self._socket = socket.socket(found[0], socket.SOCK_DGRAM)

@@ -359,7 +359,7 @@ def receive(
                 if isinstance(receiver, Receiver):
                     receiver.report_losses(frame)
                 if receiver.failures and not flowing:
-                    frame.notify(5, "Radio gives samples again")
+                    frame.notify(5, "Radio delivers samples again")
                 flowing = True
             take_settings(frame.receive(), receiver)
             if not flowing:

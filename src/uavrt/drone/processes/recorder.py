@@ -289,7 +289,7 @@ class Recorder:
         self._unreported = 0
         self._frame.notify(
             5,
-            f"Poses lost on the way: {self._poses_made_up} made up from recorded ones, "
+            f"Poses lost on the way: {self._poses_made_up} reconstructed, "
             f"{self._without_pose} pulses without",
         )
 

@@ -134,7 +134,7 @@ class Commands:
     async def capture(self) -> str:
         """Start to record raw samples on the drone."""
         link = self._allowed("capture")
-        async with self._working("capture", "asking for a raw capture"):
+        async with self._working("capture", "starting a raw capture"):
             return await self._use_radio(link, "raw_capture") or "capturing"
 
     async def _use_radio(self, link: GroundLink, name: CommandName) -> str:

@@ -75,7 +75,9 @@ class FlightWriter:
         """Write a burst's pulse times into an earlier flight, unless it was removed."""
         if not FlightLayout(path).database.exists():
             self._discarded += 1
-            log.seldom(self._discarded, "content of a burst discarded: its flight is gone")
+            log.seldom(
+                self._discarded, "pulse times of a burst discarded: its flight was removed"
+            )
             return
         recorder = FlightRecorder(path, durable=True)
         recorder.write_inside(burst)

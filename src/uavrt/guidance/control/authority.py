@@ -143,7 +143,7 @@ class Authority:
         """Reason why no order can be confirmed now, with the remedy; None if one can."""
         if takeoff and not self._may_take_off:
             remedy = "Take off by hand, or set guidance.may_take_off = true on the drone"
-            return "this drone does not take off by order", remedy
+            return "this drone may not take off by itself", remedy
         return self.vehicle.fault(now_s, takeoff=takeoff)
 
     def stop(self, now_s: float, reason: str = "stopped by the operator") -> None:

@@ -101,7 +101,9 @@ class Commanded:
             if self.target_yaw is not None:
                 longest_s += self.target_yaw.turns_on_s
             late = now_s - self.sent_s > longest_s
-            return "the command was not seen to be obeyed" if late else None
+            return (
+                "the autopilot has not reported that it follows the command" if late else None
+            )
         if self.progress.stopped(now_s):
             return "the drone has stopped before its target"
         lost = not self.takes_off and target_age_s > self.behaviour.target_lost_s

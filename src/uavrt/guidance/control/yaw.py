@@ -7,7 +7,7 @@ from math import atan, copysign, degrees
 from uavrt.core.units import wrap_degrees_180
 from uavrt.guidance.safety import SAFETY
 
-FOREIGN_TURN = "another turns the drone"
+FOREIGN_TURN = "another program turns the drone"
 
 
 @dataclass(slots=True, kw_only=True)

@@ -103,7 +103,7 @@ class ParameterServices:
 
     def _begin(self, request: SetRequest | SetTogetherRequest, refusal: str | None) -> None:
         if refusal is None and len(request.parameters) > MOST_AT_ONCE:
-            refusal = f"more than {MOST_AT_ONCE} at once"
+            refusal = f"more than {MOST_AT_ONCE} parameters at once"
         if refusal is None and isinstance(request, SetTogetherRequest):
             refusal = self._fault_of_all(request.parameters)
         setting = _Setting(request, deque(request.parameters))
@@ -140,7 +140,7 @@ class ParameterServices:
             if number is not None:
                 self._pending[number] = setting
                 return
-            setting.results.append(SetParametersResult(reason="commands come too fast"))
+            setting.results.append(SetParametersResult(reason="too many commands at once"))
         self._finish(setting)
 
     def _finish(self, setting: _Setting) -> None:

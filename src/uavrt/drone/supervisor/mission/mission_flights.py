@@ -149,10 +149,12 @@ class Flights:
         window_hz = self._settings.now.detection.frequency_window_hz
         pairs = [(one.tag_id, two.tag_id) for one, two, _ in near_codes(tags, window_hz)]
         words = [
-            f"Codes {one}, {two} are easily mixed up" for one, two in pairs[:_MOST_PAIRS_LISTED]
+            f"Codes {one}, {two} are easily confused" for one, two in pairs[:_MOST_PAIRS_LISTED]
         ]
         if len(pairs) > _MOST_PAIRS_LISTED:
-            words.append(f"{len(pairs) - _MOST_PAIRS_LISTED} more pairs of codes are as near")
+            words.append(
+                f"{len(pairs) - _MOST_PAIRS_LISTED} more pairs of codes are as similar"
+            )
         return words
 
     def begin_capture(self, center_frequency_hz: float | None) -> FlightInfo:

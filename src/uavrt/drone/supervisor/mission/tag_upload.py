@@ -80,7 +80,7 @@ class TagUpload:
         """Load the last complete list from the disk."""
         tags = self._last.read() or ()
         if not tags:
-            raise UavrtError("no tags known: send them once with uavrt ground")
+            raise UavrtError("no tags stored: send them once with uavrt ground")
         self.begin()
         try:
             for tag in tags:

@@ -107,7 +107,7 @@ class ProcessTree:
     def _check_nursery(self) -> None:
         reason = self._launcher.tend()
         if reason is not None:
-            self._notify(4, f"nursery {reason}: restarting it")
+            self._notify(4, f"fork server {reason}: restarting it")
         nursery_fd = self._launcher.fileno()
         if nursery_fd != self._nursery_fd:
             loop = asyncio.get_running_loop()

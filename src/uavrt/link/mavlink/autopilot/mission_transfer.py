@@ -33,11 +33,11 @@ _TYPES: dict[MissionKind, int] = {
     "fence": MavMissionType.FENCE,
 }
 _REFUSALS: dict[int, str] = {
-    MavMissionResult.MISSION_ERROR: "it cannot take a mission now",
-    MavMissionResult.MISSION_UNSUPPORTED_FRAME: "it does not know the frame",
-    MavMissionResult.MISSION_UNSUPPORTED: "it does not know such items",
+    MavMissionResult.MISSION_ERROR: "it accepts no mission now",
+    MavMissionResult.MISSION_UNSUPPORTED_FRAME: "the coordinate frame is not supported",
+    MavMissionResult.MISSION_UNSUPPORTED: "a kind of item is not supported",
     MavMissionResult.MISSION_NO_SPACE: "it has no room for that number of items",
-    MavMissionResult.MISSION_DENIED: "it takes none from us",
+    MavMissionResult.MISSION_DENIED: "it accepts none from this station",
     MavMissionResult.MISSION_OPERATION_CANCELLED: "it was cancelled",
 }
 _OURS = (
@@ -87,7 +87,7 @@ class MissionTransfer(ABC):
             self._begun_s = now_s
         limit_s = LIMIT_S + LIMIT_PER_ITEM_S * self._size
         if now_s - self._begun_s > limit_s:
-            return self.cancel(f"it was not done after {limit_s:.0f} s")
+            return self.cancel(f"it was not finished after {limit_s:.0f} s")
         return self._again(now_s) if now_s >= self._due_s else []
 
     def cancel(self, reason: str) -> list[Message]:

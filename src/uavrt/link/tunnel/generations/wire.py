@@ -98,7 +98,7 @@ class CommandMessage:
         for layout in self._layouts(self.command).values():
             if len(head) + len(self.numbers) == _values_in(layout):
                 return pack(layout, *head, *self.numbers)
-        raise TunnelError(f"{self.command.name} never has {len(self.numbers)} fields", b"")
+        raise TunnelError(f"{self.command.name} cannot have {len(self.numbers)} fields", b"")
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
@@ -196,12 +196,10 @@ def unpack(layout: struct.Struct, payload: bytes, command: CommandId) -> tuple[A
 def check(payload: bytes, command: CommandId, size: int) -> None:
     """Raise `TunnelError` unless a payload has this length and command."""
     if len(payload) != size:
-        raise TunnelError(
-            f"{command.name} has {len(payload)} bytes in place of {size}", payload
-        )
+        raise TunnelError(f"{command.name} has {len(payload)} bytes, not {size}", payload)
     number = int.from_bytes(payload[:4], "little")
     if number != command:
-        raise TunnelError(f"command {number} in place of {command.name}", payload)
+        raise TunnelError(f"command {number}, not {command.name}", payload)
 
 
 def text_from_bytes(field: bytes) -> str:

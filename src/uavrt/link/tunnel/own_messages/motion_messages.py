@@ -35,7 +35,7 @@ _CONFIRM = Layout(
 )
 _STOP = Layout("a stop", _HEAD, version=_VERSION, kind=_STOPS)
 _STATE = Layout(
-    "a state of motion",
+    "a motion state",
     "version:B kind:B standing:B :x request_id:I order_id:I nonce:Q text~",
     {"kind": (1, 3), "standing": (0, 2)},
     version=_VERSION,
