@@ -56,7 +56,7 @@ class Behaviour:
         return self.takeoff_mode == self.own_mode
 
     def mode_name(self, mode: int) -> str:
-        """Name of a flight mode as pilots know it; its number if the name is unknown."""
+        """Name of a flight mode as pilots see it; its number if the name is unknown."""
         return self.mode_names.get(mode, f"mode {mode}")
 
 

@@ -24,7 +24,7 @@ NAMES = {int(MavAutopilot.PX4): "PX4", int(MavAutopilot.ARDUPILOTMEGA): "ArduPil
 def examine_autopilot(
     address: str, *, port: str | None, baud: int | None = None, fix: bool = False
 ) -> Iterator[Finding]:
-    """Compare the autopilot's parameters with what uavrt needs; `fix` sets wrong ones."""
+    """Compare the autopilot's parameters with uavrt's needs; with `fix`, correct them."""
     place = parse_address(address)
     if port is None and place.device:
         port = "TELEM2"

@@ -200,7 +200,7 @@ class Commands:
         return f"{text}{await asyncio.to_thread(_gain_in_words, correction)}"
 
     def _link_to_correct(self, *, searched: bool) -> GroundLink | None:
-        """Link to a drone in detection if the tag is `searched`; None: correct list only."""
+        """Link to the detecting drone if the tag is `searched`; None: correct the list only."""
         vehicle, now = self._vehicle, self._vehicle.situation()
         lost = now.state is None and not vehicle.flight.keeper.ended
         lost = lost and (now.drone_present or now.silent_s < _SWITCHED_OFF_S)

@@ -15,7 +15,7 @@ class LinkKeys:
 
     component_id: int = 190
     """MAVLink component id in system 254, usually 190. Stations of the same drone need
-    different ones, since the drone answers each component on one link only."""
+    different ids, since the drone answers each component on one link only."""
     as_gcs: bool = False
     """Use system 255 and type GCS, which the original system's drone side requires."""
     command: Key | None = None

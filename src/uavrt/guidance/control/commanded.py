@@ -116,7 +116,7 @@ class Commanded:
     def observe_target(
         self, seen: TargetReport, position: PositionReport | None, turning_deg_s: float
     ) -> str | None:
-        """Text if the reported target shows another's command; None if it may follow from ours.
+        """Text if the reported target cannot be that of our command; None if it may be.
 
         `turning_deg_s`: rate of change of the reported target heading [°/s].
         """

@@ -45,7 +45,7 @@ class YawWatch:
     _turns: bool = False
     _settles: bool = False
     _swept: "_Swept | None" = None
-    """Bearings since the arrival near the target; None farther away."""
+    """Bearings of the target since the drone came near; None while it is farther away."""
     _on_deg: float = 0.0
     """Angle by which the heading setpoint has continued an earlier turn since `_turn_s` [°]."""
     _ended: bool = False
@@ -134,7 +134,7 @@ class YawWatch:
     def _follows_course(self, time_s: float, yaw_deg: float, course_deg: float | None) -> bool:
         """True if the heading turns from its old direction towards the recent course.
 
-        A drone that reverses its course stands for a moment; this time does not count.
+        A drone that reverses its course is at rest for a moment; this time does not count.
         """
         if self._courses and course_deg is None:
             stood_s = self._stood_s + time_s - self._seen_s

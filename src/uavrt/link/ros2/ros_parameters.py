@@ -58,7 +58,10 @@ class _Setting:
 
 
 class ParameterServices:
-    """Answers requests for parameters while detection is `running`; `ask` sends a change."""
+    """Answers requests for parameters while detection is `running`.
+
+    `ask`: function that sends a requested change to the supervisor.
+    """
 
     def __init__(
         self,

@@ -115,8 +115,9 @@ class GroundStations:
     def announce_session(self, now_ns: int) -> None:
         """Announce, once a second, the session in which sealed commands are valid.
 
-        The announcement is valid only under the drone's present number. So none is made before
-        that number is known and a ground station was received: it would wait in a queue.
+        An announcement is valid only for the drone's present number, so that number must be
+        known. A ground station must have been received, too: before that, messages wait in a
+        queue.
         """
         component = self._link.component
         ready = component.discovery.known and component.has_number(now_ns)

@@ -28,7 +28,7 @@ log = get_logger()
 
 REFILL = 512
 FLIGHTS = 4
-"""Number of flights whose pulses may be undelivered; the recorder handles as many."""
+"""Largest number of flights with undelivered pulses; the recorder has the same limit."""
 RECENT = 2_000
 RECENT_NS = ns_from_s(60.0)
 """Time for which up to `RECENT` delivered pulses are remembered [ns]. The recorder commits

@@ -119,7 +119,7 @@ class PulsePath:
             self._link.tunnel.wake()
 
     def _report_tag(self, pulse: Pulse) -> None:
-        """Send values and texts to stations that cannot decode uavrt's pulses."""
+        """Send a tag's SNR, count and texts to stations that cannot decode uavrt's pulses."""
         now_ns = self._now_ns()
         self._named_values.heard(pulse, now_ns)
         text = self._tag_texts.text(pulse)

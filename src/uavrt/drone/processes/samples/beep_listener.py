@@ -41,7 +41,7 @@ class BeepListener:
         self._thread.start()
 
     def add(self, block: IQBlock, band: IQBlock) -> None:
-        """Queue a block of the whole radio band and the same time in the tags' band."""
+        """Queue a block of the whole radio band and, for the same time, of the tags' band."""
         wanted = self._search.due(block, band)
         if wanted == (None, None):
             return

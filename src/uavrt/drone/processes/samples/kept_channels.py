@@ -9,7 +9,7 @@ from uavrt.flight.samples.channel_recorder import ChannelRecorder
 
 
 class KeptChannels:
-    """Records channel samples if the settings say so, and reports dropped ones."""
+    """Records channel samples if this is configured, and reports dropped samples."""
 
     def __init__(
         self, frame: ProcessFrame, flight: FlightInfo, *, switched_on: bool = True

@@ -31,7 +31,7 @@ class KeptValue(msgspec.Struct, frozen=True):
 
 
 class SettingsInForce:
-    """The settings, with the operator's parameters applied; `on_change` gets new ones."""
+    """The settings with the operator's parameters applied; `on_change`: gets changed ones."""
 
     def __init__(self, settings: Settings, on_change: Callable[[Settings], None]) -> None:
         path = Path(settings.recording.directory) / PARAMETERS_NAME

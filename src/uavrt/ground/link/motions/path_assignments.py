@@ -17,7 +17,7 @@ MOST_LAG = 100
 MOVED_M = 5.0
 """Distance by which a drone's reported goal must move to count as a new path [m]."""
 FIRST_REPORTS_S = 3.0
-"""Wait after the first report before paths are assigned [s], in which all drones report."""
+"""Time from the first report until paths are assigned [s], so that all drones can report."""
 _ROUND = 0x10000
 
 

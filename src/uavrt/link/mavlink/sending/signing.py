@@ -65,7 +65,7 @@ class SigningKey:
 def read_signing_key(path: str | Path) -> SigningKey:
     """Read a key: 64 hexadecimal digits in a file.
 
-    MAVProxy and QGroundControl make theirs from a passphrase, as its SHA-256: ``printf %s
+    MAVProxy and QGroundControl make their keys from a passphrase, as its SHA-256: ``printf %s
     PASSPHRASE | sha256sum | cut -c-64``. Raises `ConfigError` if the file has no key, or others
     may read the file.
     """

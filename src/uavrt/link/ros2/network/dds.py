@@ -72,8 +72,8 @@ DISCOVERY_TOPIC = "ros_discovery_info"
 WRITE_TIMEOUT_MS = 100
 """Time limit of a DDS write [ms]; with few messages kept, a write never waits in practice."""
 SAMPLE_MB = 4
-"""Longest message that DDS assembles [MB], several times the longest of any topic. Longer ones
-are dropped part by part, with a warning."""
+"""Longest message that DDS assembles [MB], several times the longest of any topic. Longer
+messages are dropped part by part, with a warning."""
 READER_DEPTH = 4000
 """Largest number of a topic's messages that wait in its reader; 0.4 s at 10 000 a second."""
 PASSES = 3

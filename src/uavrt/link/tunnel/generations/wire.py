@@ -87,7 +87,7 @@ class CommandMessage:
 
     @classmethod
     def of(cls, command: CommandId, values: Mapping[str, float | None], **head: int) -> Self:
-        """Make the message with all fields: those in `values`, by name, and 0 for others."""
+        """Make the message with all fields: those in `values`, by name, and 0 for the rest."""
         given = [(one.kind, values.get(one.name) or 0.0) for one in cls._fields(command)]
         numbers = tuple(round(number) if kind == "u32" else number for kind, number in given)
         return cls(command=command, numbers=numbers, **head)

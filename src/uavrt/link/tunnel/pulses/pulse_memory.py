@@ -89,7 +89,7 @@ class PulseMemory(Generic[T]):
             self._bound()
 
     def refill(self, store: int, items: Iterable[tuple[ItemKey, T]], *, more: bool) -> None:
-        """Add pulses from disk that a ground station lacks; `more`: True if others remain."""
+        """Add pulses from disk that a ground station lacks; `more`: True if further remain."""
         for key, item in items:
             if key not in self._entries:
                 missing_at = {store} & self._stores.present
