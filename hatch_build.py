@@ -335,7 +335,7 @@ def enum_source(files: list[Any], name: str, entries: list[str]) -> str:
     chosen = entries or [key for key in values if not key.endswith("ENUM_END")]
     lines = [f"    {key} = {values[key]}" for key in chosen]
     return (
-        f'class {class_name(name)}(IntEnum):\n    """Values of MAVLink\'s enumeration {name}."""\n\n'
+        f'class {class_name(name)}(IntEnum):\n    """Values of the enumeration {name}."""\n\n'
         + "\n".join(lines)
         + "\n"
     )

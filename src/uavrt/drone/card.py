@@ -115,7 +115,7 @@ def _number(path: Path) -> int | None:
 
 
 def battery_clock_off_s() -> float | None:
-    """Battery-backed clock minus system clock, to whole seconds [s]; None without one."""
+    """Battery-backed minus system clock, in whole seconds [s]; None without such a clock."""
     kept_s = _number(SYSFS / "class/rtc/rtc0/since_epoch")
     return None if kept_s is None else kept_s - wall_ns() / NANOSECONDS_PER_SECOND
 

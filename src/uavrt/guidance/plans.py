@@ -321,7 +321,7 @@ def check_keep_out(
 
 
 def check_map(now: VehicleNow, limits: Limits) -> None:
-    """Raise `PlanError` for an elevation map that is more than 15 m off at home."""
+    """Raise `PlanError` if map and autopilot differ by more than 15 m on home's height."""
     apart = map_fault(now, limits)
     if apart is not None:
         raise PlanError(apart, remedy="Check guidance.terrain, its datum, and home")

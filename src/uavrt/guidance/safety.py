@@ -60,7 +60,7 @@ class SafetyLimits:
     flying_height_m: float = 2.0
     """Height above home [m] at which a drone counts as flying if it reports no landed state."""
     lowest_height_m: float = 20.0
-    """Lowest commanded height above ground [m], unless the settings have another."""
+    """Lowest commanded height above ground [m], unless the settings specify another one."""
     gust_below_m: float = 1.0
     """Tolerance of height limits in plans [m], as gusts may lower a hovering drone."""
     margin_m: float = 5.0

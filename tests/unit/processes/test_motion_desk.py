@@ -524,7 +524,7 @@ def test_a_confirmation_that_the_supervisor_kept_for_long_is_none(link: Link) ->
     link.run(3.0)
     link.supervisor_answers()
     assert link.states[-1].kind == "refused"
-    assert "waited 3 s" in link.states[-1].text
+    assert "delayed by 3 s" in link.states[-1].text
 
 
 def test_a_reply_to_another_command_of_that_number_is_no_leave_to_fly(link: Link) -> None:

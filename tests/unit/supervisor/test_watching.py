@@ -74,7 +74,7 @@ def test_a_busy_process_is_reported_after_a_while_and_not_every_second() -> None
 
 
 def test_a_growing_process_is_reported() -> None:
-    assert "uses 101 MB (100 MB)" in watched(0.0, 5, memory_mb=101.0)[0]
+    assert "uses 101 MB (budget 100 MB)" in watched(0.0, 5, memory_mb=101.0)[0]
 
 
 def flights(directory: Path, *names: str) -> list[Path]:

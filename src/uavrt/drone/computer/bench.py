@@ -129,7 +129,7 @@ def _add_noise(one: _Heard, noise_psd: float) -> None:
 
 
 def first_flight(facts: FlightFacts, bench: Bench, now_ns: int) -> list[Finding]:
-    """Findings on each item of the check list before a flight; unknown items are faults."""
+    """Check each item of the list before a flight; an unknown item counts as a fault."""
     judged = [
         _drone(facts),
         _radio(facts, bench, now_ns),

@@ -126,7 +126,7 @@ class FirstSetup:
         return faults
 
     def test(self, step: str, running: SystemStatus | None) -> list[Finding]:
-        """Findings of a test of a step's settings: radio or autopilot's link. Takes seconds."""
+        """Test the settings of a step, the radio or the autopilot's link, in some seconds."""
         self._require_wanted()
         settings = self._settings()
         if step == "radio":
@@ -151,7 +151,7 @@ class FirstSetup:
         return {"name": str(self.values()["name"])}
 
     def command_key(self) -> str:
-        """Command key of the drone, for a laptop that will command it; only during set-up."""
+        """Read the drone's command key, for a laptop that will command it; only in set-up."""
         self._require_wanted()
         named = self._settings().mavlink.key_file
         if named is None:

@@ -235,7 +235,7 @@ def _quoted(word: str) -> str:
 
 
 def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
-    """Write unit and rule; start the service if `root` is ``/``. Texts on what was done."""
+    """Write unit and rule, start the service if `root` is ``/``; return what was done."""
     done = [
         _write(root / UNIT_PATH, unit_text(plan)),
         _write(root / RULE_PATH, rule_text()),
@@ -255,7 +255,7 @@ def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
 
 
 def remove(root: Path = Path("/")) -> list[str]:
-    """Stop and remove the service, not its flights; texts on what was done, or `UsageError`."""
+    """Stop and remove the service, not its flights; return what was done, or `UsageError`."""
     done = _call(("systemctl", "stop", UNIT)) if root == Path("/") else []
     for path in (WANTED_PATH, UNIT_PATH, UPDATE_WANTED_PATH, UPDATE_UNIT_PATH, RULE_PATH):
         try:

@@ -89,7 +89,7 @@ class Seen:
         return heard and bool(self.armed)
 
     def missing(self, needs: Needs, now_s: float) -> str:
-        """Text on what is missing at present; empty if nothing is."""
+        """Text that names the required records missing at present; empty if none are."""
         wanted = [(self.status_s, "the service")]
         wanted += [(self.heartbeat_s, "the autopilot's heartbeat")] * needs.heartbeat
         wanted += [(self.poses_s, "poses")] * needs.poses

@@ -75,7 +75,7 @@ class Update:
     path: Path
     version: str
     name: str
-    """Version and first digits of the content's hash, so that two builds differ."""
+    """Name of the update: version, and first digits of the hash of its content."""
     alone: bool
     """True if the update contains only uavrt, without the libraries that it needs."""
     manifest: Manifest | None

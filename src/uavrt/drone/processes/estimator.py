@@ -105,7 +105,7 @@ class Estimation:
                 self._next_ns = 0  # by another clock
 
     def tick(self) -> None:
-        """Estimate if there are new pulses, and send the bearing that is due."""
+        """Estimate bearings if there are new pulses, and send the bearing that is due."""
         now_ns = self._frame.clock.now_ns()
         if self._new and now_ns >= self._next_ns:
             self._new = False

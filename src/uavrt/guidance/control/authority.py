@@ -192,7 +192,7 @@ class Authority:
 
     @property
     def flies_ours(self) -> bool:
-        """True while the vehicle flies a command of this order or still of the previous."""
+        """True while the vehicle flies a command of this order or of the previous order."""
         return self._order is not None and self._order.leg is not None
 
     def vehicle_seen(

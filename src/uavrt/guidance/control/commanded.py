@@ -94,7 +94,7 @@ class Commanded:
         return 0.0 if self.yaw is None else self.yaw.turned_deg
 
     def overdue(self, now_s: float, target_age_s: float) -> str | None:
-        """Text on an overdue reaction to the command, progress or report; None if none is."""
+        """Text if reaction to the command, progress or a report is overdue; else None."""
         rises = isinstance(self.manoeuvre, TakeOff)
         longest_s = SAFETY.takeoff_begins_within_s if rises else SAFETY.obeyed_within_s
         if not self.obeyed:
@@ -230,7 +230,7 @@ class Commanded:
         return self.yaw.fault(made_s, seen.yaw_deg, bearing_deg, away_m, course_deg)
 
     def _observe_climb(self, seen: PositionReport) -> str | None:
-        """Text if the drone does not climb straight up (`TakeMode`: stays down), or None."""
+        """Text if the drone does not climb straight up (`TakeMode`: does not stay down)."""
         altitude, rises = seen.altitude_amsl_m, isinstance(self.manoeuvre, TakeOff)
         done_m = SAFETY.takeoff_done_m
         self.top_m = max(self.top_m, altitude)

@@ -151,7 +151,7 @@ class ObservedVehicle:
         return None
 
     def lost(self, now_s: float) -> str | None:
-        """Text on a report that is missing for so long that an order ends; None without one."""
+        """Text if a report has been missing for so long that an order ends; else None."""
         if self.mode is None or now_s - self.mode.time_s > SAFETY.mode_lost_s:
             return "the mode is no longer reported"
         if self.heartbeat is None or now_s - self.heartbeat.time_s > SAFETY.heartbeat_lost_s:

@@ -37,7 +37,7 @@ class JumpWatch:
     """Sum of changes of altitude above sea level that the height over home did not show [m]."""
 
     def observe(self, seen: PositionReport) -> str | None:
-        """Text on a position or altitude that jumped since the last report; None without."""
+        """Text if position or altitude jumped since the last report; else None."""
         before, self.before = self.before, seen
         gap_s = max(0.0, seen.boot_s - before.boot_s)
         rise = seen.altitude_amsl_m - before.altitude_amsl_m
@@ -183,7 +183,7 @@ class OrderWatch:
         self.flown = None
 
     def overdue(self, vehicle: ObservedVehicle, now_s: float) -> str | None:
-        """Text on an overdue reaction to the command, progress or report; None if none is."""
+        """Text if reaction to the command, progress or a report is overdue; else None."""
         if now_s - self.planner_s > SAFETY.planner_lost_s:
             return "the guide is silent"
         lost = vehicle.lost(now_s)

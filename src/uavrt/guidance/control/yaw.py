@@ -262,7 +262,7 @@ class _Swept:
     greatest change counterclockwise, negative."""
 
     def add(self, bearing_deg: float) -> None:
-        """Add a bearing."""
+        """Add a bearing to the swept range."""
         change = wrap_degrees_180(bearing_deg - self.first_deg)
         self.least_deg = min(self.least_deg, change)
         self.most_deg = max(self.most_deg, change)

@@ -127,7 +127,7 @@ class SearchTask:
         )
 
     def _planner(self) -> Planner:
-        """Make the planner of the settings; uavrt's own gets the duration of a turn."""
+        """Make the planner of the settings; uavrt's own also gets the duration of a turn."""
         if self.equipment.planner != "mi_rate":
             return planner_named(self.equipment.planner)
         turning = self.turn_s

@@ -176,7 +176,7 @@ class SharedSearch:
     def course(
         self, now: VehicleNow, *, searching: bool = False, height_m: float | None = None
     ) -> Course:
-        """Report of this drone's course; each begins its lists of tags with another tag."""
+        """Report of this drone's course; its lists begin with a different tag each time."""
         self._sequence = (self._sequence + 1) % _ROUND
         here = (now.latitude_deg, now.longitude_deg)
         height = now.altitude_relative_m if height_m is None else height_m

@@ -74,7 +74,7 @@ class GroundStations:
             self._link.tunnel.rate_of(peer.link).acknowledged(trip_s, self._now_ns())
 
     def silent_s(self) -> dict[Place, float]:
-        """Silence of each station [s]; once one sends sealed messages, only these count."""
+        """Silence of each station [s]; if it has sent sealed messages, only these count."""
         return self._link.stations_silent_s() | self.gate.silent_s()
 
     def answer(self, answer: Answer | None, *, urgent: bool = True) -> None:

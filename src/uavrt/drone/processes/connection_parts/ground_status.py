@@ -161,7 +161,7 @@ class GroundStatus:
         return allowed
 
     def search_report(self, report: SearchReport, now_ns: int) -> None:
-        """Send a tag's search report; if one was sent recently, that the detector works."""
+        """Send a tag's search report or, soon after one, only that the detector works."""
         if self._due(f"search {report.tag_id}", SEARCH_REPORT_NS, now_ns):
             self._send(self._exchange.search_report(report))
         else:

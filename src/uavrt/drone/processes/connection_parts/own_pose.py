@@ -31,7 +31,7 @@ SILENCE_NS = ns_from_s(5.0)
 ALTITUDE_HOLDS_NS = ns_from_s(3.0)
 """Time after a GPS position with altitude in which positions without one are dropped [ns]."""
 WATCH_PERIOD_S = 3.0
-"""Time between requests for data to a silent gpsd [s], which forgets them in a restart."""
+"""Time between requests for data to a silent gpsd [s]; a restarted gpsd needs a new request."""
 GPSD = "127.0.0.1:2947"
 WAIT_S = 1.5
 """Longest time that a pulse waits for the GPS receiver's next position [s]."""
@@ -96,7 +96,7 @@ class OwnPose:
 
     @property
     def status(self) -> str | None:
-        """Text on whether position or heading is missing; None if both are known."""
+        """Text on what is missing, position or heading; None if both are known."""
         now_ns = self._clock_ns()
         if self._fault is not None:
             return f"no position: {self._fault}"

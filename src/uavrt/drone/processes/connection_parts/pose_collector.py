@@ -172,7 +172,10 @@ class PoseCollector:
         return replace(pose, extrapolated=True)
 
     def missing(self) -> str | None:
-        """Text on what the station's own pose lacks, or None; changes go to the operator."""
+        """Text on what is missing for the station's own pose, or None.
+
+        A change of the text is reported to the operator.
+        """
         assert self._own is not None
         missing = self._own.status
         if missing != self._missing:

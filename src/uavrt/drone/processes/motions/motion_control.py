@@ -162,7 +162,7 @@ class MotionControl:
         return self.authority
 
     def fly(self, request: VehicleRequest, now_s: float) -> bool:
-        """Handle a request of the guide process; True if for a motion, even a refused one."""
+        """Handle a request of the guide process; True if it is a motion, even a refused one."""
         authority = self.known
         assert request.order_id is not None
         self._status_text = request.status_text or self._status_text

@@ -127,7 +127,7 @@ class MotionOrders:
         elif isinstance(about, MotionRequest):
             self._out.record("motion", about)
         elif waited_s > SUPERVISOR_TIMEOUT_S:
-            text = f"the confirmation came {waited_s:.0f} s late: request the motion again"
+            text = f"the confirmation was delayed by {waited_s:.0f} s: request the motion again"
             self._reports.answer("refused", text, requester, about.request_id)
         else:
             self._confirm(about, requester)

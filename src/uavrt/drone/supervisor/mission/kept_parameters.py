@@ -54,7 +54,7 @@ class SettingsInForce:
         """Radio gain given with a start command; None: gain of the settings."""
 
     def resume(self, gain: int | None, waiting: Mapping[str, float]) -> None:
-        """Restore a resumed flight's gain and those of its parameters that change after it."""
+        """Restore a resumed flight's gain, and its values of parameters that change later."""
         with suppress(UavrtError):
             self._use_gain(gain)
         self.in_flight = self.now

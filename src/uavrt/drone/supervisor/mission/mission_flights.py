@@ -99,7 +99,7 @@ class Flights:
     def _continue_capture(
         self, flight: FlightInfo, clock_offset_ns: int | None
     ) -> SystemState | None:
-        """Continue a raw capture; None after a reboot, with a report on what was recorded."""
+        """Continue a raw capture; after a reboot, report what was recorded and return None."""
         if clock_offset_ns is None or not Path(flight.directory).is_dir():
             self._notify(4, f"Raw capture ended by a restart: kept in {flight.directory}")
             return None

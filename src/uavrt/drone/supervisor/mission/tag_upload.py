@@ -38,7 +38,7 @@ class TagUpload:
         self.sent = sent
 
     def add(self, tag: Tag | None, maximum_tags: int | None) -> None:
-        """Add a tag; an equal tag may be added again; `maximum_tags` None: 1000."""
+        """Add a tag, or an equal tag again; at most `maximum_tags` tags (None: 1000)."""
         if tag is None:
             raise UavrtError("the tag is missing")
         if self._tags.get(tag.tag_id, tag) != tag:
