@@ -234,7 +234,7 @@ def survey_places(order: Order, home: Place) -> tuple[Place, ...]:
 
 
 def _points_on(lines: list[tuple[float, float]], spacing_m: float) -> list[tuple[float, float]]:
-    """Places for full turns, in the middles of equal parts of lines; `PlanError`: too many."""
+    """Positions of full turns, in the middle of equal parts of lines; `PlanError`: too many."""
     ends = list(zip(lines[::2], lines[1::2], strict=True))
     counts = [max(1, round(hypot(x1 - x0, y1 - y0) / spacing_m)) for (x0, y0), (x1, y1) in ends]
     if sum(counts) > _LIMITS.most_turns:

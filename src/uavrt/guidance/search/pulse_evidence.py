@@ -49,8 +49,7 @@ class _TagSearch:
     gap_s: float
     """Longest time between two search reports of an uninterrupted search [s]."""
     threshold_db: float
-    """Detection threshold, as pulse ENR, for missed pulses and stronger received pulses
-    [dB]."""
+    """Detection threshold, as pulse ENR, for missed and for stronger received pulses [dB]."""
     least_db: float
     """Detection threshold of the pulse ENR for received pulses below `threshold_db` [dB]."""
     from_s: float | None = None

@@ -61,7 +61,7 @@ class Inbox:
 
     @property
     def dropped(self) -> dict[str, int]:
-        """Number of dropped messages, for each topic with any."""
+        """Numbers of dropped messages by topic, for topics with dropped messages."""
         return self._dropped.copy()
 
     def take(self) -> list[Arrival]:

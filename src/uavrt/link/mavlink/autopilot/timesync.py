@@ -92,7 +92,7 @@ class TimeSync:
         return min(trip.round_trip_ns for trip in self._trips) / NANOSECONDS_PER_SECOND
 
     def reset(self) -> None:
-        """Reset all but the skew: the boot clock restarted, with the same crystal."""
+        """Reset all but the skew, because the boot clock restarted with the same crystal."""
         self._trips.clear()
         self._line = self._suspect = None
         self._one_way.clear()

@@ -14,7 +14,7 @@ STRONGEST_M_S = 60.0
 
 
 def wind_of(message: Message) -> tuple[float, float] | None:
-    """Velocity of the air, east and north [m/s]; None for other messages."""
+    """Velocity of the air, east and north [m/s]; None for a message without wind."""
     match message:
         case dialect.Wind():  # the direction that it comes from
             comes = radians(message.direction)

@@ -104,7 +104,7 @@ class UdpLink(Link):
             self._socket = None
 
     def _listen(self) -> None:
-        """Wait for the next datagram, then read all."""
+        """Wait for the next datagram, then read all waiting datagrams."""
         assert self._socket is not None
         try:
             asyncio.get_running_loop().add_reader(self._socket.fileno(), self._woken)

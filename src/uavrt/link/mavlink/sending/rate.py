@@ -29,12 +29,13 @@ FRAME_OVERHEAD = 17
 BURST_BYTES = 300.0
 DEBT_BYTES = 1000.0
 PULSE_WAIT_S = 0.005
-"""Wait of a pulse behind other messages that is accepted [s]; timers resolve no less."""
+"""Accepted wait of a pulse behind other messages [s]; timers cannot resolve less."""
 RADIO_FRESH_NS = ns_from_s(5.0)
 ACKS_FRESH_NS = ns_from_s(30.0)
 ROUND_NS = ns_from_s(0.25)
 BASE_WINDOW = 240
-"""Number of 0.25 s rounds (a minute) whose smallest mean round trip counts as unqueued."""
+"""Number of 0.25 s rounds (a minute) whose smallest mean round trip counts as without a
+queue."""
 QUEUE_GROW_S = 0.15
 QUEUE_SHRINK_S = 0.35
 """Queueing delay above which the send rate is lowered [s]; a SiK radio holds 1850 B, 0.6 s."""

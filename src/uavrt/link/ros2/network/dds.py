@@ -90,7 +90,7 @@ ORDER_OF_USE = {
 }
 """Order of messages with the same time stamp: tags, then the upload's end, then a start."""
 GOODBYE_S = 0.2
-"""Longest wait at the end for others to acknowledge the empty list of nodes [s]."""
+"""Longest wait at the end for participants to acknowledge the empty list of nodes [s]."""
 
 
 Reach = Literal["interfaces", "computer", "off"]

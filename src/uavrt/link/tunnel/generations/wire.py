@@ -61,7 +61,7 @@ class Fixed:
 
 
 class Message(Protocol):
-    """Protocol of every tunnel message: it can be encoded."""
+    """Protocol of a tunnel message, which can be encoded."""
 
     def encode(self) -> bytes:
         """Encode the message as payload bytes."""
@@ -125,7 +125,7 @@ class CommandMessage:
 
     @classmethod
     def _layouts(cls, command: CommandId) -> dict[int, struct.Struct]:
-        """Layouts of the payloads with all or the first fields, by length."""
+        """Layouts of the payloads with all fields, or only the first ones, by length."""
         text, end, widest = "<" + "I" * len(cls.HEAD), 4 * len(cls.HEAD), 4
         layouts = {}
         for one in cls._fields(command):

@@ -271,7 +271,7 @@ def cut_text(text: str, tail: str = "") -> str:
 
 
 def _printable(text: str) -> str:
-    """Replace control characters in a text, which may affect terminals and is not sealed."""
+    """Replace control characters, which could affect terminals, in an unsealed text."""
     return "".join(one if one.isprintable() else "\ufffd" for one in text)
 
 

@@ -36,7 +36,7 @@ Stations acknowledge once a second: at 40 % loss 3 % are late, and get some puls
 
 
 class ReliableSender(Generic[T]):
-    """Decides which pulse is sent next, and which are lost."""
+    """Decides which pulse is sent next, and which pulses count as lost."""
 
     def __init__(
         self,
@@ -189,10 +189,11 @@ class ReliableSender(Generic[T]):
             self.repeats += 1
 
     def _add_twin(self, entry: Entry[T]) -> None:
-        """Send a repetition twice while nothing else waits, since a loss costs a time-out.
+        """Send a repetition twice while nothing else waits to be sent.
 
         With few unacknowledged pulses, each loss costs a time-out. At 20 % loss, 4 % of the
-        pulses would need a second time-out, with twins 0.8 %. The link is idle anyhow.
+        pulses would need a second time-out, with two copies 0.8 %. The link is idle at that
+        time.
         """
         again = entry.sends > 1 and not entry.twin and not self.pulses.waiting
         entry.twin = again and self.stores.any_confirmed(entry.missing_at)
