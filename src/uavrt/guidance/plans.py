@@ -359,7 +359,7 @@ def check_ground(
         if np.isnan(beneath).any() and height < now.altitude_relative_m - SAFETY.gust_below_m:
             raise PlanError(
                 "the path descends where the elevation map has no data",
-                remedy="Stay at the same height, or add the tile to guidance.terrain",
+                remedy="Keep the height, or add the tile to guidance.terrain",
             )
         high = float(np.nanmax(np.append(beneath, 0.0)))
         needed = max(high, float(ground.highest_home_m(x, y).max())) + limits.lowest_m
@@ -533,7 +533,7 @@ def too_windy(now: VehicleNow, limits: Limits) -> str | None:
     if now.wind is None or now.wind.speed_m_s <= SAFETY.calm_share * limits.airspeed_m_s:
         return None
     return (
-        f"the wind of {now.wind.speed_m_s:.0f} m/s is too close to the drone's "
+        f"wind of {now.wind.speed_m_s:.0f} m/s, close to the drone's "
         f"airspeed of {limits.airspeed_m_s:.0f} m/s"
     )
 

@@ -79,9 +79,9 @@ def test_beside_a_hill_nothing_sinks_below_the_way_home(action: str) -> None:
 
 def test_where_the_map_knows_nothing_there_is_no_descent() -> None:
     flown = flying("px4", (0.0, 300.0), 80.0)
-    with pytest.raises(PlanError, match="map has no ground"):
+    with pytest.raises(PlanError, match="map has no data"):
         flown.order("hold", height_m=60.0)
-    with pytest.raises(PlanError, match="map has no ground"):
+    with pytest.raises(PlanError, match="map has no data"):
         flown.order("goto", places=(flown.place(0.0, 150.0),), height_m=60.0)
     flown.order("hold", height_m=80.0)
 

@@ -252,7 +252,7 @@ def test_a_return_changes_the_mode_and_needs_one_that_was_seen_just_now() -> Non
     execution = flown.order("goto", places=(flown.place(200.0, 0.0),), height_m=40.0)
     flown.run(6.0)
     flown.run(1.0, until=lambda: flown.steps % 20 == 12)  # told at 0, 5 and 15
-    with pytest.raises(CommandRefused, match="mode was not reported just now"):
+    with pytest.raises(CommandRefused, match="mode was not reported recently"):
         flown.authority.command(execution.order.order_id, GoHome(), flown.time_s)
     flown.run(1.0, until=lambda: flown.steps % 20 == 16)
     command = flown.authority.command(execution.order.order_id, GoHome(), flown.time_s)

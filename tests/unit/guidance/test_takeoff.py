@@ -62,7 +62,7 @@ def test_nobody_ever_arms_but_the_pilot(flavour: Flavour) -> None:
 @BOTH
 def test_a_drone_that_may_not_take_off_does_not(flavour: Flavour) -> None:
     flown = standing(flavour, may_take_off=False)
-    with pytest.raises(CommandRefused, match="does not take off by order") as refused:
+    with pytest.raises(CommandRefused, match="may not take off by itself") as refused:
         flown.order("takeoff", height_m=30.0)
     assert "may_take_off" in str(refused.value)
 

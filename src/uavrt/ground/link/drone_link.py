@@ -235,7 +235,7 @@ class GroundLink:
         return await self._exchange.command(payload, payload_type, request_id)
 
     async def motion(self, payload: bytes, request_id: int) -> MotionState:
-        """Send an order of motion, a confirmation or a stop; see `Exchange.motion`."""
+        """Send a motion order, a confirmation or a stop; see `Exchange.motion`."""
         return await self._exchange.motion(payload, request_id)
 
     def send_neighbour(self, neighbour: Neighbour) -> None:

@@ -29,7 +29,7 @@ class Written:
 
 
 class FlightWriter:
-    """Writes the flight in progress, and earlier ones not completely on the disk.
+    """Writes the flight in progress, and earlier flights that are not completely on disk.
 
     `also`: called with each written item before the flight is committed; if it raises
     `RecordingError`, the flight waits and the call is repeated later.
@@ -91,7 +91,7 @@ class FlightWriter:
         self._flight = None
 
     def write(self, works: list[tuple[bool, Callable[["FlightWriter"], None]]]) -> Written:
-        """Execute queued writes and make them durable, also earlier ones that had failed."""
+        """Execute queued writes and earlier writes that had failed, and make them durable."""
         for _, work in works:
             work(self)
         fault = None

@@ -158,7 +158,7 @@ class GroundStore:
 
     @property
     def archive(self) -> Path | None:
-        """Directory that `uavrt batch` wrote: as set, else among the flights; None: none."""
+        """Directory that `uavrt batch` wrote: configured, or among the flights; or None."""
         if self.settings.archive:
             return Path(self.settings.archive)
         usual = self.directory / "archive"

@@ -20,8 +20,7 @@ log = get_logger()
 
 LineHandler = Callable[[bytes], None]
 READ_BYTES = 65_536
-"""Largest number of bytes read at once from a process; reads of 128 KiB would make glibc map
-memory for each."""
+"""Most bytes read at once from a process; glibc would map memory for each read of 128 KiB."""
 
 
 class Child:

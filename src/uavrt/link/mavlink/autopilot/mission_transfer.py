@@ -21,8 +21,8 @@ MOST_ITEMS = 1000
 RETRY_S = 1.0
 """Time until a mission request is repeated [s], longer than a full queue at 57 600 baud."""
 TRIES = 12
-"""Maximum number of tries of a mission request; at 20 % loss each way, one request in 200 000
-fails every time."""
+"""Maximum number of tries of a mission request; at 20 % loss each way, all tries of one in 200
+000 requests fail."""
 SILENCE_S = 6.0
 """Longest silence in a mission upload [s]; PX4 repeats requests for 5 s, ArduPilot for 8 s."""
 LIMIT_S, LIMIT_PER_ITEM_S = 60.0, 2.0

@@ -104,7 +104,7 @@ class TimeSync:
         return now_ns - self._trips[-1].local_ns if self._trips else None
 
     def is_stale(self, now_ns: int) -> bool:
-        """True if the line is extrapolated without answers, or the offset is only bounded."""
+        """True if the clock fit is extrapolated for lack of answers, or the offset bounded."""
         age_ns = self.age_ns(now_ns)
         return age_ns is None or age_ns > STALE_NS
 

@@ -20,8 +20,7 @@ from uavrt.link.mavlink.message import Message
 from uavrt.link.mavlink.sending.rate import FRAME_OVERHEAD, LinkRate
 
 MIN_GAP_S = 0.012
-"""Shortest time between frames via an autopilot [s]; PX4's loop at ``-r 1200`` takes 8.33
-ms."""
+"""Shortest time between frames via an autopilot [s]; PX4's loop at ``-r 1200``: 8.33 ms."""
 DIRECT_LINK_GAP_S = 0.001
 """Shortest time between frames on a direct link [s]; bursts of 200 overran a socket."""
 HEADER_BYTES = 12

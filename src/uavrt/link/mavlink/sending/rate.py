@@ -34,8 +34,7 @@ RADIO_FRESH_NS = ns_from_s(5.0)
 ACKS_FRESH_NS = ns_from_s(30.0)
 ROUND_NS = ns_from_s(0.25)
 BASE_WINDOW = 240
-"""Number of 0.25 s rounds (a minute) whose smallest mean round trip counts as without a
-queue."""
+"""Number of 0.25 s rounds, a minute, whose smallest mean round trip counts as queue-free."""
 QUEUE_GROW_S = 0.15
 QUEUE_SHRINK_S = 0.35
 """Queueing delay above which the send rate is lowered [s]; a SiK radio holds 1850 B, 0.6 s."""
