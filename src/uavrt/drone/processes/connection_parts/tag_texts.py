@@ -60,7 +60,7 @@ class TagTexts:
         who = " or ".join(map(self._name, (pulse.tag_id, *pulse.also_possible_tag_ids)))
         again = "" if silent_s is None else f" again after {silent_s:.0f} s"
         bound = "at least " if pulse.clipped else ""
-        return f"Tag {who} heard{again}: {bound}{pulse.snr_db:.1f} dB"
+        return f"Tag {who} detected{again}: {bound}{pulse.snr_db:.1f} dB"
 
     def _name(self, tag_id: int) -> str:
         tag = self._tags.get(tag_id)
