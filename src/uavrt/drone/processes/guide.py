@@ -275,7 +275,7 @@ class Guide:
     def _offer(self, request: MotionRequest) -> None:
         order = Order.of(request, secrets.randbits(31) | 1)
         if len(self._waiting_orders) >= MOST_WAITING_ORDERS:
-            busy = "too many orders are being planned. Request it again"
+            busy = "too many orders are being planned. Request the motion again"
             self._send_offer(request, order.order_id, busy, "", refused=True)
             return
         self._waiting_orders.append((request, order))

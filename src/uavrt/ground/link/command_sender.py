@@ -14,6 +14,7 @@ from uavrt.config.tags.tag_corrections import TagCorrection, correction_of
 from uavrt.config.tags.tag_files import faults_of_tags
 from uavrt.core.commands import Button, CommandName, SystemState
 from uavrt.core.errors import FormatError, LinkError, RecordingError, UavrtError
+from uavrt.core.units import counted
 from uavrt.flight.reading.noted_places import Mark, mark_note
 from uavrt.ground.link.button_states import (
     ACTIONS,
@@ -103,10 +104,10 @@ class Commands:
     async def send_tags_by(self, link: GroundLink) -> str:
         """Send the tag table over `link`, whatever state the drone last reported."""
         tags = self._vehicle.store.chosen_tags
-        async with self._working("send_tags", f"sending {len(tags)} tags"):
+        async with self._working("send_tags", f"sending {counted(len(tags), 'tag')}"):
             await link.upload_tags(tags, self._progress)
             self._vehicle.drone.tags_accepted(tags)
-            return f"{len(tags)} tags sent"
+            return f"{len(tags)} {'tag' if len(tags) == 1 else 'tags'} sent"
 
     async def start(self) -> str:
         """Start detection and a flight recording on the ground."""

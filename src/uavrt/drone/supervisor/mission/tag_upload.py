@@ -8,6 +8,7 @@ from uavrt.config.tags.tag_files import faults_of_tags
 from uavrt.core.errors import UavrtError
 from uavrt.core.log import get_logger
 from uavrt.core.messages import Tag
+from uavrt.core.units import counted
 from uavrt.flight.kept_file import KeptFile
 
 log = get_logger()
@@ -61,7 +62,7 @@ class TagUpload:
         if len(self._tags) < self.sent:
             return f"{len(self._tags)} of {self.sent} tags"
         self._last.keep((*self._tags.values(),))
-        return f"{len(self._tags)} tags"
+        return counted(len(self._tags), "tag")
 
     def check_complete(self, tag_count: int | None) -> None:
         """Raise `UavrtError` if fewer tags arrived than the sender announced."""
