@@ -214,8 +214,8 @@ def paced(every_s: float, tags: int = 1, gaps_s: tuple[float, ...] = ()) -> Pace
     now_s = 0.0
     for number in range(60):
         for _ in range(tags):
-            watch.came("search_report", now_s)
-        watch.came("pulse", now_s)
+            watch.record_arrived("search_report", now_s)
+        watch.record_arrived("pulse", now_s)
         now_s += every_s + (gaps_s[number] if number < len(gaps_s) else 0.0)
     return watch
 

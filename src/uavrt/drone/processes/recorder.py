@@ -216,7 +216,7 @@ class Recorder:
                 self._times.pulses_wait(now_s)
                 return
             case PulsePose():
-                self._reconstruct(self._awaited.came(record.pulse))
+                self._reconstruct(self._awaited.pose_arrived(record.pulse))
                 self._take_pulse_poses([record])
                 return
             case Poses():

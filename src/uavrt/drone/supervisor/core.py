@@ -305,7 +305,7 @@ class Supervisor:
             log.warning("unexpected record ignored", child=instance.name, line=repr(line[:80]))
             return
         self._last_pulses.passed(name)
-        instance.pace.came(name, monotonic_s())
+        instance.pace.record_arrived(name, monotonic_s())
         self._forward(name, line + b"\n", instance)
         if name in SUPERVISOR_TOPICS:
             try:

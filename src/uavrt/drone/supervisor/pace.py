@@ -37,7 +37,7 @@ class PaceWatch:
         for came_s in self._came_s.values():
             came_s.clear()
 
-    def came(self, topic: str, now_s: float) -> None:
+    def record_arrived(self, topic: str, now_s: float) -> None:
         """Register that a record of the process has arrived."""
         came_s = self._came_s.get(topic)
         if came_s is not None:

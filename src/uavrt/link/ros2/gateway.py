@@ -82,7 +82,7 @@ class Gateway:
                 self._drone.status, self._drone.status_heard_ns = record, self._now_ns()
                 self._topics.status_changed()
             case Command() if record.source != SOURCE:
-                self._commands.of_others(record)
+                self._commands.foreign_command(record)
                 self._topics.command(record)
             case CommandReply():
                 self._commands.answered(record)
@@ -105,7 +105,7 @@ class Gateway:
         self._commands.resume()
         arrivals = self._bus.inbox.take()
         if not arrivals:
-            self._commands.nothing_came()
+            self._commands.set_loss_baseline()
         for arrival in arrivals:
             self._receive(arrival)
         self._show_drops(now_ns)

@@ -65,7 +65,7 @@ class RosCommands:
         self.sent = 0
         """Number of commands sent to the supervisor."""
 
-    def of_others(self, command: Command) -> None:
+    def foreign_command(self, command: Command) -> None:
         """Handle a command from outside ROS 2; its tag upload replaces one begun over ROS 2."""
         if command.name == "start_tags":
             self._upload.forget()
@@ -115,8 +115,8 @@ class RosCommands:
             self._upload.resume((tag.tag_id for tag in status.tags), self._lost_tags())
             self._log.write(4, "the gateway restarted during the upload: send all tags again")
 
-    def nothing_came(self) -> None:
-        """Note the tag messages lost so far, so that the next upload does not count them."""
+    def set_loss_baseline(self) -> None:
+        """Store the tag messages lost so far, so that the next upload does not count them."""
         self._upload.quiet(self._lost_tags())
 
     def unreadable_tag(self) -> None:
