@@ -1,4 +1,4 @@
-"""Heights of the ground around home, and relative to home, from an elevation map. Pure.
+"""Heights of the ground around home, and relative to home, from an elevation map; no I/O.
 
 If map and autopilot disagree on home's height, one of them is wrong.
 """

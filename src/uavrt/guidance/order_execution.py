@@ -1,4 +1,4 @@
-"""Fly an order step by step: each motion is requested when the one before is done. Pure.
+"""Fly an order step by step: each motion is requested when the one before is done; no I/O.
 
 `uavrt.guidance.control.authority` decides on each request. A refused request is dropped: the
 next one follows from the vehicle's state then.

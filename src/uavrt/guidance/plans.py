@@ -1,4 +1,4 @@
-"""Split an order into steps and check the steps before anything moves. Pure."""
+"""Split an order into steps and check the steps before anything moves; no I/O."""
 
 import itertools
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Decide if the drone may be commanded; a pilot's action or a fault ends permission. Pure.
+"""Decide if the drone may be commanded; a pilot's action or a fault ends permission; no I/O.
 
 Three states. *Out*: nothing is sent. *Confirmed*: the operator has confirmed an order; it must
 begin within 10 s. *In command*: the first command was sent. Any observed change that no command

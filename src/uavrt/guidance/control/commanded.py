@@ -1,4 +1,4 @@
-"""Monitor the last command: the drone must fly this command and nothing else. Pure."""
+"""Monitor the last command: the drone must fly this command and nothing else; no I/O."""
 
 from dataclasses import InitVar, dataclass, field
 from math import cos, hypot, nan, radians, sin

@@ -1,4 +1,4 @@
-"""Delay of the vehicle's reports, from the timestamps in them. Pure.
+"""Delay of the vehicle's reports, from the timestamps in them; no I/O.
 
 Queued on a slow link, the report of a pilot's takeover arrives seconds late.
 """

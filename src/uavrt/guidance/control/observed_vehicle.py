@@ -1,4 +1,4 @@
-"""State of the vehicle from its last reports, and reasons against a command. Pure."""
+"""State of the vehicle from its last reports, and reasons against a command; no I/O."""
 
 from math import inf
 

@@ -1,4 +1,4 @@
-"""Orders proposed to the operator for confirmation, and reasons to withdraw them. Pure."""
+"""Orders proposed to the operator for confirmation, and reasons to withdraw them; no I/O."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Monitor a confirmed order for changes that no command caused, and check commands. Pure.
+"""Monitor a confirmed order for changes that no command caused, and check commands; no I/O.
 
 Until the first command the vehicle must stay as it was at the confirmation, or fly on to the
 previous order's target. After the first command, it must follow the command (`Commanded`).

@@ -1,4 +1,4 @@
-"""Check that the heading moves as commanded. Pure."""
+"""Check that the heading moves as commanded; no I/O."""
 
 from collections import deque
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""Read outlines of areas from GeoJSON, KML and QGroundControl's plans. Pure.
+"""Read outlines of areas in the text of GeoJSON, KML and QGroundControl's plans; no I/O.
 
 QGroundControl's plans (version 1) have a survey's ``polygon``, a fence's polygons and circles.
 """

@@ -1,4 +1,4 @@
-"""Convert surveys and fences to MAVLink mission items and back. Pure.
+"""Convert surveys and fences to MAVLink mission items and back; no I/O.
 
 Formats: https://mavlink.io/en/services/mission.html, https://mavlink.io/en/file_formats/#fence.
 """

@@ -1,4 +1,4 @@
-"""Positions and paths of other drones in the same search. Pure.
+"""Positions and paths of other drones in the same search; no I/O.
 
 The drones have no common clock. So the whole straight path from a drone's last known position
 to its goal is reserved for it, and nothing depends on the delay of messages.

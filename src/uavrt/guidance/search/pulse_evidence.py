@@ -1,4 +1,4 @@
-"""Detected and missed pulses, with the antenna's pose at those times. Pure.
+"""Detected and missed pulses, with the antenna's pose at those times; no I/O.
 
 A detected pulse brings its own pose. A missed pulse is known later, and only for times that a
 detector reports as searched: without a radio, no pulse counts as missed.

@@ -1,4 +1,4 @@
-"""Tags, area and constants of a search, made once from an order. Pure."""
+"""Tags, area and constants of a search, made once from an order; no I/O."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -1,4 +1,4 @@
-"""One drone's part in a shared search: others' paths, requests, and its own reports. Pure.
+"""One drone's part in a shared search: others' paths, requests, and its own reports; no I/O.
 
 While a ground station serves several drones, a path is flown only after the ground has assigned
 it. A path chosen without all the other paths is never assigned. So without an answer a drone

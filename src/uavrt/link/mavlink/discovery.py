@@ -1,4 +1,4 @@
-"""Find the autopilot and the ground stations on a link. Pure."""
+"""Find the autopilot and the ground stations on a link; no I/O."""
 
 from dataclasses import dataclass, field
 

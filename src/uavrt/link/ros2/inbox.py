@@ -1,4 +1,4 @@
-"""Queue received messages for the gateway, within the limits of each topic. Pure.
+"""Queue received messages for the gateway, within the limits of each topic; no I/O.
 
 One thread puts messages in, another takes them out. Each topic has its own limits, so a flood
 on one topic delays no message of another. Excess messages are dropped and counted.

@@ -1,4 +1,4 @@
-"""Count the tags of an upload over ROS 2, so that no search starts with fewer. Pure.
+"""Count the tags of an upload over ROS 2, so that no search starts with fewer; no I/O.
 
 The original system's messages have no count, so a lost tag was silently not searched for.
 """

@@ -57,7 +57,7 @@ class ForkedProcess:
 
 
 def serve(sock: socket.socket) -> ForkedProcess | None:
-    """Fork on request; return the request in each new process, None at the supervisor's end."""
+    """Fork on request; return the data of each new process there, None without supervisor."""
     while True:
         data, fds, _, _ = socket.recv_fds(sock, MAX_REQUEST_BYTES, MAX_FDS)
         if not data:

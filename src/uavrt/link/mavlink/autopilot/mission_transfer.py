@@ -1,4 +1,4 @@
-"""Send missions and fences to an autopilot and read them, by MAVLink's mission protocol. Pure.
+"""Upload and download missions and fences by MAVLink's mission protocol; no I/O.
 
 A transfer takes messages and the time, and returns messages to send. In an upload the vehicle
 requests the items, and lost ones again. In a download, items are requested from the vehicle

@@ -2,7 +2,7 @@
 
 TIMESYNC round trips give pairs of boot time and local time. A straight line through the best
 pairs gives offset and skew. Without answers, the messages themselves bound the offset from one
-side: no message arrives before it was sent. Pure: no clock is read here.
+side: no message arrives before it was sent. No clock is read here.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Read the wind that each autopilot reports. Pure.
+"""Read the wind in the messages of each autopilot; no I/O.
 
 ArduPilot sends WIND and PX4 WIND_COV, where they estimate it: a multirotor needs its drag to be
 measured for that (EK3_DRAG_*, EKF2_DRAG_CTRL).

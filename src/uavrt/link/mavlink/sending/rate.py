@@ -1,4 +1,4 @@
-"""Estimate how many bytes a second the link to the ground can carry. Pure.
+"""Estimate how many bytes a second the link to the ground can carry; no I/O.
 
 A token bucket whose rate follows the known state of the link:
 

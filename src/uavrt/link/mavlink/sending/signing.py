@@ -1,4 +1,4 @@
-"""MAVLink 2 signing: a signed frame can only come from a holder of the key. Pure.
+"""MAVLink 2 signing: a signed frame can only come from a holder of the key; no I/O.
 
 A signed frame has the flag 0x01 in its incompatibility byte and ends with 13 bytes::
 

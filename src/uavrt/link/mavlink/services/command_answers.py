@@ -1,4 +1,4 @@
-"""Answer each MAVLink command with exactly one acknowledgement, to the sender. Pure."""
+"""Make the answer to each MAVLink command: one acknowledgement, to the sender; no I/O."""
 
 from importlib.metadata import version
 
