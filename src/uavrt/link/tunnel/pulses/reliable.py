@@ -1,10 +1,10 @@
-"""Deliver every pulse over a link that loses messages. No I/O.
+"""Deliver every pulse over a link that loses messages; no I/O.
 
 A ground station that acknowledges (`uavrt.link.tunnel.own_messages.private`) gets every pulse:
 unacknowledged ones are sent again. A station that does not acknowledge gets each pulse once.
 
 A message counts as lost once three later ones were acknowledged and the round trip has passed.
-Every message does after the retransmission time-out of RFC 6298, at least 0.4 s.
+Every message also counts as lost after the time-out of RFC 6298, at least 0.4 s.
 
 The content of a burst does not fit into its pulse message
 (`uavrt.link.tunnel.own_messages.burst`). The content goes to a store that has acknowledged the
