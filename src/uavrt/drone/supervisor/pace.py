@@ -31,7 +31,7 @@ class PaceWatch:
         """Topics with too low a rate, each with its measured period [s]."""
 
     def started(self, tags: int) -> None:
-        """Reset for a new process and the number of tags that it serves."""
+        """Reset for a newly started process, which serves the given number of tags."""
         self._tags = max(1, tags)
         self.slow = {}
         for came_s in self._came_s.values():

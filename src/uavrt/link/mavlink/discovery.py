@@ -17,7 +17,7 @@ from uavrt.link.mavlink.dialect import (
 AUTOPILOT_SILENCE_NS = ns_from_s(5.0)
 """Silence after which the autopilot counts as lost and may be replaced [ns]; 5 heartbeats."""
 STATION_SILENCE_NS = ns_from_s(10.0)
-"""Silence after which a station counts as lost [ns]; by chance with p = 1e-4 at 40 % loss."""
+"""Silence after which a station counts as lost [ns]; false with p = 1e-4 at 40 % loss."""
 MAX_STATIONS = 16
 STATION_SYSTEM_ID = 254
 """System id of uavrt's ground stations. Not 255, which ArduPilot takes for the operator's
