@@ -72,7 +72,7 @@ class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg]
     """Write the dialect and the page before a wheel or an editable install is made."""
 
     def dependencies(self) -> list[str]:
-        """Ask for Node from PyPI where the page must be built and the machine has none."""
+        """Request Node from PyPI if the page must be built and the machine has no Node."""
         return [] if page_is_built(Path(self.root)) or node_of_machine() else [NODE_WHEEL]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
@@ -118,7 +118,7 @@ class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg]
 
 
 class KernelsError(RuntimeError):
-    """The kernels are not built."""
+    """Raised when the kernels cannot be built."""
 
 
 def build_kernels(root: Path, target: Path) -> None:
@@ -127,7 +127,7 @@ def build_kernels(root: Path, target: Path) -> None:
     Raises
     ------
     KernelsError
-        They are not wanted, or there is no compiler or header, or they do not compile.
+        They are not requested, a compiler or header is missing, or they do not compile.
     """
     target.unlink(missing_ok=True)
     if os.environ.get("UAVRT_PURE", "0") not in ("", "0"):
@@ -176,11 +176,11 @@ def build_kernels(root: Path, target: Path) -> None:
 
 
 class PageError(RuntimeError):
-    """The page cannot be built."""
+    """Raised when the page cannot be built."""
 
 
 def build_page(root: Path) -> None:
-    """Bundle the page below `root`; do nothing when its sources have not changed.
+    """Bundle the page below `root`; do nothing if its sources are unchanged.
 
     Raises
     ------
@@ -200,7 +200,7 @@ def build_page(root: Path) -> None:
 
 
 def page_is_built(root: Path) -> bool:
-    """Tell whether what is built below `root` is of these sources, if they are here at all."""
+    """True if the built page matches its sources below `root`, or there are no sources."""
     stamp = root / STAMP
     return not (root / PAGE).is_dir() or (
         stamp.exists() and stamp.read_text() == page_digest(root)
@@ -326,7 +326,7 @@ def class_name(name: str) -> str:
 
 
 def enum_source(files: list[Any], name: str, entries: list[str]) -> str:
-    """Source of one enumeration, with all its entries or those named."""
+    """Source of one enumeration, with all its entries or only `entries`."""
     values: dict[str, int] = {}
     for enum in (enum for file in files for enum in file.enum if enum.name == name):
         for entry in enum.entry:
@@ -335,7 +335,9 @@ def enum_source(files: list[Any], name: str, entries: list[str]) -> str:
     chosen = entries or [key for key in values if not key.endswith("ENUM_END")]
     lines = [f"    {key} = {values[key]}" for key in chosen]
     return (
-        f'class {class_name(name)}(IntEnum):\n    """{name}."""\n\n' + "\n".join(lines) + "\n"
+        f'class {class_name(name)}(IntEnum):\n    """Values of the enumeration {name}."""\n\n'
+        + "\n".join(lines)
+        + "\n"
     )
 
 
@@ -385,12 +387,12 @@ class {class_name(message.name)}(Message):
 
 
 def is_text(field: Any) -> bool:
-    """Tell whether a field is text."""
+    """True if a field is text."""
     return bool(field.type == "char" and field.array_length)
 
 
 def is_bytes(field: Any) -> bool:
-    """Tell whether a field is a run of bytes."""
+    """True if a field is an array of bytes."""
     return bool(field.type == "uint8_t" and field.array_length)
 
 
@@ -405,7 +407,7 @@ def type_of(field: Any) -> str:
 
 
 def default_of(field: Any) -> str:
-    """Zero, as MAVLink 2 fills what a sender does not know; an addressee is always named."""
+    """Source of a field's default: zero, which MAVLink 2 uses for missing values."""
     if is_text(field):
         return '""'
     if is_bytes(field):

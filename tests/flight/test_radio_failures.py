@@ -148,7 +148,7 @@ def test_a_radio_that_fails_in_every_way_is_reported_and_comes_back_by_itself(
     for failure, words in zip(failures, FAULTS.values(), strict=True):
         assert words in failure
     # Five of them gave samples before they failed, and the last one goes on.
-    assert sum("Radio gives samples again" in text for text in more) >= 4
+    assert sum("Radio delivers samples again" in text for text in more) >= 4
     assert status.state == "detecting"
     assert len(status.tags) == 1
     for name in ("receiver", "detector-1"):

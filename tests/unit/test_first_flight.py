@@ -96,7 +96,7 @@ def test_free_space_is_told_in_gigabytes() -> None:
         ("radio", {"state": SystemState.HAS_TAGS}, "no detection is running"),
         ("time", {"clock_off_s": 1.7e9}, "clock is 19676 days behind this"),
         ("time", {"clock_off_s": -7200.0}, "clock is 2 h ahead of this"),
-        ("time", {"time_known": False}, "not known"),
+        ("time", {"time_known": False}, "is unknown"),
         ("poses", {"pose_age_s": 7.0}, "7 s old"),
         ("poses", {"pose_age_s": None}, "no position yet"),
         ("tags", {"tags": ()}, "no tags in the table"),
@@ -172,7 +172,7 @@ def test_without_a_past_flight_nobody_says_that_the_noise_is_normal() -> None:
 
 
 def test_a_pulse_without_position_and_one_too_loud_are_named() -> None:
-    assert "clock is not known" in items(FACTS, heard(pose=None))["time"].text
+    assert "clock is unknown" in items(FACTS, heard(pose=None))["time"].text
     assert "overloads" in items(FACTS, heard(clipped=True))["tags"].text
 
 

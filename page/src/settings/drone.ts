@@ -11,7 +11,7 @@ const UPKEEP = ["radio_status", "save_logs", "clean_logs"];
 const FINAL: Record<string, Words> = { clean_logs: t("drone.remove_really") };
 const CONFIRM_MS = 5000;
 /** What our drone says to the first step; the original's removes at once. */
-const FIRST_STEP = /send it again after (\d+) s to delete (\d+) flights: (.+)$/;
+const FIRST_STEP = /send it again after (\d+) s to delete (\d+) flights?: (.+)$/;
 /** The drone forgets the first step after a minute. */
 const SECOND_STEP_MS = 40_000;
 

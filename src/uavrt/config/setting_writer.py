@@ -31,7 +31,7 @@ def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
     with os_errors_as(
         ConfigError,
         f"cannot write the settings {target}",
-        "See whether the card is full or read-only: uavrt doctor",
+        "Check with uavrt doctor whether the card is full or read-only",
     ):
         mode = stat.S_IMODE(target.stat().st_mode) if target.exists() else 0o644
         write_atomically(target, text, mode=mode)

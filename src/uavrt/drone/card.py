@@ -47,7 +47,7 @@ class Card:
         if self.read_only:
             found.append("read-only: nothing more is recorded")
         if self.errors:
-            found.append(f"{self.errors} errors of the file system")
+            found.append(f"file-system errors: {self.errors}")
         if (self.life_used_tenths or 0) >= WORN_TENTHS:
             found.append("worn out")
         return found
@@ -115,7 +115,7 @@ def _number(path: Path) -> int | None:
 
 
 def battery_clock_off_s() -> float | None:
-    """Battery-backed clock minus system clock, to whole seconds [s]; None without one."""
+    """Battery-backed minus system clock, in whole seconds [s]; None without such a clock."""
     kept_s = _number(SYSFS / "class/rtc/rtc0/since_epoch")
     return None if kept_s is None else kept_s - wall_ns() / NANOSECONDS_PER_SECOND
 
@@ -126,7 +126,7 @@ def clock_is_lost() -> bool:
 
 
 def clock_fault() -> str | None:
-    """Text on a fault of this computer's clock or its battery; None if there is none."""
+    """Describe a fault of this computer's clock or its battery; None if there is none."""
     if clock_is_lost():
         seconds = wall_ns() // NANOSECONDS_PER_SECOND
         return time.strftime("shows %Y-%m-%d %H:%M UTC", time.gmtime(seconds))

@@ -22,13 +22,13 @@ class CommandingPage:
         """Name of the commanding page; None while that page is disconnected."""
         return self.page if self.page is not None and self._there[self.page] > 0 else None
 
-    def come(self, page: str) -> None:
+    def page_connected(self, page: str) -> None:
         """Add a page that has connected."""
         self._there[page] += 1
         if self.page is None:
             self.page = page
 
-    def go(self, page: str) -> None:
+    def page_disconnected(self, page: str) -> None:
         """Remove a page that has disconnected."""
         self._there[page] -= 1
         if self._there[page] <= 0:

@@ -20,7 +20,7 @@ ESTIMATES_SHOWN_S = 2.0
 
 
 class EstimateLoop:
-    """Repeats the estimates of one vehicle's current flight, one vehicle at a time."""
+    """Repeats the estimates of one vehicle's flight; only one vehicle computes at a time."""
 
     def __init__(
         self,

@@ -33,7 +33,7 @@ from uavrt.link.tunnel.tag_lists import digest_in, tag_list_digest
 
 START_RETRY_S = 2.0
 LAST_PULSES_WAIT_S = 1.0
-"""Time without a pulse after which a stopped drone is assumed to have sent all [s]."""
+"""Time without a pulse after which a stopped drone is assumed to have sent all pulses [s]."""
 STOP_TIMEOUT_S = 12.0
 
 

@@ -25,12 +25,12 @@ class Behaviour:
     return_modes: frozenset[int]
     mode_names: Mapping[int, str]
     yaw_in_reposition: bool
-    """True if DO_REPOSITION sets headings: turns are flown in steps; False: CONDITION_YAW."""
+    """True if DO_REPOSITION sets headings, in steps for a turn; False: CONDITION_YAW does."""
     follows_course: bool
-    """True if the nose turns into the direction of motion in flight; False: to the target."""
+    """True if the nose turns in flight to the direction of motion; False: to the target."""
 
     takeoff_mode: int
-    """Mode in which the vehicle takes off; then `own_mode` follows, if different."""
+    """Mode in which the vehicle takes off, before it changes to `own_mode`."""
 
     mission_modes: frozenset[int]
     """Custom modes in which the vehicle flies its mission, or returns along it."""
@@ -38,8 +38,8 @@ class Behaviour:
     """True if item 0 of the vehicle's mission is home."""
 
     target_m: float
-    """Largest distance of the reported target from the commanded one [m]. PX4 reports the exact
-    numbers of a command; a target set by a pause must differ from them."""
+    """Largest distance at which a reported target counts as the commanded one [m]. PX4 reports
+    the exact numbers of a command; a target set by a pause must differ from them."""
 
     settles_m: float
     """Largest distance from the target at which a drone comes to rest by itself [m]; one that
@@ -56,7 +56,7 @@ class Behaviour:
         return self.takeoff_mode == self.own_mode
 
     def mode_name(self, mode: int) -> str:
-        """Name of a flight mode as pilots know it; its number if the name is unknown."""
+        """Name of a flight mode as pilots see it; its number if the name is unknown."""
         return self.mode_names.get(mode, f"mode {mode}")
 
 
@@ -132,6 +132,8 @@ def behaviour_of(name: str | None) -> Behaviour:
         if known == name:
             return behaviour
     raise CommandRefused(
-        "autopilot unknown" if name is None else f"autopilot {name} is not known",
+        "the autopilot's type is unknown"
+        if name is None
+        else f"autopilot {name} is not supported",
         remedy="Motion needs a multirotor with PX4 or ArduPilot; fly by hand",
     )

@@ -44,7 +44,7 @@ class EnergyLearning:
         return replace(now, energy=self.energy)
 
     def _read(self, now: VehicleNow, percent: float, battery_wh: float) -> None:
-        """Add a battery reading; update the power by the use between percentage steps."""
+        """Add a battery reading; update the power by the energy used between percentages."""
         before_s, before = self._before_s, self._percent
         self._before_s, self._percent = now.time_s, percent
         if before_s is None or before is None:

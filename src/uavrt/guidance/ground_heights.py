@@ -1,4 +1,4 @@
-"""Heights of the ground around home, and relative to home, from an elevation map. Pure.
+"""Heights of the ground around home, and relative to home, from an elevation map; no I/O.
 
 If map and autopilot disagree on home's height, one of them is wrong.
 """
@@ -46,7 +46,7 @@ class GroundAround:
         if not np.isfinite(home):
             raise PlanError(
                 "the elevation map does not cover home",
-                remedy="Add its tile to guidance.terrain, or take the setting out",
+                remedy="Add its tile to guidance.terrain, or remove the setting",
             )
         heights = heights_at(np.asarray(latitude), np.asarray(longitude)) - home
         return cls(home_amsl_m=home, reach_m=count * step, step_m=step, heights_m=heights)

@@ -1,4 +1,4 @@
-"""Orders of the operator, and the vehicle state needed to fly them. Pure."""
+"""Orders of the operator, and the vehicle state needed to fly them."""
 
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Self

@@ -1,4 +1,4 @@
-"""Fly an order step by step: each motion is requested when the one before is done. Pure.
+"""Fly an order step by step: each motion is requested when the one before is done; no I/O.
 
 `uavrt.guidance.control.authority` decides on each request. A refused request is dropped: the
 next one follows from the vehicle's state then.
@@ -58,7 +58,7 @@ def _waits(step: Step, now: VehicleNow) -> bool:
 
 
 class OrderExecution:
-    """Flies the steps of one order; with `waits` it then waits for more, by `redirect`."""
+    """Flies the steps of one order; with `waits`, then waits for further steps (`redirect`)."""
 
     def __init__(
         self, order: Order, plan: Plan, limits: Limits, *, waits: bool = False
@@ -96,7 +96,7 @@ class OrderExecution:
 
     @property
     def idle(self) -> bool:
-        """True if all steps are done and the order waits for more."""
+        """True if all steps are done and the order waits for further steps."""
         return self._waits and self._number >= len(self._steps)
 
     def redirect(self, steps: Sequence[Step], now: VehicleNow) -> None:

@@ -1,4 +1,4 @@
-"""Split an order into steps and check the steps before anything moves. Pure."""
+"""Split an order into steps and check the steps before anything moves; no I/O."""
 
 import itertools
 from dataclasses import dataclass, replace
@@ -234,7 +234,7 @@ def survey_places(order: Order, home: Place) -> tuple[Place, ...]:
 
 
 def _points_on(lines: list[tuple[float, float]], spacing_m: float) -> list[tuple[float, float]]:
-    """Places for full turns, in the middles of equal parts of lines; `PlanError`: too many."""
+    """Positions of full turns, in the middle of equal parts of lines; `PlanError`: too many."""
     ends = list(zip(lines[::2], lines[1::2], strict=True))
     counts = [max(1, round(hypot(x1 - x0, y1 - y0) / spacing_m)) for (x0, y0), (x1, y1) in ends]
     if sum(counts) > _LIMITS.most_turns:
@@ -321,7 +321,7 @@ def check_keep_out(
 
 
 def check_map(now: VehicleNow, limits: Limits) -> None:
-    """Raise `PlanError` for an elevation map that is more than 15 m off at home."""
+    """Raise `PlanError` if map and autopilot differ by more than 15 m on home's height."""
     apart = map_fault(now, limits)
     if apart is not None:
         raise PlanError(apart, remedy="Check guidance.terrain, its datum, and home")
@@ -331,7 +331,11 @@ def map_fault(now: VehicleNow, limits: Limits) -> str | None:
     """Text on a large height difference of map and autopilot at home; None if small."""
     ground, home_amsl_m = limits.ground, now.altitude_amsl_m - now.altitude_relative_m
     apart = None if ground is None else ground.apart_m(home_amsl_m)
-    return None if apart is None else f"home is {apart:+.0f} m off the elevation map"
+    return (
+        None
+        if apart is None
+        else f"home's altitude differs by {apart:+.0f} m from the elevation map"
+    )
 
 
 def check_ground(
@@ -354,8 +358,8 @@ def check_ground(
         flown = first if number == 0 else height
         if np.isnan(beneath).any() and height < now.altitude_relative_m - SAFETY.gust_below_m:
             raise PlanError(
-                "the path descends where the elevation map has no ground",
-                remedy="Stay as high, or add the tile to guidance.terrain",
+                "the path descends where the elevation map has no data",
+                remedy="Keep the height, or add the tile to guidance.terrain",
             )
         high = float(np.nanmax(np.append(beneath, 0.0)))
         needed = max(high, float(ground.highest_home_m(x, y).max())) + limits.lowest_m
@@ -529,8 +533,8 @@ def too_windy(now: VehicleNow, limits: Limits) -> str | None:
     if now.wind is None or now.wind.speed_m_s <= SAFETY.calm_share * limits.airspeed_m_s:
         return None
     return (
-        f"the wind is {now.wind.speed_m_s:.0f} m/s; the drone flies "
-        f"{limits.airspeed_m_s:.0f} m/s through the air"
+        f"wind of {now.wind.speed_m_s:.0f} m/s, close to the drone's "
+        f"airspeed of {limits.airspeed_m_s:.0f} m/s"
     )
 
 

@@ -58,9 +58,9 @@ class SafetyLimits:
     home_height_error_m: float = 15.0
     """Difference of home's altitude in map and autopilot above which the map is unused [m]."""
     flying_height_m: float = 2.0
-    """Height above home [m] from which a drone without a reported landed state is flying."""
+    """Height above home [m] at which a drone counts as flying if it reports no landed state."""
     lowest_height_m: float = 20.0
-    """Lowest commanded height above ground [m], unless the settings have another."""
+    """Lowest commanded height above ground [m], unless the settings specify another one."""
     gust_below_m: float = 1.0
     """Tolerance of height limits in plans [m], as gusts may lower a hovering drone."""
     margin_m: float = 5.0
@@ -119,7 +119,7 @@ class SafetyLimits:
     braking_s: float = 0.5
     braking_m: float = 0.1
     sample_s: float = 0.1
-    """Time between two position reports [s]; widens the window in which progress is sought."""
+    """Time between two position reports [s]; extends the time in which progress is checked."""
 
     # Remaining angle at which a turn is done, and turned angle that shows its beginning [°].
     turn_done_deg: float = 6.0
@@ -148,7 +148,7 @@ class SafetyLimits:
     course_follow_s: float = 1.0
     course_follow_deg: float = 3.0
     either_way_deg: float = 150.0
-    """Angle from heading to course over ground above which the turn may go either way [°]."""
+    """Angle from heading to course above which a turn may have either direction [°]."""
     # Least speeds at which ArduCopter's heading follows the course [m/s]: 5 % of its speed,
     # and nearer than `frozen_m`, where it returns from its overshoot.
     course_m_s: float = 0.5

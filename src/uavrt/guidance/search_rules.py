@@ -27,7 +27,7 @@ class SearchRules:
     away_margin: float = 1.4
     """Factor on the protected distance to animals: they walk, and decisions err at times."""
     approached: float = 2.0
-    """Rise of the probability of a too near animal at which a stay is reconsidered [ratio]."""
+    """Factor by which the probability of a too near animal must rise to reconsider a stay."""
 
     report_gap_s: float = 3.0
     """Longest gap between a detector's search reports in one search [s]; usual: one second."""

@@ -1,4 +1,4 @@
-"""Convert the connection's vehicle report to the state that guidance uses. Pure."""
+"""Convert the connection's vehicle report to the state that guidance uses; no I/O."""
 
 from dataclasses import fields
 

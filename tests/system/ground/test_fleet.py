@@ -230,7 +230,7 @@ def test_all_vehicles_get_their_tags_start_and_stop_at_one_word(
     willing_both: tuple[Any, dict[int, WillingDrone]],
 ) -> None:
     station, drones = willing_both
-    assert to_all(station, "send_tags") == {1: (True, "1 tags sent"), 2: (True, "1 tags sent")}
+    assert to_all(station, "send_tags") == {1: (True, "1 tag sent"), 2: (True, "1 tag sent")}
     assert [drone.tags for drone in drones.values()] == [1, 1]
     both_are(station, "has_tags")
     assert [accepted for accepted, _ in to_all(station, "start").values()] == [True, True]

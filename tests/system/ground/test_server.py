@@ -311,13 +311,13 @@ async def test_a_second_page_looks_on_until_it_takes_command(served: Any) -> Non
 
 def test_after_a_restart_in_flight_the_page_that_is_back_first_does_not_command() -> None:
     commander = CommandingPage("first")
-    commander.come("second")
+    commander.page_connected("second")
     assert commander.present is None
-    commander.come("first")
+    commander.page_connected("first")
     assert commander.present == "first"
     with pytest.raises(CommandRefused):
         commander.check("second")
-    commander.go("first")
+    commander.page_disconnected("first")
     commander.check("second")
     assert commander.present == "second"
 

@@ -73,7 +73,7 @@ def test_what_does_not_fit_is_said_at_once_and_the_capture_ends_in_time(
     free_mb = 1.0 + 1.2 * BYTES_A_SECOND * 1e-6
     drone.world.write("free_mb", str(free_mb))
     texts = drone.capture(lambda _: None)
-    assert any("Disk: 1 of 2 s fit, capture ends then" in text for text in texts)
+    assert any("Disk: 1 of 2 s fit, the capture ends early" in text for text in texts)
     assert said_s(texts) == pytest.approx(1.2, abs=0.05) == drone.recorded_s()
     assert texts[-1].endswith(": the disk is nearly full")
 

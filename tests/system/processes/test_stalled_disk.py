@@ -57,7 +57,7 @@ async def test_pulses_and_answers_go_on_while_the_disk_stalls(
         async with bay.running(), bay.ground_station() as (link, events):
             bay.begin_flight(tmp_path)
             if place == "spool":
-                bay.process._pulses.outlet.sender.stores.disk_has_news()  # as after a restart
+                bay.process._pulses.outlet.sender.stores.mark_all_on_disk()  # like a restart
             else:
                 client = FileClient(lambda payload: link.send(request(payload)), lambda: 0)
                 asking = asyncio.create_task(client.list_directory("/"))

@@ -247,9 +247,9 @@ def test_who_does_not_command_hears_why(
 ) -> None:
     gateway = launch(settings)
     client = Client(ros_peer)
-    Supervisor(gateway, Settings(ros2=settings), refusal="mavlink 255/190 commands, you watch")
+    Supervisor(gateway, Settings(ros2=settings), refusal="mavlink 255/190 is in command")
     (result,) = client.set("set_parameters", DET_K=5).results
-    assert (result.successful, result.reason) == (False, "mavlink 255/190 commands, you watch")
+    assert (result.successful, result.reason) == (False, "mavlink 255/190 is in command")
 
 
 def test_a_drone_that_only_shows_lists_its_parameters_and_sets_none(

@@ -289,8 +289,8 @@ def test_an_autopilot_that_does_not_start_again_is_started_up_to_four_times(
 
 
 def test_an_arrival_noted_with_a_late_link_is_an_arrival() -> None:
-    assert has_arrived("done: the autopilot's messages come 0.3 s late")
-    assert not has_arrived("another turns the drone")
+    assert has_arrived("done: the autopilot's messages arrive 0.3 s late")
+    assert not has_arrived("another program turns the drone")
 
 
 async def test_waiting_for_an_autopilot_ends_with_its_program() -> None:
@@ -389,8 +389,10 @@ def test_a_table_of_a_good_rehearsal_has_no_fault() -> None:
     ("bad", "fault"),
     [
         (
-            outcome("PX4 SIH", "survey", ended="another turns the drone", arrived=False),
-            'PX4 SIH, survey: ended by "another turns the drone"',
+            outcome(
+                "PX4 SIH", "survey", ended="another program turns the drone", arrived=False
+            ),
+            'PX4 SIH, survey: ended by "another program turns the drone"',
         ),
         (
             outcome("PX4 SIH", "goto", ended="lost", arrived=False, relay_late_s=1.3),

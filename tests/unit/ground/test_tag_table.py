@@ -261,7 +261,7 @@ def test_a_coded_tag_comes_back_from_its_row_and_from_every_file_with_room_for_i
     ("field", "written", "says"),
     [
         ("gaps_ms", "", "needed"),
-        ("gaps_ms", "22 x", "numbers between spaces"),
+        ("gaps_ms", "22 x", "numbers separated by spaces"),
         ("gaps_ms", "0.022, 0.0488, 0.0366", "looks like seconds"),
         ("gaps_ms", "4 48.8 36.6", "overlap"),
         ("gaps_ms", " ".join(["30"] * 8), "1 to 7 gaps"),

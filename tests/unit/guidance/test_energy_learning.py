@@ -129,11 +129,11 @@ def test_the_way_home_is_against_the_wind_that_is_told_or_else_the_worst() -> No
 
 def test_in_as_much_wind_as_it_can_fly_against_it_goes_home_and_nowhere_else() -> None:
     status_text = must_return(replace(NOW, wind=Wind(east_m_s=11.0)), LIMITS)
-    assert status_text == "the wind is 11 m/s; the drone flies 12 m/s through the air"
+    assert status_text == "wind of 11 m/s, close to the drone's airspeed of 12 m/s"
     assert must_return(replace(NOW, wind=Wind(east_m_s=10.0)), LIMITS) is None
     flown = Flown("px4", frame=Frame(wind_m_s=(0.0, 11.5)))
     flown.run(6.0)
-    with pytest.raises(PlanError, match="the wind is 12 m/s"):
+    with pytest.raises(PlanError, match="wind of 12 m/s"):
         flown.order("goto", places=(flown.place(50.0, 0.0),), height_m=40.0)
 
 
@@ -147,7 +147,7 @@ def test_wind_that_rises_in_flight_ends_a_search(flavour: Flavour) -> None:
     search.run(10.0)
     assert search.flown.authority.reason == "returning: the autopilot flies home"
     assert any(
-        "the wind is" in one for one in (search.execution.status_text, search.notes[-1].reason)
+        "wind of" in one for one in (search.execution.status_text, search.notes[-1].reason)
     )
 
 

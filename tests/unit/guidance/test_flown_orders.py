@@ -192,7 +192,7 @@ def test_a_confirmation_ends_after_ten_seconds_without_a_command(flavour: Flavou
     flown.run(9.5)
     assert flown.authority.standing is ControlStage.CONFIRMED
     flown.run(1.0)
-    assert flown.authority.reason == "the order was not begun within 10 s"
+    assert flown.authority.reason == "the order did not begin within 10 s"
     assert not flown.commands
 
 

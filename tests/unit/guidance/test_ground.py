@@ -79,9 +79,9 @@ def test_beside_a_hill_nothing_sinks_below_the_way_home(action: str) -> None:
 
 def test_where_the_map_knows_nothing_there_is_no_descent() -> None:
     flown = flying("px4", (0.0, 300.0), 80.0)
-    with pytest.raises(PlanError, match="map has no ground"):
+    with pytest.raises(PlanError, match="map has no data"):
         flown.order("hold", height_m=60.0)
-    with pytest.raises(PlanError, match="map has no ground"):
+    with pytest.raises(PlanError, match="map has no data"):
         flown.order("goto", places=(flown.place(0.0, 150.0),), height_m=60.0)
     flown.order("hold", height_m=80.0)
 
@@ -89,7 +89,7 @@ def test_where_the_map_knows_nothing_there_is_no_descent() -> None:
 @pytest.mark.parametrize("off_m", [-16.0, 16.0, 47.0])
 def test_a_map_that_is_off_at_home_is_not_flown_by(off_m: float) -> None:
     flown = Flown("px4", limits=limits(off_m))
-    with pytest.raises(PlanError, match="off the elevation map"):
+    with pytest.raises(PlanError, match="from the elevation map"):
         flown.order("hold")
     Flown("px4", limits=limits(14.0)).order("hold")
 
@@ -109,7 +109,7 @@ def test_it_holds_and_asks_when_home_leaves_the_map_in_flight(flavour: Flavour) 
     flown.run(12.0)
     place = flown.vehicle.body.place_m
     flown.run(10.0)
-    assert "off the elevation map: holding" in execution.status_text
+    assert "from the elevation map: holding" in execution.status_text
     assert np.hypot(*np.subtract(flown.vehicle.body.place_m, place)) < 2.0
     assert flown.authority.standing is ControlStage.IN_COMMAND
 

@@ -30,7 +30,7 @@ def test_nothing_is_confirmed_over_a_link_that_tells_late(
     flavour: Flavour, late_s: float
 ) -> None:
     flown = behind(flavour, late_s)
-    with pytest.raises(CommandRefused, match=f"messages come {late_s} s late"):
+    with pytest.raises(CommandRefused, match=f"messages arrive {late_s} s late"):
         flown.order("goto", places=(flown.place(100.0, 0.0),), height_m=40.0)
 
 
@@ -66,7 +66,7 @@ def test_the_operator_reads_why_an_order_was_not_begun(flavour: Flavour) -> None
     flown.through = Rough(random.Random(1), late_s=0.6)
     flown.run(10.5)
     assert flown.authority.reason == (
-        "the order was not begun within 10 s: the autopilot's messages come 0.6 s late"
+        "the order did not begin within 10 s: the autopilot's messages arrive 0.6 s late"
     )
 
 
@@ -101,7 +101,7 @@ def test_without_timesync_the_quickest_message_was_in_time() -> None:
     told(lateness, 12.0, 0.15)
     assert lateness.fault is None
     told(lateness, 13.0, 0.50)
-    assert lateness.fault == "the autopilot's messages come 0.5 s late"
+    assert lateness.fault == "the autopilot's messages arrive 0.5 s late"
     told(lateness, 14.0, 0.05)
     assert lateness.fault is None
 
@@ -118,6 +118,6 @@ def test_clocks_that_part_by_as_much_as_crystals_do_are_not_late() -> None:
 def test_timesync_knows_of_a_link_that_was_late_from_the_beginning() -> None:
     lateness = ReportDelay()
     told(lateness, 10.0, 0.9, late_s=0.9)
-    assert lateness.fault == "the autopilot's messages come 0.9 s late"
+    assert lateness.fault == "the autopilot's messages arrive 0.9 s late"
     told(lateness, 11.0, 14.0, late_s=0.05)
     assert lateness.fault is None

@@ -89,8 +89,8 @@ def at_rest(flavour: Flavour) -> Flown:
         (Flown, fly_and_return_the_mode, "the mode has changed"),
         (Flown, change_mode, "the mode has changed to R"),
         (at_rest, give_target, "another program has set a target"),
-        (at_rest, partial(turn_and_back, by_deg=-120.0), "another turns the drone"),
-        (at_rest, partial(turn_and_back, by_deg=40.0), "another turns the drone"),
+        (at_rest, partial(turn_and_back, by_deg=-120.0), "another program turns the drone"),
+        (at_rest, partial(turn_and_back, by_deg=40.0), "another program turns the drone"),
     ],
 )
 def test_what_would_end_an_order_takes_away_one_that_is_only_offered(
@@ -150,7 +150,7 @@ def test_who_turns_it_before_the_first_command_has_taken_it(
     flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
     flown.change_heading(by_deg)
     flown.run(1.0)
-    assert flown.authority.reason == "another turns the drone"
+    assert flown.authority.reason == "another program turns the drone"
     with pytest.raises(CommandRefused):
         flown.authority.command(1, manoeuvre(flown), flown.time_s)
 
@@ -252,7 +252,7 @@ def test_a_return_changes_the_mode_and_needs_one_that_was_seen_just_now() -> Non
     execution = flown.order("goto", places=(flown.place(200.0, 0.0),), height_m=40.0)
     flown.run(6.0)
     flown.run(1.0, until=lambda: flown.steps % 20 == 12)  # told at 0, 5 and 15
-    with pytest.raises(CommandRefused, match="mode was not reported just now"):
+    with pytest.raises(CommandRefused, match="mode was not reported recently"):
         flown.authority.command(execution.order.order_id, GoHome(), flown.time_s)
     flown.run(1.0, until=lambda: flown.steps % 20 == 16)
     command = flown.authority.command(execution.order.order_id, GoHome(), flown.time_s)

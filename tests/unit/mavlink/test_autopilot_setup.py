@@ -202,7 +202,7 @@ def test_a_port_that_mavlink_runs_on_already_keeps_its_instance() -> None:
 
 def test_without_a_free_instance_or_a_known_port_the_remedy_says_what_to_do() -> None:
     full = {**PX4_DEFAULTS, "MAV_2_CONFIG": 201}
-    with pytest.raises(ConfigError, match="no instance of MAVLink is free"):
+    with pytest.raises(ConfigError, match="no MAVLink instance is free"):
         needs(True, full, "TELEM3", 57_600)
     for is_px4 in (True, False):
         with pytest.raises(ConfigError, match="TELEM2"):

@@ -119,7 +119,7 @@ def test_a_vehicle_that_stops_asking_is_asked_anew_and_given_up_in_the_end() -> 
 
 @pytest.mark.parametrize(
     ("result", "said"),
-    [(1, "cannot take a mission now"), (4, "no room"), (14, "takes none"), (9, "result 9")],
+    [(1, "accepts no mission now"), (4, "no room"), (14, "accepts none"), (9, "result 9")],
 )
 def test_a_refusal_is_told_with_its_reason(result: int, said: str) -> None:
     wire, sent = MissionWire("px4"), upload()
@@ -225,7 +225,7 @@ def test_ardupilot_keeps_home_before_the_mission() -> None:
 
 
 def test_what_differs_is_told() -> None:
-    assert difference(MISSION, MISSION[1:]) == "it has 14 items, not 15"
+    assert difference(MISSION, MISSION[1:]) == "the vehicle has 14 items, not 15"
     lower = (replace(MISSION[0], z=10.0), *MISSION[1:])
     assert difference(MISSION, lower) == "item 1 differs"
     as_px4 = tuple(replace(one, frame={3: 6}.get(one.frame, one.frame)) for one in MISSION)

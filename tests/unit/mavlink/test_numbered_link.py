@@ -40,7 +40,7 @@ async def test_the_ground_commands_a_drone_of_each_generation_over_a_lossy_radio
         await insist(ground.stop_detection)
         await until(lambda: world.mission.state is SystemState.HAS_TAGS)
         await until(lambda: not world.mission.flights.ending)
-        with pytest.raises(CommandRefused, match="again after 10 s to delete 1 flights"):
+        with pytest.raises(CommandRefused, match="again after 10 s to delete 1 flight:"):
             await insist(lambda: ground.ask("clean_logs"))
         with pytest.raises(CommandRefused, match="flash drive not found"):
             await insist(lambda: ground.ask("save_logs"))

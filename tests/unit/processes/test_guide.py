@@ -122,7 +122,7 @@ def test_an_offer_says_that_the_vehicles_fence_is_not_known() -> None:
     hub = Hub()
     hub.guide.receive("vehicle", hub.report())
     offer = hub.ask("hold")
-    assert offer.summary == ("hold here at 40 m; own fence not known; out of Position")
+    assert offer.summary == ("hold here at 40 m; own fence unknown; out of Position")
 
 
 def meadow(hub: Hub, half_m: float) -> KeepOut:
@@ -269,7 +269,7 @@ def test_heights_of_the_ground_are_read_from_the_drones_own_files(tmp_path: Path
     assert not hub.ask("goto", places=(hub.flown.place(-200.0, 0.0),), height_m=40.0).refused
     wrong = hub.report(altitude_amsl_m=520.0)
     hub.guide.receive("vehicle", wrong)
-    assert "home is +50 m off the elevation map" in hub.ask("hold").summary
+    assert "home's altitude differs by +50 m from the elevation map" in hub.ask("hold").summary
 
 
 def test_without_the_files_of_heights_nothing_is_flown(tmp_path: Path) -> None:

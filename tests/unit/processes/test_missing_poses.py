@@ -34,7 +34,7 @@ def test_every_pulse_gets_its_pose_or_is_said_to_wait_in_vain_exactly_once(
             awaited.add(everything[-1], now_s)
         elif event == "pose" and waiting[tag_id]:
             first, _ = waiting[tag_id].pop(0)
-            vain += awaited.came(first)
+            vain += awaited.pose_arrived(first)
             posed.append(first)
         elif event == "lost" and waiting[tag_id]:
             waiting[tag_id].pop(0)  # the process that gives poses died with it
@@ -61,4 +61,4 @@ def test_a_pulse_told_again_waits_no_longer_than_the_first_time() -> None:
     awaited.add(pulse(1, 2), 0.0)
     awaited.add(pulse(1, 2), 5.0)
     assert awaited.overdue(TRIAL_TIMEOUT_S) == [pulse(1, 2)]
-    assert awaited.came(pulse(1, 2)) == []
+    assert awaited.pose_arrived(pulse(1, 2)) == []

@@ -429,16 +429,16 @@ def test_the_operator_is_told_once_that_the_link_is_too_late_to_command(link: Li
         link.alive()
     assert len(link.motions) == 1
     texts = [one.text for one in link.texts]
-    assert texts.count("Not commanded: the autopilot's messages come 0.5 s late") == 1
+    assert texts.count("No command sent: the autopilot's messages arrive 0.5 s late") == 1
     link.run(1.0)
     assert link.states[-1].text == (
-        "the autopilot's messages come 0.5 s late: nothing is commanded"
+        "the autopilot's messages arrive 0.5 s late: no command is sent"
     )
     link.handler.handle_request(
         VehicleRequest(order_id=5, ends=True, status_text="the commands are refused")
     )
     assert link.states[-1].text == (
-        "the commands are refused: the autopilot's messages come 0.5 s late"
+        "the commands are refused: the autopilot's messages arrive 0.5 s late"
     )
 
 
@@ -488,7 +488,7 @@ def test_a_process_that_stood_still_lets_go_before_anything_else(link: Link) -> 
     link.flown.time_s += 5.0
     link.fly(100.0)
     assert len(link.motions) == 1
-    assert link.states[-1].text == "the drone side stood still for 5 s"
+    assert link.states[-1].text == "the drone's program paused for 5 s"
 
 
 def test_what_arrived_long_ago_is_no_position_of_now(link: Link) -> None:
@@ -526,7 +526,7 @@ def test_a_confirmation_that_the_supervisor_kept_for_long_is_none(link: Link) ->
     link.run(3.0)
     link.supervisor_answers()
     assert link.states[-1].kind == "refused"
-    assert "waited 3 s" in link.states[-1].text
+    assert "delayed by 3 s" in link.states[-1].text
 
 
 def test_a_reply_to_another_command_of_that_number_is_no_leave_to_fly(link: Link) -> None:
@@ -589,7 +589,7 @@ def test_an_autopilot_that_turns_out_to_be_another_is_told(link: Link) -> None:
     for _ in range(6):
         link.handler.handle_request(VehicleRequest(order_id=5))
         link.run(0.2)
-    assert link.texts[-1].text == "Not flying: the autopilot is not known"
+    assert link.texts[-1].text == "Not flying: the autopilot's type is unknown"
 
 
 def test_an_autopilot_that_was_real_once_is_never_the_simulator(link: Link) -> None:
@@ -673,7 +673,7 @@ def test_a_take_off_is_one_command_and_a_stop_after_it_is_silent() -> None:
     link.say(encode_stop(MotionStop(request_id=12)))
     before, after = link.states[-3], link.states[-1]
     assert (before.standing, after.standing) == ("in command", "out")
-    assert after.text == "stopped by the operator: it climbs on to its height"
+    assert after.text == "stopped by the operator: it continues to climb to its height"
     assert len(link.motions) == 1
 
 

@@ -117,21 +117,21 @@ def test_a_silence_is_thirty_seconds_or_ten_of_the_longest_interval() -> None:
         heard.reported(tag_id)
         return answer
 
-    assert text(7, 0.0) == "Tag 7 heard: 20.0 dB"
+    assert text(7, 0.0) == "Tag 7 detected: 20.0 dB"
     assert text(7, 79.0) is None
-    assert text(7, 160.02) == "Tag 7 heard again after 81 s: 20.0 dB"
-    assert text(9, 0.0) == "Tag 9 heard: 20.0 dB"
+    assert text(7, 160.02) == "Tag 7 detected again after 81 s: 20.0 dB"
+    assert text(9, 0.0) == "Tag 9 detected: 20.0 dB"
     assert text(9, 30.0) is None
     assert text(9, 5.0) is None  # late: it was not the newest
     assert text(9, 60.0) is None
-    assert text(9, 90.1) == "Tag 9 heard again after 30 s: 20.0 dB"
+    assert text(9, 90.1) == "Tag 9 detected again after 30 s: 20.0 dB"
 
 
 def test_a_text_that_was_too_many_comes_with_the_next_pulse() -> None:
     heard = TagTexts()
     first = made.pulse(0, snr_db=10.0)
-    assert heard.text(first) == "Tag 2 heard: 10.0 dB"
-    assert heard.text(made.pulse(S, snr_db=11.0)) == "Tag 2 heard: 11.0 dB"
+    assert heard.text(first) == "Tag 2 detected: 10.0 dB"
+    assert heard.text(made.pulse(S, snr_db=11.0)) == "Tag 2 detected: 11.0 dB"
     heard.reported(2)
     assert heard.text(made.pulse(2 * S)) is None
 
@@ -140,7 +140,7 @@ def test_only_confirmed_pulses_make_a_text_and_doubt_is_told() -> None:
     heard = TagTexts([replace(SLOW, tag_id=2, name="lynx")])
     assert heard.text(made.pulse(0, confirmed=False)) is None
     doubtful = made.pulse(S, also_possible_tag_ids=(4,))
-    assert heard.text(doubtful) == "Tag 2 (lynx) or 4 heard: 20.0 dB"
+    assert heard.text(doubtful) == "Tag 2 (lynx) or 4 detected: 20.0 dB"
 
 
 def test_ground_stations_of_others_are_told_from_ours_and_fall_silent() -> None:

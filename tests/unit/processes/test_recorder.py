@@ -262,7 +262,7 @@ def test_a_pulse_whose_pose_never_comes_gets_one_from_the_recorded_poses(drone: 
     assert drone.heard("recorded") == [Recorded(pulses=(made.pulse.key,))]
     assert drone.stored() == {one: made.pose}
     (told,) = drone.heard("status_text")
-    assert "1 made up" in told.text
+    assert "1 reconstructed" in told.text
     assert drone.recorder._counters()["poses_made_up"] == 1
 
 

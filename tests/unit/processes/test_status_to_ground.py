@@ -43,7 +43,7 @@ async def test_state_tags_searches_texts_and_the_computers_load_reach_the_ground
         (search,) = of(SearchReport)
         assert search.tag_id == 4
         assert search.noise_psd == 2.0**-40
-        heard = StatusText(severity=6, text="Tag 2 heard: 20.0 dB")
+        heard = StatusText(severity=6, text="Tag 2 detected: 20.0 dB")
         await until(lambda: heard in of(StatusText))
         await until(lambda: of(DroneHeartbeat)[-1].state is SystemState.DETECTING)
     assert loads[0].ram_total > loads[0].ram_usage > 0

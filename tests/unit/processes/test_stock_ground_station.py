@@ -168,7 +168,7 @@ async def test_it_starts_and_stops_by_a_parameter_that_shows_the_actual_state(ba
         station.set_run(1)
         await until(lambda: station.runs == [0])
         await until(lambda: station.texts)
-        assert station.texts == ["no tags known: send them once with uavrt ground"]
+        assert station.texts == ["no tags stored: send them once with uavrt ground"]
         behind.send_tags()
         station.set_run(1)
         await until(lambda: station.runs == [0, 1])
@@ -199,9 +199,9 @@ async def test_it_hears_of_a_tag_by_text_and_by_numbers(bay: Bay) -> None:
         await until(lambda: ("CNT_2", 3.0) in station.values)
         await until(lambda: len(station.texts) == 3 and len(station.values) == 6)
         assert set(station.texts) == {
-            "Tag 2 (lynx) heard: 14.2 dB",
-            "Tag 4000000 heard: at least 9.5 dB",
-            "Tag 2 (lynx) heard again after 45 s: 11.5 dB",
+            "Tag 2 (lynx) detected: 14.2 dB",
+            "Tag 4000000 detected: at least 9.5 dB",
+            "Tag 2 (lynx) detected again after 45 s: 11.5 dB",
         }
         assert station.values[:2] == [("SNR_2", 14.23), ("CNT_2", 1.0)]
         assert ("SNR_2", 11.5) in station.values
@@ -218,7 +218,7 @@ async def test_our_own_ground_station_gets_no_numbers_besides_its_pulses(bay: Ba
     async with bay.running(), bay.ground_station(on_frame=take) as (_, events):
         begin_flight(bay)
         hear(bay, 2, bay.clock.now_ns(), snr_db=14.2)
-        text = StatusText(severity=6, text="Tag 2 (lynx) heard: 14.2 dB")
+        text = StatusText(severity=6, text="Tag 2 (lynx) detected: 14.2 dB")
         await until(lambda: text in events)
         await asyncio.sleep(0.6)
     assert numbers == []
@@ -258,7 +258,7 @@ async def test_a_restarted_connection_continues_its_counts_and_reports_no_tag_as
         await until(lambda: ("CNT_2", 3.0) in station.values)
         hear(bay, 2, start_ns, snr_db=8.0, after_s=90.0)
         await until(lambda: station.texts)
-        assert station.texts == ["Tag 2 (lynx) heard again after 86 s: 8.0 dB"]
+        assert station.texts == ["Tag 2 (lynx) detected again after 86 s: 8.0 dB"]
 
 
 def begin_flight(bay: Bay) -> None:

@@ -91,7 +91,7 @@ def test_the_settings_reach_what_is_planned() -> None:
 def test_an_order_is_judged_by_the_wind_that_is_told() -> None:
     hub = ready(hover_w=400.0)
     hub.guide.receive("vehicle", hub.report(wind_m_s=(0.0, 11.5)))
-    assert "the wind is 12 m/s" in far(hub)
+    assert "wind of 12 m/s" in far(hub)
 
 
 def test_the_guide_learns_over_all_its_orders(clock_of_test: VirtualClock) -> None:

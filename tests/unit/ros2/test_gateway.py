@@ -202,7 +202,7 @@ def test_an_order_whose_sender_nobody_knows_is_refused() -> None:
     bench.line.hear("control_start_subprocess", STARTED, Sender())
     bench.run(0.1)
     assert bench.commands() == []
-    assert "not known" in bench.line.on("rosout")[-1].msg
+    assert "unknown to DDS" in bench.line.on("rosout")[-1].msg
 
 
 def test_a_start_says_how_many_tags_were_sent_the_refused_ones_among_them() -> None:
@@ -252,7 +252,7 @@ def test_a_tag_that_its_release_has_overtaken_begins_no_upload_of_its_own() -> N
         "start_detection",
     ]
     assert started_with(bench) == 3
-    assert "tag 6 came after" in bench.line.on("rosout")[-1].msg
+    assert "tag 6 arrived after" in bench.line.on("rosout")[-1].msg
 
 
 def test_tags_of_the_ground_station_are_not_counted_by_ros_2() -> None:

@@ -15,20 +15,20 @@ from uavrt.drone.supervisor.mission.mission_progress import FlightProgress
             "waiting for samples",
             "",
             0.0,
-            "the radio gives no samples. Check that it is plugged in",
+            "the radio delivers no samples. Check that it is plugged in",
         ),
         ("radio absent", "airspy_rx found no radio", 0.0, "airspy_rx found no radio"),
         (
             "receiving",
             "",
             1e5,
-            "the samples could not be written in time. Record to a faster disk, or less",
+            "the samples could not be written in time. Record to a faster disk, or record less",
         ),
         (
             "receiving",
             "",
             0.0,
-            "the radio gives too few samples. Check its cable, or set a lower sample rate",
+            "the radio delivers too few samples. Check its cable, or set a lower sample rate",
         ),
     ],
 )

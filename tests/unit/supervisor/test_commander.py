@@ -44,7 +44,7 @@ def test_the_first_commands_and_a_second_watches_until_a_minute_of_silence() -> 
         watch.now_s += SILENCE_S - 1.0
         refusal = commander.refusal(command(STRANGER))
         assert refusal is not None
-        assert refusal.startswith("mavlink 255/190 commands, you watch")
+        assert refusal.startswith("mavlink 255/190 is in command")
         assert len(refusal.encode()) <= 107, "an acknowledgement has no more room"
         commander.heard(FIRST, 0.0)  # its heartbeat
         commander.heard(STRANGER, 0.0)  # not its own
@@ -120,7 +120,7 @@ def test_nobody_elses_command_counts_by_any_wire(tmp_path: Path, name: str, othe
     before = drone.mission.settings.now
     reply = drone.say(other, name, parameter="DET_FALSE_ALARM", value=0.5)
     assert not reply.accepted
-    assert reply.message.startswith("mavlink 255/190 commands, you watch")
+    assert reply.message.startswith("mavlink 255/190 is in command")
     assert drone.mission.state is SystemState.DETECTING
     assert drone.mission.settings.now == before
     assert drone.say(FIRST, "stop_detection").accepted
@@ -133,7 +133,7 @@ def test_the_next_flight_may_be_anybodys_but_not_the_flights_that_were(tmp_path:
     drone.mission.flight_ended()
     for name in ("clean_logs", "set_parameter"):
         refused = drone.say(STRANGER, name, parameter="DET_FALSE_ALARM", value=0.5)
-        assert "you watch" in refused.message
+        assert "is in command" in refused.message
     drone.detect(ROS)
     assert not drone.say(FIRST, "stop_detection").accepted
     assert drone.mission.commander.name == ROS
@@ -237,7 +237,8 @@ def test_to_delete_takes_two_steps_that_no_repetition_makes(tmp_path: Path) -> N
             assert all(flight.is_dir() for flight in flights)
 
     assert clean(0.0).message == (
-        "send it again after 10 s to delete 2 flights: the newest and the starred stay, 1 of 3"
+        "send it again after 10 s to delete 2 flights: "
+        "newest and starred flights are kept, 1 of 3"
     )
     for after_s in (2.0, 2.0, 2.0, 9.0):  # as a ground station repeats what is not answered
         assert not clean(after_s).accepted

@@ -47,14 +47,14 @@ def _told(directory: Path, gaps_ms: list[float]) -> list[str]:
 
 def test_near_codes_are_named_in_texts_that_a_radio_link_carries(tmp_path: Path) -> None:
     told = _told(tmp_path, [22.0, 22.4, 30.0])
-    assert told == ["Codes 4000000000, 4000000001 are easily mixed up"]
+    assert told == ["Codes 4000000000, 4000000001 are easily confused"]
     assert len(told[0].encode()) <= 50
 
 
 def test_many_near_codes_do_not_fill_the_link(tmp_path: Path) -> None:
     told = _told(tmp_path, [22.0, 22.2, 22.4, 22.6])
     assert len(told) == 4
-    assert told[-1] == "3 more pairs of codes are as near"
+    assert told[-1] == "3 more pairs of codes are as similar"
 
 
 def test_codes_that_are_far_apart_are_not_named(tmp_path: Path) -> None:

@@ -81,11 +81,11 @@ async def test_flights_are_copied_to_the_drive_and_then_removed(tmp_path: Path) 
     assert {step.step_count for step in drone.steps} == {2}
     assert drone.texts == ["#Saving logs", "#Log save complete"]
     first = drone.say("clean_logs")
-    assert first.message.startswith("send it again after 10 s to delete 1 flights")
+    assert first.message.startswith("send it again after 10 s to delete 1 flight:")
     assert len(list(flights.glob("flight_log_*"))) == 2
     drone.now_s += 11.0
     answer = drone.say("clean_logs")
-    assert answer.message == "1 flights; the newest and the starred stay, 1 of 2"
+    assert answer.message == "1 flight; newest and starred flights are kept, 1 of 2"
     assert answer.accepted
     assert (await drone.done()).state == "complete"
     assert [flight.name for flight in flights.glob("flight_log_*")] == ["flight_log_2026-01-02"]

@@ -135,7 +135,7 @@ def test_without_any_tags_the_parameter_is_refused_with_the_remedy(tmp_path: Pat
     operator = Operator(tmp_path, RADIO)
     reply = operator.set("DET_RUN", 1)
     assert not reply.accepted
-    assert reply.message == "no tags known: send them once with uavrt ground"
+    assert reply.message == "no tags stored: send them once with uavrt ground"
     assert operator.mission.state is SystemState.IDLE
     assert operator.set("DET_RUN", 0).accepted
     assert operator.flights == []
@@ -199,7 +199,7 @@ def test_the_parameter_is_for_who_commands_as_start_and_stop_are(tmp_path: Path)
 
     assert run(1, "mavlink 255/190").accepted
     refused = run(0, "mavlink 254/190")
-    assert refused.message.startswith("mavlink 255/190 commands, you watch")
+    assert refused.message.startswith("mavlink 255/190 is in command")
     assert operator.mission.state is SystemState.DETECTING
     assert run(0, "mavlink 255/190").accepted
     operator.mission.flight_ended()
@@ -218,5 +218,8 @@ def test_with_a_key_the_parameter_needs_a_seal_by_ros_2_too(tmp_path: Path) -> N
         operator.mission.settings.now, mavlink=MavlinkSettings(key_file="key")
     )
     reply = operator.say("set_parameter", parameter="DET_RUN", value=1.0, source="ros2")
-    assert reply.message == "only sealed commands, and ROS 2 has no seal: this drone has a key"
+    assert (
+        reply.message
+        == "this drone has a key and accepts only sealed commands; ROS 2 cannot seal them"
+    )
     assert operator.flights == []

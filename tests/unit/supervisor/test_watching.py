@@ -74,7 +74,7 @@ def test_a_busy_process_is_reported_after_a_while_and_not_every_second() -> None
 
 
 def test_a_growing_process_is_reported() -> None:
-    assert "uses 101 MB (100 MB)" in watched(0.0, 5, memory_mb=101.0)[0]
+    assert "uses 101 MB (budget 100 MB)" in watched(0.0, 5, memory_mb=101.0)[0]
 
 
 def flights(directory: Path, *names: str) -> list[Path]:
@@ -214,8 +214,8 @@ def paced(every_s: float, tags: int = 1, gaps_s: tuple[float, ...] = ()) -> Pace
     now_s = 0.0
     for number in range(60):
         for _ in range(tags):
-            watch.came("search_report", now_s)
-        watch.came("pulse", now_s)
+            watch.record_arrived("search_report", now_s)
+        watch.record_arrived("pulse", now_s)
         now_s += every_s + (gaps_s[number] if number < len(gaps_s) else 0.0)
     return watch
 

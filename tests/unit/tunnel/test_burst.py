@@ -77,7 +77,7 @@ def test_any_bytes_are_a_burst_or_refused(payload: bytes) -> None:
     [
         (0, "<B", 2, "has version 2, not 1"),
         (1, "<B", 0, "0 pulses"),
-        (1, "<B", 3, "bytes in place of"),
+        (1, "<B", 3, "bytes, not"),
         (2, "<B", 200, "has 200 others"),
         (8, "<d", float("nan"), "start_s nan"),
         (8, "<d", 1e10, r"start_s 1e\+10"),

@@ -102,7 +102,7 @@ def test_any_bytes_are_a_coded_tag_or_refused_with_an_answer(payload: bytes) -> 
         (28, "<I", 100_000, "longer than its interval"),
         (40, "<B", 2, "version 2"),
         (41, "<B", 0, "0 gaps"),
-        (41, "<B", 7, "in place of"),
+        (41, "<B", 7, "bytes, not"),
         (42, "<H", 0, "k 0"),
         (44, "<d", float("nan"), "probability"),
         (52, "<I", 4_000, "overlap"),

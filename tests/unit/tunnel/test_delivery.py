@@ -42,7 +42,7 @@ def test_who_comes_before_a_pulse_is_recorded_finds_it_in_the_database_afterward
     delivery = PulseDelivery()
     first, second = key(1), key(2)
     delivery.may_send(first)
-    delivery.station_came()
+    delivery.station_appeared()
     delivery.may_send(second)
     assert not delivery.recorded(first)
     assert delivery.recorded(second)

@@ -224,7 +224,7 @@ def test_memory_is_bounded_and_the_oldest_go_back_to_the_disk() -> None:
 
 def test_the_disk_is_asked_for_plain_ground_stations_too() -> None:
     sender = make_sender()
-    sender.stores.disk_has_news()
+    sender.stores.mark_all_on_disk()
     assert sender.pulses.wanted() == PLAIN
     sender.stores.note_on_disk(PLAIN, on_disk=False)
     sender.pulses.refill(PLAIN, [((2, 1), 1)], more=False)

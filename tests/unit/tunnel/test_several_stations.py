@@ -93,7 +93,7 @@ def test_what_is_recorded_while_the_disk_is_read_is_asked_for_again() -> None:
             sender.receipt(7, (), GROUND, 0)
         sender.stores.note_on_disk(store, on_disk=False)
         assert sender.pulses.wanted() is None
-        sender.stores.disk_has_news()
+        sender.stores.mark_all_on_disk()
         sender.pulses.refill(store, (), more=False)
         assert sender.pulses.wanted() == store
 

@@ -98,7 +98,7 @@ def test_a_value_too_large_for_its_field_is_a_tunnel_error() -> None:
 
 def test_a_start_with_a_margin_but_no_ratio_is_refused() -> None:
     start = FieldsG1(command=CommandId.START_DETECTION, numbers=(0, 0, 0, 0.9))
-    with pytest.raises(TunnelError, match="never has 4 fields"):
+    with pytest.raises(TunnelError, match="cannot have 4 fields"):
         start.encode()
 
 

@@ -77,7 +77,7 @@ async def test_only_the_page_that_commands_asks_and_every_page_takes_back(
 ) -> None:
     async with flown(tmp_path) as (world, page):
         for name in ("first", "second"):
-            page.session.commander.come(name)
+            page.session.commander.page_connected(name)
         refused = await motion(page, "ask", {"action": "hold"}, X_Page="second")
         assert refused.status == 409
         assert "another page is in command" in refused.json["error"]

@@ -266,7 +266,7 @@ def assumed_in_words(searched: SearchedFor) -> tuple[str, ...]:
         return ()
     return (
         f"antenna not specified: {searched.antenna} assumed; "
-        "another antenna gives pulses other weights (give --antenna)",
+        "pulses would be weighted differently with another antenna (give --antenna)",
     )
 
 

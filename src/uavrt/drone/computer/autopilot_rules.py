@@ -101,7 +101,7 @@ def names_to_read(px4: bool, port: str | None) -> list[str]:
 def needs(
     px4: bool, values: Mapping[str, float | None], port: str | None, baud: int
 ) -> list[Need]:
-    """Reported and needed values of all relevant parameters; `ConfigError`: no usable port."""
+    """Compare parameters with the needed values; raises `ConfigError` for an unusable port."""
     return _px4(values, port, baud) if px4 else _ardupilot(values, port, baud)
 
 
@@ -117,14 +117,16 @@ def _px4(values: Mapping[str, float | None], port: str | None, baud: int) -> lis
     if port is not None:
         number, short = px4_port(port)
         ours = _instance_for(values, number, port)
-        need(f"MAV_{ours}_CONFIG", number, f"MAVLink runs on {port}")
-        need(f"MAV_{ours}_MODE", ONBOARD, "attitude fifty times a second, for the poses")
-        need(f"SER_{short}_BAUD", baud, "the rate of our serial port")
+        need(f"MAV_{ours}_CONFIG", number, f"to run MAVLink on {port}")
+        need(
+            f"MAV_{ours}_MODE",
+            ONBOARD,
+            "to get the attitude fifty times a second, for the poses",
+        )
+        need(f"SER_{short}_BAUD", baud, "to match the rate of our serial port")
     for n in PX4_INSTANCES:
         if n == ours or values.get(f"MAV_{n}_CONFIG"):
-            reason = (
-                "pulses are passed on" if n == ours else "commands of the ground are passed on"
-            )
+            reason = "to forward pulses" if n == ours else "to forward commands of the ground"
             need(f"MAV_{n}_FORWARD", 1, reason)
     return found
 
@@ -135,7 +137,7 @@ def _instance_for(values: Mapping[str, float | None], number: int, port: str) ->
     free = [n for n in order if values.get(f"MAV_{n}_CONFIG") == 0]
     if not on_port and not free:
         raise ConfigError(
-            f"no instance of MAVLink is free for {port}",
+            f"no MAVLink instance is free for {port}",
             remedy="Set one of MAV_0_CONFIG, MAV_1_CONFIG, MAV_2_CONFIG to 0, or choose --port",
         )
     return (on_port or free)[0]
@@ -150,19 +152,19 @@ def _ardupilot(values: Mapping[str, float | None], port: str | None, baud: int) 
     ours = None if port is None else serial_number(port)
     if ours is not None:
         # ArduPilot's form: 57 is 57 600, 921 is 921 600, 1500 is 1 500 000.
-        need(f"SERIAL{ours}_BAUD", baud // 1000, "the rate of our serial port")
+        need(f"SERIAL{ours}_BAUD", baud // 1000, "to match the rate of our serial port")
     for n in ARDUPILOT_SERIALS:
         protocol = values.get(f"SERIAL{n}_PROTOCOL")
         if n != ours and protocol not in (MAVLINK1, MAVLINK2):
             continue
-        need(f"SERIAL{n}_PROTOCOL", MAVLINK2, "TUNNEL exists in MAVLink 2 only")
+        need(f"SERIAL{n}_PROTOCOL", MAVLINK2, "because TUNNEL exists only in MAVLink 2")
         options = values.get(f"SERIAL{n}_OPTIONS")
         if options is not None:
             cleared = int(options) & ~NO_FORWARD
-            need(f"SERIAL{n}_OPTIONS", cleared, "messages are passed on")
+            need(f"SERIAL{n}_OPTIONS", cleared, "to forward messages")
     for n in ARDUPILOT_CHANNELS:
         options = values.get(f"MAV{n}_OPTIONS")
         if options is not None:
             cleared = int(options) & ~NO_FORWARD_CHANNEL
-            need(f"MAV{n}_OPTIONS", cleared, "messages are passed on")
+            need(f"MAV{n}_OPTIONS", cleared, "to forward messages")
     return found

@@ -24,7 +24,7 @@ NAMES = {int(MavAutopilot.PX4): "PX4", int(MavAutopilot.ARDUPILOTMEGA): "ArduPil
 def examine_autopilot(
     address: str, *, port: str | None, baud: int | None = None, fix: bool = False
 ) -> Iterator[Finding]:
-    """Compare the autopilot's parameters with what uavrt needs; `fix` sets wrong ones."""
+    """Compare the autopilot's parameters with uavrt's needs; with `fix`, correct them."""
     place = parse_address(address)
     if port is None and place.device:
         port = "TELEM2"
@@ -52,11 +52,11 @@ async def _examine(place: Address, port: str | None, baud: int, fix: bool) -> li
     async with ParameterClient.connected(place, LISTEN_S) as client:
         if client.kind not in NAMES:
             text = f"it is neither PX4 nor ArduPilot (MAV_AUTOPILOT {client.kind})"
-            remedy = "Let it pass MAVLink on between its ports; see the manual"
+            remedy = "Make it forward MAVLink between its ports; see the manual"
             return [failed(WHAT, text, remedy)]
         if fix and client.armed:
             text = "the vehicle is armed: nothing was set"
-            remedy = "Disarm it, then run this again; without --fix it only looks"
+            remedy = "Disarm it and run this again, or leave out --fix to check only"
             return [failed(WHAT, text, remedy)]
         px4 = client.kind == MavAutopilot.PX4
         values = await client.read(names_to_read(px4, port))
@@ -72,8 +72,8 @@ async def _examine(place: Address, port: str | None, baud: int, fix: bool) -> li
         good, text, remedy = operator_failsafe(px4, values)
         found.append(Finding(what=WHAT, ok=good, text=text, remedy=remedy))
         if changed:
-            text = "the changes are in force after a restart of the autopilot"
-            remedy = "Take its power away and give it again, then run this once more"
+            text = "the changes take effect after a restart of the autopilot"
+            remedy = "Switch the autopilot off and on, then run this again"
             found.append(failed(WHAT, text, remedy))
         return found
 
@@ -88,7 +88,7 @@ async def _judge(client: ParameterClient, need: Need, fix: bool) -> tuple[Findin
     if need.met:
         return passed(WHAT, f"{need.name} = {need.needed:g}"), False
     if need.value is None:
-        remedy = "It appears when its port is switched on: set the others, restart, run again"
+        remedy = "Set the others and restart the autopilot, then run this again"
         text = f"{need.name} is not reported; {need.needed:g} is needed: {need.reason}"
         return failed(WHAT, text, remedy), False
     text = f"{need.name} = {need.value:g}, must be {need.needed:g}: {need.reason}"

@@ -15,18 +15,19 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, rough_duration
 from uavrt.drone.computer.finding import Finding, failed, passed
 
 DETECTOR_SILENT_S = 15.0
-"""Silence of a detector that is a fault [s]; over the link each reports about every 6 s."""
+"""Silence of a detector that counts as a fault [s]; over the link each reports every 6 s."""
 POSE_OLD_S = 2.0
-"""Age of the newest position that is a fault [s]; five are sent per second, some get lost."""
+"""Age of the newest position that counts as a fault [s]; usually five arrive per second."""
 HEARD_S = 60.0
 """Maximum age of the last pulse received from the bench tag [s]."""
 NOISE_RISE_DB = 6.0
-"""Rise of a tag's noise level above the lowest level in this check that is a fault [dB]; such a
-rise halves the range."""
+"""Rise of a tag's noise level above the lowest level in this check that counts as a fault [dB];
+such a rise halves the range."""
 NOISE_APART_DB = 10.0
-"""Difference of noise between tag frequencies that is a fault [dB]; usual: at most 3 dB."""
+"""Noise difference between tag frequencies that counts as a fault [dB]; usually up to 3 dB."""
 NOISE_LESS_DB = 10.0
-"""Drop of noise below past flights that is a fault [dB]: antenna disconnected or low gain."""
+"""Drop of noise below past flights that counts as a fault [dB]; it shows a disconnected antenna
+or a low gain."""
 CLOCK_OFF_S = 3.0
 """Clock difference of drone and ground station that counts as a fault [s]."""
 BATTERY_PERCENT = 50.0
@@ -52,7 +53,7 @@ class FlightFacts:
     heard: bool
     """True if the drone under check answers on its link."""
     own_findings: tuple[Finding, ...] = ()
-    """Findings of this computer itself, in place of those from records over the link."""
+    """Findings of checks on this computer, which replace those from the drone's records."""
     time_known: bool | None = None
     """True if the autopilot's clock is known; None: checked elsewhere."""
     clock_off_s: float | None = None
@@ -112,7 +113,7 @@ class Bench:
         self.pose_ns = self.posed = None
 
     def noise(self, tags: Iterable[Tag]) -> dict[int, _Heard]:
-        """Latest records by tag id, of the tags at whose frequency the noise is known."""
+        """Latest records by tag id, for the tags with a known noise level."""
         ids = {tag.tag_id for tag in tags}
         return {
             tag_id: one
@@ -128,7 +129,7 @@ def _add_noise(one: _Heard, noise_psd: float) -> None:
 
 
 def first_flight(facts: FlightFacts, bench: Bench, now_ns: int) -> list[Finding]:
-    """Findings on each item of the check list before a flight; unknown items are faults."""
+    """Check each item of the list before a flight; an unknown item counts as a fault."""
     judged = [
         _drone(facts),
         _radio(facts, bench, now_ns),
@@ -205,7 +206,10 @@ def _noise(facts: FlightFacts, bench: Bench) -> Finding:
 def _level(
     what: str, levels: dict[int, float], apart_db: float, usual_db: float | None
 ) -> Finding:
-    """Finding on noise levels [dB] at the tags: steady, equal, and as in past flights."""
+    """Check the noise at the tags' frequencies [dB] against that of past flights.
+
+    The levels must already be equal and steady.
+    """
     even = f"within {apart_db:.0f} dB on all tags, and steady"
     if usual_db is None:
         return _open(
@@ -243,9 +247,7 @@ def _time(facts: FlightFacts, bench: Bench) -> Finding:
     waiting = facts.time_known is None and bench.posed is None
     return failed(
         what,
-        "unknown until a pulse is detected"
-        if waiting
-        else "the autopilot's clock is not known",
+        "unknown until a pulse is detected" if waiting else "the autopilot's clock is unknown",
         "Switch on the bench tag"
         if waiting
         else "Check the drone's cable to the autopilot, both wires, and its MAVLink port",

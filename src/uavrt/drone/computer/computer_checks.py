@@ -73,7 +73,7 @@ def check_permissions(settings: Settings) -> Finding:
         return failed(
             "permissions",
             f"{', '.join(closed)} cannot be opened by this user",
-            "sudo uavrt service install writes the udev rule; be in the group plugdev",
+            "Install the udev rule (sudo uavrt service install) and join the group plugdev",
         )
     address = settings.mavlink.address
     if address.startswith("serial:"):
@@ -81,14 +81,14 @@ def check_permissions(settings: Settings) -> Finding:
         if not os.path.exists(port):
             return failed(
                 "permissions",
-                f"there is no {port}",
-                "Plug the autopilot's cable in, or give another mavlink.address",
+                f"{port} does not exist",
+                "Plug the autopilot's cable in, or set another mavlink.address",
             )
         if not os.access(port, os.R_OK | os.W_OK):
             return failed(
                 "permissions",
                 f"{port} cannot be opened by this user",
-                'sudo usermod -a -G dialout "$USER", then log in again',
+                'Run sudo usermod -a -G dialout "$USER", then log in again',
             )
     text = f"groups {', '.join(_groups())}" if os.geteuid() else "all groups, as root"
     return passed("permissions", text)
@@ -111,7 +111,7 @@ def check_autopilot(settings: Settings, running: SystemStatus | None) -> Finding
     if running is not None:
         link = next((p for p in running.processes if p.process == "connection"), None)
         heard = link is not None and link.status in ("waiting for ground station", "ready")
-        text = f"the running system says: {link.status if link else 'no connection'}"
+        text = f"the running system reports: {link.status if link else 'no connection'}"
     else:
         heard, text = _listen(settings)
     return judged(what, heard, text, "Check wiring, baud rate and the autopilot's MAVLink port")
@@ -159,7 +159,9 @@ def check_clock() -> Finding:
     if not kept.ok or not (synchronized := _timedatectl()):
         return kept
     if synchronized == "no":
-        remedy = "Connect it to a time server once before the flight, or check it by eye"
+        remedy = (
+            "Let a time server set the clock once before the flight, or check the time yourself"
+        )
         return replace(kept, ok=False, text=f"{kept.text} · not synchronized", remedy=remedy)
     return replace(kept, text=f"{kept.text} · synchronized")
 
@@ -173,18 +175,18 @@ def check_kept_time() -> Finding:
         text += " · battery clock agrees" if kept else " · no battery clock"
         return passed("clock", text)
     if clock_is_lost():
-        remedy = "sudo timedatectl set-time, or fit a battery for the clock"
+        remedy = "Set the clock (sudo timedatectl set-time), or fit a battery for it"
         return failed("clock", fault, remedy)
     return failed(
         "clock",
         f"{text} · {fault}",
-        "sudo hwclock --systohc when the time is right; if this returns, change the "
+        "Once the time is right, run sudo hwclock --systohc; if the fault returns, change the "
         "clock's battery",
     )
 
 
 def _timedatectl() -> str:
-    """``yes`` if a time server has set the clock, by systemd; else ``no``; empty if unknown."""
+    """Ask systemd if a time server has set the clock: ``yes``, ``no``, or empty if unknown."""
     if shutil.which("timedatectl") is None:
         return ""
     finished = subprocess.run(
@@ -232,7 +234,9 @@ def check_processor(measure_s: float = 1.0) -> Finding:
     idle = (_idle_s() - before) / measure_s
     cores = os.cpu_count() or 1
     text = f"{idle:.1f} of {cores} cores idle; detection by {native.description()}"
-    return judged("processor", idle >= IDLE_CORES_NEEDED, text, "See what else is running: top")
+    return judged(
+        "processor", idle >= IDLE_CORES_NEEDED, text, "Check which other programs run: top"
+    )
 
 
 def _idle_s() -> float:

@@ -42,7 +42,7 @@ COMMAND_KEY = "command.key"
 NAME = re.compile(r"[a-z0-9]([a-z0-9-]{0,30}[a-z0-9])?")
 """Pattern of a hostname (RFC 1123) that is also a valid Wi-Fi name (up to 32 bytes)."""
 SECRET = re.compile(r"[A-Za-z0-9._-]{8,63}")
-"""Pattern of a password: WPA needs 8 to 63 characters; the allowed ones need no quoting."""
+"""Pattern of a valid password: 8 to 63 characters for WPA, none that needs quoting."""
 KEY = re.compile(r"(?:[0-9a-fA-F]{2}){16,256}")
 SSH_KEY = re.compile(
     r"(?:ssh-(?:ed25519|rsa)|ecdsa-sha2-nistp256) [A-Za-z0-9+/]{60,1400}={0,2}"
@@ -126,7 +126,7 @@ class FirstSetup:
         return faults
 
     def test(self, step: str, running: SystemStatus | None) -> list[Finding]:
-        """Findings of a test of a step's settings: radio or autopilot's link. Takes seconds."""
+        """Test the settings of a step, the radio or the autopilot's link, in some seconds."""
         self._require_wanted()
         settings = self._settings()
         if step == "radio":
@@ -151,7 +151,7 @@ class FirstSetup:
         return {"name": str(self.values()["name"])}
 
     def command_key(self) -> str:
-        """Command key of the drone, for a laptop that will command it; only during set-up."""
+        """Read the drone's command key, for a laptop that will command it; only in set-up."""
         self._require_wanted()
         named = self._settings().mavlink.key_file
         if named is None:
@@ -241,7 +241,7 @@ class FirstSetup:
         if ssh_key and not SSH_KEY.fullmatch(ssh_key):
             text = "one line that begins with ssh-ed25519, ssh-rsa or ecdsa-sha2, or empty"
             faults.append(StepFault(field="ssh_key", text=text))
-        elif ssh_key and self._may_log_in().exists():
+        elif ssh_key and self._login_keys().exists():
             text = "a maintainer's key exists already. Log in with it to change it"
             faults.append(StepFault(field="ssh_key", text=text))
         if faults:
@@ -284,8 +284,8 @@ class FirstSetup:
         text = "".join(f"{name}={value}\n" for name, value in sorted(whole.items()))
         write_atomically(self.config.parent / HANDOVER, text, mode=0o600)
 
-    def _may_log_in(self) -> Path:
-        """File of an image with the SSH keys for log-in (deploy/image/configure-root.sh)."""
+    def _login_keys(self) -> Path:
+        """Path of an image's file of SSH keys for log-in (deploy/image/configure-root.sh)."""
         return self.config.parent.resolve().parent / "ssh/authorized_keys"
 
     def _has_update_key(self) -> bool:
@@ -298,7 +298,7 @@ def _writing(directory: Path) -> AbstractContextManager[None]:
     return os_errors_as(
         ConfigError,
         f"{directory} cannot be written",
-        "See whether the card is full or read-only: uavrt doctor",
+        "Check with uavrt doctor whether the card is full or read-only",
     )
 
 
@@ -337,6 +337,6 @@ def _is_ed25519(pem: str) -> bool:
     except FileNotFoundError:
         raise UsageError(
             "openssl is not installed: keys cannot be checked",
-            remedy="sudo apt install openssl",
+            remedy="Run: sudo apt install openssl",
         ) from None
     return listed.returncode == 0 and listed.stdout.upper().startswith(b"ED25519")

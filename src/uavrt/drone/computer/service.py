@@ -164,18 +164,18 @@ def check_plan(plan: ServicePlan, root: Path = Path("/")) -> None:
         if plan.user not in known and not (root == Path("/") and _has_account(plan.user)):
             raise NotFound(
                 f"there is no user {plan.user}",
-                remedy=f"Make it (sudo useradd --system {plan.user}), or give another --user",
+                remedy=f"Create it (sudo useradd --system {plan.user}), or give another --user",
             )
     if not (root / plan.directory.relative_to("/")).is_dir():
         raise NotFound(
             f"there is no directory {plan.directory}",
-            remedy="Make it, owned by the service's user, or give another --directory",
+            remedy="Create it, owned by the service's user, or give another --directory",
         )
     program = (plan.program,) if root == Path("/") else ()
     for path in (*program, plan.directory, plan.config, *plan.writable):
         if path is not None and any(path.is_relative_to(place) for place in _TEMPORARY):
             raise UsageError(
-                f"{path} is in a directory that the service cannot see and that is emptied "
+                f"{path} is in a directory that the service cannot access and that is emptied "
                 "at boot",
                 remedy="Use one in /var/lib, /opt or /home",
             )
@@ -235,7 +235,7 @@ def _quoted(word: str) -> str:
 
 
 def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
-    """Write unit and rule; start the service if `root` is ``/``. Texts on what was done."""
+    """Write unit and rule, start the service if `root` is ``/``; return what was done."""
     done = [
         _write(root / UNIT_PATH, unit_text(plan)),
         _write(root / RULE_PATH, rule_text()),
@@ -255,7 +255,7 @@ def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
 
 
 def remove(root: Path = Path("/")) -> list[str]:
-    """Stop and remove the service, not its flights; texts on what was done, or `UsageError`."""
+    """Stop and remove the service, not its flights; return what was done, or `UsageError`."""
     done = _call(("systemctl", "stop", UNIT)) if root == Path("/") else []
     for path in (WANTED_PATH, UNIT_PATH, UPDATE_WANTED_PATH, UPDATE_UNIT_PATH, RULE_PATH):
         try:
@@ -320,7 +320,7 @@ def _call(*commands: Sequence[str]) -> list[str]:
     said = []
     for command in commands:
         if shutil.which(command[0]) is None:
-            said.append(f"no {command[0]} here: {' '.join(command)} was left out")
+            said.append(f"{command[0]} is not installed: {' '.join(command)} was skipped")
             continue
         finished = subprocess.run(command, capture_output=True, text=True, check=False)
         if finished.returncode:

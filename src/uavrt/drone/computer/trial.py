@@ -89,7 +89,7 @@ class Seen:
         return heard and bool(self.armed)
 
     def missing(self, needs: Needs, now_s: float) -> str:
-        """Text on what is missing at present; empty if nothing is."""
+        """Text that names the required records missing at present; empty if none are."""
         wanted = [(self.status_s, "the service")]
         wanted += [(self.heartbeat_s, "the autopilot's heartbeat")] * needs.heartbeat
         wanted += [(self.poses_s, "poses")] * needs.poses
@@ -98,7 +98,7 @@ class Seen:
 
 
 class Trial:
-    """Tries a new version, which must work within `patience_s` and for `hold_s`."""
+    """Trial of a new version, which must start to work in `patience_s` and last `hold_s`."""
 
     def __init__(
         self,
@@ -125,7 +125,7 @@ class Trial:
                 self.fault = f"{', '.join(self.seen.restarted)} had to be restarted"
         if missing := self.seen.missing(self._needs, now_s):
             self._good_from_s = None
-            self.fault = f"not there: {missing}"
+            self.fault = f"missing: {missing}"
         elif self._good_from_s is None:
             self._good_from_s = now_s
         if self._good_from_s is not None and now_s - self._good_from_s >= self._hold_s:

@@ -134,7 +134,7 @@ def _make(update: Update, present: Path, made: Path) -> None:
 
 
 def _require_libraries(made: Path, update: Update) -> None:
-    done = _done(python_module(made, "pip", "check"))
+    done = _run_isolated(python_module(made, "pip", "check"))
     lacks = [line for line in done.stdout.splitlines() if line.startswith("uavrt ")]
     if lacks:
         raise UsageError(
@@ -148,7 +148,7 @@ def _has(environment: Path, distribution: str) -> bool:
 
 
 def _run(command: Sequence[str], update: Update) -> None:
-    done = _done(command)
+    done = _run_isolated(command)
     if done.returncode:
         said = (done.stderr + done.stdout).strip().splitlines() or ["no word"]
         errors = [line for line in said if line.startswith("ERROR:")] or said
@@ -160,7 +160,7 @@ def _run(command: Sequence[str], update: Update) -> None:
         )
 
 
-def _done(command: Sequence[str]) -> "subprocess.CompletedProcess[str]":
+def _run_isolated(command: Sequence[str]) -> "subprocess.CompletedProcess[str]":
     """Run a command in the root directory, without the caller's Python and pip settings."""
     kept = {name: value for name, value in os.environ.items() if name in ("PATH", "LANG")}
     kept |= {"PIP_CONFIG_FILE": "/dev/null", "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
@@ -174,9 +174,11 @@ def rehearse(made: Path, version: str, *, config: Path) -> None:
     command = python_module(made, "uavrt.cli", "update", "--rehearse")
     if config.exists():
         command += ["--config", str(config.absolute())]
-    done = _done(command)
+    done = _run_isolated(command)
     if done.returncode or done.stdout.split() != [version]:
-        said = (done.stderr.strip() or f"it says it is {done.stdout.strip()!r}").splitlines()
+        said = (
+            done.stderr.strip() or f"it reports the version {done.stdout.strip()!r}"
+        ).splitlines()
         raise UsageError(
             f"{version} does not start here: {said[-1]}",
             remedy="The previous version stays in use; check uavrt.toml, or report this",
@@ -190,7 +192,7 @@ def exchange(
     before = place.current()
     place.point(place.trial, before)
     place.point(place.link, made)
-    say(f"{made.name} runs, on trial; the one before is {before.name}")
+    say(f"{made.name} runs on trial; the previous version is {before.name}")
     _restart(restart, say)
     return finish(place, restart=restart, judge=judge, say=say)
 
@@ -210,10 +212,10 @@ def finish(place: Installation, *, restart: Restart, judge: TrialCheck, say: Pri
         _take_keys(current, place)
         place.end_trial()
         place.remove_others(current, before)
-        say(f"{current.name} is good, and stays")
+        say(f"{current.name} has passed its trial and stays")
         return True
     place.point(place.link, before)
-    say(f"{current.name} was not good ({fault}): back to {before.name}")
+    say(f"{current.name} has failed its trial ({fault}): back to {before.name}")
     _go_back(place, before, restart, say)
     return False
 

@@ -75,7 +75,7 @@ class Update:
     path: Path
     version: str
     name: str
-    """Version and first digits of the content's hash, so that two builds differ."""
+    """Name of the update: version, and first digits of the hash of its content."""
     alone: bool
     """True if the update contains only uavrt, without the libraries that it needs."""
     manifest: Manifest | None
@@ -136,7 +136,7 @@ def _read_wheel(path: Path, keys: Path) -> Update:
     try:
         signature = read_file(signature_path, Limit(what="a signature", bytes=SIGNATURE_BYTES))
     except FileNotFoundError:
-        remedy = "Copy the signature, too, or use a .tar, which has its own inside"
+        remedy = "Copy the signature as well, or use a .tar, which contains one"
         raise NotFound(f"there is no {signature_path}", remedy=remedy) from None
     require_signed(content, signature, keys, path)
     version = _wheel_version(content, path)
@@ -286,7 +286,7 @@ def _trusted(keys: Path) -> list[str]:
         trusted = split_keys(read_file(keys, KEYS).decode("ascii", "replace"))
         mode = stat.S_IMODE(keys.stat().st_mode)
     if mode & 0o022:
-        remedy = f"sudo chmod 644 {keys}, after a look at who wrote to it"
+        remedy = f"Check who has changed the file, then run: sudo chmod 644 {keys}"
         raise UsageError(f"users other than root can write to {keys}", remedy=remedy)
     if not trusted:
         remedy = "A public key begins with -----BEGIN PUBLIC KEY-----"
@@ -300,7 +300,7 @@ def _signed_by(place: Path) -> bool:
     try:
         done = subprocess.run(command, cwd=place, capture_output=True, check=False)
     except FileNotFoundError:
-        remedy = "sudo apt install openssl"
+        remedy = "Run: sudo apt install openssl"
         raise UsageError(
             "openssl is not installed: signatures cannot be checked", remedy=remedy
         ) from None

@@ -38,7 +38,7 @@ class Installation:
 
     @classmethod
     def of(cls, executable: str) -> "Installation | None":
-        """Find the installation that a Python belongs to; None if it belongs to none."""
+        """Find the installation that contains a Python interpreter; None if none does."""
         environment = Path(executable).parent.resolve().parent
         prefix = environment.parent.parent
         if environment.parent.name != "versions" or not (prefix / "venv").is_symlink():

@@ -36,7 +36,7 @@ from uavrt.link.tunnel.tunnel_records import from_pulse, from_search_report
 
 RECORD: Final = struct.Struct("<12d")
 HEARTBEAT_S: Final = 1.0
-"""Time between two heartbeats of a tag's detector [s]; the original one: every 3.6 s."""
+"""Time between two heartbeats of a tag's detector [s]; 3.6 s for the original detector."""
 
 OVERDUE_NS: Final = ns_from_s(1.0)
 """Time after the expected end of a tag's next pulse at which it counts as missed [ns].
@@ -96,7 +96,7 @@ class PulseDatagramSender:
     """Sends pulse records and heartbeats by UDP; `LinkError` for an unknown host."""
 
     def __init__(self, host: str, port: int, tag_ids: Sequence[int]) -> None:
-        with os_errors_as(LinkError, f"no address {host}", "Check the name"):
+        with os_errors_as(LinkError, f"no address {host}", "Check the host's name"):
             found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
         self._place = found[4]
         self._socket = socket.socket(found[0], socket.SOCK_DGRAM)
@@ -116,7 +116,7 @@ class PulseDatagramSender:
             self._note_found(pulse)
 
     def send_reports(self, reports: Iterable[SearchReport]) -> None:
-        """Send searches without a detection, except for a tag between its pulses.
+        """Send search reports without a detection, except for a tag between its pulses.
 
         Reports come every second, pulses often less often; without this rule, a controller
         would consider a tag lost between two pulses.

@@ -49,7 +49,7 @@ HEADER = struct.Struct("<QqdfHH")
 STRETCH = struct.Struct("<qq")
 CARRIER = struct.Struct("<d")
 MAX_STRETCHES = 1024
-"""Largest number of clipped time spans in a datagram, 16 KiB; 87 ms of samples: up to 90."""
+"""Largest number of clipped time spans in a datagram, 16 KiB; a block of 87 ms has up to 90."""
 BACKLOG_BYTES = 16 * 1024 * 1024
 """Largest size of the queue of samples for one detector [bytes]: 280 s of one channel."""
 MAX_CARRIERS = 8

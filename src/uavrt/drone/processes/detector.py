@@ -219,7 +219,7 @@ class DetectorBank:
         return total
 
     def _of_channel(self, block: ChannelBlock) -> list[Tag]:
-        """Tags of this process still searched, for which the channel is the nearest."""
+        """Tags still searched by this process whose nearest channel is the given one."""
         half_spacing_hz = block.sample_rate_hz / 4
         return [
             tag

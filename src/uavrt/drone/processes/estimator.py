@@ -24,7 +24,8 @@ REPEATS_NS = tuple(ns_from_s(s) for s in (2.0, 4.0, 8.0, 16.0, 32.0))
 """Times after which a turn's last bearing is sent again [ns]. With 50 % packet loss, one of the
 six copies arrives with probability 0.98."""
 PERIOD_NS = ns_from_s(0.25)
-"""Shortest time between two bearing messages [ns]; of 64 bytes, a fifth of the slowest link."""
+"""Shortest time between two bearing messages [ns]; with 64 bytes each they take a fifth of the
+slowest link."""
 SHARE = 9
 """Ratio of waiting to computing time of bearing estimates, which limits them to 0.1 cores."""
 
@@ -104,7 +105,7 @@ class Estimation:
                 self._next_ns = 0  # by another clock
 
     def tick(self) -> None:
-        """Estimate if there are new pulses, and send the bearing that is due."""
+        """Estimate bearings if there are new pulses, and send the bearing that is due."""
         now_ns = self._frame.clock.now_ns()
         if self._new and now_ns >= self._next_ns:
             self._new = False

@@ -197,7 +197,7 @@ def _plan(asked: _OrderRequest) -> _Planned:
     else:
         plan = plan_of(order, now, limits, behaviour)
         order = replace(order, height_m=_height_m(order, now))
-    unknown = "" if asked.fence is not None else "; own fence not known"
+    unknown = "" if asked.fence is not None else "; own fence unknown"
     return _Planned(
         home=now.home,
         execution=OrderExecution(order, plan, limits, waits=search_run is not None),
@@ -275,7 +275,7 @@ class Guide:
     def _offer(self, request: MotionRequest) -> None:
         order = Order.of(request, secrets.randbits(31) | 1)
         if len(self._waiting_orders) >= MOST_WAITING_ORDERS:
-            busy = "too many orders are being planned. Ask again"
+            busy = "too many orders are being planned. Request the motion again"
             self._send_offer(request, order.order_id, busy, "", refused=True)
             return
         self._waiting_orders.append((request, order))

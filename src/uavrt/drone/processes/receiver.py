@@ -59,7 +59,7 @@ class ChannelSink(Protocol):
         """Process the next block of a channel."""
 
     def flush(self) -> None:
-        """End a radio block; send also blocks that could not be sent before."""
+        """End a radio block; also send blocks that could not be sent before."""
 
 
 _RECORDED_AGAIN_S = 10.0
@@ -258,7 +258,7 @@ class Receiver:
             self._beeping.clear()
 
     def flush(self) -> None:
-        """End a radio block; send also blocks that could not be sent before."""
+        """End a radio block; also send blocks that could not be sent before."""
         for sink in self._sinks:
             sink.flush()
 
@@ -359,7 +359,7 @@ def receive(
                 if isinstance(receiver, Receiver):
                     receiver.report_losses(frame)
                 if receiver.failures and not flowing:
-                    frame.notify(5, "Radio gives samples again")
+                    frame.notify(5, "Radio delivers samples again")
                 flowing = True
             take_settings(frame.receive(), receiver)
             if not flowing:

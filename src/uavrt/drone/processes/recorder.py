@@ -216,7 +216,7 @@ class Recorder:
                 self._times.pulses_wait(now_s)
                 return
             case PulsePose():
-                self._reconstruct(self._awaited.came(record.pulse))
+                self._reconstruct(self._awaited.pose_arrived(record.pulse))
                 self._take_pulse_poses([record])
                 return
             case Poses():
@@ -289,7 +289,7 @@ class Recorder:
         self._unreported = 0
         self._frame.notify(
             5,
-            f"Poses lost on the way: {self._poses_made_up} made up from recorded ones, "
+            f"Poses lost on the way: {self._poses_made_up} reconstructed, "
             f"{self._without_pose} pulses without",
         )
 

@@ -62,7 +62,10 @@ CLOSE_S = 5.0
 
 
 class Supervisor:
-    """Runs the processes, routes records, carries out commands; `on_record` gets each line."""
+    """Runs the processes, routes records, carries out commands.
+
+    `on_record`: called with the line of each record.
+    """
 
     def __init__(
         self,
@@ -238,7 +241,7 @@ class Supervisor:
             self.command(Command(name="stop_detection", request_id=number, source="capture"))
 
     async def _answer_radio_status(self, command: Command) -> None:
-        """Reply whether the radio works, by a test or, in flight, the receiver's health."""
+        """Reply if the radio works: by a test or, in flight, from the receiver's health."""
         if self.mission.state in (SystemState.DETECTING, SystemState.CAPTURING):
             health = next(
                 (i.health for i in self._process_tree.instances if i.row.name == "receiver"),
@@ -302,7 +305,7 @@ class Supervisor:
             log.warning("unexpected record ignored", child=instance.name, line=repr(line[:80]))
             return
         self._last_pulses.passed(name)
-        instance.pace.came(name, monotonic_s())
+        instance.pace.record_arrived(name, monotonic_s())
         self._forward(name, line + b"\n", instance)
         if name in SUPERVISOR_TOPICS:
             try:

@@ -31,13 +31,13 @@ class PaceWatch:
         """Topics with too low a rate, each with its measured period [s]."""
 
     def started(self, tags: int) -> None:
-        """Reset for a new process and the number of tags that it serves."""
+        """Reset for a newly started process, which serves the given number of tags."""
         self._tags = max(1, tags)
         self.slow = {}
         for came_s in self._came_s.values():
             came_s.clear()
 
-    def came(self, topic: str, now_s: float) -> None:
+    def record_arrived(self, topic: str, now_s: float) -> None:
         """Register that a record of the process has arrived."""
         came_s = self._came_s.get(topic)
         if came_s is not None:

@@ -94,7 +94,7 @@ class Viewers:
 
 
 def require_unserved(path: str) -> None:
-    """Raise `ConfigError` if another system serves the socket; a killed system's is free."""
+    """Raise `ConfigError` if a running system serves the socket; a killed one does not."""
     with socket.socket(socket.AF_UNIX) as asking:
         asking.settimeout(1.0)
         if asking.connect_ex(path):

@@ -58,8 +58,8 @@ FREE_BYTES_LEFT = 100_000_000
 """Free space to leave on this computer's disk when a flight is copied [bytes]."""
 PART_SUFFIX = ".part"
 MOST_NESTED = 8
-"""Deepest nesting of directories that is listed. Flights have 4; a hostile server could nest
-without end."""
+"""Deepest nesting of directories that is listed; flights have 4 levels. A hostile server could
+nest directories without end."""
 MOST_ENTRIES = 20_000
 """Maximum number of files and directories in one tree; a flight with 100 tags has 1200."""
 
@@ -84,7 +84,7 @@ class RemoteTree:
 
 
 class FileClient:
-    """One conversation with the drone's file server; raises `LinkError`."""
+    """Client of the drone's file server, for one request at a time; raises `LinkError`."""
 
     def __init__(
         self,

@@ -14,6 +14,7 @@ from uavrt.config.tags.tag_corrections import TagCorrection, correction_of
 from uavrt.config.tags.tag_files import faults_of_tags
 from uavrt.core.commands import Button, CommandName, SystemState
 from uavrt.core.errors import FormatError, LinkError, RecordingError, UavrtError
+from uavrt.core.units import counted
 from uavrt.flight.reading.noted_places import Mark, mark_note
 from uavrt.ground.link.button_states import (
     ACTIONS,
@@ -103,10 +104,10 @@ class Commands:
     async def send_tags_by(self, link: GroundLink) -> str:
         """Send the tag table over `link`, whatever state the drone last reported."""
         tags = self._vehicle.store.chosen_tags
-        async with self._working("send_tags", f"sending {len(tags)} tags"):
+        async with self._working("send_tags", f"sending {counted(len(tags), 'tag')}"):
             await link.upload_tags(tags, self._progress)
             self._vehicle.drone.tags_accepted(tags)
-            return f"{len(tags)} tags sent"
+            return f"{len(tags)} {'tag' if len(tags) == 1 else 'tags'} sent"
 
     async def start(self) -> str:
         """Start detection and a flight recording on the ground."""
@@ -134,7 +135,7 @@ class Commands:
     async def capture(self) -> str:
         """Start to record raw samples on the drone."""
         link = self._allowed("capture")
-        async with self._working("capture", "asking for a raw capture"):
+        async with self._working("capture", "starting a raw capture"):
             return await self._use_radio(link, "raw_capture") or "capturing"
 
     async def _use_radio(self, link: GroundLink, name: CommandName) -> str:
@@ -200,7 +201,7 @@ class Commands:
         return f"{text}{await asyncio.to_thread(_gain_in_words, correction)}"
 
     def _link_to_correct(self, *, searched: bool) -> GroundLink | None:
-        """Link to a drone in detection if the tag is `searched`; None: correct list only."""
+        """Link to the detecting drone if the tag is `searched`; None: correct the list only."""
         vehicle, now = self._vehicle, self._vehicle.situation()
         lost = now.state is None and not vehicle.flight.keeper.ended
         lost = lost and (now.drone_present or now.silent_s < _SWITCHED_OFF_S)

@@ -235,7 +235,7 @@ class GroundLink:
         return await self._exchange.command(payload, payload_type, request_id)
 
     async def motion(self, payload: bytes, request_id: int) -> MotionState:
-        """Send an order of motion, a confirmation or a stop; see `Exchange.motion`."""
+        """Send a motion order, a confirmation or a stop; see `Exchange.motion`."""
         return await self._exchange.motion(payload, request_id)
 
     def send_neighbour(self, neighbour: Neighbour) -> None:
@@ -283,7 +283,8 @@ class GroundLink:
 def _without_codes(error: LinkError) -> LinkError:
     """Explain a missing answer about a coded tag: older drone software lacks that message."""
     return LinkError(
-        f"{error.message}; if it answers otherwise, its software knows no coded tags",
-        remedy="Update the drone, give it its list itself with `uavrt run --tags`, or send the "
+        f"{error.message}; if it answers other commands, its software does not support coded "
+        "tags",
+        remedy="Update the drone, give the list on the drone (`uavrt run --tags`), or send the "
         "beeping tags alone",
     )

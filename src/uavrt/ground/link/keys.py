@@ -15,12 +15,12 @@ class LinkKeys:
 
     component_id: int = 190
     """MAVLink component id in system 254, usually 190. Stations of the same drone need
-    different ones, since the drone answers each component on one link only."""
+    different ids, since the drone answers each component on one link only."""
     as_gcs: bool = False
     """Use system 255 and type GCS, which the original system's drone side requires."""
     command: Key | None = None
-    """Key that authenticates a command's content and thus survives PX4's forwarding; None:
-    no key."""
+    """Key that authenticates commands by their content, which PX4 forwards unchanged; or
+    None."""
     signing: SigningKey | None = None
     """Key of MAVLink 2 frame signing; None: frames are not signed."""
 

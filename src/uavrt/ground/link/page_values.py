@@ -10,7 +10,7 @@ Places = tuple[tuple[float, float], ...]
 
 
 def number_in(body: dict[str, Any], name: str, default: float = nan) -> float:
-    """Read the finite number of a given name; raises `FormatError` if it is none."""
+    """Read a finite number from the field `name`; raises `FormatError` for any other value."""
     value = body.get(name, default)
     number = value if isinstance(value, int | float) else nan
     if isinstance(value, bool) or not abs(number) <= sys.float_info.max:
@@ -21,7 +21,7 @@ def number_in(body: dict[str, Any], name: str, default: float = nan) -> float:
 def number_between(
     body: dict[str, Any], name: str, least: float, most: float, default: float = nan
 ) -> float:
-    """Read a number; raises `FormatError` if it is none, `UsageError` outside the limits."""
+    """Read a number; raises `FormatError` for another value, `UsageError` outside limits."""
     number = number_in(body, name, default)
     if not least <= number <= most:
         raise UsageError(f"{name} must be {least:g} to {most:g}")
@@ -29,7 +29,7 @@ def number_between(
 
 
 def power_in(body: dict[str, Any]) -> float:
-    """Read a tag's power [dBm]; raises the errors of `number_between`."""
+    """Read a tag's power [dBm]; raises `FormatError`, or `UsageError` outside -100 to 40."""
     power_dbm = number_in(body, "tag_power_dbm")
     if not -100.0 <= power_dbm <= 40.0:
         raise UsageError("a tag's power must be -100 to 40 dBm")

@@ -82,7 +82,7 @@ class ServedVehicle:
         self.feed.send_state()
 
     def show_tags(self) -> None:
-        """Show the tag table to all pages."""
+        """Send the tag table to all pages."""
         self.feed.send("tags_version", table_version(self.store.tags))
         self.feed.send("tags", rows_from_tags(self.store.tags))
         self.feed.send_state()

@@ -69,7 +69,7 @@ def _whole(size: int) -> int:
 
 
 class _Received:
-    """File to which hashes are appended; those that a full disk refuses wait."""
+    """File to which hashes are appended; hashes that a full disk refuses wait in memory."""
 
     def __init__(self, path: Path, size: int) -> None:
         self._path, self._size = path, size

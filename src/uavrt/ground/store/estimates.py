@@ -119,7 +119,7 @@ class Estimator:
         self._past: tuple[tuple[Path, str, float], list[HeardInTurn]] | None = None
 
     def past(self, place: Path, antenna: AntennaChoice) -> Sequence[HeardInTurn]:
-        """Turns in place of the drone's past flights, to learn its antenna pattern from."""
+        """Turns in place in the drone's past flights, to learn its antenna pattern."""
         if antenna.pattern == MONOPOLE:
             return ()
         key = (place, antenna.pattern, antenna.offset_deg)
@@ -187,7 +187,7 @@ class Estimator:
 
 
 def _on_ground(one: LiveBearing, spans_ns: Sequence[tuple[int, int]]) -> bool:
-    """True for a drone's bearing from a turn while on the ground, as reported later."""
+    """True for a bearing from a turn that happened on the ground, as the autopilot reported."""
     middle_ns = (one.start_time_ns + one.end_time_ns) // 2
     return any(first <= middle_ns <= last for first, last in spans_ns)
 

@@ -39,7 +39,7 @@ class EventLog:
         self._read()
 
     def add(self, time_ns: int, severity: int, text: str, source: str) -> dict[str, Any]:
-        """Add and return a line of a MAVLink severity and a source, cut at 400 characters."""
+        """Add and return a line with a MAVLink severity and a source, cut at 400 characters."""
         self._number += 1
         line = {
             "number": self._number,

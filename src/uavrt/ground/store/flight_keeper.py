@@ -176,10 +176,12 @@ class FlightKeeper:
             self._early_s.clear()
         now_s = monotonic_s()
         if now_s < self._early_s.setdefault(burst.key, now_s) + BURST_TIMEOUT_S:
-            raise RecordingError("the burst to which this content belongs has not arrived")
+            raise RecordingError("the burst of these pulse times has not arrived")
         del self._early_s[burst.key]
         self.without_burst += 1
-        log.seldom(self.without_burst, "content of a burst discarded: its burst did not arrive")
+        log.seldom(
+            self.without_burst, "pulse times of a burst discarded: the burst did not arrive"
+        )
         return False
 
     def add_pose(self, pose: Pose) -> None:

@@ -69,7 +69,7 @@ class FlightQueue:
 
     @property
     def progress(self) -> tuple[int, int]:
-        """Numbers of accepted items, pulses or bursts' pulse times, and of those on disk."""
+        """Numbers of accepted items and of items on disk (pulses, pulse times of bursts)."""
         return self._taken, self._durable
 
     @property

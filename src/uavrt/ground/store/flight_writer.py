@@ -29,7 +29,7 @@ class Written:
 
 
 class FlightWriter:
-    """Writes the flight in progress, and earlier ones not completely on the disk.
+    """Writes the flight in progress, and earlier flights that are not completely on disk.
 
     `also`: called with each written item before the flight is committed; if it raises
     `RecordingError`, the flight waits and the call is repeated later.
@@ -75,7 +75,9 @@ class FlightWriter:
         """Write a burst's pulse times into an earlier flight, unless it was removed."""
         if not FlightLayout(path).database.exists():
             self._discarded += 1
-            log.seldom(self._discarded, "content of a burst discarded: its flight is gone")
+            log.seldom(
+                self._discarded, "pulse times of a burst discarded: its flight was removed"
+            )
             return
         recorder = FlightRecorder(path, durable=True)
         recorder.write_inside(burst)
@@ -89,7 +91,7 @@ class FlightWriter:
         self._flight = None
 
     def write(self, works: list[tuple[bool, Callable[["FlightWriter"], None]]]) -> Written:
-        """Execute queued writes and make them durable, also earlier ones that had failed."""
+        """Execute queued writes and earlier writes that had failed, and make them durable."""
         for _, work in works:
             work(self)
         fault = None

@@ -89,7 +89,9 @@ class GroundSettings:
         unknown = set(values) - set(asdict(self))
         if unknown:
             raise NotFound(f"there is no setting {sorted(unknown)[0][:40]!r}")
-        return replace(self, **{name: _judged(name, value) for name, value in values.items()})
+        return replace(
+            self, **{name: _validated(name, value) for name, value in values.items()}
+        )
 
 
 _NEWEST_BYTES = 1_000_000
@@ -158,7 +160,7 @@ class GroundStore:
 
     @property
     def archive(self) -> Path | None:
-        """Directory that `uavrt batch` wrote: as set, else among the flights; None: none."""
+        """Directory that `uavrt batch` wrote: configured, or among the flights; or None."""
         if self.settings.archive:
             return Path(self.settings.archive)
         usual = self.directory / "archive"
@@ -314,7 +316,7 @@ _RANGES = {
 }
 
 
-def _judged(name: str, value: Any) -> Any:
+def _validated(name: str, value: Any) -> Any:
     """Validate the value of a ground station's setting; return the value to store."""
     match name:
         case "address":

@@ -240,8 +240,8 @@ class FlightLibrary:
     def usual_noise_db(self, system_id: int | None, *, but: str | None) -> float | None:
         """Usual receiver noise at rest [dB] in a vehicle's past flights; None if unknown.
 
-        `system_id`: the vehicle (flights of unknown ones count too), None: any. `but`: flight
-        to skip.
+        `system_id`: the vehicle (flights of unknown vehicles count too); None: any vehicle.
+        `but`: flight to skip.
         """
         flights = (
             flight

@@ -256,7 +256,7 @@ def _gaps(
     for part in apart.replace(";", " ").split() or [""]:
         number = number_in_cell(part.rstrip(","))
         if number is None:
-            fault("gaps_ms", "must be numbers between spaces" if written else "is needed")
+            fault("gaps_ms", "must be numbers separated by spaces" if written else "is needed")
             return ()
         entries.append(Entry(number=number, label="gaps_ms", line=line))
     return tuple(entries)

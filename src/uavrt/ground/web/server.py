@@ -124,7 +124,7 @@ def _check_certificate(settings: ServerSettings) -> None:
 def _no_pass_phrase() -> str:
     """Raise `ConfigError`, so that OpenSSL does not prompt for a pass phrase."""
     remedy = "Write it without one: openssl pkey -in KEY -out NEW"
-    raise ConfigError("the page's key has a pass phrase", remedy=remedy)
+    raise ConfigError("the page's key is protected by a pass phrase", remedy=remedy)
 
 
 class PageServer(uvicorn.Server):

@@ -1,4 +1,4 @@
-"""Decide if the drone may be commanded; a pilot's action or a fault ends permission. Pure.
+"""Decide if the drone may be commanded; a pilot's action or a fault ends permission; no I/O.
 
 Three states. *Out*: nothing is sent. *Confirmed*: the operator has confirmed an order; it must
 begin within 10 s. *In command*: the first command was sent. Any observed change that no command
@@ -143,7 +143,7 @@ class Authority:
         """Reason why no order can be confirmed now, with the remedy; None if one can."""
         if takeoff and not self._may_take_off:
             remedy = "Take off by hand, or set guidance.may_take_off = true on the drone"
-            return "this drone does not take off by order", remedy
+            return "this drone may not take off by itself", remedy
         return self.vehicle.fault(now_s, takeoff=takeoff)
 
     def stop(self, now_s: float, reason: str = "stopped by the operator") -> None:
@@ -192,7 +192,7 @@ class Authority:
 
     @property
     def flies_ours(self) -> bool:
-        """True while the vehicle flies a command of this order or still of the previous."""
+        """True while the vehicle flies a command of this order or of the previous order."""
         return self._order is not None and self._order.leg is not None
 
     def vehicle_seen(

@@ -1,4 +1,4 @@
-"""Monitor the last command: the drone must fly this command and nothing else. Pure."""
+"""Monitor the last command: the drone must fly this command and nothing else; no I/O."""
 
 from dataclasses import InitVar, dataclass, field
 from math import cos, hypot, nan, radians, sin
@@ -94,14 +94,16 @@ class Commanded:
         return 0.0 if self.yaw is None else self.yaw.turned_deg
 
     def overdue(self, now_s: float, target_age_s: float) -> str | None:
-        """Text on an overdue reaction to the command, progress or report; None if none is."""
+        """Text if reaction to the command, progress or a report is overdue; else None."""
         rises = isinstance(self.manoeuvre, TakeOff)
         longest_s = SAFETY.takeoff_begins_within_s if rises else SAFETY.obeyed_within_s
         if not self.obeyed:
             if self.target_yaw is not None:
                 longest_s += self.target_yaw.turns_on_s
             late = now_s - self.sent_s > longest_s
-            return "the command was not seen to be obeyed" if late else None
+            return (
+                "the autopilot has not reported that it follows the command" if late else None
+            )
         if self.progress.stopped(now_s):
             return "the drone has stopped before its target"
         lost = not self.takes_off and target_age_s > self.behaviour.target_lost_s
@@ -114,7 +116,7 @@ class Commanded:
     def observe_target(
         self, seen: TargetReport, position: PositionReport | None, turning_deg_s: float
     ) -> str | None:
-        """Text if the reported target shows another's command; None if it may follow from ours.
+        """Text if the reported target cannot be that of our command; None if it may be.
 
         `turning_deg_s`: rate of change of the reported target heading [°/s].
         """
@@ -228,7 +230,7 @@ class Commanded:
         return self.yaw.fault(made_s, seen.yaw_deg, bearing_deg, away_m, course_deg)
 
     def _observe_climb(self, seen: PositionReport) -> str | None:
-        """Text if the drone does not climb straight up (`TakeMode`: stays down), or None."""
+        """Text if the drone does not climb straight up (`TakeMode`: does not stay down)."""
         altitude, rises = seen.altitude_amsl_m, isinstance(self.manoeuvre, TakeOff)
         done_m = SAFETY.takeoff_done_m
         self.top_m = max(self.top_m, altitude)

@@ -1,4 +1,4 @@
-"""Delay of the vehicle's reports, from the timestamps in them. Pure.
+"""Delay of the vehicle's reports, from the timestamps in them; no I/O.
 
 Queued on a slow link, the report of a pilot's takeover arrives seconds late.
 """
@@ -42,4 +42,4 @@ class ReportDelay:
         """Text if reports arrive too late for any command to be sent; None if they do not."""
         if self.late_s <= SAFETY.latest_telemetry_s:
             return None
-        return f"the autopilot's messages come {self.late_s:.1f} s late"
+        return f"the autopilot's messages arrive {self.late_s:.1f} s late"

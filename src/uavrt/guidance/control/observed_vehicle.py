@@ -1,4 +1,4 @@
-"""State of the vehicle from its last reports, and reasons against a command. Pure."""
+"""State of the vehicle from its last reports, and reasons against a command; no I/O."""
 
 from math import inf
 
@@ -126,28 +126,32 @@ class ObservedVehicle:
         if self.heartbeat is None or now_s - self.heartbeat.time_s > SAFETY.heartbeat_lost_s:
             return "no heartbeat of the autopilot", "Check the link to the autopilot"
         if self.position is None or now_s - self.position.time_s > SAFETY.position_age_s:
-            return "the vehicle has no position", "Wait for its satellites"
+            return "the vehicle has no position", "Wait for its GPS"
         if self.home is None:
             return "the vehicle has no home", "Wait for its position, or set home in the GCS"
         if self.late is not None:
-            return self.late, "Let it stream less, or give it a faster link"
+            return self.late, "Lower its stream rates, or use a faster link"
         if not self.heartbeat.armed:
-            what = "Let the pilot arm, and ask again" if takeoff else "Take off by hand"
+            what = (
+                "Let the pilot arm it, then request the motion again"
+                if takeoff
+                else "Take off by hand"
+            )
             return "the vehicle is not armed", f"{what}; uavrt never arms"
         if self.on_ground(now_s) and not takeoff:
             return "the vehicle is on the ground", "Take off by hand first"
         if takeoff and not self.on_ground(now_s):
-            return "the vehicle is in the air already", "Ask for another motion"
+            return "the vehicle is already in the air", "Request another motion"
         climbs = self.mode.mode == self.behaviour.takeoff_mode and not self.in_own_mode
         if climbs and not takeoff:
-            return "the vehicle still takes off", "Ask again once it hovers"
+            return "the vehicle is still taking off", "Request the motion again once it hovers"
         if self.failsafe is not None and now_s - self.failsafe.time_s <= SAFETY.mode_lost_s:
             what = self.failsafe.cause
             return f"the autopilot reports a failsafe: {what}", "Land, and find its cause"
         return None
 
     def lost(self, now_s: float) -> str | None:
-        """Text on a report that is missing for so long that an order ends; None without one."""
+        """Text if a report has been missing for so long that an order ends; else None."""
         if self.mode is None or now_s - self.mode.time_s > SAFETY.mode_lost_s:
             return "the mode is no longer reported"
         if self.heartbeat is None or now_s - self.heartbeat.time_s > SAFETY.heartbeat_lost_s:

@@ -1,4 +1,4 @@
-"""Orders proposed to the operator for confirmation, and reasons to withdraw them. Pure."""
+"""Orders proposed to the operator for confirmation, and reasons to withdraw them; no I/O."""
 
 from dataclasses import dataclass
 
@@ -34,7 +34,7 @@ class Offer:
     rests: bool
     """True if the vehicle was in its command mode without an order when it was proposed."""
     target: TargetReport | None
-    """Target reported by a vehicle at rest, or None; a change shows a station's command."""
+    """Target reported by a vehicle at rest; a change shows that another station commands."""
     place: PositionReport
     home: HomeReport
     rc: RcWatch | None

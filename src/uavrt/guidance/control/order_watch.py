@@ -1,4 +1,4 @@
-"""Monitor a confirmed order for changes that no command caused, and check commands. Pure.
+"""Monitor a confirmed order for changes that no command caused, and check commands; no I/O.
 
 Until the first command the vehicle must stay as it was at the confirmation, or fly on to the
 previous order's target. After the first command, it must follow the command (`Commanded`).
@@ -37,7 +37,7 @@ class JumpWatch:
     """Sum of changes of altitude above sea level that the height over home did not show [m]."""
 
     def observe(self, seen: PositionReport) -> str | None:
-        """Text on a position or altitude that jumped since the last report; None without."""
+        """Text if position or altitude jumped since the last report; else None."""
         before, self.before = self.before, seen
         gap_s = max(0.0, seen.boot_s - before.boot_s)
         rise = seen.altitude_amsl_m - before.altitude_amsl_m
@@ -120,7 +120,7 @@ class OrderWatch:
             raise CommandRefused("another order was confirmed")
         changes_mode = first or isinstance(manoeuvre, GoHome)
         if changes_mode and now_s - mode.time_s > SAFETY.mode_change_age_s:
-            raise CommandRefused("the autopilot's mode was not reported just now")
+            raise CommandRefused("the autopilot's mode was not reported recently")
         if not first and mode.mode != vehicle.behaviour.own_mode:
             raise CommandRefused(
                 "the vehicle has not yet reported that it follows the first command"
@@ -144,7 +144,7 @@ class OrderWatch:
                 f"the last target report is older than {SAFETY.target_age_s} s"
             )
         if self.offer.takeoff and not vehicle.on_ground(now_s):
-            raise CommandRefused("the vehicle is in the air already")
+            raise CommandRefused("the vehicle is already in the air")
         turns = motion is not None and _setpoint_turns(motion, vehicle)
         if (turns and not stops) or (
             isinstance(manoeuvre, TurnInPlace) and not vehicle.heading_rests
@@ -183,7 +183,7 @@ class OrderWatch:
         self.flown = None
 
     def overdue(self, vehicle: ObservedVehicle, now_s: float) -> str | None:
-        """Text on an overdue reaction to the command, progress or report; None if none is."""
+        """Text if reaction to the command, progress or a report is overdue; else None."""
         if now_s - self.planner_s > SAFETY.planner_lost_s:
             return "the guide is silent"
         lost = vehicle.lost(now_s)
@@ -196,7 +196,7 @@ class OrderWatch:
             return self.motion.overdue(now_s, vehicle.target_age_s(now_s))
         if now_s - self.confirmed_s > SAFETY.begins_within_s:
             late = "" if vehicle.late is None else f": {vehicle.late}"
-            return f"the order was not begun within 10 s{late}"
+            return f"the order did not begin within 10 s{late}"
         return None
 
     def observe(self, seen: Observation, vehicle: ObservedVehicle) -> str | None:
@@ -286,7 +286,7 @@ class OrderWatch:
         lasts = seen.time_s - self.in_air_s > SAFETY.in_air_unsure_s
         rose_m = self.jumps.before.altitude_amsl_m - self.place.altitude_amsl_m
         flies = lasts or rose_m > SAFETY.takeoff_rise_m
-        return "the vehicle is in the air already" if flies else None
+        return "the vehicle is already in the air" if flies else None
 
     def _observe_sticks(self, seen: SticksReport) -> str | None:
         if self.rc is None:

@@ -1,4 +1,4 @@
-"""Detect a pilot at the remote control: sticks and all other channels. Pure.
+"""Detect a pilot at the remote control: sticks and all other channels; no I/O.
 
 A moved stick means that a pilot flies. The same holds for any switch: PX4's mode switch set to
 Hold during a command in Hold changes neither mode nor target.

@@ -1,4 +1,4 @@
-"""Detect that an unfinished step has come to rest. Pure.
+"""Detect that an unfinished step has come to rest; no I/O.
 
 A pause of ArduCopter shows in no message: mode and target stay, the drone stops. Whatever the
 cause, a step without progress for 3 s counts as stopped.

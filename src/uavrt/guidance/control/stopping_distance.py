@@ -1,4 +1,4 @@
-"""Stopping distance of a multirotor. Pure."""
+"""Stopping distance of a multirotor."""
 
 
 def stops_within_m(speed_m_s: float) -> float:

@@ -1,4 +1,4 @@
-"""Convert requested motions to the autopilot's commands. Pure."""
+"""Convert requested motions to the autopilot's commands; no I/O."""
 
 from dataclasses import dataclass
 from math import isfinite, nan, radians

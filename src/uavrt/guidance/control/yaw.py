@@ -1,4 +1,4 @@
-"""Check that the heading moves as commanded. Pure."""
+"""Check that the heading moves as commanded; no I/O."""
 
 from collections import deque
 from dataclasses import dataclass, field
@@ -7,7 +7,7 @@ from math import atan, copysign, degrees
 from uavrt.core.units import wrap_degrees_180
 from uavrt.guidance.safety import SAFETY
 
-FOREIGN_TURN = "another turns the drone"
+FOREIGN_TURN = "another program turns the drone"
 
 
 @dataclass(slots=True, kw_only=True)
@@ -45,7 +45,7 @@ class YawWatch:
     _turns: bool = False
     _settles: bool = False
     _swept: "_Swept | None" = None
-    """Bearings since the arrival near the target; None farther away."""
+    """Bearings of the target since the drone came near; None while it is farther away."""
     _on_deg: float = 0.0
     """Angle by which the heading setpoint has continued an earlier turn since `_turn_s` [°]."""
     _ended: bool = False
@@ -61,7 +61,8 @@ class YawWatch:
     _seen_s: float = field(init=False)
     """Time of the last report of a heading [s]."""
     _stood_s: float = 0.0
-    """Time for which the drone has stood after moving [s], at most `SAFETY.course_follow_s`."""
+    """Time for which the drone has been at rest after moving [s], up to
+    `SAFETY.course_follow_s`."""
 
     def __post_init__(self) -> None:
         self._turn_s = self._seen_s = self.start_s
@@ -133,7 +134,7 @@ class YawWatch:
     def _follows_course(self, time_s: float, yaw_deg: float, course_deg: float | None) -> bool:
         """True if the heading turns from its old direction towards the recent course.
 
-        A drone that reverses its course stands for a moment; this time does not count.
+        A drone that reverses its course is at rest for a moment; this time does not count.
         """
         if self._courses and course_deg is None:
             stood_s = self._stood_s + time_s - self._seen_s
@@ -261,7 +262,7 @@ class _Swept:
     greatest change counterclockwise, negative."""
 
     def add(self, bearing_deg: float) -> None:
-        """Add a bearing."""
+        """Add a bearing to the swept range."""
         change = wrap_degrees_180(bearing_deg - self.first_deg)
         self.least_deg = min(self.least_deg, change)
         self.most_deg = max(self.most_deg, change)
@@ -291,12 +292,12 @@ def _turns_to(goal_deg: float, yaw_deg: float, before_deg: float, tolerance_deg:
 
 
 def _turns_on_deg(turning_deg_s: float) -> float:
-    """Largest angle by which a drone continues an earlier turn [°]; measured: 25° and 50°."""
+    """Largest angle by which a drone continues an earlier turn [°]; up to 50° were measured."""
     return 1.5 * abs(turning_deg_s) + 15.0 if abs(turning_deg_s) > SAFETY.turning_deg_s else 0.0
 
 
 def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
-    """Largest angle in which PX4's heading setpoint stops a turn, with a margin of 3° [°]."""
+    """Angle that PX4's heading setpoint needs to stop a turn, with a margin of 3° [°]."""
     if abs(turning_deg_s) <= SAFETY.turning_deg_s:
         return 0.0
     return turning_deg_s**2 / (2.0 * SAFETY.setpoint_braking_deg_s2) + 3.0

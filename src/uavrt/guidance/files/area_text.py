@@ -1,4 +1,4 @@
-"""Read outlines of areas from GeoJSON, KML and QGroundControl's plans. Pure.
+"""Read outlines of areas in the text of GeoJSON, KML and QGroundControl's plans; no I/O.
 
 QGroundControl's plans (version 1) have a survey's ``polygon``, a fence's polygons and circles.
 """
@@ -205,7 +205,7 @@ def _not_understood(name: str, kind: object) -> ValueError:
 
 
 def _of_plan(found: Any) -> Iterator[_Outline]:
-    """Find the areas of a QGroundControl plan: survey or else inclusion fence; exclusions."""
+    """Find the areas of a QGroundControl plan: survey, else inclusion fence; and exclusions."""
     surveyed = [
         _Outline(corners=[(north, east) for north, east, *_ in item["polygon"]], mixed=False)
         for item in found.get("mission", {}).get("items", [])

@@ -1,4 +1,4 @@
-"""Convert surveys and fences to MAVLink mission items and back. Pure.
+"""Convert surveys and fences to MAVLink mission items and back; no I/O.
 
 Formats: https://mavlink.io/en/services/mission.html, https://mavlink.io/en/file_formats/#fence.
 """
@@ -152,7 +152,7 @@ def _check_with_home(
 def difference(sent: Sequence[MissionItem], held: Sequence[MissionItem]) -> str | None:
     """Text on how a mission read back from the vehicle differs from the one sent, or None."""
     if len(sent) != len(held):
-        return f"it has {len(held)} items, not {len(sent)}"
+        return f"the vehicle has {len(held)} items, not {len(sent)}"
     for number, (one, other) in enumerate(zip(sent, held, strict=True), 1):
         if not one.flies_as(other):
             return f"item {number} differs"

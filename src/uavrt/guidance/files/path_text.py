@@ -1,4 +1,4 @@
-"""Read paths from GeoJSON, KML and QGroundControl's plans. Pure.
+"""Read paths in the text of GeoJSON, KML and QGroundControl's plans; no I/O.
 
 QGroundControl's plans (version 1) have waypoints (MAVLink commands 16 to 22 with a position)
 and lines of surveys (``VisualTransectPoints``).

@@ -1,4 +1,4 @@
-"""Write surveys and fences as QGroundControl plan files. Pure.
+"""Make the text of QGroundControl plan files of surveys and fences; no I/O.
 
 Plan format, version 1, its missions and fences, version 2
 (https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html).

@@ -1,4 +1,4 @@
-"""Positions and paths of other drones in the same search. Pure.
+"""Positions and paths of other drones in the same search; no I/O.
 
 The drones have no common clock. So the whole straight path from a drone's last known position
 to its goal is reserved for it, and nothing depends on the delay of messages.
@@ -54,7 +54,7 @@ def other_drones_of(
     *,
     speed_m_s: float,
 ) -> tuple[OtherDrones, tuple[int, ...]]:
-    """Select the other drones for the planner, and the tags that this drone searches."""
+    """Select the other drones for the planner, and the tags that this drone searches for."""
     starts = {_OWN: Start(east_m=state.east_m, north_m=state.north_m)}
     owners, listening = dict.fromkeys(held, _OWN), []
     for one in others:

@@ -1,4 +1,4 @@
-"""Detected and missed pulses, with the antenna's pose at those times. Pure.
+"""Detected and missed pulses, with the antenna's pose at those times; no I/O.
 
 A detected pulse brings its own pose. A missed pulse is known later, and only for times that a
 detector reports as searched: without a radio, no pulse counts as missed.
@@ -49,7 +49,7 @@ class _TagSearch:
     gap_s: float
     """Longest time between two search reports of an uninterrupted search [s]."""
     threshold_db: float
-    """Detection threshold of the pulse ENR for missed pulses and received ones above [dB]."""
+    """Detection threshold, as pulse ENR, for missed and for stronger received pulses [dB]."""
     least_db: float
     """Detection threshold of the pulse ENR for received pulses below `threshold_db` [dB]."""
     from_s: float | None = None

@@ -1,4 +1,4 @@
-"""Decide what a search flies, within its order, the wind, and other drones' paths. Pure."""
+"""Decide what a search flies, within its order, the wind, and other drones' paths; no I/O."""
 
 from collections.abc import Sequence
 from math import atan2, degrees, hypot

@@ -1,4 +1,4 @@
-"""Write a search's records for the flight: decisions, findings, likely tag positions. Pure."""
+"""Make a search's records for the flight: decisions, findings, likely tag positions; no I/O."""
 
 from dataclasses import replace
 from typing import Literal

@@ -1,4 +1,4 @@
-"""Search for tags: evaluate pulses, update beliefs, decide, and report reasons. Pure."""
+"""Search for tags: evaluate pulses, update beliefs, decide, and report reasons; no I/O."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Tags, area and constants of a search, made once from an order. Pure."""
+"""Tags, area and constants of a search, made once from an order; no I/O."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -127,7 +127,7 @@ class SearchTask:
         )
 
     def _planner(self) -> Planner:
-        """Make the planner of the settings; uavrt's own gets the duration of a turn."""
+        """Make the planner of the settings; uavrt's own also gets the duration of a turn."""
         if self.equipment.planner != "mi_rate":
             return planner_named(self.equipment.planner)
         turning = self.turn_s

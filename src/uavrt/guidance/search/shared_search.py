@@ -1,4 +1,4 @@
-"""One drone's part in a shared search: others' paths, requests, and its own reports. Pure.
+"""One drone's part in a shared search: others' paths, requests, and its own reports; no I/O.
 
 While a ground station serves several drones, a path is flown only after the ground has assigned
 it. A path chosen without all the other paths is never assigned. So without an answer a drone
@@ -176,7 +176,7 @@ class SharedSearch:
     def course(
         self, now: VehicleNow, *, searching: bool = False, height_m: float | None = None
     ) -> Course:
-        """Report of this drone's course; each begins its lists of tags with another tag."""
+        """Report of this drone's course; its lists begin with a different tag each time."""
         self._sequence = (self._sequence + 1) % _ROUND
         here = (now.latitude_deg, now.longitude_deg)
         height = now.altitude_relative_m if height_m is None else height_m

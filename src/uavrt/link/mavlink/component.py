@@ -124,7 +124,7 @@ class Component:
 
     @property
     def system_id(self) -> int:
-        """System number of the autopilot, 1 while unknown; without one, the station's own."""
+        """System number: the autopilot's (1 while unknown), or the station's own."""
         if self._own_system_id is not None:
             return self._own_system_id
         autopilot = self.discovery.autopilot

@@ -1,4 +1,4 @@
-"""Find the autopilot and the ground stations on a link. Pure."""
+"""Find the autopilot and the ground stations on a link; no I/O."""
 
 from dataclasses import dataclass, field
 
@@ -17,7 +17,7 @@ from uavrt.link.mavlink.dialect import (
 AUTOPILOT_SILENCE_NS = ns_from_s(5.0)
 """Silence after which the autopilot counts as lost and may be replaced [ns]; 5 heartbeats."""
 STATION_SILENCE_NS = ns_from_s(10.0)
-"""Silence after which a station counts as lost [ns]; at 40 % loss by chance once in 10 000."""
+"""Silence after which a station counts as lost [ns]; false with p = 1e-4 at 40 % loss."""
 MAX_STATIONS = 16
 STATION_SYSTEM_ID = 254
 """System id of uavrt's ground stations. Not 255, which ArduPilot takes for the operator's
@@ -44,7 +44,7 @@ class Peer:
 
     @property
     def address(self) -> dict[str, int]:
-        """Fields of a message that is sent to the peer."""
+        """Target fields of a message that is sent to the peer."""
         return {"target_system": self.system_id, "target_component": self.component_id}
 
     def __str__(self) -> str:

@@ -127,7 +127,10 @@ class Connection:
             await asyncio.sleep(TICK_S)
 
     def command_autopilot(self, message: Message) -> None:
-        """Send to the autopilot at once or never: later, the pilot may have taken over."""
+        """Send a command to the autopilot at once or not at all.
+
+        A late command could override a pilot who has taken over in the meantime.
+        """
         if self.commands_leave:
             self._ways[AUTOPILOT_LINK].send(message, self.component.system_id)
         else:

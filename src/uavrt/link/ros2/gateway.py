@@ -82,7 +82,7 @@ class Gateway:
                 self._drone.status, self._drone.status_heard_ns = record, self._now_ns()
                 self._topics.status_changed()
             case Command() if record.source != SOURCE:
-                self._commands.of_others(record)
+                self._commands.foreign_command(record)
                 self._topics.command(record)
             case CommandReply():
                 self._commands.answered(record)
@@ -105,7 +105,7 @@ class Gateway:
         self._commands.resume()
         arrivals = self._bus.inbox.take()
         if not arrivals:
-            self._commands.nothing_came()
+            self._commands.set_loss_baseline()
         for arrival in arrivals:
             self._receive(arrival)
         self._show_drops(now_ns)
@@ -142,21 +142,21 @@ class Gateway:
             self._gateways_said += 1
             self._log.write(
                 5,
-                "another gateway, or a recording, is in this ROS domain: its orders are not "
-                "obeyed. Give each vehicle a [ros2] namespace",
+                "another gateway, or a recording, is in this ROS domain: its commands are "
+                "ignored. Give each vehicle a [ros2] namespace",
             )
 
     def _limits_of(self, topic: str) -> str:
         """Text on how many messages a topic accepts at once and per second."""
         if topic in self._bus.inbox.closed:
-            return "Pulses of other computers are not read: [ros2] accept_pulses = false"
+            return "Pulses of other computers are ignored: [ros2] accept_pulses = false"
         row = TOPICS.get(topic)
         if row is not None and not row.burst:
-            return "Nothing of it is read"
+            return "No message on this topic is accepted"
         rate = (SERVICE_BURST, SERVICE_PER_S) if row is None else (row.burst, row.per_s)
         return (
-            f"{rate[0]} at once and {rate[1]:g} a second are read at most, each begun "
-            f"{BYTES_OF_ONE} bytes counted as one"
+            f"At most {rate[0]} at once and {rate[1]:g} a second are accepted; a long message "
+            f"counts as one for each {BYTES_OF_ONE} bytes or part of them"
         )
 
     def _receive_pulse(self, message: RosPulse) -> None:

@@ -32,7 +32,7 @@ DETECTOR = "DetectorComponent"
 
 NODES: dict[str, str] = {
     TELEMETRY: "the antenna's pose; pulses with their pose",
-    COMMAND: "what the ground station asks",
+    COMMAND: "the ground station's commands",
     START_STOP: "the supervisor's state",
     AIRSPY: "the radio",
     CHANNELIZER: "the receiver",
@@ -87,13 +87,13 @@ TOPICS: dict[str, RosTopic] = {
             "antenna_pose",
             PoseStamped,
             TELEMETRY,
-            "where the antenna is and how it points, twice a second",
+            "the antenna's position and orientation, twice a second",
         ),
         RosTopic(
             "pulse",
             RosPulse,
             DETECTOR,
-            "a pulse as detected; with frequency 0 a detector's sign of life",
+            "a pulse as detected; with frequency 0 a detector's heartbeat",
             subscribers=(TELEMETRY,),
             # A group of K pulses of many tags comes at once; ten would not outlast a lost
             # datagram.
@@ -143,7 +143,7 @@ TOPICS: dict[str, RosTopic] = {
             "store_tag_information",
             RosTag,
             COMMAND,
-            "a tag to look for",
+            "a tag to search for",
             subscribers=(START_STOP,),
             depth=200,
             burst=UPLOAD_BURST,
@@ -153,7 +153,7 @@ TOPICS: dict[str, RosTopic] = {
             "store_coded_tag_information",
             RosCodedTag,
             COMMAND,
-            "a coded tag to look for",
+            "a coded tag to search for",
             subscribers=(START_STOP,),
             depth=200,
             burst=UPLOAD_BURST,
@@ -163,7 +163,7 @@ TOPICS: dict[str, RosTopic] = {
             "release_tag_information",
             Flag,
             COMMAND,
-            "that was the last tag",
+            "end of the tag upload",
             subscribers=(START_STOP,),
         ),
         RosTopic(

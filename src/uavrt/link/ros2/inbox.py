@@ -1,4 +1,4 @@
-"""Queue received messages for the gateway, within the limits of each topic. Pure.
+"""Queue received messages for the gateway, within the limits of each topic; no I/O.
 
 One thread puts messages in, another takes them out. Each topic has its own limits, so a flood
 on one topic delays no message of another. Excess messages are dropped and counted.
@@ -61,7 +61,7 @@ class Inbox:
 
     @property
     def dropped(self) -> dict[str, int]:
-        """Number of dropped messages, for each topic with any."""
+        """Numbers of dropped messages by topic, for topics with dropped messages."""
         return self._dropped.copy()
 
     def take(self) -> list[Arrival]:

@@ -65,8 +65,8 @@ class RosCommands:
         self.sent = 0
         """Number of commands sent to the supervisor."""
 
-    def of_others(self, command: Command) -> None:
-        """Handle a command that came without ROS 2; a new upload replaces the present one."""
+    def foreign_command(self, command: Command) -> None:
+        """Handle a command from outside ROS 2; its tag upload replaces one begun over ROS 2."""
         if command.name == "start_tags":
             self._upload.forget()
 
@@ -79,7 +79,7 @@ class RosCommands:
             case _ if not self._drone.settings.ros2.accept_commands:
                 self._log.refuse("commands from ROS 2 are off (accept_commands = false)")
             case _ if arrival.sender == UNKNOWN:
-                self._log.refuse(f"{topic}: its sender is not known to DDS")
+                self._log.refuse(f"{topic}: its sender is unknown to DDS")
             case RosTag() | RosCodedTag():
                 self._receive_tag(message, arrival)
             case Flag():
@@ -99,7 +99,7 @@ class RosCommands:
         """Reason why a message's sender may not change anything; None if it may."""
         if not self._drone.settings.ros2.accept_commands:
             return "commands from ROS 2 are off (accept_commands = false)"
-        return "its sender is not known to DDS" if arrival.sender == UNKNOWN else None
+        return "its sender is unknown to DDS" if arrival.sender == UNKNOWN else None
 
     def resume(self) -> None:
         """Continue the upload that was in progress when an earlier gateway process ended."""
@@ -115,8 +115,8 @@ class RosCommands:
             self._upload.resume((tag.tag_id for tag in status.tags), self._lost_tags())
             self._log.write(4, "the gateway restarted during the upload: send all tags again")
 
-    def nothing_came(self) -> None:
-        """Note the tag messages lost so far, so that the next upload does not count them."""
+    def set_loss_baseline(self) -> None:
+        """Store the tag messages lost so far, so that the next upload does not count them."""
         self._upload.quiet(self._lost_tags())
 
     def unreadable_tag(self) -> None:
@@ -132,7 +132,9 @@ class RosCommands:
         tag_id = message.tag_id if isinstance(message, RosTag) else message.tag.tag_id
         if self._upload.is_late(arrival.sender, arrival.sent_ns):
             self._upload.add_late(tag_id)
-            self._log.refuse(f"tag {tag_id} came after its release: send all tags again")
+            self._log.refuse(
+                f"tag {tag_id} arrived after the end of its upload: send all tags again"
+            )
             return
         self._upload.add(tag_id, self._lost_tags())
         tag = convert.tag_from_ros(message)
@@ -182,7 +184,7 @@ class RosCommands:
     def _request_parameter(self, name: str, value: float) -> int | None:
         """Request a parameter change from the supervisor; None if too many are pending."""
         if not self._parameters_allowed.take(self._now_ns()):
-            self._log.refuse("set_parameter: commands come too fast")
+            self._log.refuse("set_parameter: too many commands at once")
             return None
         return self._ask("set_parameter", parameter=name, value=value)
 

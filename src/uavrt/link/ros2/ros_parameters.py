@@ -58,7 +58,10 @@ class _Setting:
 
 
 class ParameterServices:
-    """Answers requests for parameters while detection is `running`; `ask` sends a change."""
+    """Answers requests for parameters while detection is `running`.
+
+    `ask`: function that sends a requested change to the supervisor.
+    """
 
     def __init__(
         self,
@@ -103,7 +106,7 @@ class ParameterServices:
 
     def _begin(self, request: SetRequest | SetTogetherRequest, refusal: str | None) -> None:
         if refusal is None and len(request.parameters) > MOST_AT_ONCE:
-            refusal = f"more than {MOST_AT_ONCE} at once"
+            refusal = f"more than {MOST_AT_ONCE} parameters at once"
         if refusal is None and isinstance(request, SetTogetherRequest):
             refusal = self._fault_of_all(request.parameters)
         setting = _Setting(request, deque(request.parameters))
@@ -140,7 +143,7 @@ class ParameterServices:
             if number is not None:
                 self._pending[number] = setting
                 return
-            setting.results.append(SetParametersResult(reason="commands come too fast"))
+            setting.results.append(SetParametersResult(reason="too many commands at once"))
         self._finish(setting)
 
     def _finish(self, setting: _Setting) -> None:
@@ -175,12 +178,18 @@ def _type(parameter: Parameter) -> int:
 
 
 def _below(name: str, prefixes: tuple[str, ...]) -> bool:
-    """True if `prefixes` select a parameter: none do, or its whole name, which has no dots."""
+    """True if `prefixes` select a parameter: an empty list, or the parameter's whole name.
+
+    Names of parameters have no dots, so no shorter prefix matches.
+    """
     return not prefixes or name in prefixes
 
 
 def _number(wanted: RosParameter) -> float:
-    """Number in a parameter value, also an integer for a real; `ConfigError` if neither."""
+    """Number in a parameter value; raises `ConfigError` for an unknown parameter or wrong type.
+
+    An integer is accepted for a real number or a switch, too.
+    """
     parameter = OFFERED.get(wanted.name)
     if parameter is None:
         raise ConfigError(f"no parameter {wanted.name[:40]}: known are {', '.join(OFFERED)}")

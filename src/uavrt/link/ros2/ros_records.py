@@ -97,9 +97,9 @@ def burst_to_ros(pulse: Pulse, detector_dir: str) -> RosBurst:
 def pulse_from_ros(message: RosPulse, sequence: int) -> Pulse:
     """Convert a pulse that a detector on another computer has published.
 
-    Fields missing in the message: a noise power of 0 (unknown, so bearings do without it), the
-    first rate, and `sequence` as the number of the group. Raises `FormatError` for an
-    impossible pulse: no time, no frequency, an SNR that is not finite.
+    Fields missing in the message are set: the noise power to 0 (unknown, so bearings do without
+    it), the rate to the first, and the group's number to `sequence`. Raises `FormatError` for
+    an impossible pulse: no time, no frequency, an SNR that is not finite.
     """
     start_ns, end_ns = time_from_ros(message.start_time), time_from_ros(message.end_time)
     numbers = (message.frequency, message.snr, message.group_snr, message.stft_score)

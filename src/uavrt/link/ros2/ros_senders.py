@@ -1,4 +1,4 @@
-"""Identify senders of messages: other gateways, and authorised commanders. Pure.
+"""Identify senders of messages: other gateways, and authorised commanders; no I/O.
 
 A gateway publishes its own ground station's commands on the topics that other gateways obey. So
 a command counts only if its participant is known and is not a gateway. Gateways have a mark in

@@ -1,4 +1,4 @@
-"""Count the tags of an upload over ROS 2, so that no search starts with fewer. Pure.
+"""Count the tags of an upload over ROS 2, so that no search starts with fewer; no I/O.
 
 The original system's messages have no count, so a lost tag was silently not searched for.
 """
@@ -12,7 +12,7 @@ MOST = 10_000
 
 
 class Upload:
-    """Number of tags sent since the first of an upload, accepted or not."""
+    """Counts the tags sent since the first tag of an upload, accepted or not."""
 
     def __init__(self) -> None:
         self.open = False
@@ -34,7 +34,7 @@ class Upload:
         self._lost = lost
 
     def add_late(self, tag_id: int) -> None:
-        """Count a tag that was sent before the release and arrived after it."""
+        """Count a tag that was sent before the upload's end and arrived after it."""
         if len(self._ids) < MOST:
             self._ids.add(tag_id)
 
@@ -50,12 +50,12 @@ class Upload:
             self._lost_before = lost
 
     def release(self, sender: Sender, sent_ns: int) -> None:
-        """Handle the upload's release, which ends it."""
+        """Handle the message that ends the upload, its release."""
         self.open = False
         self._released = (sender, sent_ns)
 
     def is_late(self, sender: Sender, sent_ns: int) -> bool:
-        """True if a tag that arrives now was sent before its sender's release."""
+        """True if a tag that arrives now was sent before its sender ended the upload."""
         if self.open or self._released is None or not sender.key:
             return False
         released_by, released_ns = self._released

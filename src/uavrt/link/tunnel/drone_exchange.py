@@ -74,7 +74,10 @@ class _PendingCommand:
 
 
 class Operations:
-    """Progress of the operations that stations started; `version`: sent protocol version."""
+    """Progress of the operations that stations have started, as messages for these stations.
+
+    `version`: protocol version that the drone sends.
+    """
 
     def __init__(self, version: int) -> None:
         self._version = version
@@ -95,7 +98,7 @@ class Operations:
         return answer
 
     def again(self) -> list[Answer]:
-        """Latest progress messages of all running operations; send them once a second."""
+        """Latest progress messages of all running operations, to be sent once a second."""
         steps = (self._step(operation) for operation in self._last.values())
         return [step for step in steps if step is not None]
 

@@ -106,7 +106,7 @@ class Gate:
         return opened
 
     def silent_s(self) -> dict[Ids, float]:
-        """Time since each station's last validly sealed message [s]; others are left out."""
+        """Time since each station's last validly sealed message [s]; only stations with one."""
         return {station: monotonic_s() - last_s for station, last_s in self._sealed_s.items()}
 
     def keepalive(self, inside: bytes, station: Ids, drone: Ids) -> bytes | None:

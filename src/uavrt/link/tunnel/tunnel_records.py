@@ -33,7 +33,8 @@ LATEST_S = 9.2e9
 ROOM_G1, ROOM_G2 = 115, 107
 """Largest size of an acknowledgement's text in G1 and G2, without the final NUL [bytes]."""
 _USABLE = 0xF000
-"""Smallest group number that encodes the usable share of time [per mille] in a report."""
+"""Offset of the usable share of time [per mille] in a search report's `group_sequence`; a
+smaller value there means that the share is unknown."""
 
 STATUS_NUMBERS_OF_PULSES: dict[DetectionStatus, int] = {
     "subthreshold": STATUS_SUBTHRESHOLD,
@@ -113,7 +114,10 @@ def in_generation(pulse: PulseG1, generation: Generation) -> PulseG1 | PulseG2v1
 
 
 def from_pulse(record: Callable[..., R], pulse: Pulse, **others: float) -> R:
-    """Make a record of a pulse from the fields that all have and `others`; no time is 0."""
+    """Make a pulse message of any generation; `record` is its class.
+
+    `others`: the fields that only this generation has. A missing prediction becomes 0.
+    """
     return record(
         tag_id=pulse.tag_id,
         frequency_hz=round(pulse.frequency_hz),
@@ -128,7 +132,10 @@ def from_pulse(record: Callable[..., R], pulse: Pulse, **others: float) -> R:
 
 
 def from_search_report(record: Callable[..., R], report: SearchReport, **others: float) -> R:
-    """Make a record of a pulse for "searched, nothing found" (status 3)."""
+    """Make the message "searched, nothing found" (status 3); `record` is its class.
+
+    `others`: the fields that only this generation has.
+    """
     return record(
         tag_id=report.tag_id,
         frequency_hz=round(report.frequency_hz),

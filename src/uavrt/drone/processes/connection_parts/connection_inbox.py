@@ -183,7 +183,7 @@ class ConnectionInbox:
             if self._motion is not None:
                 self._motion.orders.receive(payload, requester, refusal, sealed=sealed)
                 return
-            text = "this drone takes no orders of motion: see guidance.enabled"
+            text = "this drone accepts no motion orders: see guidance.enabled"
             number = number_of(payload)
             state = MotionState(kind="refused", standing="out", text=text, request_id=number)
             self.stations.answer_motion(encode_state(state), requester)

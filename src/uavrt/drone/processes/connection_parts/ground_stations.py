@@ -42,7 +42,7 @@ class GroundStations:
         self._limits.commander(place)
 
     def accepted(self, requester: Place) -> None:
-        """Treat a station as in command, if none is, until the supervisor confirms it."""
+        """If no station is in command, assume this one is, until the supervisor decides."""
         if not self._limits.has_commander:
             self._limits.commander(requester)
 
@@ -60,7 +60,10 @@ class GroundStations:
         return self._limits.admits(place, self._now_ns(), answers=answers)
 
     def admits_file_request(self, peer: Peer, *, detecting: bool) -> bool:
-        """True if the rate limits allow a file request; lower if `detecting` without proof."""
+        """True if the rate limits allow a file request.
+
+        With a key, stations without proof of it have a lower limit while `detecting`.
+        """
         proof = not (self.gate.locked and detecting) or self.gate.asks_for_files(peer.place)
         return self._limits.admits_file_request(peer.place, self._now_ns(), proof=proof)
 
@@ -71,7 +74,7 @@ class GroundStations:
             self._link.tunnel.rate_of(peer.link).acknowledged(trip_s, self._now_ns())
 
     def silent_s(self) -> dict[Place, float]:
-        """Silence of each station [s]; once one sends sealed messages, only these count."""
+        """Silence of each station [s]; if it has sent sealed messages, only these count."""
         return self._link.stations_silent_s() | self.gate.silent_s()
 
     def answer(self, answer: Answer | None, *, urgent: bool = True) -> None:
@@ -112,8 +115,9 @@ class GroundStations:
     def announce_session(self, now_ns: int) -> None:
         """Announce, once a second, the session in which sealed commands are valid.
 
-        The announcement is valid only under the drone's present number. So none is made before
-        that number is known and a ground station was received: it would wait in a queue.
+        An announcement is valid only for the drone's present number, so that number must be
+        known. A ground station must have been received, too: before that, messages wait in a
+        queue.
         """
         component = self._link.component
         ready = component.discovery.known and component.has_number(now_ns)

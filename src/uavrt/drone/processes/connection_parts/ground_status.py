@@ -38,14 +38,14 @@ FAULTS_NS = ns_from_s(2.0)
 FAULT_REPEAT_NS = ns_from_s(30.0)
 """Time between two reports of a lasting fault [ns]: below 1 % of the slowest link."""
 SEARCH_REPORT_NS = ns_from_s(5.0)
-"""Time between two search reports of a tag on the link [ns], which its pulses share."""
+"""Shortest time between two search reports of a tag on the link [ns]; pulses share the link."""
 ALIVE_NS = ns_from_s(3.0)
 """Shortest time between two heartbeats of a tag's detector [ns]. The original ground station
-expects one within K + 1 pulse intervals and a second, about 6 s."""
+waits for one during K + 1 pulse intervals (K pulses per group) and one second, about 6 s."""
 ALIVE_PER_TAG_NS = ns_from_s(0.1)
 """Shortest time between two detector heartbeats of all tags together [ns]; 10 a second."""
 BEEP_NS = ns_from_s(5.0)
-"""Time between two reports to the ground on beeping senders, which are sent in turn [ns]."""
+"""Time between two reports to the ground on beeping senders [ns]; each sender has its turn."""
 THERMAL_ZONE = Path("/sys/class/thermal/thermal_zone0/temp")
 UNKNOWN_U8 = 0xFF
 UNKNOWN_I8 = 127
@@ -161,7 +161,7 @@ class GroundStatus:
         return allowed
 
     def search_report(self, report: SearchReport, now_ns: int) -> None:
-        """Send a tag's search report; if one was sent recently, that the detector works."""
+        """Send a tag's search report or, soon after one, only that the detector works."""
         if self._due(f"search {report.tag_id}", SEARCH_REPORT_NS, now_ns):
             self._send(self._exchange.search_report(report))
         else:
@@ -184,7 +184,7 @@ class GroundStatus:
             self._sender.send_tunnel(payload, Priority.STATUS)
 
     def _report_computer(self) -> None:
-        """Report load and free space: the last measured one while the disk is not answering.
+        """Report load and free disk space; the last known space if the disk does not answer.
 
         A pending query is not repeated, because many queries would delay file transfers later.
         """

@@ -25,13 +25,13 @@ log = get_logger()
 FIXED_PERIOD_S = 0.5
 """Time between two poses of a fixed station [s]; poses are interpolated."""
 CLOSEST_NS = ns_from_s(0.02)
-"""Shortest time between used positions [ns]; others are dropped; GPS sends 1 to 20 a second."""
+"""Shortest time between two used positions [ns]; a GPS receiver sends 1 to 20 a second."""
 SILENCE_NS = ns_from_s(5.0)
 """Age above which a GPS position is outdated [ns]; receivers send one a second."""
 ALTITUDE_HOLDS_NS = ns_from_s(3.0)
-"""Time after a GPS position with altitude in which those without one are dropped [ns]."""
+"""Time after a GPS position with altitude in which positions without one are dropped [ns]."""
 WATCH_PERIOD_S = 3.0
-"""Time between requests for data to a silent gpsd [s], which forgets them in a restart."""
+"""Time between requests for data to a silent gpsd [s]; a restarted gpsd needs a new request."""
 GPSD = "127.0.0.1:2947"
 WAIT_S = 1.5
 """Longest time that a pulse waits for the GPS receiver's next position [s]."""
@@ -96,7 +96,7 @@ class OwnPose:
 
     @property
     def status(self) -> str | None:
-        """Text on whether position or heading is missing; None if both are known."""
+        """Text on what is missing, position or heading; None if both are known."""
         now_ns = self._clock_ns()
         if self._fault is not None:
             return f"no position: {self._fault}"

@@ -68,7 +68,7 @@ class ParameterHandler:
         *,
         sealed: bool = False,
     ) -> None:
-        """Handle a request for parameters; `refusal`: why none may be set, or None."""
+        """Handle a request; `refusal`: the reason why no parameter may be set, or None."""
         answer = self._server.receive(message)
         if isinstance(answer, list):
             for value in answer:
@@ -108,7 +108,7 @@ class ParameterHandler:
         self.receive(request, peer, refusal, request_id, sealed=True)
 
     def reply(self, reply: CommandReply) -> None:
-        """Send the present value of a parameter, and the supervisor's reason if refused.
+        """Answer a change: the parameter's present value, and the reason if it was refused.
 
         Changed settings arrive before the reply, so the value is the new one.
         """

@@ -133,7 +133,7 @@ class PoseCollector:
         while self._next_pose_ns <= newest_ns:
             with suppress(UavrtError):
                 pose = self._ring.vehicle_pose(self._next_pose_ns)
-                self._poses.append(self._by_the_clock(pose))
+                self._poses.append(self._mark_extrapolated(pose))
             self._next_pose_ns += self._period_ns
         if len(self._poses) * self._period_ns >= RECORD_NS:
             self._record(Poses(poses=tuple(self._poses)))
@@ -158,11 +158,13 @@ class PoseCollector:
 
     def _marked(self, pulse_poses: list[PulsePose]) -> list[PulsePose]:
         return [
-            replace(item, pose=None if item.pose is None else self._by_the_clock(item.pose))
+            replace(
+                item, pose=None if item.pose is None else self._mark_extrapolated(item.pose)
+            )
             for item in pulse_poses
         ]
 
-    def _by_the_clock(self, pose: Pose) -> Pose:
+    def _mark_extrapolated(self, pose: Pose) -> Pose:
         """Mark a pose as extrapolated if the autopilot's clock is extrapolated."""
         if not self._clock_is_stale or pose.extrapolated:
             return pose
@@ -170,7 +172,10 @@ class PoseCollector:
         return replace(pose, extrapolated=True)
 
     def missing(self) -> str | None:
-        """Text on what the station's own pose lacks, or None; changes go to the operator."""
+        """Text on what is missing for the station's own pose, or None.
+
+        A change of the text is reported to the operator.
+        """
         assert self._own is not None
         missing = self._own.status
         if missing != self._missing:

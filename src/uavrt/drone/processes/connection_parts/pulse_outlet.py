@@ -28,11 +28,11 @@ log = get_logger()
 
 REFILL = 512
 FLIGHTS = 4
-"""Number of flights whose pulses may be undelivered; the recorder handles as many."""
+"""Largest number of flights with undelivered pulses; the recorder has the same limit."""
 RECENT = 2_000
 RECENT_NS = ns_from_s(60.0)
-"""Time for which delivered pulses are remembered [ns], `RECENT` at most; the database may lag.
-The recorder commits every three seconds; after a longer delay some pulses are sent twice."""
+"""Time for which up to `RECENT` delivered pulses are remembered [ns]. The recorder commits
+every three seconds; if it takes longer than this time, some pulses are sent twice."""
 REFILL_PERIOD_NS = ns_from_s(0.5)
 
 
@@ -68,13 +68,13 @@ class PulseOutlet:
         if directory not in self._flights:
             self._flights.append(directory)
         if resumed:
-            self.sender.stores.disk_has_news()
+            self.sender.stores.mark_all_on_disk()
 
     def recorded(self, keys: Sequence[PulseKey]) -> None:
         """Register recorded pulses; those that a station may lack are read from disk."""
         known = [self.delivery.recorded(key) for key in keys]
         if not all(known):
-            self.sender.stores.disk_has_news()
+            self.sender.stores.mark_all_on_disk()
 
     def add(self, pulse_pose: PulsePose) -> None:
         """Add a pulse with its pose, to be sent."""
@@ -96,7 +96,7 @@ class PulseOutlet:
         new = self.sender.receipt(receipt.store, receipt.hashes, place, now_ns)
         self._delivered(receipt.store, new, now_ns)
         if stores.present - before[0] or stores.confirmed - before[1]:
-            self.delivery.station_came()
+            self.delivery.station_appeared()
         return receipt.store in stores.confirmed, self.sender.underway.fresh_trip_s
 
     def tick(self, now_ns: int) -> None:

@@ -67,7 +67,7 @@ class PulsePath:
             disk(partial(_heard_before, flight.directory), self._restore_tags)
 
     def begin_flight(self, flight: FlightInfo) -> None:
-        """Begin to pass on the pulses of a new flight, in its clock."""
+        """Begin to pass on the pulses of a new flight, timed by the flight's clock."""
         self._poses.use_clock(flight.clock_offset_ns)
         self._status.begin_flight(self._poses.shift_ns)
         self.outlet.flight(flight.directory)
@@ -119,7 +119,7 @@ class PulsePath:
             self._link.tunnel.wake()
 
     def _report_tag(self, pulse: Pulse) -> None:
-        """Send values and texts to stations that cannot decode uavrt's pulses."""
+        """Send a tag's SNR, count and texts to stations that cannot decode uavrt's pulses."""
         now_ns = self._now_ns()
         self._named_values.heard(pulse, now_ns)
         text = self._tag_texts.text(pulse)

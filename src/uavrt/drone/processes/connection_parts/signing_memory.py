@@ -19,14 +19,14 @@ BEHIND_S, BEHIND_AFTER_BOOT_S = 3.0, 40.0
 
 
 class SigningKept(msgspec.Struct):
-    """Contents of the file: the boot in which it was written, and times of signed frames."""
+    """Contents of the file of signing times, and the boot in which it was written."""
 
     boot_id: str
     times: SigningTimes
 
 
 class SigningMemory:
-    """Stores the newest times of signed frames, of one `Signing`, in a directory's file."""
+    """Stores the newest times of frames signed by one `Signing` in a file of a directory."""
 
     def __init__(self, signing: Signing, directory: Path) -> None:
         self._signing = signing

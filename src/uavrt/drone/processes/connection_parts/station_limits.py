@@ -48,11 +48,14 @@ class StationLimits:
             self._own = Allowance(burst=OWN_BURST, per_s=OWN_PER_S)
 
     def commands(self, place: Place) -> bool:
-        """True for the station in command; its answers are sent before pulses."""
+        """True for the station in command, which is answered before pulses are sent."""
         return place == self._commander
 
     def admits_file_request(self, place: Place, now_ns: int, *, proof: bool = True) -> bool:
-        """True if a file request may be handled; `proof`: authenticated, or need not be."""
+        """True if a file request may be handled.
+
+        `proof`: it is authenticated, or needs no authentication.
+        """
         allowance = self._files if proof else self._open_files
         admitted = (proof and place == self._commander) or allowance.take(now_ns)
         self.dropped += not admitted

@@ -8,7 +8,7 @@ from uavrt.core.units import s_from_ns
 SILENCE_S = 30.0
 SILENCE_INTERVALS = 10
 """Silence after which a tag is received "again" [pulse intervals], and at least `SILENCE_S`. It
-exceeds a turn's time behind the antenna, and one or two lost groups."""
+exceeds the time per turn in which the tag is behind the antenna, and one or two lost groups."""
 
 
 class TagTexts:
@@ -60,7 +60,7 @@ class TagTexts:
         who = " or ".join(map(self._name, (pulse.tag_id, *pulse.also_possible_tag_ids)))
         again = "" if silent_s is None else f" again after {silent_s:.0f} s"
         bound = "at least " if pulse.clipped else ""
-        return f"Tag {who} heard{again}: {bound}{pulse.snr_db:.1f} dB"
+        return f"Tag {who} detected{again}: {bound}{pulse.snr_db:.1f} dB"
 
     def _name(self, tag_id: int) -> str:
         tag = self._tags.get(tag_id)

@@ -45,7 +45,7 @@ class MotionOutputs:
     command: Callable[[Message], None]
     """Function that sends a command to the autopilot at once."""
     leaves: Callable[[], bool]
-    """Function that returns True if a command could be sent at once."""
+    """Function that returns True if a command could be sent without waiting."""
     state: Callable[[bytes, Requester | None], None]
     """Function that sends the state of a motion order to one station, or to all if None."""
     ask: Callable[[Command], None]
@@ -97,11 +97,11 @@ class MotionControl:
     def text(self) -> str:
         """State of the order, as a text for the operator."""
         if self.authority is None:
-            return "the autopilot is not known"
+            return "the autopilot's type is unknown"
         if self.authority.standing is ControlStage.OUT:
             return self.authority.reason
         late = self.authority.vehicle.late
-        return self._status_text if late is None else f"{late}: nothing is commanded"
+        return self._status_text if late is None else f"{late}: no command is sent"
 
     def watch(self, now_s: float) -> None:
         """Report the state of control at once if it has changed."""
@@ -114,7 +114,7 @@ class MotionControl:
         """End control if this process was paused so long that received messages may be old."""
         pause_s = self.stalls.wake(now_s, turn=turn)
         if pause_s > SAFETY.stall_s:
-            self.end(f"the drone side stood still for {pause_s:.0f} s", now_s)
+            self.end(f"the drone's program paused for {pause_s:.0f} s", now_s)
 
     def observe(self, observations: Iterable[Observation], now_s: float) -> None:
         """Pass the autopilot's reports to `authority`, which may end control."""
@@ -162,7 +162,7 @@ class MotionControl:
         return self.authority
 
     def fly(self, request: VehicleRequest, now_s: float) -> bool:
-        """Handle a request of the guide process; True if for a motion, even a refused one."""
+        """Handle a request of the guide process; True if it is a motion, even a refused one."""
         authority = self.known
         assert request.order_id is not None
         self._status_text = request.status_text or self._status_text
@@ -203,7 +203,7 @@ class MotionControl:
         if late is None or authority.standing is ControlStage.OUT or self._late_reported:
             return
         self._late_reported = True
-        self._out.text(StatusText(severity=4, text=f"Not commanded: {late}"))
+        self._out.text(StatusText(severity=4, text=f"No command sent: {late}"))
 
 
 class TakeBack:
@@ -230,7 +230,7 @@ class TakeBack:
         if authority is None or not self.under_way:
             return
         if authority.taking_off:
-            climbs = ": it climbs on to its height" if authority.climbs else ""
+            climbs = ": it continues to climb to its height" if authority.climbs else ""
             authority.stop(now_s, f"stopped by the operator{climbs}")
         if not authority.flies_ours or self._send_stop(authority, now_s):
             authority.stop(now_s)

@@ -64,7 +64,10 @@ class MotionHandler:
     def vehicle(
         self, message: Message, age_s: float = 0.0, late_s: float | None = None
     ) -> None:
-        """Handle a message from the autopilot; `age_s` since arrival, `late_s` on the link."""
+        """Handle a message from the autopilot.
+
+        `age_s`: time since its arrival. `late_s`: delay of the message on the link.
+        """
         now_s, before = monotonic_s(), self._autopilot.kind
         self.control.wake(now_s)
         self._autopilot.receive(message, now_s - age_s)

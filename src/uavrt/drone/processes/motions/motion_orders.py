@@ -71,10 +71,10 @@ class MotionOrders:
             message = decode_motion(payload, requester)
         except TunnelError as error:
             self.refused += 1
-            log.seldom(self.refused, "order of motion refused", reason=error.message)
+            log.seldom(self.refused, "motion order refused", reason=error.message)
             return
         if refusal is None and not sealed and not self._autopilot.takes_unsealed:
-            refusal = "orders of motion must be sealed: give drone and ground a key"
+            refusal = "motion orders must be sealed: give drone and ground a key"
         if refusal is None and not isinstance(message, MotionStop):
             refusal = self._autopilot.link_fault
         if refusal is not None:
@@ -127,7 +127,7 @@ class MotionOrders:
         elif isinstance(about, MotionRequest):
             self._out.record("motion", about)
         elif waited_s > SUPERVISOR_TIMEOUT_S:
-            text = f"the confirmation waited {waited_s:.0f} s on the drone: ask again"
+            text = f"the confirmation was delayed by {waited_s:.0f} s: request the motion again"
             self._reports.answer("refused", text, requester, about.request_id)
         else:
             self._confirm(about, requester)
@@ -180,7 +180,10 @@ class NeighbourReports:
     def receive(
         self, payload: bytes, requester: Requester, refusal: str | None, *, sealed: bool
     ) -> None:
-        """Handle a report on another drone; parameters as in `MotionOrders.receive`."""
+        """Handle a report on another drone.
+
+        `refusal`: reason why the reporting station may not command, or None.
+        """
         now_s = monotonic_s()
         try:
             neighbour = decode_neighbour(payload)

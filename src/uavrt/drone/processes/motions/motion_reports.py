@@ -15,7 +15,7 @@ log = get_logger()
 REPORT_S = 0.1
 STATE_S = 1.0
 NEVER_S = 1e6
-UNKNOWN = "the autopilot is not known. Fly a multirotor with PX4 or ArduPilot"
+UNKNOWN = "the autopilot's type is unknown. Use a multirotor with PX4 or ArduPilot"
 
 
 class MotionReports:

@@ -14,7 +14,7 @@ from uavrt.link.mavlink.message import Message
 IDENTITY_S = 3.0
 BATTERY_AGE_S, WIND_AGE_S = 10.0, 30.0
 TCP_IS_LATE = (
-    "orders of motion are not flown over TCP to another computer: a command could arrive "
+    "motion orders are not flown over TCP to another computer: a command could arrive "
     "seconds late. Use a serial port or UDP for mavlink.address"
 )
 SIMULATOR_NUMBER = 0x75617672

@@ -25,7 +25,10 @@ class StallWatch:
         return self._late_turns > 0
 
     def wake(self, now_s: float, *, turn: bool = False) -> float:
-        """Register that the process runs; return the pause [s]. `turn`: a loop turn begins."""
+        """Register that the process runs; return the pause before [s].
+
+        `turn`: True at the beginning of a turn of the main loop.
+        """
         pause_s, self._awake_s = now_s - self._awake_s, now_s
         if pause_s > LATE_S:
             if not self.late:

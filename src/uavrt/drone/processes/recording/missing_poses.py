@@ -36,7 +36,7 @@ class AwaitedPoses:
         waiting = self._tags.setdefault(pulse.tag_id, OrderedDict())
         waiting.setdefault(pulse.start_time_ns, (pulse, now_s + self._timeout_s))
 
-    def came(self, pulse: Pulse) -> list[Pulse]:
+    def pose_arrived(self, pulse: Pulse) -> list[Pulse]:
         """Remove a pulse with its pose; return the tag's earlier pulses, which get no pose."""
         waiting = self._tags.get(pulse.tag_id)
         if waiting is None or pulse.start_time_ns not in waiting:

@@ -21,7 +21,7 @@ _CLOSE_S: Final = 2.0
 
 
 _Item = tuple[BeepSearch, IQBlock | None, IQBlock | None]
-"""Queued work: the search, and samples of the radio's band and the tags' band, or None."""
+"""Queued work: the search, then samples of the radio's band and of the tags' band (or None)."""
 
 
 class BeepListener:
@@ -41,7 +41,7 @@ class BeepListener:
         self._thread.start()
 
     def add(self, block: IQBlock, band: IQBlock) -> None:
-        """Queue a block of the whole radio band and the same time in the tags' band."""
+        """Queue a block of the whole radio band and, for the same time, of the tags' band."""
         wanted = self._search.due(block, band)
         if wanted == (None, None):
             return

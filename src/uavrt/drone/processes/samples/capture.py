@@ -57,7 +57,7 @@ class Capture:
             self._why = "the disk is nearly full"
             fits_s = (self._earlier + self._wanted) / self._rate_hz
             frame.notify(
-                4, f"Disk: {fits_s:.0f} of {self._capture_s:g} s fit, capture ends then"
+                4, f"Disk: {fits_s:.0f} of {self._capture_s:g} s fit, the capture ends early"
             )
 
     @property

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from types import FrameType, TracebackType
 
 CHECK_S = 0.8
-"""Processor time between two checks whether the search of a tag hangs [s]."""
+"""Processor time between two checks for a hanging search [s]."""
 CHECKS = 5
 """Number of checks in the same step that counts as a hang: 3.2 to 4 s. The supervisor kills the
 process after 5 s of silence; the longest normal step takes some tenths of a second."""

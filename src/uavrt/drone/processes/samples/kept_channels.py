@@ -9,7 +9,7 @@ from uavrt.flight.samples.channel_recorder import ChannelRecorder
 
 
 class KeptChannels:
-    """Records channel samples if the settings say so, and reports dropped ones."""
+    """Records channel samples if this is configured, and reports dropped samples."""
 
     def __init__(
         self, frame: ProcessFrame, flight: FlightInfo, *, switched_on: bool = True
@@ -39,7 +39,7 @@ class KeptChannels:
             self._notify(5, "Disk: channel samples dropped. Detection goes on")
         if recorder.removed_pieces and not self._ring_reported:
             self._ring_reported = True
-            self._notify(6, f"Kept channels: {self._budget_mb:.0f} MB used, oldest go")
+            self._notify(6, f"Channel recordings: {self._budget_mb:.0f} MB used, oldest go")
 
     def close(self) -> None:
         """Write the queued samples and close the files."""

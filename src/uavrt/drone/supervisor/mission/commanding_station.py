@@ -60,8 +60,8 @@ class CommandingStation:
             return None
         self.refused += 1
         return (
-            f"{self.name} commands, you watch. Seal it with the drone's key, or wait until it "
-            f"was silent for {SILENCE_S:.0f} s"
+            f"{self.name} is in command. Send a sealed command, or wait until it "
+            f"has been silent for {SILENCE_S:.0f} s"
         )
 
     def flight_ended(self) -> None:

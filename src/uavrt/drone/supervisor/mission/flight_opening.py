@@ -13,7 +13,7 @@ from uavrt.core.errors import RecordingError
 from uavrt.core.messages import FlightInfo, Tag
 
 _CHEAP_SHARE_TAGS = 16
-"""Maximum tags of one detector process while others have none; they take 2 % of a core."""
+"""Number of tags that one detector process may have while others have none; 2 % of a core."""
 
 
 def share_tags(

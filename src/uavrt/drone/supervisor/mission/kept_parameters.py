@@ -31,7 +31,7 @@ class KeptValue(msgspec.Struct, frozen=True):
 
 
 class SettingsInForce:
-    """The settings, with the operator's parameters applied; `on_change` gets new ones."""
+    """The settings with the operator's parameters applied; `on_change`: gets changed ones."""
 
     def __init__(self, settings: Settings, on_change: Callable[[Settings], None]) -> None:
         path = Path(settings.recording.directory) / PARAMETERS_NAME
@@ -54,7 +54,7 @@ class SettingsInForce:
         """Radio gain given with a start command; None: gain of the settings."""
 
     def resume(self, gain: int | None, waiting: Mapping[str, float]) -> None:
-        """Restore a resumed flight's gain and those of its parameters that change after it."""
+        """Restore a resumed flight's gain, and its values of parameters that change later."""
         with suppress(UavrtError):
             self._use_gain(gain)
         self.in_flight = self.now

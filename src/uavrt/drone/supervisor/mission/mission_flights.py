@@ -13,7 +13,7 @@ from uavrt.core.clock import Clock, boot_id, wall_ns
 from uavrt.core.commands import SystemState
 from uavrt.core.errors import UavrtError
 from uavrt.core.messages import FlightInfo, Tag
-from uavrt.core.units import NANOSECONDS_PER_SECOND
+from uavrt.core.units import NANOSECONDS_PER_SECOND, counted
 from uavrt.drone.supervisor.mission.flight_opening import last_written_ns, new_flight
 from uavrt.drone.supervisor.mission.kept_parameters import SettingsInForce
 from uavrt.drone.supervisor.mission.saved_state import SavedState
@@ -92,14 +92,14 @@ class Flights:
             return self._try_new_flight(flight.center_frequency_hz)
         self.flight = flight
         self._on_start(flight)
-        count = len(self._upload.tags)
-        self._notify(4, f"Supervisor restarted: detecting {count} tags again")
+        words = counted(len(self._upload.tags), "tag")
+        self._notify(4, f"Supervisor restarted: detecting {words} again")
         return SystemState.DETECTING
 
     def _continue_capture(
         self, flight: FlightInfo, clock_offset_ns: int | None
     ) -> SystemState | None:
-        """Continue a raw capture; None after a reboot, with a report on what was recorded."""
+        """Continue a raw capture; after a reboot, report what was recorded and return None."""
         if clock_offset_ns is None or not Path(flight.directory).is_dir():
             self._notify(4, f"Raw capture ended by a restart: kept in {flight.directory}")
             return None
@@ -115,8 +115,8 @@ class Flights:
         except UavrtError as error:
             self._notify(3, f"Supervisor restarted, but cannot detect: {error}")
             return None
-        count = len(self._upload.tags)
-        self._notify(4, f"Computer restarted: detecting {count} tags again")
+        words = counted(len(self._upload.tags), "tag")
+        self._notify(4, f"Computer restarted: detecting {words} again")
         return SystemState.DETECTING
 
     def begin(self, center_frequency_hz: float | None) -> FlightInfo:
@@ -138,8 +138,7 @@ class Flights:
             center_hz, warnings = tuning.center_frequency_hz, warnings + tuning.warnings
         center_hz = tuned_frequency(radio, center_hz)
         flight = self._open(tags, center_hz)
-        count = len(self._upload.tags)
-        words = "1 tag" if count == 1 else f"{count} tags"
+        words = counted(len(self._upload.tags), "tag")
         self._notify(6, f"Detecting {words} at {center_hz:.0f} Hz")
         for warning in (*warnings, *self._near_code_texts(tags)):
             self._notify(5, warning)
@@ -149,10 +148,12 @@ class Flights:
         window_hz = self._settings.now.detection.frequency_window_hz
         pairs = [(one.tag_id, two.tag_id) for one, two, _ in near_codes(tags, window_hz)]
         words = [
-            f"Codes {one}, {two} are easily mixed up" for one, two in pairs[:_MOST_PAIRS_LISTED]
+            f"Codes {one}, {two} are easily confused" for one, two in pairs[:_MOST_PAIRS_LISTED]
         ]
         if len(pairs) > _MOST_PAIRS_LISTED:
-            words.append(f"{len(pairs) - _MOST_PAIRS_LISTED} more pairs of codes are as near")
+            words.append(
+                f"{len(pairs) - _MOST_PAIRS_LISTED} more pairs of codes are as similar"
+            )
         return words
 
     def begin_capture(self, center_frequency_hz: float | None) -> FlightInfo:

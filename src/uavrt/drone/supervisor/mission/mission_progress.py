@@ -14,9 +14,9 @@ CAPTURED, NOT_CAPTURED = "captured", "not captured"
 NO_SAMPLES_LIMIT_S = 30.0
 """Time without samples after the planned length of a raw capture until it fails [s]."""
 
-NO_SAMPLES = "the radio gives no samples. Check that it is plugged in"
-FEW_SAMPLES = "the radio gives too few samples. Check its cable, or set a lower sample rate"
-SLOW_DISK = "the samples could not be written in time. Record to a faster disk, or less"
+NO_SAMPLES = "the radio delivers no samples. Check that it is plugged in"
+FEW_SAMPLES = "the radio delivers too few samples. Check its cable, or set a lower sample rate"
+SLOW_DISK = "the samples could not be written in time. Record to a faster disk, or record less"
 
 _LONGEST_CAPTURE = 3.0
 """Longest extra time for a raw capture with slow samples, as a multiple of its length."""

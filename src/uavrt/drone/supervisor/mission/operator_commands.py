@@ -182,7 +182,9 @@ class Mission:
         mavlink = self.settings.now.mavlink
         locked = mavlink.key_file is not None and mavlink.key_required
         if locked and not command.sealed and command.source == "ros2":
-            return "only sealed commands, and ROS 2 has no seal: this drone has a key"
+            return (
+                "this drone has a key and accepts only sealed commands; ROS 2 cannot seal them"
+            )
         return self.commander.refusal(command)
 
     def _note_commander(self, command: Command) -> None:

@@ -1,7 +1,7 @@
 """Tests the radio in a short-lived process: ``python -m
 uavrt.drone.supervisor.mission.radio_check``.
 
-A process of its own, because the radio module loads NumPy and the radio's program may hang.
+The process is separate, because the radio module loads NumPy and the radio's program may hang.
 """
 
 import json

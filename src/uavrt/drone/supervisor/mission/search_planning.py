@@ -25,7 +25,7 @@ TIMEOUT_S = 15.0
 """Longest wait for the plan of a search [s]. Imports take 0.3 s and measuring a long list 2 s,
 several times that on a busy small computer."""
 UNMEASURED_TAGS = 100
-"""Largest number of tags that two cores can surely search; with more, cost is measured."""
+"""Largest number of tags that two cores can surely search; with more, the cost is measured."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

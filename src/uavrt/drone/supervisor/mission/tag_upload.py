@@ -8,6 +8,7 @@ from uavrt.config.tags.tag_files import faults_of_tags
 from uavrt.core.errors import UavrtError
 from uavrt.core.log import get_logger
 from uavrt.core.messages import Tag
+from uavrt.core.units import counted
 from uavrt.flight.kept_file import KeptFile
 
 log = get_logger()
@@ -38,7 +39,7 @@ class TagUpload:
         self.sent = sent
 
     def add(self, tag: Tag | None, maximum_tags: int | None) -> None:
-        """Add a tag; an equal tag may be added again; `maximum_tags` None: 1000."""
+        """Add a tag, or an equal tag again; at most `maximum_tags` tags (None: 1000)."""
         if tag is None:
             raise UavrtError("the tag is missing")
         if self._tags.get(tag.tag_id, tag) != tag:
@@ -61,7 +62,7 @@ class TagUpload:
         if len(self._tags) < self.sent:
             return f"{len(self._tags)} of {self.sent} tags"
         self._last.keep((*self._tags.values(),))
-        return f"{len(self._tags)} tags"
+        return counted(len(self._tags), "tag")
 
     def check_complete(self, tag_count: int | None) -> None:
         """Raise `UavrtError` if fewer tags arrived than the sender announced."""
@@ -80,7 +81,7 @@ class TagUpload:
         """Load the last complete list from the disk."""
         tags = self._last.read() or ()
         if not tags:
-            raise UavrtError("no tags known: send them once with uavrt ground")
+            raise UavrtError("no tags stored: send them once with uavrt ground")
         self.begin()
         try:
             for tag in tags:

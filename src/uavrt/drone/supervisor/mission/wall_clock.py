@@ -39,7 +39,7 @@ class WallClockWatch:
             return None
         self._noted_s = correction_s
         return (
-            f"Wall clock corrected by {moved_s:+.3f} s; the flight keeps its time, "
+            f"Wall clock corrected by {moved_s:+.3f} s; the flight's own time now differs by "
             f"{correction_s:+.3f} s from it"
         )
 

@@ -39,7 +39,7 @@ MODULES = (
 MAX_REQUEST_BYTES = 65_536
 MAX_FDS = 200
 FIRST_FREE_FD = 500
-"""Number above which descriptors move before they get their final numbers, which are lower."""
+"""Lowest number of a descriptor's temporary copy; the requested numbers are below it."""
 _PR_SET_NAME = 15
 """Option number of prctl(2) that sets the process name shown by ``top``."""
 
@@ -57,7 +57,7 @@ class ForkedProcess:
 
 
 def serve(sock: socket.socket) -> ForkedProcess | None:
-    """Fork on request: returns its data in each new process, None when the supervisor ends."""
+    """Fork on request; return the data of each new process there, None without supervisor."""
     while True:
         data, fds, _, _ = socket.recv_fds(sock, MAX_REQUEST_BYTES, MAX_FDS)
         if not data:

@@ -8,7 +8,7 @@ class RestartPolicy:
     """Restart delays for one row of the table of processes."""
 
     delays_s: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0, 5.0)
-    """Waits before the first, second, … consecutive restart [s]; later ones use the last."""
+    """Waits before the first, second, … consecutive restart [s]; the last wait is repeated."""
     settled_s: float = 10.0
     """Running time after which a process's next unexpected end counts as its first [s]."""
     degraded_after: int = 4

@@ -20,7 +20,7 @@ log = get_logger()
 
 LineHandler = Callable[[bytes], None]
 READ_BYTES = 65_536
-"""Most bytes read at once from a process; for 128 KiB, glibc would map memory each time."""
+"""Most bytes read at once from a process; glibc would map memory for each read of 128 KiB."""
 
 
 class Child:

@@ -30,10 +30,12 @@ class BudgetWatch:
         if span_s >= WINDOW_S:
             percent = 100.0 * (cpu_s - self._past[0][1]) / span_s
             if percent > self._cpu_percent:
-                faults.append(f"uses {percent:.0f} % of a core ({self._cpu_percent:.0f} %)")
+                faults.append(
+                    f"uses {percent:.0f} % of a core (budget {self._cpu_percent:.0f} %)"
+                )
         if memory_mb > self._memory_mb:
-            faults.append(f"uses {memory_mb:.0f} MB ({self._memory_mb:.0f} MB)")
+            faults.append(f"uses {memory_mb:.0f} MB (budget {self._memory_mb:.0f} MB)")
         if not faults or now_s < self._quiet_until_s:
             return None
         self._quiet_until_s = now_s + REPEAT_S
-        return f"{self._name} {' and '.join(faults)}: more than its budget"
+        return f"{self._name} {' and '.join(faults)}"

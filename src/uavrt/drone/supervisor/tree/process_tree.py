@@ -36,7 +36,8 @@ SILENCE_REPORT_S = 4.0
 class ProcessTree:
     """Starts, monitors and stops the processes in the table, in the table's order.
 
-    `mission`: source of state, tags, flight, settings and clock. `wake`: a process has ended.
+    `mission`: source of state, tags, flight, settings and clock. `wake`: called when a process
+    has ended.
     """
 
     def __init__(
@@ -106,7 +107,7 @@ class ProcessTree:
     def _check_nursery(self) -> None:
         reason = self._launcher.tend()
         if reason is not None:
-            self._notify(4, f"nursery {reason}: restarting it")
+            self._notify(4, f"fork server {reason}: restarting it")
         nursery_fd = self._launcher.fileno()
         if nursery_fd != self._nursery_fd:
             loop = asyncio.get_running_loop()
@@ -225,7 +226,8 @@ class ProcessTree:
     def _end_orphans(self) -> None:
         """Kill processes that a killed child has left behind, such as a radio program.
 
-        One that hangs in the kernel, as on a USB device, ends later, without a wait.
+        A process that hangs in the kernel, as on a USB device, ends later; it is not waited
+        for.
         """
         known = {i.child.pid for i in self._instances.values() if i.child is not None}
         if self._launcher.pid is not None:

@@ -25,7 +25,7 @@ Line = tuple[str, bytes]
 
 
 class Outbox:
-    """Queue of records for one process; with `keeps`, also those not yet acknowledged."""
+    """Queue of records for one process; with `keeps`, also sent but unacknowledged records."""
 
     def __init__(self, backlog: int | None = None, *, keeps: bool = False) -> None:
         self._backlog = backlog

@@ -57,7 +57,7 @@ class ProposedMotion:
 
 
 def with_names(text: str, tags: Iterable[Tag]) -> str:
-    """Add the names of tags to a text from the drone, which knows only their numbers."""
+    """Add the names of tags to a text from the drone, which contains only their numbers."""
     names = {str(one.tag_id): f" ({one.name})" for one in tags if one.name}
     return re.sub(r"\btag (\d+)\b", lambda found: found[0] + names.get(found[1], ""), text)
 

@@ -13,11 +13,12 @@ from uavrt.core.earth.geodesy import distance_m
 from uavrt.core.messages import Course, Neighbour
 
 MOST_LAG = 100
-"""Lag of a report's sequence number below which it is late; above, the drone restarted."""
+"""Lag of a report's sequence number up to which the report is late; a larger lag means that the
+drone has restarted."""
 MOVED_M = 5.0
 """Distance by which a drone's reported goal must move to count as a new path [m]."""
 FIRST_REPORTS_S = 3.0
-"""Wait after the first report before paths are assigned [s], in which all drones report."""
+"""Time from the first report until paths are assigned [s], so that all drones can report."""
 _ROUND = 0x10000
 
 

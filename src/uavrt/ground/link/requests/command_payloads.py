@@ -90,7 +90,7 @@ class CommandEncoder:
         gain: int,
         name: CommandName = "start_detection",
     ) -> bytes:
-        """Encode the start of detection, or of a raw capture; None: the drone's choice."""
+        """Encode the start of detection or of a raw capture; None: chosen by the drone."""
         check_start(None, center_frequency_hz, gain)
         return self.command(
             name, {"center_frequency_hz": center_frequency_hz, "gain": float(gain)}

@@ -179,7 +179,7 @@ class DroneLinks:
         return [n for n, ns in sorted(self._drone_heard_ns.items()) if self._fresh(ns, now_ns)]
 
     def answer(self, message: Message) -> None:
-        """Send a message on the link that carries pulses; if that is silent, on the best."""
+        """Send a message on the link that carries pulses; if it is silent, on the best link."""
         fresh = self._fresh(self._drone_heard_ns.get(self._pulses_by), self._clock_ns())
         self.send(message, self._pulses_by if fresh else None)
 

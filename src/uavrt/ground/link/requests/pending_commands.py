@@ -115,7 +115,7 @@ class Exchange:
     async def _until_answered(
         self, key: tuple[int, int] | int, send: Callable[[int], None], tries: int, wait_s: float
     ) -> tuple[int, Any] | None:
-        """Send until answered; return number of repetitions and answer, None without one."""
+        """Send until answered; return the number of repetitions, and the answer or None."""
         try:
             for attempt in range(tries):
                 awaited = self._awaited[key] = asyncio.get_running_loop().create_future()

@@ -169,7 +169,7 @@ class VehicleMissions:
                 if self._uploads:
                     self._watch()
         finally:
-            self._send_all(transfer.cancel("it was left"))
+            self._send_all(transfer.cancel("it was cancelled"))
             self._transfer = None
         if transfer.fault is None:
             return

@@ -142,7 +142,7 @@ class VehicleWatch:
         return system_id == self.identity.system_id and not self.present(now_ns)
 
     def _handle_heartbeat(self, peer: Peer, now_ns: int) -> None:
-        """Handle a heartbeat of the vehicle's autopilot, or of any before one is chosen."""
+        """Handle a heartbeat of the vehicle's autopilot (any, before a vehicle is chosen)."""
         ours = self.identity.system_id
         if ours is None:
             if not self.present(now_ns) and peer.system_id not in self.identity.excluded:

@@ -23,7 +23,7 @@ MOST_BY_CLIENT = 64
 SILENT_S = 10.0
 """Time after which a connection without a complete request is closed [s]."""
 _SHARE_OF_FILES = 4
-"""Divisor: connections may use a quarter of the file descriptors; link and flight the rest."""
+"""Divisor: connections may use a quarter of the file descriptors, link and flight the rest."""
 _AT_ONCE = 16
 """Maximum number of connections accepted in one turn of the event loop."""
 

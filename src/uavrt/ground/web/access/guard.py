@@ -61,9 +61,9 @@ _WORDS = {
 
 
 class Guard:
-    """ASGI middleware: hosts (and own addresses), origins, password, security headers.
+    """ASGI middleware: checks host, origin and password, and adds security headers.
 
-    IP addresses of this machine are allowed if a password is set.
+    IP addresses of this machine are allowed as hosts if a password is set.
     """
 
     def __init__(

@@ -33,7 +33,7 @@ from uavrt.ground.web.work.serial_ports import serial_ports
 from uavrt.localization.antenna import MONOPOLE, PATTERNS
 
 FOR_ALL = ("mark", *(button.action for button in BUTTONS if button.any_page))
-"""Commands of every page, even a watching one: a stop may be urgent, a mark is harmless."""
+"""Commands allowed to every page, even a watching one: stops are urgent, marks harmless."""
 
 
 class Api:

@@ -19,7 +19,7 @@ async def send_records(session: GroundSession, websocket: WebSocket) -> None:
     queue = hub.listen()
     page = websocket.query_params.get("page", "")[:MAX_PAGE_NAME]
     if page:
-        commander.come(page)
+        commander.page_connected(page)
     hello = {"topic": "hello", "record": session.hello()}
     listening = asyncio.create_task(_until_closed(websocket))
     try:
@@ -34,7 +34,7 @@ async def send_records(session: GroundSession, websocket: WebSocket) -> None:
         listening.cancel()
         hub.leave(queue)
         if page:
-            commander.go(page)
+            commander.page_disconnected(page)
 
 
 async def _texts(

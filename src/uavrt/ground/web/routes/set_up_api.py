@@ -35,7 +35,7 @@ class SetUpApi:
         ]
 
     async def state(self, request: Request) -> Any:
-        """Whether the set-up is wanted, with the initial values and choices of each step."""
+        """Report if the set-up is unfinished, and the initial values and choices of steps."""
         setup = self._setup
         if not setup.wanted:
             return {"wanted": False}

@@ -103,7 +103,7 @@ class CoverageMapJobs(MapJobs[CoverageMapRequest, "SilentMap"]):
         corners = tuple(zip(east.tolist(), north.tolist(), strict=True))
         area = Polygon(corners=corners, name="area")
         absent = absence(coverage, inside(area, coverage.ground), None)
-        return {**asdict(absent), "prior_is": "anywhere on the map alike"}
+        return {**asdict(absent), "prior_is": "all places on the map equally likely"}
 
 
 def _outline(wanted: dict[str, Any]) -> list[list[float]]:

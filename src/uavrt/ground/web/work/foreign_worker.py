@@ -26,7 +26,7 @@ from uavrt.core.foreign import CPU_S, MEMORY_BYTES
 
 T = TypeVar("T")
 MOST_WAITING = 64
-"""Maximum calls queued for the file-reading process; a moved tiled map sends some twenty."""
+"""Maximum number of calls queued for the file-reading process; moving a map sends twenty."""
 WALL_S = 60.0
 """Longest time for one call in the file-reading process [s]; enough for a busy computer."""
 _NICE = 10

@@ -35,7 +35,7 @@ class IntegrationJobs:
         """Start to evaluate a flight, or report progress; an empty `dem` means level ground."""
         if self._work is None:
             self._flight = flight
-            self._work = asyncio.create_task(_judged(flight, dem))
+            self._work = asyncio.create_task(_run_integrate(flight, dem))
         await asyncio.wait([self._work], timeout=0.2)
         if not self._work.done():
             return {"state": "working", "flight": self._flight and self._flight.name}
@@ -46,7 +46,7 @@ class IntegrationJobs:
         return {"state": "done"} if fault is None else {"state": "failed", "error": fault}
 
 
-async def _judged(flight: Path, dem: str) -> str | None:
+async def _run_integrate(flight: Path, dem: str) -> str | None:
     """Run ``uavrt integrate``; return its error text, None if it succeeds."""
     code, text = await run_uavrt("integrate", str(flight), *(("--dem", dem) if dem else ()))
     return None if code in (0, _NONE_FOUND) else text or "the search of the flight failed"

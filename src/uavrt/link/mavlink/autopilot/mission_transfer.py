@@ -1,4 +1,4 @@
-"""Send missions and fences to an autopilot and read them, by MAVLink's mission protocol. Pure.
+"""Upload and download missions and fences by MAVLink's mission protocol; no I/O.
 
 A transfer takes messages and the time, and returns messages to send. In an upload the vehicle
 requests the items, and lost ones again. In a download, items are requested from the vehicle
@@ -21,7 +21,8 @@ MOST_ITEMS = 1000
 RETRY_S = 1.0
 """Time until a mission request is repeated [s], longer than a full queue at 57 600 baud."""
 TRIES = 12
-"""Maximum tries of a mission request; with 20 % loss each way all fail once in 200 000."""
+"""Maximum number of tries of a mission request; at 20 % loss each way, all tries of one in 200
+000 requests fail."""
 SILENCE_S = 6.0
 """Longest silence in a mission upload [s]; PX4 repeats requests for 5 s, ArduPilot for 8 s."""
 LIMIT_S, LIMIT_PER_ITEM_S = 60.0, 2.0
@@ -33,11 +34,11 @@ _TYPES: dict[MissionKind, int] = {
     "fence": MavMissionType.FENCE,
 }
 _REFUSALS: dict[int, str] = {
-    MavMissionResult.MISSION_ERROR: "it cannot take a mission now",
-    MavMissionResult.MISSION_UNSUPPORTED_FRAME: "it does not know the frame",
-    MavMissionResult.MISSION_UNSUPPORTED: "it does not know such items",
+    MavMissionResult.MISSION_ERROR: "it accepts no mission now",
+    MavMissionResult.MISSION_UNSUPPORTED_FRAME: "the coordinate frame is not supported",
+    MavMissionResult.MISSION_UNSUPPORTED: "a kind of item is not supported",
     MavMissionResult.MISSION_NO_SPACE: "it has no room for that number of items",
-    MavMissionResult.MISSION_DENIED: "it takes none from us",
+    MavMissionResult.MISSION_DENIED: "it accepts none from this station",
     MavMissionResult.MISSION_OPERATION_CANCELLED: "it was cancelled",
 }
 _OURS = (
@@ -87,7 +88,7 @@ class MissionTransfer(ABC):
             self._begun_s = now_s
         limit_s = LIMIT_S + LIMIT_PER_ITEM_S * self._size
         if now_s - self._begun_s > limit_s:
-            return self.cancel(f"it was not done after {limit_s:.0f} s")
+            return self.cancel(f"it was not finished after {limit_s:.0f} s")
         return self._again(now_s) if now_s >= self._due_s else []
 
     def cancel(self, reason: str) -> list[Message]:

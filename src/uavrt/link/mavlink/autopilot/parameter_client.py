@@ -73,7 +73,7 @@ class ParameterClient:
         return self.kind != MavAutopilot.ARDUPILOTMEGA
 
     async def read(self, names: Iterable[str]) -> dict[str, float | None]:
-        """Get the values of parameters; None for those without an answer, as unknown ones."""
+        """Get parameters' values; None without an answer, as for an unknown parameter."""
         assert self.autopilot is not None
         values: dict[str, float | None] = dict.fromkeys(names)
         for _ in range(TRIES):

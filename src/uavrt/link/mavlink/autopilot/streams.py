@@ -1,4 +1,4 @@
-"""Request messages from the autopilot at fixed rates. Pure.
+"""Decide which messages to request from the autopilot, at fixed rates; no I/O.
 
 PX4 streams most of them without a request, ArduPilot none. One request is under way at a time,
 because the acknowledgement does not name the message. A stream that is silent for 3 s is

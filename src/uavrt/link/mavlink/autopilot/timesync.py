@@ -2,7 +2,7 @@
 
 TIMESYNC round trips give pairs of boot time and local time. A straight line through the best
 pairs gives offset and skew. Without answers, the messages themselves bound the offset from one
-side: no message arrives before it was sent. Pure: no clock is read here.
+side: no message arrives before it was sent. No clock is read here.
 """
 
 import math
@@ -18,20 +18,20 @@ LEAST_SPAN_S = 4.0
 """Minimum span of TIMESYNC round trips for a reliable clock skew, even on a slow link [s]."""
 CLEAR_SPAN_S = 0.5
 WINDOW_NS = ns_from_s(20.0)
-"""Time for which a round trip counts [ns]."""
+"""Age up to which a TIMESYNC round trip is used for the clock fit [ns]."""
 KEPT_SHARE = 0.6
-"""Share of round trips, the shortest ones, to which the clock line is fitted. Of those within
-2 s only the shortest takes part."""
+"""Share of round trips used for the clock fit, the shortest first; only the shortest of every 2
+s is considered at all."""
 JUMP_NS = ns_from_s(0.08)
-"""Error beyond the uncertainty of round trips and skew that means another clock [ns]; below one
-second it must occur in two consecutive answers."""
+"""Clock error, beyond the uncertainty of round trips and skew, that shows a restarted clock
+[ns]; below one second it must occur in two consecutive answers."""
 CLEAR_SKEW = 0.002
-"""Largest uncertainty of a clock skew fitted over less than `LEAST_SPAN_S`: 2 ms a second."""
+"""Largest uncertainty at which a skew fitted over less than `LEAST_SPAN_S` is used [s/s]."""
 ONE_WAY_NS = ns_from_s(3.0)
 """Time for which messages are received before their least delay sets the clock offset [ns]."""
 ONE_WAY_BIN_NS = ns_from_s(1.0)
 ONE_WAY_BINS = 20
-"""Number of last seconds whose messages bound the clock offset; older ones have drifted."""
+"""Number of one-second bins whose messages bound the clock offset; older ones have drifted."""
 STALE_NS = ns_from_s(10.0)
 """Age of the last TIMESYNC answer above which the clock fit counts as extrapolated [ns]."""
 
@@ -92,7 +92,7 @@ class TimeSync:
         return min(trip.round_trip_ns for trip in self._trips) / NANOSECONDS_PER_SECOND
 
     def reset(self) -> None:
-        """Reset all but the skew: the boot clock restarted, with the same crystal."""
+        """Reset all but the skew, because the boot clock restarted with the same crystal."""
         self._trips.clear()
         self._line = self._suspect = None
         self._one_way.clear()
@@ -104,7 +104,7 @@ class TimeSync:
         return now_ns - self._trips[-1].local_ns if self._trips else None
 
     def is_stale(self, now_ns: int) -> bool:
-        """True if the line is extrapolated without answers, or the offset is only bounded."""
+        """True if the clock fit is extrapolated for lack of answers, or the offset bounded."""
         age_ns = self.age_ns(now_ns)
         return age_ns is None or age_ns > STALE_NS
 

@@ -1,4 +1,4 @@
-"""Convert between MAVLink and `uavrt.guidance`: vehicle state in, commands out. Pure."""
+"""Convert between MAVLink and `uavrt.guidance`: vehicle state in, commands out; no I/O."""
 
 from collections.abc import Iterator
 from math import degrees, isfinite

@@ -1,4 +1,4 @@
-"""Read the wind that each autopilot reports. Pure.
+"""Read the wind in the messages of each autopilot; no I/O.
 
 ArduPilot sends WIND and PX4 WIND_COV, where they estimate it: a multirotor needs its drag to be
 measured for that (EK3_DRAG_*, EKF2_DRAG_CTRL).
@@ -14,7 +14,7 @@ STRONGEST_M_S = 60.0
 
 
 def wind_of(message: Message) -> tuple[float, float] | None:
-    """Velocity of the air, east and north [m/s]; None for other messages."""
+    """Velocity of the air, east and north [m/s]; None for a message without wind."""
     match message:
         case dialect.Wind():  # the direction that it comes from
             comes = radians(message.direction)

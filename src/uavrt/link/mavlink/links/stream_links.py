@@ -186,7 +186,7 @@ class SerialLink(Link):
         if data:
             self._take(data)
         else:
-            self._lost("the device hung up")
+            self._lost("the device was disconnected")
 
     def _lost(self, reason: str) -> None:
         log.warning("link lost; reconnecting", address=str(self.address), reason=reason)

@@ -1,9 +1,9 @@
 """Links over UDP.
 
-Messages come 4 ms apart, and at 260 a second wake-ups cost more than reading. So a wake-up
-empties the socket, which is then polled every `REST_S` until it is quiet; commands wait up to 8
-ms. The age of a frame is read from the kernel's time stamp, so that clocks are compared by the
-time of arrival.
+At 260 messages a second, one every 4 ms, a wake-up for each would cost more than reading them.
+So a wake-up empties the socket, which is then polled every `REST_S` until it is quiet; commands
+wait up to 8 ms. The age of a frame is read from the kernel's time stamp, so that clocks are
+compared by the time of arrival.
 """
 
 import asyncio
@@ -104,7 +104,7 @@ class UdpLink(Link):
             self._socket = None
 
     def _listen(self) -> None:
-        """Wait for the next datagram, then read all."""
+        """Wait for the next datagram, then read all waiting datagrams."""
         assert self._socket is not None
         try:
             asyncio.get_running_loop().add_reader(self._socket.fileno(), self._woken)

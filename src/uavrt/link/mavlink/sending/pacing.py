@@ -1,4 +1,4 @@
-"""Send messages no faster than an autopilot forwards and a radio carries. Pure.
+"""Decide when messages are sent: no faster than an autopilot forwards and a radio carries.
 
 PX4 buffers forwarded messages in a ring of 583 bytes and takes out one per pass of its main
 loop; the excess is dropped silently. Three tunnel messages fit, so messages for the ground are
@@ -20,7 +20,7 @@ from uavrt.link.mavlink.message import Message
 from uavrt.link.mavlink.sending.rate import FRAME_OVERHEAD, LinkRate
 
 MIN_GAP_S = 0.012
-"""Shortest time between frames via an autopilot [s]; PX4's pass at ``-r 1200`` is 8.33 ms."""
+"""Shortest time between frames via an autopilot [s]; PX4's loop at ``-r 1200``: 8.33 ms."""
 DIRECT_LINK_GAP_S = 0.001
 """Shortest time between frames on a direct link [s]; bursts of 200 overran a socket."""
 HEADER_BYTES = 12
@@ -42,8 +42,8 @@ CAPACITY = {Priority.ACK: 64, Priority.STATUS: 64, Priority.OTHER: 32}
 """Largest number of queued messages of each priority."""
 URGENT = (Priority.ACK, Priority.STATUS)
 ROOM_BYTES = {Priority.VALUE: 45, Priority.OTHER: 160, Priority.FILE: 280}
-"""Bytes that must be left in the rate limiter's token bucket for a pulse when a message of low
-priority is sent: that priority's longest frame."""
+"""Bytes that a message of low priority must leave in the rate limiter's token bucket, so that a
+pulse can follow: the longest frame of that priority."""
 OTHER_WAIT_NS = ns_from_s(2.0)
 """Longest wait behind pulses for answers to stations that do not command [ns]."""
 

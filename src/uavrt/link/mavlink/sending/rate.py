@@ -1,4 +1,4 @@
-"""Estimate how many bytes a second the link to the ground can carry. Pure.
+"""Estimate how many bytes a second the link to the ground can carry; no I/O.
 
 A token bucket whose rate follows the known state of the link:
 
@@ -29,15 +29,15 @@ FRAME_OVERHEAD = 17
 BURST_BYTES = 300.0
 DEBT_BYTES = 1000.0
 PULSE_WAIT_S = 0.005
-"""Wait of a pulse behind other messages that is accepted [s]; timers resolve no less."""
+"""Accepted wait of a pulse behind other messages [s]; timers cannot resolve less."""
 RADIO_FRESH_NS = ns_from_s(5.0)
 ACKS_FRESH_NS = ns_from_s(30.0)
 ROUND_NS = ns_from_s(0.25)
 BASE_WINDOW = 240
-"""Number of 0.25 s rounds (a minute) whose smallest mean round trip counts as unqueued."""
+"""Number of 0.25 s rounds, a minute, whose smallest mean round trip counts as queue-free."""
 QUEUE_GROW_S = 0.15
 QUEUE_SHRINK_S = 0.35
-"""Queueing delay above which frames are sent slower [s]; a SiK radio holds 1850 B, 0.6 s."""
+"""Queueing delay above which the send rate is lowered [s]; a SiK radio holds 1850 B, 0.6 s."""
 MEAN_WEIGHT = 0.1
 QUICK_GROWTH = 1.25
 
@@ -121,7 +121,7 @@ class LinkRate:
         self._rate = min(self._reach.most, max(self._reach.least, self._rate))
 
     def wait_ns(self, now_ns: int, room_bytes: float = 0.0) -> int:
-        """Time until a message that is not urgent may leave, with room for a pulse [ns]."""
+        """Time until a message that is not urgent may be sent [ns], with room for a pulse."""
         self._fill(now_ns)
         rate = self.bytes_s(now_ns)
         lacking = max(0.0, room_bytes - PULSE_WAIT_S * rate) - self._tokens

@@ -1,4 +1,4 @@
-"""Choose the link to each peer. Pure.
+"""Choose the link to each peer; no I/O.
 
 Link 0 leads to the autopilot and by its radio to the ground. The others lead directly to ground
 stations, by Wi-Fi or cable; they are faster and reach less far. A ground station is reached

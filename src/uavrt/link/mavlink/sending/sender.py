@@ -143,7 +143,7 @@ class PacedSender:
 
 
 class LinkView:
-    """One link's access to a source that several links share; only the active link takes."""
+    """One link's access to a source shared by several links; only the active link sends."""
 
     def __init__(
         self, source: Source, link: int, group: "TunnelSender", views: list["LinkView"]

@@ -1,4 +1,4 @@
-"""MAVLink 2 signing: a signed frame can only come from a holder of the key. Pure.
+"""MAVLink 2 signing: a signed frame can only come from a holder of the key; no I/O.
 
 A signed frame has the flag 0x01 in its incompatibility byte and ends with 13 bytes::
 
@@ -65,7 +65,7 @@ class SigningKey:
 def read_signing_key(path: str | Path) -> SigningKey:
     """Read a key: 64 hexadecimal digits in a file.
 
-    MAVProxy and QGroundControl make theirs from a passphrase, as its SHA-256: ``printf %s
+    MAVProxy and QGroundControl make their keys from a passphrase, as its SHA-256: ``printf %s
     PASSPHRASE | sha256sum | cut -c-64``. Raises `ConfigError` if the file has no key, or others
     may read the file.
     """

@@ -1,4 +1,4 @@
-"""Split operator texts into pieces of 50 bytes, join them again, limit their rate. Pure."""
+"""Split operator texts into pieces of 50 bytes, join them again, limit their rate; no I/O."""
 
 from uavrt.core.newest import Newest
 from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
@@ -10,7 +10,8 @@ TEXTS_A_SECOND = 0.5
 TEXTS_KNOWN = 64
 REPEAT_NS = ns_from_s(10.0)
 MAX_CHUNKS = 8
-"""Largest number of STATUSTEXT pieces of a text: 400 bytes; more would block a radio 1 s."""
+"""Largest number of STATUSTEXT pieces of a text: 400 bytes; longer texts would block a
+radio."""
 
 
 def chunks_of(text: str, severity: int, text_id: int) -> list[Statustext]:
@@ -40,7 +41,8 @@ def chunks_of(text: str, severity: int, text_id: int) -> list[Statustext]:
 class TextLimiter:
     """Limits uncritical texts: ten at once, then one in 2 s, no repetition within 10 s.
 
-    A fault that repeats must not fill the radio link. Critical and worse texts always go.
+    A fault that repeats must not fill the radio link. Texts of severity critical or worse are
+    always sent.
     """
 
     def __init__(self) -> None:

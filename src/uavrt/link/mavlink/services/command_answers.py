@@ -1,4 +1,4 @@
-"""Answer each MAVLink command with exactly one acknowledgement, to the sender. Pure."""
+"""Make the answer to each MAVLink command: one acknowledgement, to the sender; no I/O."""
 
 from importlib.metadata import version
 
@@ -69,7 +69,7 @@ def _asked_message(message: dialect.CommandLong | dialect.CommandInt) -> int | N
 
 
 def _identity(message_id: int, uptime_ms: int, able: int) -> Message | None:
-    """Make the message with this id on version and capabilities (`able`); None for others."""
+    """Make the message of this id about version or capabilities (`able`), or None."""
     match message_id:
         case dialect.AutopilotVersion.ID:
             return dialect.AutopilotVersion(

@@ -16,7 +16,7 @@ CRC_PART = 1 << 20
 
 
 class FileRefused(Exception):
-    """A request that cannot be served; internal to the file server."""
+    """Raised for a request that cannot be served; internal to the file server."""
 
     def __init__(self, error: FtpError, number: int = 0) -> None:
         self.error = error

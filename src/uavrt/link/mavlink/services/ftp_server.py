@@ -47,7 +47,7 @@ T = TypeVar("T")
 
 BURST_S = 0.5
 MOST_BURST_BYTES = 32 * DATA_SIZE
-"""Longest burst of file data [bytes]; losses the client then reports show the link's rate."""
+"""Longest burst of file data [bytes]; the losses that a client reports show the link's rate."""
 MAX_SESSIONS = 8
 IDLE_NS = ns_from_s(300.0)
 """Time without use after which a client's open file is closed [ns]."""

@@ -1,4 +1,4 @@
-"""Wire format of MAVLink FTP: the 251 bytes inside FILE_TRANSFER_PROTOCOL. Pure.
+"""Wire format of MAVLink FTP: the 251 bytes inside FILE_TRANSFER_PROTOCOL; no I/O.
 
 ::
 

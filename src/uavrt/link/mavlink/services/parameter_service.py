@@ -1,4 +1,4 @@
-"""List, read and set uavrt's parameters from ground stations (MAVLink protocol). Pure.
+"""List, read and set uavrt's parameters from ground stations (MAVLink protocol); no I/O.
 
 A value travels in a field of type float. An integer is either cast to float (ArduPilot) or its
 bytes are put there (PX4). The capability bits declare which; ground stations assume it by the

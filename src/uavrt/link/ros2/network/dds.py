@@ -72,8 +72,8 @@ DISCOVERY_TOPIC = "ros_discovery_info"
 WRITE_TIMEOUT_MS = 100
 """Time limit of a DDS write [ms]; with few messages kept, a write never waits in practice."""
 SAMPLE_MB = 4
-"""Longest message that DDS assembles [MB], several times the longest of any topic. Longer ones
-are dropped part by part, with a warning."""
+"""Longest message that DDS assembles [MB], several times the longest of any topic. Longer
+messages are dropped part by part, with a warning."""
 READER_DEPTH = 4000
 """Largest number of a topic's messages that wait in its reader; 0.4 s at 10 000 a second."""
 PASSES = 3
@@ -88,9 +88,9 @@ ORDER_OF_USE = {
     "store_coded_tag_information": 0,
     "release_tag_information": 1,
 }
-"""Order of messages with the same time stamp: tags first, then their release, then a start."""
+"""Order of messages with the same time stamp: tags, then the upload's end, then a start."""
 GOODBYE_S = 0.2
-"""Longest wait at the end for others to acknowledge the empty list of nodes [s]."""
+"""Longest wait at the end for participants to acknowledge the empty list of nodes [s]."""
 
 
 Reach = Literal["interfaces", "computer", "off"]

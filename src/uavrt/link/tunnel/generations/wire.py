@@ -61,7 +61,7 @@ class Fixed:
 
 
 class Message(Protocol):
-    """Protocol of every tunnel message: it can be encoded."""
+    """Protocol of a tunnel message, which can be encoded."""
 
     def encode(self) -> bytes:
         """Encode the message as payload bytes."""
@@ -87,7 +87,7 @@ class CommandMessage:
 
     @classmethod
     def of(cls, command: CommandId, values: Mapping[str, float | None], **head: int) -> Self:
-        """Make the message with all fields: those in `values`, by name, and 0 for others."""
+        """Make the message with all fields: those in `values`, by name, and 0 for the rest."""
         given = [(one.kind, values.get(one.name) or 0.0) for one in cls._fields(command)]
         numbers = tuple(round(number) if kind == "u32" else number for kind, number in given)
         return cls(command=command, numbers=numbers, **head)
@@ -98,7 +98,7 @@ class CommandMessage:
         for layout in self._layouts(self.command).values():
             if len(head) + len(self.numbers) == _values_in(layout):
                 return pack(layout, *head, *self.numbers)
-        raise TunnelError(f"{self.command.name} never has {len(self.numbers)} fields", b"")
+        raise TunnelError(f"{self.command.name} cannot have {len(self.numbers)} fields", b"")
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
@@ -125,7 +125,7 @@ class CommandMessage:
 
     @classmethod
     def _layouts(cls, command: CommandId) -> dict[int, struct.Struct]:
-        """Layouts of the payloads with all or the first fields, by length."""
+        """Layouts of the payloads with all fields, or only the first ones, by length."""
         text, end, widest = "<" + "I" * len(cls.HEAD), 4 * len(cls.HEAD), 4
         layouts = {}
         for one in cls._fields(command):
@@ -196,12 +196,10 @@ def unpack(layout: struct.Struct, payload: bytes, command: CommandId) -> tuple[A
 def check(payload: bytes, command: CommandId, size: int) -> None:
     """Raise `TunnelError` unless a payload has this length and command."""
     if len(payload) != size:
-        raise TunnelError(
-            f"{command.name} has {len(payload)} bytes in place of {size}", payload
-        )
+        raise TunnelError(f"{command.name} has {len(payload)} bytes, not {size}", payload)
     number = int.from_bytes(payload[:4], "little")
     if number != command:
-        raise TunnelError(f"command {number} in place of {command.name}", payload)
+        raise TunnelError(f"command {number}, not {command.name}", payload)
 
 
 def text_from_bytes(field: bytes) -> str:

@@ -16,7 +16,7 @@ BURST_TYPE = 60_007
 MOST_PULSES, MOST_OTHERS = 8, 7
 _STEP_NS = 100
 _LONGEST_S = 60.0
-"""Longest time from a burst's start to a pulse [s]; a message with more counts as damaged."""
+"""Longest time from a burst's start to a pulse [s]; a longer one shows a damaged message."""
 _LATEST_S = 9.2e9
 _SNR_STEPS = 100.0
 _I16 = 32_767

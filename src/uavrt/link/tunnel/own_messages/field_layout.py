@@ -113,7 +113,7 @@ class Layout:
             got[name] = tuple(one[0] if len(one) == 1 else one for one in items)
             at = end
         if at > len(payload) or (at < len(payload) and not self._rest):
-            self._refuse(f"has {len(payload)} bytes in place of {at}", payload)
+            self._refuse(f"has {len(payload)} bytes, not {at}", payload)
         if self._rest:
             got[self._rest] = payload[at:]
         return {name: one for name, one in got.items() if name[-1] != "#"}

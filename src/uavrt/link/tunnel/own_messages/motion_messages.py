@@ -35,7 +35,7 @@ _CONFIRM = Layout(
 )
 _STOP = Layout("a stop", _HEAD, version=_VERSION, kind=_STOPS)
 _STATE = Layout(
-    "a state of motion",
+    "a motion state",
     "version:B kind:B standing:B :x request_id:I order_id:I nonce:Q text~",
     {"kind": (1, 3), "standing": (0, 2)},
     version=_VERSION,
@@ -271,7 +271,7 @@ def cut_text(text: str, tail: str = "") -> str:
 
 
 def _printable(text: str) -> str:
-    """Replace control characters in a text, which may affect terminals and is not sealed."""
+    """Replace control characters, which could affect terminals, in an unsealed text."""
     return "".join(one if one.isprintable() else "\ufffd" for one in text)
 
 

@@ -118,7 +118,7 @@ def _proof(state: bytes, key: Key, session: Session, station: Ids) -> bytes:
 def keepalive_content(nonce: int, *, files: bool = False) -> bytes:
     """Make the content of a keepalive before sealing; the drone returns its nonce.
 
-    With `files` it answers the station's file requests quickly, also while it detects.
+    With `files`, the drone answers the station's file requests quickly even while it detects.
     """
     return _ALIVE.pack(nonce, files)
 
@@ -126,7 +126,7 @@ def keepalive_content(nonce: int, *, files: bool = False) -> bytes:
 def read_keepalive(inside: bytes) -> tuple[int, bool]:
     """Decode a keepalive: nonce, and whether files are requested; raises `TunnelError`."""
     if len(inside) != _ALIVE.size:
-        raise TunnelError(f"a heartbeat has 9 bytes, not {len(inside)}", inside)
+        raise TunnelError(f"a keepalive must have 9 bytes, not {len(inside)}", inside)
     nonce, flags = _ALIVE.unpack(inside)
     return nonce, bool(flags & 1)
 
@@ -139,7 +139,7 @@ def parameter_content(name: str, value: float) -> bytes:
 def read_parameter(inside: bytes) -> tuple[str, float]:
     """Decode a parameter change: name and requested value; raises `TunnelError`."""
     if len(inside) != _PARAMETER.size:
-        raise TunnelError(f"a parameter has 20 bytes, not {len(inside)}", inside)
+        raise TunnelError(f"a parameter change must have 20 bytes, not {len(inside)}", inside)
     name, value = _PARAMETER.unpack(inside)
     return name.split(b"\0", 1)[0].decode("ascii", "replace"), value
 
@@ -167,7 +167,7 @@ class SealKeeper:
     def open(self, payload: bytes, sender: Ids, drone: Ids) -> tuple[int, bytes]:
         """Open a sealed payload: its kind and content; raises `TunnelError` if refused."""
         if len(payload) < SEALED_SIZE:
-            raise TunnelError("a sealed message has at least 20 bytes", payload)
+            raise TunnelError("a sealed message must have 20 bytes or more", payload)
         head, mac, inside = payload[:12], payload[12:20], payload[20:]
         version, kind, _, counter = _HEAD.unpack(head)
         if version != _VERSION or kind > ALIVE_INSIDE:

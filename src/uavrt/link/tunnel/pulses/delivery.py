@@ -34,7 +34,7 @@ class PulseDelivery:
         self._unrecorded[key] = None
         return True
 
-    def station_came(self) -> None:
+    def station_appeared(self) -> None:
         """Handle a new ground station, for which pulses are read from the database.
 
         Pulses not recorded yet are missing there; `recorded` handles them.

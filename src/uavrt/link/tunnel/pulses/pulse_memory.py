@@ -26,7 +26,7 @@ PROBES, PROBE_NS = 4, ns_from_s(1.0)
 """Largest number of probes at once; time to the next [ns]. A probe repeats a pulse for stations
 that never acknowledged. At 40 % loss each way, one of four is answered in five cases of six."""
 MOST_PROBES = 64
-"""Largest number of pulses in memory that only stations without acknowledgement lack."""
+"""Largest number of pulses in memory that only stations without any acknowledgement lack."""
 CAPACITY = 2048
 """Largest number of pulses in memory, about 4 MB; others stay on disk."""
 REFILL_AT = 256
@@ -89,7 +89,7 @@ class PulseMemory(Generic[T]):
             self._bound()
 
     def refill(self, store: int, items: Iterable[tuple[ItemKey, T]], *, more: bool) -> None:
-        """Add pulses from disk that a ground station lacks; `more`: True if others remain."""
+        """Add pulses from disk that a ground station lacks; `more`: True if further remain."""
         for key, item in items:
             if key not in self._entries:
                 missing_at = {store} & self._stores.present

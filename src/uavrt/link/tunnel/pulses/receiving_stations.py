@@ -162,7 +162,7 @@ class Stores:
         elif number in self._stores:
             self._stores[number].on_disk = on_disk
 
-    def disk_has_news(self) -> None:
+    def mark_all_on_disk(self) -> None:
         """Record that all stations may lack pulses on disk, because a flight was opened."""
         for number in (PLAIN, *self._stores):
             self.note_on_disk(number)

@@ -1,10 +1,10 @@
-"""Deliver every pulse over a link that loses messages. No I/O.
+"""Deliver every pulse over a link that loses messages; no I/O.
 
 A ground station that acknowledges (`uavrt.link.tunnel.own_messages.private`) gets every pulse:
 unacknowledged ones are sent again. A station that does not acknowledge gets each pulse once.
 
 A message counts as lost once three later ones were acknowledged and the round trip has passed.
-Every message does after the retransmission time-out of RFC 6298, at least 0.4 s.
+Every message also counts as lost after the time-out of RFC 6298, at least 0.4 s.
 
 The content of a burst does not fit into its pulse message
 (`uavrt.link.tunnel.own_messages.burst`). The content goes to a store that has acknowledged the
@@ -36,7 +36,7 @@ Stations acknowledge once a second: at 40 % loss 3 % are late, and get some puls
 
 
 class ReliableSender(Generic[T]):
-    """Decides which pulse is sent next, and which are lost."""
+    """Decides which pulse is sent next, and which pulses count as lost."""
 
     def __init__(
         self,
@@ -189,10 +189,11 @@ class ReliableSender(Generic[T]):
             self.repeats += 1
 
     def _add_twin(self, entry: Entry[T]) -> None:
-        """Send a repetition twice while nothing else waits, since a loss costs a time-out.
+        """Send a repetition twice while nothing else waits to be sent.
 
         With few unacknowledged pulses, each loss costs a time-out. At 20 % loss, 4 % of the
-        pulses would need a second time-out, with twins 0.8 %. The link is idle anyhow.
+        pulses would need a second time-out, with two copies 0.8 %. The link is idle at that
+        time.
         """
         again = entry.sends > 1 and not entry.twin and not self.pulses.waiting
         entry.twin = again and self.stores.any_confirmed(entry.missing_at)

@@ -1,4 +1,4 @@
-"""Measure acknowledgement delays and set the time-out (RFC 6298). Pure."""
+"""Measure acknowledgement delays and set the time-out (RFC 6298); no I/O."""
 
 FIRST_RTO_S = 1.0
 MIN_RTO_S = 0.4

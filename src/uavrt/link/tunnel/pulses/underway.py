@@ -19,7 +19,7 @@ REORDERING = 3
 BACKOFF = 1.5
 MAX_BACKOFF = 4.0
 DONE = 256
-"""Number of acknowledged pulses kept, as another station may acknowledge them a bit later."""
+"""Number of acknowledged pulses kept, since another station may acknowledge them later."""
 
 ItemKey = tuple[int, int]
 """Tag id and start time [ns, UTC] of a pulse."""

@@ -87,7 +87,7 @@ class DiskGuard:
             self._to_note = None
 
     def _card_fault(self) -> tuple[int, list[tuple[int, str]]]:
-        """Number of kinds of card faults, and the text that names them."""
+        """Number of different faults of the card, and the text that names them."""
         card = card_of(self._directory)
         faults = card.faults() if card is not None else []
         text = f"Memory card: {', '.join(faults)}. {NEW_CARD}"

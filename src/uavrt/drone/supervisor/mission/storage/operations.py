@@ -16,6 +16,7 @@ from uavrt.core.clock import monotonic_s
 from uavrt.core.commands import CommandName
 from uavrt.core.errors import RecordingError, UavrtError
 from uavrt.core.messages import Operation
+from uavrt.core.units import counted
 from uavrt.drone.supervisor.mission.storage.background import in_background
 from uavrt.drone.supervisor.mission.storage.copying import Step, remove_flights, save_flights
 from uavrt.drone.supervisor.mission.storage.flight_removal import (
@@ -77,21 +78,21 @@ class Operations:
             work: Callable[[Step], None] = lambda step: save_flights(  # noqa: E731
                 flights, target, step, self._wanted
             )
-            answer = f"{len(flights)} flights to {target}"
+            answer = f"{counted(len(flights), 'flight')} to {target}"
         else:
             whole = len(flights)
             flights = removable(flights)
-            stay = f"the newest and the starred stay, {whole - len(flights)} of {whole}"
+            stay = f"newest and starred flights are kept, {whole - len(flights)} of {whole}"
             if not flights:
                 raise UavrtError(f"nothing to delete: {stay}")
             if not self._second_step.is_confirmation(source):
                 raise UavrtError(
-                    f"send it again after {RETRY_WITHIN_S:.0f} s to delete {len(flights)} "
-                    f"flights: {stay}"
+                    f"send it again after {RETRY_WITHIN_S:.0f} s to delete "
+                    f"{counted(len(flights), 'flight')}: {stay}"
                 )
             start, end = "#Deleting logs", "#Logs deleted"
             work = lambda step: remove_flights(flights, step, self._wanted)  # noqa: E731
-            answer = f"{len(flights)} flights; {stay}"
+            answer = f"{counted(len(flights), 'flight')}; {stay}"
         self._show(Operation(name=name, state="running", step_count=len(flights)))
         self._notify(6, start)
         self._task = asyncio.get_running_loop().create_task(self._run(work, end))
