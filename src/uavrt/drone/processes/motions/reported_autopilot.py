@@ -14,8 +14,8 @@ from uavrt.link.mavlink.message import Message
 IDENTITY_S = 3.0
 BATTERY_AGE_S, WIND_AGE_S = 10.0, 30.0
 TCP_IS_LATE = (
-    "motion orders are not flown over TCP to another computer: a command could arrive "
-    "seconds late. Use a serial port or UDP for mavlink.address"
+    "not flown over TCP: commands could arrive seconds late. "
+    "Set mavlink.address to a serial port or UDP"
 )
 SIMULATOR_NUMBER = 0x75617672
 """Hardware id (``uavr``) of `uavrt.simulation.vehicle.fake_autopilot`."""
