@@ -96,7 +96,7 @@ class Survey:
     verdicts: tuple[IntegratedVerdict, ...] = ()
     folds: tuple[FlightFold, ...] = ()
     silences: "tuple[SilentMap, ...]" = ()
-    """Detection maps of tags, if their radiated power was given."""
+    """Coverage maps of tags that were not found, if their radiated power was given."""
     facts: ReportFacts = field(default_factory=ReportFacts)
     maps: tuple[MapFile, ...] = ()
     """Map files for the background of the report's maps."""

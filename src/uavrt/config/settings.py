@@ -1,6 +1,6 @@
 """The drone side's settings, as in ``uavrt.toml``; the loader is `uavrt.config.loader`.
 
-Each class is one table of the file; each default is what a first flight needs.
+Each class is one table of the file; each default suits a first flight.
 """
 
 import os

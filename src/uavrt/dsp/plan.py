@@ -181,7 +181,7 @@ def choose_channel_count(band_rate_hz: float) -> int:
 
 
 def fast_length(least: int) -> int:
-    """Smallest length from `least` on without a prime factor above 11: fast to transform."""
+    """Smallest length not below `least` without a prime factor above 11: fast to transform."""
     while not _smooth(least):
         least += 1
     return least

@@ -68,7 +68,7 @@ class FlightTuning:
     most_missed: Guard[int] = 100_000
     """Maximum number of missed pulses of one tag in a flight: those of a day."""
     reported_height_m: float = 20.0
-    """Minimum difference of reported height to that by elevation map for a warning [m]."""
+    """Difference between reported height and elevation map that causes a warning [m]."""
     least_tag_hz: Guard[float] = 1e6
     """Minimum frequency of a tag [Hz]; some logs contain whole megahertz instead."""
     hills_digits: Resolution[int] = 4

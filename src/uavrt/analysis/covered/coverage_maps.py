@@ -72,7 +72,7 @@ def corners_of_path(places: _Places) -> tuple[TangentPlane, list[tuple[float, fl
 def corners_over_area(
     outline: _Places, spacing_m: float, *, most: int | None = None
 ) -> tuple[TangentPlane, list[tuple[float, float]]]:
-    """Lay survey lines over an outline [deg]; at most `most`, else `PlanError`."""
+    """Lay survey lines over an outline [deg]; raises `PlanError` for more than `most` lines."""
     plane, corners = corners_of_path(outline)
     area = Polygon(corners=tuple(corners), name="area")
     return plane, survey_lines(area, spacing_m, most=most)

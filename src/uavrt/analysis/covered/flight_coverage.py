@@ -67,7 +67,7 @@ def flight_coverage(
 
 
 def frequency_window_hz(flight: Flight) -> float:
-    """Half-width of a flight's detection around a tag's frequency [Hz]; 500 if unknown."""
+    """Half-width of the detectors' search around a tag's frequency [Hz]; 500 if unknown."""
     settings = flight_settings(flight)
     return 500.0 if settings is None else settings.detection.frequency_window_hz
 

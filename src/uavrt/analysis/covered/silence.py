@@ -41,7 +41,7 @@ SURE = 0.9
 _MARGIN_M = 2000.0
 _FINEST_M = 20.0
 _CELLS = 120
-"""Cells along the longer side of a detection map; that of a 20-minute flight takes seconds."""
+"""Number of cells along the longer side of a coverage map; a 20-minute flight takes seconds."""
 _NOT_JUDGED = "whole flight not searched for this tag yet; uavrt integrate finds weaker tags"
 _NO_DETECTORS = (
     "no record shows that a detector ran in this flight (no search report, no pulse); the map "

@@ -355,7 +355,7 @@ def _holds_estimates(path: str | os.PathLike[str]) -> bool:
 
 
 def _stored_estimates(path: str | os.PathLike[str]) -> list[TagPosition]:
-    """Last position of each target in UCSD's file, which lists ever better ones in a flight."""
+    """Last position of each target in UCSD's file; later positions of a target are better."""
     rows = read_ucsd_estimates(path)
     last: dict[int, TargetEstimate] = {}
     for number, row in zip(tag_numbers([one.frequency_hz for one in rows]), rows, strict=True):

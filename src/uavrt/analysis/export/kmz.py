@@ -74,7 +74,7 @@ def kml_text(survey: Survey) -> str:
 
 
 def _document(survey: Survey, files: dict[str, bytes]) -> ET.Element:
-    """Make the KML document, and add the pictures that it refers to to `files`."""
+    """Make the KML document, and put the pictures that it uses into `files`."""
     root = ET.Element("kml", xmlns=NAMESPACE)
     document = ET.SubElement(root, "Document")
     add_text(document, "name", survey.name)

@@ -91,7 +91,11 @@ def _of_one_antenna(ordered: Sequence[PulsePose]) -> list[PulsePose]:
 def _named(
     chosen: Sequence[Sequence[_Candidate]], times_s: NDArray[np.float64]
 ) -> list[tuple[_Candidate, list[int], bool]]:
-    """Tag of each burst by burst interval, ids of other possible tags, True if confirmed."""
+    """Decide which tag sent each burst, by the burst intervals.
+
+    Returns for each burst the fit of its tag, the ids of other possible tags, and True if
+    confirmed.
+    """
     starts_s = np.array([times_s[fits[0].pulses[0]] for fits in chosen])
     of_tag: dict[int, NDArray[np.float64]] = {
         tag_id: np.array(

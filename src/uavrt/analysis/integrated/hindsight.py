@@ -61,8 +61,8 @@ def save_integrated(
 def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
     """Pulses of a tag found by whole-flight analysis, without those detected in flight.
 
-    Listed are expected pulses whose energy noise alone reaches in at most one case of twenty.
-    Score, group and noise density are unknown.
+    These are the expected pulses with an energy that noise alone reaches in at most 5 % of
+    cases. Score, group and noise density are unknown.
     """
     if not result.found:
         return []

@@ -36,7 +36,7 @@ SHARE = 9.0
 RETRY_S = 5.0
 """Pause before a tag without new samples is tried again [s]."""
 FEW_PULSES = 3
-"""Minimum number of pulses confirmed in flight at which a tag need not be reported."""
+"""Minimum number of pulses confirmed in flight for a tag that this search need not report."""
 CLOSER = 0.5
 """Factor by which a reported position's radius must shrink before it is reported again."""
 

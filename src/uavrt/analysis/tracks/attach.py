@@ -362,7 +362,11 @@ class _Common:
         return found
 
     def require_cover(self, offsets_s: _Floats, *, posed: bool) -> None:
-        """Exclude offsets at which the track covers below 80 % of what the best one covers."""
+        """Exclude clock offsets at which the track covers too few pulses.
+
+        Too few are under 80 % of those covered at the best offset. Raises `UsageError` if even
+        the best offset covers too few for an estimate.
+        """
         times_s = self._posed_s if posed else self.time_s
         most = max(int(np.count_nonzero(self.covered(one, posed=posed))) for one in offsets_s)
         remedy = "Check that they are from the same flight, or give --clock-offset"

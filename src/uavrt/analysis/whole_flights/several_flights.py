@@ -167,7 +167,7 @@ class _View:
         )
 
     def heard(self, joint: JointTrain, number: int) -> HeardTrain:
-        """Pulse train in this flight: its own if found there, else by all flights together."""
+        """Pulse train in this flight: found in it alone, or else in all flights together."""
         one, train = self.judged, joint.trains[number]
         rates = len(one.tag.pulse_intervals_s)
         if one.found:
@@ -246,7 +246,7 @@ def _common_places(
     pattern: AntennaPattern,
     elevation: Elevation | None,
 ) -> list[Places]:
-    """Candidate positions of the tag for each flight, the same around the middle of all."""
+    """Candidate positions of the tag for each flight, around the middle of all flights."""
     middles = [one.places.plane for one in judged]
     latitude = np.array([one.latitude_deg for one in middles])
     longitude = np.array([one.longitude_deg for one in middles])

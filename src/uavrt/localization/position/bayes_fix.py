@@ -1,9 +1,9 @@
 """Compute a position's posterior on cells that are small near its peaks (default estimator).
 
 Cells with much probability are quartered, so that narrow peaks and long tails, such as those of
-a possible outlier, are both resolved. The point is the most probable one; the mean lies
-farther out for weak geometry. A bearing that contradicts the others is reported and does not
-move the point, since each may be an outlier with some probability.
+a possible outlier, are both resolved. The reported point is the most probable one; the mean
+lies farther out for weak geometry. A bearing that contradicts the others is reported and does
+not move the point, since each may be an outlier with some probability.
 """
 
 from collections.abc import Callable
@@ -95,7 +95,7 @@ class Cells:
         return ellipse_of(covariance + sigma_m**2 * np.eye(2))
 
     def map(self, count: int, sigma_m: float) -> tuple[_Floats, _Floats, _Floats]:
-        """Probability on a regular grid around most of it: east (x,), north (y,), (y, x).
+        """Probability on a regular grid: east (x,), north (y,), and values (y, x).
 
         Each cell's probability is spread by its width and by a shift that all share.
         """
@@ -317,7 +317,7 @@ def _even_axes(
 
 
 def _normal(centres: _Floats, axis: _Floats, sigma_m: float) -> _Floats:
-    """(centres, axis) normal density, up to a constant, at an axis around each centre."""
+    """(centres, axis) normal density around each centre, at each point of an axis, unscaled."""
     away = (axis - centres[:, None]) / sigma_m
     return np.asarray(np.exp(-0.5 * away**2) / sigma_m)
 

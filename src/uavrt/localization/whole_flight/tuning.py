@@ -25,8 +25,8 @@ class EnergyTuning:
     wide_sigmas: float = 8.0
     """Excess of the whole channel's energy that shows a strong signal [standard deviations]."""
     crest: float = 3.0
-    """Maximum ratio of a window's largest sample to its mean power that is no impulse. A pulse
-    of N samples has 1/N of its power in one sample, an impulse N times as much."""
+    """Ratio of a window's largest sample power to its mean power above which it is an impulse.
+    A pulse of N samples has 1/N of its power in one sample, an impulse N times as much."""
     hops_beside: int = 16
     """Distance from a strong filter window beyond which others are used [hops]: two pulses."""
     slots_beside: int = 4

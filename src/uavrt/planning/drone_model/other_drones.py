@@ -41,7 +41,7 @@ class OtherDrones:
 
     separation: Separation
     listening: tuple[Path, ...] = ()
-    """Planned paths of reporting drones; what pulses will show there counts as known."""
+    """Planned paths of drones that report; information from there counts as already gained."""
     left: frozenset[int] = frozenset()
     """Tags that other drones search for, so that this drone does not."""
     strips: tuple[Strip, ...] = ()

@@ -157,7 +157,7 @@ def _gone(task: CellTask, error: UavrtError) -> bool:
 
 
 def _counts(cell: Cell, pulse: Pulse) -> bool:
-    """False for a pulse that ends in the cell's lead-in: the cell before it counts that one."""
+    """False for a pulse that ends in the cell's lead-in: it counts in the previous cell."""
     return cell.begin_ns is None or pulse.end_time_ns >= cell.begin_ns
 
 
