@@ -27,7 +27,7 @@ from uavrt_experiments.statistics import count_interval, share_by_flight
 
 Samples = NDArray[np.complex64]
 Rows = Literal["all", "half"]
-"""Rows that rise: all of them, or those on one side of an edge near the tag."""
+"""Spectrogram rows whose noise rises: all, or those on one side of an edge near the tag."""
 ABSENT_TAG = replace(THESIS_TAG, false_alarm_probability=0.05)
 _STRETCH_S = 120.0
 _EDGE_HZ = 200.0

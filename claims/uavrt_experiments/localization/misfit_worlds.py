@@ -182,7 +182,7 @@ def _past_a_line(rng: Generator, *, line_db: float | None, noise_known: bool = T
 def _observer(
     rng: Generator, *, shifted: float = 0.25, known: float = 0.0, turned_deg: float = 0.0
 ) -> Circle:
-    """Take four bearings by hand from 100 to 400 m, displaced in common.
+    """Take four bearings by hand from 100 to 400 m, with a common displacement.
 
     `shifted`, `known`: standard deviation of the displacement as a share of the distance, true
         and as the estimator assumes. `turned_deg`: largest common error of the headings.
@@ -217,7 +217,8 @@ def crew(
 
     `scatter_deg`, `share`, `metres`: true scatter of the bearings, and true displacement.
     `farthest_m`: largest distance of the four stations from a tag; the least is 100 m.
-    `trials`: number of test trials; 0: the person is unknown. `tags`: number of further ones.
+    `trials`: number of test trials; 0: the person is unknown. `tags`: number of tags located
+        after the trials.
     """
     error_deg = rng.normal(0.0, 4.0)
 

@@ -81,8 +81,8 @@ class MavlinkSettings(_Table):
     """Further links, direct to ground stations, such as ["udpin://0.0.0.0:14560"] over Wi-Fi:
     pulses, answers and files use the first link with a ground station, else the autopilot's."""
     system_id: Annotated[int, Interval(ge=1, le=253)] = 1
-    """MAVLink system id if there is no autopilot, whose id is used otherwise; each station and
-    vehicle needs its own."""
+    """MAVLink system id without an autopilot; with one, the autopilot's id is used. Each
+    station and vehicle needs its own id."""
     component_id: Annotated[int, Interval(ge=1, le=255)] = 191
     """Component id in the vehicle's MAVLink system; 191 is the first onboard computer."""
     tunnel_gap_s: Annotated[float, Interval(ge=0.012, le=1.0)] = 0.020

@@ -103,7 +103,7 @@ def version_of(url: str) -> list[object]:
 
 
 def open_stored(url: str, **stated: Any) -> RecordingSource:
-    """Open a recording at a URL; `stated` as for `open_recording`. Also raises `StoreError`."""
+    """Open a recording at a URL; `stated` adds missing metadata. Also raises `StoreError`."""
     data_url = url[: -len(_META)] + _DATA if url.endswith(_META) else url
     with tempfile.TemporaryDirectory() as folder:
         copy = _ends(url, Path(folder), whole=url.endswith(_META))

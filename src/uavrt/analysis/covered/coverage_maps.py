@@ -53,7 +53,7 @@ class MapSize:
 
 
 def read_places(path: Path, spacing_m: float) -> tuple[TangentPlane, list[tuple[float, float]]]:
-    """Read a flight path, or lay survey lines over an area; corners as (east, north) [m]."""
+    """Read a flight path, or lay survey lines over an area; returns plane and corners [m]."""
     text = read_text(path, SHAPES)
     places = path_in(text, str(path))
     if places:

@@ -145,7 +145,7 @@ MOST_PAST_FLIGHTS = 6
 """Maximum number of past flights read to correct the antenna pattern; each costs as much
 time as reading the flight itself."""
 ENOUGH_TURNS = 12
-"""Number of turns above which a learnt antenna pattern hardly improves."""
+"""Number of turns above which a learnt antenna pattern improves little."""
 
 
 def past_turns(

@@ -18,7 +18,7 @@ class FactTable:
 
     rows: tuple[Row, ...] = ()
     details: tuple[Row, ...] = ()
-    """Rows of facts that help no decision in the field; shown on request."""
+    """Rows of facts that do not help decisions in the field; shown on request."""
 
 
 def place_in_words(place: Located) -> str:

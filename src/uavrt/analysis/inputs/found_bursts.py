@@ -38,9 +38,9 @@ class _Candidate:
 def bursts_of_pulses(pulse_poses: Sequence[PulsePose], tags: Sequence[Tag]) -> list[PulsePose]:
     """Find the bursts of listed codes among pulses, whose tag numbers are ignored.
 
-    Each pulse is used in one burst, whose gaps, or else burst interval, fit best. A burst is
-    confirmed if another of its tag lies whole burst intervals away.
-    A pulse that several antennas of a station received counts once, where it is strongest.
+    Each pulse is used in one burst: that with the best-fitting gaps, or else burst interval. A
+    burst is confirmed if another one of its tag is a whole number of burst intervals away. A
+    pulse that several antennas of a station received counts once, where it is strongest.
     """
     coded = [tag for tag in tags if tag.coded]
     if not coded:

@@ -209,8 +209,8 @@ class DetectionSummary:
     samples: int = 0
     samples_lost: int = 0
     samples_unsure: int = 0
-    """Missing samples estimated from the arrival times of a live stream; uncertain if the
-    receiver's crystal is far off."""
+    """Number of missing samples, estimated from the arrival times of a live stream; uncertain
+    if the receiver's crystal is far off."""
     signal_s: float = 0.0
     """Duration of the searched samples, lost ones included [s]."""
     elapsed_s: float = 0.0

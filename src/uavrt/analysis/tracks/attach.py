@@ -78,9 +78,9 @@ def attach_poses(
 ) -> list[PulsePose]:
     """Give each pulse the antenna's pose from the track, or None where the track has a gap.
 
-    While the log says landed or disarmed, the height is set to 0, despite barometer drift. This
-    distinguishes turns of a carried drone from turns in flight.
-    Poses that pulses already have are replaced.
+    While the log reports landed or disarmed, the height is set to 0, despite barometer drift.
+    This distinguishes turns of a carried drone from turns in flight. Poses that pulses already
+    have are replaced.
     """
     ring = PoseRing(antenna, capacity=max(1, len(track.attitudes), len(track.positions)))
     shifted = track.shifted(ns_from_s(offset_s))

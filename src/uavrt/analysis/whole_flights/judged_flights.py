@@ -97,7 +97,7 @@ class WholeFlightOptions:
     most_drift: float = 0.0
     """Largest relative change of the pulse interval over the flight, up or down."""
     antenna_assumed: bool = False
-    """True if the flight's antenna is unknown and `pattern` a guess; results then say so."""
+    """True if the flight's antenna is unknown and `pattern` is assumed; results report this."""
     elevation: Elevation | None = None
     """Terrain heights, for the loss of pulses behind hills; None is level ground."""
     on_progress: Callable[[int, int | None], None] | None = None

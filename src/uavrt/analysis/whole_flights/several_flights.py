@@ -42,7 +42,7 @@ _Floats = NDArray[np.float64]
 MOST_APART_M = 2000.0
 """Largest distance of a flight's middle from that of all flights, for a common position [m]."""
 _TOGETHER = 0.5
-"""Share of the false-alarm probability spent on the decision by all flights together."""
+"""Share of the false-alarm probability used for the decision by all flights together."""
 _LISTED = 0.9
 """Minimum probability that a flight's pulse train is the tag's, for its pulses to be listed."""
 

@@ -54,7 +54,8 @@ from uavrt.localization.tuning import FLIGHT
 NO_TIME = -1
 """Value that marks a bearing's time as unknown [ns]; its tag is assumed to rest."""
 EDGE_NS = NANOSECONDS_PER_SECOND
-"""Pulses within this time of a turn count as the turn's [ns]; the antenna hardly moves."""
+"""Time before and after a turn in which pulses still belong to it [ns]; the antenna moves
+little."""
 NEVER_TURNED = (
     "it was detected, but in no turn in place; receivers that do not turn add their strengths "
     "to a position only with bearings of others"

@@ -75,7 +75,7 @@ class Cells:
         return float(self.east_m[kept[nearest]]), float(self.north_m[kept[nearest]])
 
     def radius_m(self, share: float, point: tuple[float, float], sigma_m: float) -> float:
-        """Radius that holds `share` around a point [m]; `sigma_m`: error of all positions."""
+        """Radius around a point that holds `share` [m]; `sigma_m`: error of all positions."""
         distance = np.hypot(self.east_m - point[0], self.north_m - point[1])
         # Four parts of each cell, for the cell that holds the point itself reaches from 0.
         parts = (np.arange(4) - 1.5) / 4.0

@@ -127,9 +127,9 @@ class Cells:
     def likeliest_m(self, cells: NDArray[np.intp]) -> tuple[float, float]:
         """East and north of the likeliest position in some cells, from the flight's middle [m].
 
-        It is the mean where the probability is densest. The mean of all cells lies farther away
-        than the tag, because large distances are less certain. Next to a straight path each
-        path loss exponent gives another distance.
+        It is a mean with most weight where the probability is densest. The mean of all cells
+        lies farther away than the tag, because large distances are less certain. Next to a
+        straight path each path loss exponent gives another distance.
         """
         area = self.area[cells]
         density = self.probability[cells] / area

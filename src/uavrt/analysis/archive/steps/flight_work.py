@@ -191,7 +191,7 @@ def _place(task: FlightTask) -> FlightResult:
 def _integrated(
     task: FlightTask, flight: Flight, antenna: str
 ) -> tuple[tuple[IntegratedVerdict, ...], str | None]:
-    """Whole-flight results of tags with a recorded channel; errors as text, None without."""
+    """Whole-flight results of tags with a recorded channel; errors as text, or None."""
     from uavrt.analysis.inputs.flown_with import antenna_is_recorded
     from uavrt.analysis.integrated.hindsight import verdict_of
     from uavrt.analysis.whole_flights.judged_flights import WholeFlightOptions

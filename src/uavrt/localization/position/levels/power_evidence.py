@@ -168,7 +168,7 @@ class PowerEvidence:
         return max(lasting_correlation(residual), by_hills)
 
     def fit_with_foreign(self, east_m: _Floats, north_m: _Floats) -> tuple[_Floats, _Floats]:
-        """Fit received pulses, of which some may be another sender's, at positions (places,).
+        """Fit received pulses, some of them perhaps another sender's, at positions (places,).
 
         Returns: residuals (places, received) [dB]; log-likelihood (places,).
         """

@@ -54,7 +54,7 @@ class SlotEnergies:
     noise_db: NDArray[np.float64]
     """(slots,) noise by which a slot's energies were divided [dB]; may vary with heading."""
     pulses: int = 1
-    """Number of pulses in a coded tag's burst, whose energy is their mean; otherwise 1."""
+    """Number of pulses averaged in each energy: those of a coded tag's burst, otherwise 1."""
     single: SinglePulses | None = None
     """Energies of single pulses of a coded tag; None for other tags."""
 
