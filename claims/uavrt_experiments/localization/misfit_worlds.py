@@ -373,7 +373,7 @@ CREWS: dict[str, Callable[..., list[Circle]]] = {
 
 
 def misfit_worlds(runs: int, seed: int, only: str = "") -> list[Row]:
-    """M1: share of arcs and circles that hold in each world, and of results with a caution."""
+    """M1: share of arcs and circles that contain the truth in each world, and of cautions."""
     rows = []
     for name, fly in _TURNS.items():
         if only in name:

@@ -111,7 +111,7 @@ class Followed:
         return np.asarray(np.hypot(east - x, north - y))
 
     def share_held(self, percent: int) -> float:
-        """Share of the path's circles of 50 or 95 % that hold the animal."""
+        """Share of the path's circles of 50 or 95 % that contain the animal."""
         track = self.found.track
         radius_m = [one.radius50_m if percent == 50 else one.radius95_m for one in track]
         return float(np.mean(self.off_m() <= np.array(radius_m)))
@@ -216,7 +216,7 @@ KINDS: dict[str, Callable[[Generator], Followed]] = {
 
 
 def moving_tags(runs: int, seed: int, only: str = "") -> list[Row]:
-    """L9: share of circles along the path that hold the animal, for each kind of walk."""
+    """L9: share of circles along the path that contain the animal, for each kind of walk."""
     rows = []
     for name, follow in KINDS.items():
         if only not in name:

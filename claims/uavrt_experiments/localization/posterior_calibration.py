@@ -39,7 +39,7 @@ class Fault:
     """What a simulation violates; nothing by default."""
 
     noise_db: float = 0.0
-    """Noise that the estimator does not know, in a third of all directions [dB]."""
+    """Noise unknown to the estimator, in a third of all directions [dB]."""
     heading_deg: float = 0.0
     """Error of all headings beyond the prior's [deg]."""
     heading_known: bool = False

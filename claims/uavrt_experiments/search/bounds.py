@@ -126,7 +126,7 @@ class LeastErrors:
         self._known = dict.fromkeys(tags, _of_area(scenario))
 
     def hear(self, states: Sequence[VehicleState]) -> None:
-        """Add the information of a second.
+        """Add the information that pulses of one second give.
 
         `states`: state of each drone.
         """

@@ -1,8 +1,8 @@
 """Search flights by the guide's own parts on simulated drones.
 
-The drone's own objects decide, with the arguments that the guide gives them. A table adds what
-is known of its animals before the flight. One drone flies alone; several get their paths
-assigned by the ground station's `PathAssignments`.
+The drone's own objects decide, with the arguments that the guide gives them. A table's scenario
+adds prior knowledge of its animals. One drone flies alone; several get their paths assigned by
+the ground station's `PathAssignments`.
 """
 
 import math
