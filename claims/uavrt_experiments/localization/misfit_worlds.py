@@ -213,7 +213,7 @@ def crew(
     trials: int = 20,
     tags: int = 20,
 ) -> list[Circle]:
-    """Let a new person locate tags by hand after test trials, with tables as crews keep them.
+    """Let a new person locate tags by hand after test trials, recorded as by field crews.
 
     `scatter_deg`, `share`, `metres`: true scatter of the bearings, and true displacement.
     `farthest_m`: largest distance of the four stations from a tag; the least is 100 m.

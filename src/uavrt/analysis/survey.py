@@ -264,7 +264,7 @@ def _with_records(survey: Survey, directory: Path, flight: Flight) -> Survey:
         verdicts, integrated = read_integrated(directory)
         folds = read_folds(directory)
     except FormatError as error:
-        warnings.append(f"Nothing of what was integrated: {error}.")
+        warnings.append(f"Whole-flight results cannot be read: {error}.")
     return replace(
         survey,
         warnings=tuple(warnings),

@@ -29,7 +29,7 @@ _DC_RATIO: Final = 30.0
 """Minimum power of a disturbing line at the radio's centre (DC) over the noise there."""
 
 WRONG_FORMAT: Final = "Wrong sample format? Values are not those of noise"
-UNEQUAL: Final = "I and Q differ in power: wrong format, or half is dead"
+UNEQUAL: Final = "I and Q differ in power: wrong format, or one is missing"
 GAIN_TOO_LOW: Final = "Gain too low: noise is below a converter's step"
 
 GAIN_TOO_HIGH: Final = "Gain too high: samples are at the converter's limits"

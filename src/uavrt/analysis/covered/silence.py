@@ -222,11 +222,11 @@ class ListenedFlight:
         if searched.frequency_window_hz < window_hz:
             found.append(
                 f"frequencies within {searched.frequency_window_hz:g} Hz of the listed one, "
-                f"and the flight's detectors listened within {window_hz:g} Hz "
+                f"and the flight's detectors searched within {window_hz:g} Hz "
                 f"(--frequency-window {window_hz:g})"
             )
         if searched.antenna != antenna:
-            found.append(f"the antenna {searched.antenna}, and the map is of {antenna}")
+            found.append(f"the antenna {searched.antenna}, and the map is for {antenna}")
         return (_NOT_SILENT.format("; for ".join(found)),) if found else ()
 
 
@@ -246,7 +246,7 @@ def _setting_changes(tag: Tag, searched: SearchedFor) -> list[str]:
         searched.gaps_s,
     )
     if listed != sought:
-        found.append("another frequency, pulse width, interval or code than it is listed with")
+        found.append("a frequency, pulse width, interval or code that the tag list has changed")
     if searched.interval_uncertainty_s < tag.interval_uncertainty_s:
         found.append(
             f"intervals within {1e3 * searched.interval_uncertainty_s:g} ms of the listed one, "

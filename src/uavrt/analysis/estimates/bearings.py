@@ -194,7 +194,7 @@ def pattern_origin(flights: Sequence[Sequence[HeardInTurn]]) -> str | None:
     used = sum(1 for flight in flights if any(one in turns for one in flight))
     if used < 2 or len(turns) < FLIGHT.least_turns:
         return None
-    return f"the antenna's pattern is as {len(turns)} turns of {used} flights have shown it"
+    return f"the antenna's pattern was corrected by {len(turns)} turns of {used} flights"
 
 
 def check_method(method: str, known: Sequence[str]) -> None:

@@ -37,7 +37,7 @@ def basis_in_words(position: Position) -> str:
         return counted(position.stations, "bearing")
     if position.pulses:
         return f"the strength of {counted(position.pulses, 'pulse')}"
-    return f"{position.method} as it stands in the file"
+    return f"{position.method}, read from the file"
 
 
 def remarks_of(position: Position) -> tuple[str, ...]:

@@ -121,7 +121,7 @@ class Integration:
         try:
             return open_elevation(Path(terrain))
         except UavrtError as error:
-            self._frame.notify(4, f"integrated as over level ground: {error}")
+            self._frame.notify(4, f"whole-flight search assumes level ground: {error}")
             return None
 
     def _begin(self, flight: FlightInfo) -> None:

@@ -77,7 +77,7 @@ def read_switched_array(recording: str | os.PathLike[str]) -> SwitchedArray:
     entry = sigmf_global(Path(recording), SWITCH_KEY)
     if not isinstance(entry, dict):
         raise FormatError(
-            f"{os.fspath(recording)} does not say which antenna each sample came from",
+            f"{os.fspath(recording)} does not specify the antenna of each sample",
             remedy=f"Add {SWITCH_KEY!r} to its metadata, see docs/reference/formats.md",
         )
     try:

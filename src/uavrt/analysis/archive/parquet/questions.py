@@ -138,7 +138,7 @@ def in_archive(
         most = limits.get("memory_limit", "this computer has")
         raise FormatError(
             f"{archive}: this query needs more memory than {most}",
-            remedy="Ask about fewer flights or columns with uavrt archive query",
+            remedy="Query fewer flights or columns with uavrt archive query",
         ) from error
     except (duckdb.IOException, duckdb.InvalidInputException) as error:
         text, _, _ = str(error).partition("\n")

@@ -93,7 +93,7 @@ class CellTask:
                         source.read()  # raises the reason if the recording is incomplete
                 except EOFError:
                     if place < cell.end:
-                        fault = "it ended early: it was changed meanwhile"
+                        fault = "it ended early: the file was changed during the search"
                 except UavrtError as error:
                     fault, gone = str(error), _gone(self, error)
                 pulses += chain.flush()
