@@ -311,7 +311,8 @@ class UdpChannelSettings(_Table):
     """``current``: 20000 + 2 × (channel - 1), and the next for a tag's second rate;
     ``thesis``: 20000 + channel - 1. The flight's ``detectorConfig.txt`` names each port."""
     stamps: Literal["seconds", "milliseconds"] = "seconds"
-    """``seconds`` and nanoseconds as the current original, or the thesis's ``milliseconds``."""
+    """Time stamps: ``seconds`` and nanoseconds as in the current original, or ``milliseconds``
+    as in the thesis."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -333,7 +334,7 @@ class Ros2Settings(_Table):
     gid_bytes: Literal[16, 24] = 16
     """Size of an identifier in ROS 2's node list: 24 for Humble and Galactic, else 16."""
     accept_commands: bool = True
-    """Accept tags, start and stop from ROS 2; false: publish only."""
+    """Accept tag lists, and start and stop commands, from ROS 2; false: publish only."""
     parameter_services: bool = False
     """Provide ROS 2's parameter services, for `ros2 param list`, get and set with
     RMW_IMPLEMENTATION=rmw_cyclonedds_cpp; set obeys accept_commands and the commander."""

@@ -40,7 +40,7 @@ class Search:
         self._fall = ExponentSharing()
 
     def check(self, state: VehicleState, battery: Battery | None = None) -> None:
-        """Raise an error for a search that cannot be flown, before anything moves.
+        """Raise an error for a search that cannot be flown, before the drone moves.
 
         Raises `PlanError`: a tag without any strength, a start outside the fence or the
             heights, or an area beyond the battery's reach.
@@ -173,7 +173,7 @@ class Search:
         wind: Wind | None,
         battery: Battery | None,
     ) -> Decision | None:
-        """Return in place of an action that uses energy which the return needs; else None."""
+        """Decision to return if an action would use energy needed for it; else None."""
         energy = self.settings.energy
         if battery is None or energy is None or isinstance(decision.action, Return):
             return None

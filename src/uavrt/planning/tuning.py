@@ -26,8 +26,8 @@ class PlanningTuning:
     stay_s: float = 6.0
     """Time at each tag of a round over all tags [s]: a turn towards it and its last pulses."""
     located_share: float = 0.5
-    """Largest rms spread of the position of a tag that one drone searches for alone [share of
-    that of positions spread evenly over the area]."""
+    """Largest rms position spread at which one drone searches for a tag alone, as a share of
+    the spread of positions distributed evenly over the area."""
 
     scale_drift: float = 0.03
     """Standard deviation added per update to the ratio of used to modelled power (wind)."""

@@ -36,7 +36,7 @@ REFERENCE_COLUMNS = (
 
 
 def pulses_csv(survey: Survey) -> str:
-    """Write all pulses as ``uavrt detect -o`` does, also those of whole-flight analysis."""
+    """Write all pulses like ``uavrt detect -o``, including those of whole-flight analysis."""
     stream = io.StringIO(newline="")
     pulses = survey.every_pulse
     writer = PulseWriter(stream, "csv", bursts=any(one.pulse.burst_starts_ns for one in pulses))

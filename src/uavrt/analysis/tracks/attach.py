@@ -31,7 +31,7 @@ SEARCH_S = 120.0
 STEP_S = 1.0
 FINE_S = 0.05
 CLEAR = 1.15
-"""Minimum ratio between the misfit of any clock offset 5 s away and that of the best."""
+"""Minimum ratio of the misfit at clock offsets 5 s away to the misfit at the best offset."""
 _ELSEWHERE_S = 5.0
 MOST_HEADING_SIGMA_DEG = 3.0
 """Largest heading error from an uncertain clock offset [deg]; a turn's own is a few degrees."""

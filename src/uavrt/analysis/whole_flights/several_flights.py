@@ -40,7 +40,7 @@ from uavrt.localization.whole_flight.train_place import (
 
 _Floats = NDArray[np.float64]
 MOST_APART_M = 2000.0
-"""Largest distance of a flight's middle from that of all flights, for a common position [m]."""
+"""Largest distance of a flight from the middle of all flights, for a common position [m]."""
 _TOGETHER = 0.5
 """Share of the false-alarm probability used for the decision by all flights together."""
 _LISTED = 0.9

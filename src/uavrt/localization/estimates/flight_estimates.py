@@ -784,7 +784,7 @@ def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> Pow
 
 
 def at_one_place(heard: Heard) -> bool:
-    """True if all pulses were received at one position, which allows no survey by strength."""
+    """True if all pulses were received at one position, so strength gives no position."""
     own = heard.pulses.values()
     if not own:
         return False

@@ -94,7 +94,7 @@ class TagPrior:
 
     @property
     def ground(self) -> GroundModel:
-        """Losses by the ground: those of hills, or shadowing on level ground."""
+        """Model of losses by the ground: hills, or shadowing on level ground."""
         if self.hills is not None:
             return HillyGround(hills=self.hills)
         return LevelGround(shadowing_db=self.shadowing_db)

@@ -53,7 +53,7 @@ class GridTuning:
     circle."""
     survey_growth: Resolution[float] = 2.0
     """Growth of `held_rough` with each quartering of position cells, for power surveys. Without
-    it, 95 % circles are 0.3 % wider, at half as many cells again."""
+    it, 95 % circles are 0.3 % wider, with 50 % more cells."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -322,8 +322,8 @@ class LossErrorTuning:
     hills: LastingError = LastingError(
         mean=0.4, sigma=0.5, correlation_m=800.0, limits=(-0.7, 2.5)
     )
-    """Error of losses behind hills, relative to those by the map; round tops lose up to twice
-    as much (P.526-15, 4.2), woods more."""
+    """Error of losses behind hills, relative to those by the map; rounded hilltops cause up to
+    twice the loss (P.526-15, 4.2), woods more."""
     shadowing: LastingError = LastingError(
         mean=0.0, sigma=1.0, correlation_m=30.0, limits=(-4.0, 4.0)
     )

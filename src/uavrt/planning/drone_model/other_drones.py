@@ -57,7 +57,7 @@ class OtherDrones:
         return least
 
     def legs(self, time_s: float) -> Legs | None:
-        """Remaining paths of the other drones that report, sampled; None without any."""
+        """Sampled remaining paths of the other drones that report; None if there are none."""
         if not self.listening:
             return None
         shares = (np.arange(PLANNING.drones_samples) + 0.5) / PLANNING.drones_samples

@@ -50,7 +50,7 @@ class SignalSurface:
 def strongest_signal(
     track: PowerTrack, *, exponent: float = LEVELS.exponent
 ) -> StrongestSignal:
-    """Position of a track's highest SNR, averaged over six pulses; `UsageError` without any."""
+    """Position of a track's highest SNR, over six pulses; `UsageError` without pulses."""
     heard = np.flatnonzero(~np.isnan(track.snr_db))
     if not len(heard):
         raise UsageError(

@@ -437,7 +437,10 @@ def _spread(flags: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
 def _centred(
     energy: NDArray[np.float32], good: NDArray[np.bool_], length: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float64]]:
-    """Energies, mean 0 in each stretch, variance 1 in each row; rows' means and sigmas."""
+    """Shift energies to mean 0 in each stretch of time; scale rows to variance 1.
+
+    Also returns the rows' original means, and their standard deviations before scaling.
+    """
     result = np.zeros_like(energy)
     rows = len(energy)
     if not good.any():
