@@ -34,7 +34,7 @@ class AnimalOfSeason:
     flights_heard: int
     minutes: float
     minutes_to_hear: float | None
-    """Mean time from start to the animal's first pulse, if received [min]."""
+    """Mean time from the start of a flight to the animal's first received pulse [min]."""
     pulses: int
     last_heard_ns: int | None
 

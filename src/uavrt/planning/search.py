@@ -99,7 +99,7 @@ class Search:
         battery: Battery | None = None,
         others: OtherDrones | None = None,
     ) -> Decision:
-        """Decide the next action: the return when it is due, else the planner's."""
+        """Decide the next action: the return flight when due, else the planner's choice."""
         self._fall.share(self.beliefs.values())
         decision = self._home(state, wind, battery)
         if decision is None:

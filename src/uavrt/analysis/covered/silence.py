@@ -300,7 +300,7 @@ def silent_maps(
     elevation: Elevation | None,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> dict[int, SilentMap]:
-    """Coverage maps, by tag, of the tags that the flight just analysed does not show.
+    """Coverage maps, by tag, of tags that were not found in the flight just analysed.
 
     These are the maps of `uavrt coverage FLIGHT`, made before the results are saved. Tags that
     were or may have been received have none. Parameters and errors are as in `silent_map`.

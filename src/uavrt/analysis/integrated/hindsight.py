@@ -149,7 +149,7 @@ def _verdict(flight: Flight, one: IntegratedTag, pulses: int) -> IntegratedVerdi
 
 
 def _placed(place: PlaceBelief | None) -> dict[str, Any]:
-    """Fields of the stored record that describe the tag's position; empty without one."""
+    """Fields of the stored record that describe the tag's position; empty if there is none."""
     if place is None:
         return {}
     parts = parts_of(place)

@@ -50,7 +50,7 @@ class SearchSchedule:
         self._rest_until_s = 0.0
 
     def due(self, now_s: float) -> Tag | None:
-        """Tag to search for now, the one due longest; None if none is due, or in a pause."""
+        """Tag to search for now: the one due longest; None if none is due, or in a pause."""
         if not self._due_s or now_s < self._rest_until_s:
             return None
         tag_id, due_s = min(self._due_s.items(), key=lambda item: item[1])

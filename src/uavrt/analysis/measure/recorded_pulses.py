@@ -1,7 +1,6 @@
 """Run the detectors over any source of samples, in one thread, as ``uavrt detect`` does.
 
-One front end and one detector for each tag run in one thread. They do what the flight's
-processes do, without the sockets between.
+The front end and the detectors do what a flight's processes do, without sockets between them.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -187,7 +187,11 @@ class _View:
         chance: float,
         flights: int,
     ) -> IntegratedTag:
-        """Result of one flight for a tag shown by all; sure if its train has p ≥ 0.9."""
+        """Result of this flight for a tag that all flights together show.
+
+        The flight counts as showing the tag if its train is the tag's with probability 0.9 or
+        more.
+        """
         if common is None:
             place = place_belief([replace(heard, log_trains=None)])
             odds = train_evidence(heard) - (heard.log_trains or 0.0)

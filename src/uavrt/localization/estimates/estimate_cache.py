@@ -11,10 +11,10 @@ T = TypeVar("T")
 
 
 class Cache:
-    """Cache for a caller that estimates repeatedly; a value's inputs are its key.
+    """Cache for a caller that estimates repeatedly.
 
-    A function computes each value from its inputs, which are also the key: no input can be
-    missing from the key.
+    A function computes each value from its inputs, which are also the value's key: no input can
+    be missing from the key.
     """
 
     def __init__(self) -> None:

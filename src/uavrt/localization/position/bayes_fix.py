@@ -87,7 +87,7 @@ class Cells:
     def ellipse(self, sigma_m: float) -> Ellipse:
         """95 % ellipse of a normal distribution with the posterior's covariance.
 
-        `sigma_m`: standard deviation of an error of all positions alike, which is added [m].
+        `sigma_m`: standard deviation of an error common to all positions, which is added [m].
         """
         x, y = self.mean()
         centred = np.stack([self.east_m - x, self.north_m - y])
@@ -97,7 +97,7 @@ class Cells:
     def map(self, count: int, sigma_m: float) -> tuple[_Floats, _Floats, _Floats]:
         """Probability on a regular grid: east (x,), north (y,), and values (y, x).
 
-        Each cell's probability is spread by its width and by a shift that all share.
+        Each cell's probability is spread by its width and by a shift common to all positions.
         """
         east, north, step = _even_axes(self.around(GRID.map_share), count, 2.5 * sigma_m)
         density = np.zeros((len(north), len(east)))
@@ -289,7 +289,7 @@ def most_probable(cells: Cells, log_likelihood: LogLikelihood) -> tuple[float, f
     """East and north of the likelihood's maximum [m].
 
     An even grid covers the more likely half, and parabolas refine the maximum. Values of cells
-    of different sizes are blurred differently and do not compare to the metre.
+    of different sizes are blurred differently and cannot be compared to the metre.
     """
     east, north, step = _even_axes(cells.around(0.5), GRID.peak_cells)
     y, x = (one.ravel() for one in np.meshgrid(north, east, indexing="ij"))

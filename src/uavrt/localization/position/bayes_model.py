@@ -103,7 +103,7 @@ class Model:
         )
 
     def shared_sigma_m(self, point: tuple[float, float], share: float) -> float:
-        """Standard deviation of the one normal shift that replaces all possible ones [m].
+        """Standard deviation of a normal shift equivalent to all possible shifts [m].
 
         `share`: probability at which the circles of both have the same radius.
         `point`: the position.

@@ -203,7 +203,8 @@ class SurveyTuning:
     least_height_m: Guard[float] = 3.0
     """Minimum height above the tag after the correction of a stated height [m]."""
     closer_m: Resolution[tuple[float, ...]] = (-9.0, -6.0, -3.0, 0.0, 3.0, 6.0, 9.0)
-    """Finer candidates for the height error, relative to the mean by `shifts_m` [m]."""
+    """Finer candidates for the height error, relative to the mean estimated with `shifts_m`
+    [m]."""
     known_m: Resolution[float] = 6.0
     """Standard deviation of the height error below which `closer_m` refine it [m]."""
     nodes: Resolution[tuple[float, ...]] = (-1.5, 0.0, 1.5)
