@@ -43,8 +43,8 @@ class PlanningTuning:
     table_step_m: float = 0.5
     """Step in distance of the table of gains by the ground's reflection [m]."""
 
-    drones_step_s: float = 1.0
-    """Minimum span of time over which another drone's remaining path is sampled [s]."""
+    drones_span_s: float = 1.0
+    """Minimum duration over which another drone's remaining path is sampled [s]."""
     drones_samples: int = 8
     """Number of samples along another drone's planned path."""
 

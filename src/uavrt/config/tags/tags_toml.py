@@ -239,7 +239,7 @@ def read_gaps(draft: TagDraft, gaps: object, line: int, faults: list[Fault]) -> 
 def read_burst_interval(
     draft: TagDraft, interval_s: object, line: int, faults: list[Fault]
 ) -> None:
-    """Put a code's burst interval [s] into a draft; values like milliseconds are converted."""
+    """Put a code's burst interval [s] into a draft; a value that looks like ms is a fault."""
     if not isinstance(interval_s, int | float) or isinstance(interval_s, bool):
         faults.append(Fault(line=line, text="burst_interval_s must be a number"))
         return

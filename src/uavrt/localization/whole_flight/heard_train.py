@@ -106,7 +106,7 @@ class HeardTrain:
     places: Places
     log_trains: float | None = None
     """Logarithm of the number of trains from which this was chosen as the best; None: certainly
-    the tag's. A weak one may be chance; the flight then has no information."""
+    the tag's. A weak train may be chance; the flight then gives no information."""
     rates: int = 1
     """Number of the tag's pulse rates; in some slots another rate may have been used."""
 

@@ -62,7 +62,7 @@ class OtherDrones:
             return None
         shares = (np.arange(PLANNING.drones_samples) + 0.5) / PLANNING.drones_samples
         left = np.array(
-            [max(PLANNING.drones_step_s, one.time_s[-1] - time_s) for one in self.listening]
+            [max(PLANNING.drones_span_s, one.time_s[-1] - time_s) for one in self.listening]
         )
         times = left[:, None] * shares
         places = [
