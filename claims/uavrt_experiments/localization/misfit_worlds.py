@@ -148,7 +148,7 @@ def _small(rng: Generator, **world: float) -> Circle:
 
 
 def _past_a_line(rng: Generator, *, line_db: float | None, noise_known: bool = True) -> Circle:
-    """Fly a survey of 300 m past a line 12 m high whose noise fades with the distance."""
+    """Fly a survey of 300 m past a power line, 12 m high; its noise falls with distance."""
     tag = (float(rng.uniform(0.0, 300.0)), float(rng.uniform(0.0, 300.0)))
     flown: PowerTrack = flown_lines(rng, 300.0, 50.0, 4.0, 0.7, tag)
     east, north = PLANE.to_local(flown.latitude_deg, flown.longitude_deg)
@@ -265,7 +265,7 @@ def _cells(table: str) -> list[list[str]]:
 
 
 def unequal_receivers(rng: Generator, receivers: int) -> tuple[Stations, tuple[float, float]]:
-    """Draw three turns each of receivers whose gains differ by up to 80 dB, and the tag."""
+    """Draw a tag, and three turns of each of some receivers with unequal gains, up to 80 dB."""
     tag = (float(rng.uniform(-300.0, 300.0)), float(rng.uniform(200.0, 500.0)))
     receiver = np.repeat(np.arange(receivers), 3)
     count = len(receiver)
