@@ -279,7 +279,7 @@ class Beliefs(Mapping[int, TagBelief]):
         self._by_id = {one.tag_id: one for one in beliefs}
         if not beliefs or len(self._by_id) < len(beliefs):
             raise ConfigError(
-                "a search needs tags, each with a number of its own",
+                "a search needs tags, each with a unique number",
                 remedy="List them in the tag file",
             )
 
