@@ -1,4 +1,4 @@
-"""``uavrt experiment capacity``."""
+"""The command ``uavrt experiment capacity``."""
 
 import asyncio
 import sys

@@ -76,9 +76,9 @@ def _along(axis_m: _Floats, place: _Floats) -> _Floats:
 def _rings(values: _Floats, level: float) -> list[tuple[_Floats, _Floats]]:
     """Closed contours of an array at a level, as rows and columns; its margin must be lower.
 
-    It is found by marching squares. Around each cell, counter-clockwise, the edge at which a
-    contour leaves the region leads to the edge at which it enters; so the region is on its
-    left.
+    The contours are found by marching squares. Around each cell, counter-clockwise, the edge at
+    which a contour leaves the region leads to the edge at which it enters; so the region is on
+    its left.
     """
     after: dict[_Edge, _Edge] = {}
     inside = values >= level
