@@ -274,7 +274,7 @@ def test_the_fold_lies_beside_the_flight_and_is_drawn_in_the_report(
     assert own.profile[top] > 6.0 > 2.5 * abs(own.profile[5])
     text = html_page(read_survey(directory))
     assert f"Tag {result.tag.tag_id} over the whole flight" in text
-    assert "A tag is an upright line" in text
+    assert "A tag shows as a vertical line" in text
     assert pdf_document(read_survey(directory)).startswith(b"%PDF")
 
 
