@@ -21,7 +21,7 @@ from uavrt.flight.database.plain_database import limit_queries
 
 SUFFIXES = (".pmtiles", ".mbtiles")
 RASTERS = ("png", "jpg", "webp")
-"""Tile formats that are pictures; the other format, ``mvt``, holds lines and areas."""
+"""Tile formats that are pictures; the other format, ``mvt``, contains lines and areas."""
 MOST_TILE = 2_000_000
 _MOST_CREDIT = 4000
 MAP_QUERY_S = 0.7

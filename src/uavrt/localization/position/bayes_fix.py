@@ -113,7 +113,7 @@ class Cells:
         return east, north, np.asarray(density / density.sum())
 
     def around(self, share: float) -> Area:
-        """Rectangle around the smallest set of cells that holds a given probability."""
+        """Rectangle around the smallest set of cells that contains a given probability."""
         density = self.probability / self.width_m**2
         order = np.argsort(-density)
         count = int(np.searchsorted(np.cumsum(self.probability[order]), share)) + 1
@@ -129,7 +129,7 @@ class Cells:
 
 
 def ellipse_of(covariance_m2: _Floats) -> Ellipse:
-    """Ellipse that holds 95 % of a normal distribution, from its (2, 2) covariance."""
+    """Ellipse that contains 95 % of a normal distribution, from its (2, 2) covariance."""
     values, vectors = np.linalg.eigh(covariance_m2)
     scale = -2.0 * np.log(1.0 - 0.95)
     minor, major = np.sqrt(np.maximum(values, 0.0) * scale)
@@ -142,7 +142,7 @@ def ellipse_of(covariance_m2: _Floats) -> Ellipse:
 
 
 def normal_radius_m(covariance_m2: _Floats, share: float) -> float:
-    """Radius of the centred circle that holds a probability of a normal distribution [m]."""
+    """Radius of the centred circle that contains a probability of a normal distribution [m]."""
     angle = np.radians(np.arange(0.5, 360.0))
     across = np.stack([np.cos(angle), np.sin(angle)])
     q = np.einsum("ia,ij,ja->a", across, np.linalg.inv(covariance_m2), across)
@@ -156,7 +156,7 @@ def normal_radius_m(covariance_m2: _Floats, share: float) -> float:
 
 
 def shifted_m(radius_m: float, share: float, sigma_m: float = FLIGHT.place_sigma_m) -> float:
-    """Radius that still holds its share if all positions may be shifted together [m].
+    """Radius that still contains its share if all positions may be shifted together [m].
 
     The radii add as squares, which is exact for round normal distributions.
     """

@@ -1,4 +1,4 @@
-"""Draw outlines of the regions that hold a tag with a given probability, for maps."""
+"""Draw outlines of the regions that contain a tag with a given probability, for maps."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ _Edge = tuple[int, int, int]
 
 
 def region_outlines(grid: PositionGrid, share: float) -> list[_Floats]:
-    """Outline of the smallest region that holds a given probability.
+    """Outline of the smallest region that contains a given probability.
 
     `grid`: heat map of a position.
     `share`: the probability, such as 0.5 or 0.95.

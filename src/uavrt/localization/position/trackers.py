@@ -48,7 +48,8 @@ class TrackEstimate:
     east_m: float
     north_m: float
     radius50_m: float
-    """Radius of the circle around the estimate that holds the tag with 50 % probability [m]."""
+    """Radius of the circle around the estimate that contains the tag with 50 % probability
+    [m]."""
     radius95_m: float
     level_db: float
     """SNR of the tag's pulses at 100 m [dB]."""

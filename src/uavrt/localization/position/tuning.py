@@ -7,7 +7,7 @@ from uavrt.localization.number_kinds import Fixed, Guard, Resolution
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GridTuning:
-    """Constants for the grids of cells that hold a position's posterior."""
+    """Constants for the grids of cells that contain a position's posterior."""
 
     first_cells: Resolution[int] = 36
     """Number of position cells along the area's longer side before any is quartered."""
@@ -69,7 +69,7 @@ class BearingFixTuning:
     multiplied: Guard[int] = 16
     """Number of bearings' densities multiplied before a logarithm; more could underflow."""
     evaluated_share: Resolution[float] = 0.9999
-    """Probability held by the cells over which heading error and outliers are averaged."""
+    """Probability in the cells over which heading error and outliers are averaged."""
 
     iterations: Guard[int] = 200
     """Maximum number of iterations of Lenth's estimators."""

@@ -151,10 +151,10 @@ class PlaceTuning:
     """Variation of 10 log10(distance) below which the path loss exponent cannot be estimated
     [dB]."""
     least_exponent_share: Guard[float] = 0.02
-    """Minimum probability of a path loss exponent under which regions must hold the tag."""
+    """Minimum probability of a path loss exponent under which regions must contain the tag."""
     counted: float = 0.8
     """Share of the pulses' evidence that counts, because neighbouring pulses share errors of
-    pattern, poses and ground. With all of it, 90 % regions held 85 % of the tags (I4)."""
+    pattern, poses and ground. With all of it, 90 % regions contained 85 % of the tags (I4)."""
     lasting_db2: float = 4.0
     """Variance of level errors that pulses share, times the number of pulses for which they
     last [dB²]. It limits the evidence of pulses with little noise and fading."""
