@@ -1,4 +1,4 @@
-"""Estimate for 100 TB on 50 machines, from the archive figures in ``benchmarks/results.md``.
+"""Estimate the time to search 100 TB on 50 machines, from ``benchmarks/results.md``.
 
 ``python -m uavrt_experiments.archive_sum`` writes it into ``docs/how-to/search-an-archive.md``;
 run it after ``python -m benchmarks archive``.

@@ -101,8 +101,8 @@ def share_by_flight(hits: Sequence[int], trials: Sequence[int]) -> Interval:
 def quantile(values: Sequence[float], share: float) -> Interval:
     """Quantile with the 95 % interval of its order statistics.
 
-    The number of values below the true quantile is binomial; the interval reaches from the
-    value that at most 2.5 % of such numbers fall short of to that which 2.5 % exceed.
+    The number of values below the true quantile is binomial. The interval's ends are the values
+    whose ranks are the 2.5 % and 97.5 % points of that distribution.
     """
     ordered = np.sort(np.asarray(values, np.float64))
     count = len(ordered)

@@ -33,7 +33,7 @@ from uavrt_experiments.autopilots.tap import write_frames
 from uavrt_experiments.kept import KeptOutcomes
 
 WELL = ("done", "returning: the autopilot flies home")
-"""Texts with which an order ends as planned, without a takeover; a note on a late link may
+"""Texts that report the planned end of an order, without a takeover; a note on a late link may
 follow."""
 ORDERS = ("takeoff", "survey", "goto", "rotate", "hold", "search", "return")
 TAKEN = ("survey", "rotate", "goto")
@@ -49,7 +49,8 @@ UNDER_WAY_S, TAKEN_AFTER_S, MOVES_M_S = 60.0, (1.5, 10.0), 1.0
 """Longest wait for an order to begin [s]; range of the random time from there to its takeover
 [s]; least speed at a takeover that only the stop reveals [m/s]."""
 TRIES = 4
-"""Attempts at a takeover when the order ends by itself before it, each at a later start."""
+"""Maximum number of attempts at a takeover; each further one has another random start, since
+the order ended before the takeover."""
 
 
 class _NotTakenError(UavrtError):

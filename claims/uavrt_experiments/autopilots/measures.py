@@ -230,7 +230,8 @@ class Reaction:
     commands_after: int
     """Number of commands after that message, or after the order's end if that came first."""
     crossed: int
-    """Number of commands between the takeover and that message, when uavrt could not know."""
+    """Number of commands between the takeover and that message, when uavrt could not detect
+    it."""
 
 
 def reaction(

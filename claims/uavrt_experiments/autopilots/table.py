@@ -63,7 +63,7 @@ def order_lines(outcomes: Sequence[Outcome]) -> Lines:
 
 
 def _ending(one: Outcome) -> str:
-    """Text on an order's end; it says if the rehearsal itself may be the cause."""
+    """Text on an order's end, with a note if the rehearsal itself may be the cause."""
     ended = str(one.get("failed") or one["ended"])
     if one.get("relay_late_s", 0.0) <= RELAY_LATE_S:
         return ended

@@ -76,7 +76,7 @@ def _failing(hand: Hand) -> Shows:
 
 
 def _goal(hand: Hand) -> tuple[int, int, float]:
-    """Present target of the drone; its present place without one."""
+    """Present target of the drone; its present position if there is no target."""
     target, position = hand.target, hand.position
     if target is not None:
         return target.lat_int, target.lon_int, target.alt
@@ -142,7 +142,7 @@ def _go_higher(scene: Scene) -> None:
 def _turn(scene: Scene) -> None:
     """Turn the drone at its target by 12° from the heading that uavrt commanded.
 
-    Without one, from the bearing of the target. The setpoint may still be on its way there.
+    If uavrt commanded no heading, the turn starts from the bearing of the target.
     """
     _, last = commands_of(scene.companion.kept)[-1]
     latitude, longitude, altitude_m = _goal(scene.hand)

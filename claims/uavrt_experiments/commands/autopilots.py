@@ -1,4 +1,4 @@
-"""``uavrt experiment autopilots``."""
+"""The command ``uavrt experiment autopilots``."""
 
 import json
 import signal

@@ -1,4 +1,4 @@
-"""``uavrt experiment capacity``."""
+"""The command ``uavrt experiment capacity``."""
 
 import asyncio
 import sys
@@ -27,8 +27,8 @@ def capacity(
 ) -> None:
     """Send series of packets through an autopilot, 0 to 10 ms apart (thesis §5.4).
 
-    First the simulated autopilot, compared with Tables 5.10 to 5.13, then our sender. Exits
-    with 1 when the tables are not reproduced or our sender loses one.
+    The simulated autopilot is compared with Tables 5.10 to 5.13; then our sender is tested.
+    Exits with 1 when the tables are not reproduced or our sender loses a packet.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""``uavrt experiment coverage``."""
+"""The command ``uavrt experiment coverage``."""
 
 # isort: off
 import uavrt.cli.shown.one_thread  # noqa: F401  before numpy

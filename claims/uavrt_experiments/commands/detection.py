@@ -1,4 +1,4 @@
-"""``uavrt experiment detection``."""
+"""The command ``uavrt experiment detection``."""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""``uavrt experiment integrate``."""
+"""The command ``uavrt experiment integrate``."""
 
 # isort: off
 import uavrt.cli.shown.one_thread  # noqa: F401  before numpy

@@ -1,4 +1,4 @@
-"""``uavrt experiment localization``."""
+"""The command ``uavrt experiment localization``."""
 
 import sys
 from pathlib import Path

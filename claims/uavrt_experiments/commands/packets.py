@@ -1,4 +1,4 @@
-"""``uavrt experiment packets``."""
+"""The command ``uavrt experiment packets``."""
 
 import sys
 from dataclasses import asdict

@@ -1,4 +1,4 @@
-"""``uavrt experiment recovery``."""
+"""The command ``uavrt experiment recovery``."""
 
 import sys
 from pathlib import Path

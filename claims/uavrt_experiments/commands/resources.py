@@ -1,4 +1,4 @@
-"""``uavrt experiment resources``."""
+"""The command ``uavrt experiment resources``."""
 
 from typing import Annotated
 

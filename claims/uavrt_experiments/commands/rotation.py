@@ -1,4 +1,4 @@
-"""``uavrt experiment rotation``."""
+"""The command ``uavrt experiment rotation``."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""``uavrt experiment search``."""
+"""The command ``uavrt experiment search``."""
 
 import sys
 from collections.abc import Sequence

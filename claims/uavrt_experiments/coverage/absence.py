@@ -42,7 +42,7 @@ class MappedFlight(Protocol):
     def hears(
         self, east_m: float, north_m: float, error_db: float, rng: np.random.Generator
     ) -> bool:
-        """True if the flight detects a tag whose level differs by this much [dB]."""
+        """True if the flight detects a tag whose level differs by a given amount [dB]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

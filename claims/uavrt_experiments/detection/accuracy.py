@@ -1,4 +1,4 @@
-"""E5, E6, E7: accuracy of time, frequency and SNR, up to the antenna."""
+"""E5, E6, E7: accuracy of time, frequency and SNR, also measured at the antenna."""
 
 import math
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""From the antenna: samples of a radio at 3 MS/s through the whole chain in one process."""
+"""Run samples of a radio at 3 MS/s through the whole detection chain, in one process."""
 
 import math
 from collections.abc import Callable, Sequence

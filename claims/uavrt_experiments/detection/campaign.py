@@ -27,7 +27,8 @@ from uavrt_experiments.detection.catalogue import EXPERIMENTS
 from uavrt_experiments.result import Row
 
 _CHUNK_S = 3.0
-"""CPU time of one chunk of trials [s]: short against the whole, long against a message."""
+"""CPU time of one chunk of trials [s]: much shorter than the campaign, much longer than sending
+it."""
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 

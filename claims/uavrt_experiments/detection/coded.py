@@ -28,10 +28,12 @@ _SLACK_DB = 1.0
 _BLOCK = 655
 _GAP_SLOP_S = 1.5e-3
 _PULSE_LEVEL = 8.0
-"""Energy, in noise energies, of a pulse that is detected by itself. Noise makes 1.9 of these a
-second in the window, and of those 2e-4 identities an hour, with gaps 1.5 ms off together."""
+"""Energy, in noise energies, of a pulse that is detected by itself. Noise gives 1.9 such pulses
+a second in the window, and these give 2e-4 false identities an hour at a total gap tolerance of
+1.5 ms."""
 _RAISED = 1.0
-"""Allowed false identities per hour and code while counting; at 1e-4 there would be none."""
+"""Allowed false identities per hour and code in runs that count them; at 1e-4 none would
+occur."""
 
 
 def some_codes(rng: np.random.Generator, count: int) -> list[Tag]:

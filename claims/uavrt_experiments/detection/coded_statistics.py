@@ -33,7 +33,8 @@ _COLUMN_S = 1.4e-4
 _LEAST = 0.2
 """Least share of a pulse's amplitude at which other pulses are counted with it."""
 _ALIKE = 0.3
-"""Least ratio of the weakest to the second weakest place that is searched."""
+"""Minimum ratio of energies at a burst's weakest and second weakest pulse for it to be
+searched."""
 _ROW_HZ = 125.0
 _CLIPS = {3: 15.75, 10: 10.0}
 """Limit of a cell [noise powers] in sums of this number of bursts."""

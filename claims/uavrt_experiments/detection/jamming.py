@@ -21,7 +21,8 @@ from uavrt_experiments.result import Row
 
 Samples = NDArray[np.complex64]
 Interfere = Callable[[np.random.Generator, int, int], Samples]
-"""Makes a given number of samples of the interference with a given number."""
+"""Function that makes samples of interference, from a random generator, the number of samples,
+and the number of the kind of interference."""
 _LEVELS_DB = (10.0, 20.0, 40.0, 60.0)
 """Levels of a carrier over the noise in a bin of 50 Hz [dB]."""
 _TAG_HZ = 350.0

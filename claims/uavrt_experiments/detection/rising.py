@@ -27,7 +27,7 @@ from uavrt_experiments.statistics import count_interval, share_by_flight
 
 Samples = NDArray[np.complex64]
 Rows = Literal["all", "half"]
-"""Rows that rise: all of them, or those on one side of an edge near the tag."""
+"""Spectrogram rows whose noise rises: all, or those on one side of an edge near the tag."""
 ABSENT_TAG = replace(THESIS_TAG, false_alarm_probability=0.05)
 _STRETCH_S = 120.0
 _EDGE_HZ = 200.0
@@ -154,7 +154,7 @@ def count_alarms(pulses: Sequence[Pulse], rise: Rise, tag: Tag, *, duration_s: f
     starts_s = rise.starts_s(duration_s)
 
     def kinds(times_s: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """For groups, shape (groups, K): true if soon after a rise, and true if at once."""
+        """Two masks of groups of pulses (groups, K): soon after a rise, and at once."""
         since = times_s[..., np.newaxis] - starts_s
         begun = since >= 0.0
         soon = (since >= _SOON_S) & (since < rise.up_s + _LATE_S)

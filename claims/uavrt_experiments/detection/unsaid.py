@@ -39,11 +39,10 @@ _ENR_DB = 16.0
 
 
 def place(stream: DeliveredStream, samples: Samples | None = None) -> Iterator[IQBlock]:
-    """Combine arrivals to blocks, as the source of a live stream does.
+    """Combine arrivals into blocks, as the source of a live stream does.
 
-    `stream`: the arrivals.
-    `samples` (stream.samples,): samples that arrived; zeros without memory if only times
-    matter.
+    `stream`: the arrivals. `samples` (stream.samples,): samples that arrived; zeros without
+    memory if only times matter.
     """
     rate_hz = stream.delivery.sample_rate_hz
     came = np.broadcast_to(np.complex64(0), stream.samples) if samples is None else samples

@@ -124,9 +124,9 @@ def _nearest_m(belief: PlaceBelief, truth: Truth) -> float:
 
 
 def position_bound_m(world: World, truth: Truth, enr_db: float, mean: float) -> float:
-    """Median error of a position [m] by the Cramér-Rao bound, with unknown level and fall.
+    """Median error of a position [m] by the Cramér-Rao bound, with unknown level and exponent.
 
-    The prior of the fall with distance is that of the search (n = 2.5 ± 0.7).
+    The prior of the path loss exponent is that of the search (2.5 ± 0.7).
     """
     course = world.course
     at_s = np.arange(truth.first_s, course.duration_s, truth.interval_s)

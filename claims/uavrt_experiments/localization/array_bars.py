@@ -1,7 +1,7 @@
 """Experiment A1: bearings from samples through an antenna switch, against their bound.
 
-Samples as the simulator gives them at 48 kS/s, pulses of 20 ms, and a switch that stays 0.25 ms
-at each position. The detector's errors of time and frequency are added (0.7 ms, 2.5 Hz).
+Samples at 48 kS/s are simulated, with pulses of 20 ms and a switch that stays 0.25 ms at each
+position. The detector's errors of time and frequency are added (0.7 ms, 2.5 Hz).
 """
 
 import numpy as np

@@ -40,7 +40,7 @@ class Bearings:
     headings: bool = True
     """True: headings have a common error, drawn from the prior."""
     unusual: bool = False
-    """True: wrong compasses, walks and gross bearings are drawn too."""
+    """True: wrong compasses, walks and gross bearing errors are drawn too."""
     known: bool = False
     """True: the estimator assumes that headings are exact."""
     judged: bool = True

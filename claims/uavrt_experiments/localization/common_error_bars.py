@@ -86,7 +86,7 @@ class Flight:
 
     @property
     def unchecked(self) -> bool:
-        """True if a caution says that a common error cannot be checked."""
+        """True if there is a caution that a common error cannot be checked."""
         return any(one.name == "unchecked" for one in self.position.cautions)
 
 

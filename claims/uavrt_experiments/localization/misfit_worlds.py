@@ -148,7 +148,7 @@ def _small(rng: Generator, **world: float) -> Circle:
 
 
 def _past_a_line(rng: Generator, *, line_db: float | None, noise_known: bool = True) -> Circle:
-    """Fly a survey of 300 m past a line 12 m high whose noise fades with the distance."""
+    """Fly a survey of 300 m past a power line, 12 m high; its noise falls with distance."""
     tag = (float(rng.uniform(0.0, 300.0)), float(rng.uniform(0.0, 300.0)))
     flown: PowerTrack = flown_lines(rng, 300.0, 50.0, 4.0, 0.7, tag)
     east, north = PLANE.to_local(flown.latitude_deg, flown.longitude_deg)
@@ -182,7 +182,7 @@ def _past_a_line(rng: Generator, *, line_db: float | None, noise_known: bool = T
 def _observer(
     rng: Generator, *, shifted: float = 0.25, known: float = 0.0, turned_deg: float = 0.0
 ) -> Circle:
-    """Take four bearings by hand from 100 to 400 m, displaced in common.
+    """Take four bearings by hand from 100 to 400 m, with a common displacement.
 
     `shifted`, `known`: standard deviation of the displacement as a share of the distance, true
         and as the estimator assumes. `turned_deg`: largest common error of the headings.
@@ -213,11 +213,12 @@ def crew(
     trials: int = 20,
     tags: int = 20,
 ) -> list[Circle]:
-    """Let a new person locate tags by hand after test trials, with tables as crews keep them.
+    """Let a new person locate tags by hand after test trials, recorded as by field crews.
 
     `scatter_deg`, `share`, `metres`: true scatter of the bearings, and true displacement.
     `farthest_m`: largest distance of the four stations from a tag; the least is 100 m.
-    `trials`: number of test trials; 0: the person is unknown. `tags`: number of further ones.
+    `trials`: number of test trials; 0: the person is unknown. `tags`: number of tags located
+        after the trials.
     """
     error_deg = rng.normal(0.0, 4.0)
 
@@ -264,7 +265,7 @@ def _cells(table: str) -> list[list[str]]:
 
 
 def unequal_receivers(rng: Generator, receivers: int) -> tuple[Stations, tuple[float, float]]:
-    """Draw three turns each of receivers whose gains differ by up to 80 dB, and the tag."""
+    """Draw a tag, and three turns of each of some receivers with unequal gains, up to 80 dB."""
     tag = (float(rng.uniform(-300.0, 300.0)), float(rng.uniform(200.0, 500.0)))
     receiver = np.repeat(np.arange(receivers), 3)
     count = len(receiver)
@@ -372,7 +373,7 @@ CREWS: dict[str, Callable[..., list[Circle]]] = {
 
 
 def misfit_worlds(runs: int, seed: int, only: str = "") -> list[Row]:
-    """M1: share of arcs and circles that hold in each world, and of results with a caution."""
+    """M1: share of arcs and circles that contain the truth in each world, and of cautions."""
     rows = []
     for name, fly in _TURNS.items():
         if only in name:

@@ -111,14 +111,17 @@ class Followed:
         return np.asarray(np.hypot(east - x, north - y))
 
     def share_held(self, percent: int) -> float:
-        """Share of the path's circles of 50 or 95 % that hold the animal."""
+        """Share of the path's circles of 50 or 95 % that contain the animal."""
         track = self.found.track
         radius_m = [one.radius50_m if percent == 50 else one.radius95_m for one in track]
         return float(np.mean(self.off_m() <= np.array(radius_m)))
 
 
 def by_bearings(rng: Generator, walks: Walks, stations: int = 6) -> Followed:
-    """Estimate a walk by one bearing a station on a ring; errors of 3°, in common 1.5°."""
+    """Estimate a walk by one bearing from each station of a ring.
+
+    Each bearing has an error of 3°, and all have a common error of 1.5°.
+    """
     angle = rng.uniform(0.0, 2.0 * np.pi) + np.arange(stations) * 2.0 * np.pi / stations
     radius = rng.uniform(250.0, 450.0, stations)
     east, north = radius * np.sin(angle), radius * np.cos(angle)
@@ -209,11 +212,11 @@ KINDS: dict[str, Callable[[Generator], Followed]] = {
         rng, _walks(steady, 1.0), leaves=True, fading_db=4.0, correlation=0.7
     ),
 }
-"""Ways of walking and of observing, by name."""
+"""Kinds of walk and of observation, by name."""
 
 
 def moving_tags(runs: int, seed: int, only: str = "") -> list[Row]:
-    """L9: share of circles along the path that hold the animal, for each kind of walk."""
+    """L9: share of circles along the path that contain the animal, for each kind of walk."""
     rows = []
     for name, follow in KINDS.items():
         if only not in name:

@@ -1,8 +1,8 @@
 """Experiment C1: simulation-based calibration of posteriors (Talts et al. 2018).
 
-Truths are drawn from the prior. The rank of a truth is the probability of all that its
-posterior holds for likelier than it; over many draws ranks are uniform from 0 to 1. A seeded
-fault must show.
+Truths are drawn from the prior. The rank of a true value is the posterior probability of all
+values with a higher density; over many draws, ranks are uniform from 0 to 1. A deliberate fault
+must be detected.
 """
 
 from collections.abc import Callable
@@ -39,11 +39,11 @@ class Fault:
     """What a simulation violates; nothing by default."""
 
     noise_db: float = 0.0
-    """Noise that the estimator does not know, in a third of all directions [dB]."""
+    """Noise unknown to the estimator, in a third of all directions [dB]."""
     heading_deg: float = 0.0
     """Error of all headings beyond the prior's [deg]."""
     heading_known: bool = False
-    """True: the estimator takes headings for exact."""
+    """True: the estimator assumes that headings are exact."""
     place_m: float = FLIGHT.place_sigma_m
     """Standard deviation of the error of all positions [m]."""
 
@@ -183,7 +183,7 @@ def p_uniform(rank: Rank, runs: int, seed: int, *, too_sure: bool = False) -> fl
 
 
 def calibrations(runs: int, seed: int) -> list[Row]:
-    """C1: chance of the ranks, without a fault (Holm's correction) and with each fault."""
+    """C1: test if ranks are uniform, without a fault (Holm) and with each fault."""
     found = sorted((p_uniform(rank, runs, seed), name) for name, rank in RANKS.items())
     corrected, before = [], 0.0
     for number, (chance, name) in enumerate(found):

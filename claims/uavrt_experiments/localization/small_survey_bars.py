@@ -74,7 +74,7 @@ def small_surveys(
     spacings_m: tuple[float, ...] = (12.0, 24.0),
     outsides_m: tuple[float | None, ...] = (None, 5.0, 10.0, 15.0, 20.0),
 ) -> list[Row]:
-    """L8: coverage of the circles, for tags inside and so far beyond the outermost line."""
+    """L8: coverage of the circles, for tags inside or some metres beyond the outermost line."""
     rows = []
     for spacing_m in spacings_m:
         for outside_m in outsides_m:

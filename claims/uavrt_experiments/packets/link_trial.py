@@ -1,8 +1,8 @@
 """Drone, autopilot, radios and ground station in virtual time: arrivals and delays.
 
 The real sender (`uavrt.link.tunnel.pulses.reliable`, `uavrt.link.mavlink.sending.pacing`) with
-a model of PX4's forwarding and of the radios. This is `uavrt experiment packets` without its
-half an hour, and has the bars of delivery in the tests.
+a model of PX4's forwarding and of the radios. It replaces the half-hour flight of `uavrt
+experiment packets`; the tests apply their delivery requirements to it.
 """
 
 from collections.abc import Callable, Sequence

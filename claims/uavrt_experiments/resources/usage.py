@@ -22,7 +22,7 @@ def own_cpu_s(pid: int) -> float:
 def written_mb(pid: int) -> float:
     """Disk writes of a process since its start [MB]; 0 if it is gone.
 
-    Whole pages of files that it made dirty, each time after they had been written back
+    Counted are whole pages that the process changed, again after each write-back
     (``write_bytes`` of proc(5), less those truncated before); NaN where the kernel does not
     count it.
     """

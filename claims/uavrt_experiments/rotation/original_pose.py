@@ -1,15 +1,14 @@
 """Poses as the original's uavrt_connection attached them, defects and all.
 
-For the experiment only: to show what a log looks like that it wrote. The four defects:
+Used only by this experiment, to reproduce the logs that the original wrote. The four defects:
 
-1. Times go through text as seconds, a point and nanoseconds without leading zeros.
-2. The sample before a pulse is sought with the comparison the wrong way round in a rising list,
-   which finds the first sample ever, or the end of the list.
-3. The fraction of the way between two samples is the constant one half.
-4. Positions and attitudes come every 500 ms.
+1. Times go through text as seconds, a point and nanoseconds without leading zeros. 2. The
+sample before a pulse is sought with the comparison the wrong way round in a rising list, which
+finds the first sample ever, or the end of the list. 3. The fraction of the way between two
+samples is the constant one half. 4. Positions and attitudes come every 500 ms.
 
-Together: half-way between the first pose since the program's start and the one before the
-pulse.
+Their joint effect is a pose half-way between the first one since the program's start and the
+one before the pulse.
 """
 
 from bisect import bisect_right

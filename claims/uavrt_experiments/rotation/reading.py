@@ -29,8 +29,8 @@ class Reading:
     """Heading of each pulse as logged [deg], in [0, 360), shape (n,)."""
     snr_db: _Floats
     peak_deg: float
-    """Heading where the pulses are strongest, as an eye takes it from the figure: of arcs of
-    10° those within 1 dB of the best; each counts once, however long the cart stood there."""
+    """Heading where the pulses are strongest, as read from the figure by eye: of arcs of 10°
+    those within 1 dB of the best; each counts once, however long the cart stood there."""
     pca_deg: float
     """Bearing by the original's estimator [deg]."""
     bearing: Bearing

@@ -19,8 +19,8 @@ whatever its heading;
 T pulses from there suffice. No such path is shorter than the shortest tree between the start
 and circles of that size.
 
-Turning, doubts of existence and unknown strengths take more time. The bounds are for average
-luck: of many runs, a cloud is sometimes smaller than its information allows.
+Turning, doubts of existence and unknown strengths take more time. The bounds hold on average:
+in single runs, a cloud is sometimes smaller than its information allows.
 """
 
 import math
@@ -126,7 +126,7 @@ class LeastErrors:
         self._known = dict.fromkeys(tags, _of_area(scenario))
 
     def hear(self, states: Sequence[VehicleState]) -> None:
-        """Add the information of a second.
+        """Add the information that pulses of one second give.
 
         `states`: state of each drone.
         """
@@ -137,8 +137,9 @@ class LeastErrors:
             self._known[tag_id] = left + sum(self._pulse(tag_id, state) for state in states)
 
     def of(self, tag_id: int) -> tuple[float, float, float] | None:
-        """Attainable information on a tag's place so far [1/m²]: east, both, north. Ends the
-        tag's bound.
+        """Information on a tag's place attainable so far [1/m²]; ends the tag's bound.
+
+        The elements are east-east, east-north and north-north.
         """
         known = self._known.pop(tag_id, None)
         if known is None:

@@ -1,8 +1,8 @@
 """Search flights by the guide's own parts on simulated drones.
 
-The drone's own objects decide, with the arguments that the guide gives them. A table adds what
-is known of its animals before the flight. One drone flies alone; several get their paths
-assigned by the ground station's `PathAssignments`.
+The drone's own objects decide, with the arguments that the guide gives them. A table's scenario
+adds prior knowledge of its animals. One drone flies alone; several get their paths assigned by
+the ground station's `PathAssignments`.
 """
 
 import math
@@ -119,7 +119,7 @@ class Direct:
         self._sent, self._turned_deg = 0, 0.0
 
     def now(self) -> VehicleNow:
-        """Present state; see `Aircraft`."""
+        """Present state of the drone, as the guide receives it."""
         vehicle, plane = self.vehicle, self.vehicle.plane
         latitude, longitude = vehicle.latitude_longitude()
         return VehicleNow(
@@ -142,7 +142,7 @@ class Direct:
         )
 
     def step(self) -> None:
-        """Advance the drone; see `Aircraft`."""
+        """Advance the drone by `STEP_S`."""
         self.time_s += STEP_S
         self.vehicle.advance(STEP_S)
         self._turned_deg += abs(self.vehicle.heading.rate_deg_s) * STEP_S
@@ -154,7 +154,7 @@ class Direct:
             self.vehicle.command(command)
 
     def confirm(self, order: Order) -> None:
-        """Confirm an order; see `Aircraft`."""
+        """Confirm an order as the operator."""
 
 
 def _command_of(manoeuvre: Manoeuvre) -> VehicleCommand:

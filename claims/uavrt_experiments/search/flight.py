@@ -41,7 +41,8 @@ class Judged:
     """Distance of the tag from the reported place [m]; None: there is no such tag."""
     radius95_m: float
     information: tuple[float, float, float] | None = None
-    """Attainable information on its place by then [1/m²]: east, both, north."""
+    """Information on the place attainable when the tag was found [1/m²]: east-east, east-north,
+    north-north."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Convert published signal strengths to ours."""
+"""Convert published signal strengths to levels at 100 m."""
 
 from math import log10
 

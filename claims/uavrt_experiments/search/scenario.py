@@ -157,7 +157,7 @@ class Scenario:
     bars: tuple[Bar, ...] = ()
     contenders: tuple[Contender, ...] = ()
     baseline_share: float = 0.12
-    """Number of runs of a baseline for each run of ours; they take long."""
+    """Number of runs of a baseline per run of our planner; baselines take long."""
 
     def asks(self, quantity: str) -> bool:
         """True if there is a requirement on this quantity."""

@@ -15,7 +15,7 @@ class DeterminantStop:
     limit_m4: float = 1e4
 
     def verdict(self, belief: TagBelief) -> Verdict:
-        """See `StopRule`."""
+        """Decide that a tag is found if the covariance's determinant is below the limit."""
         got = belief.spread().determinant_m4
         return Verdict(
             found=got < self.limit_m4, reason=f"det {got:.3g} m⁴ of {self.limit_m4:.3g}"
@@ -36,7 +36,7 @@ class LongestAxisStop:
     limit_m: float = 15.0
 
     def verdict(self, belief: TagBelief) -> Verdict:
-        """See `StopRule`."""
+        """Decide that a tag is found if its longer axis is below the limit."""
         got = belief.spread().major_sigma_m
         return Verdict(found=got < self.limit_m, reason=f"{got:.0f} m of {self.limit_m:.0f}")
 

@@ -76,7 +76,7 @@ def results(scenario: Scenario, flown: Sequence[Flown]) -> list[Row]:
 
 
 def honesty(tables: Sequence[Flown]) -> list[Row]:
-    """Rows on the coverage of the stated circles, over all runs of ours with our stop rule.
+    """Rows on the coverage of the stated circles, over all runs of our planner and stop rule.
 
     `tables`: runs of all scenarios.
     """

@@ -20,7 +20,7 @@ def write_maps(
 ) -> list[Path]:
     """Write a coverage map as `name`.tif (detection probabilities) and `name`.png.
 
-    The picture looks as in a report; without matplotlib it shows only the map's cells.
+    The picture is drawn as in a report; without matplotlib it shows only the map's cells.
     """
     ground = coverage.ground
     grid = PositionGrid(

@@ -34,7 +34,7 @@ class AnimalOfSeason:
     flights_heard: int
     minutes: float
     minutes_to_hear: float | None
-    """Mean time from start to the animal's first pulse, if received [min]."""
+    """Mean time from the start of a flight to the animal's first received pulse [min]."""
     pulses: int
     last_heard_ns: int | None
 
@@ -49,7 +49,8 @@ class Season:
     last_ns: int | None
     animals_heard: int
     minutes_per_animal: float | None
-    """Flight minutes per detection, one for each animal in each flight; None without any."""
+    """Flight minutes per detected animal, with one detection counted per animal and flight;
+    None if no animal was detected."""
     batteries: int
     """Number of batteries used; flights in `flights_without_battery` are not counted."""
     batteries_used: float

@@ -96,7 +96,7 @@ class Survey:
     verdicts: tuple[IntegratedVerdict, ...] = ()
     folds: tuple[FlightFold, ...] = ()
     silences: "tuple[SilentMap, ...]" = ()
-    """Detection maps of tags, if their radiated power was given."""
+    """Coverage maps of tags that were not found, if their radiated power was given."""
     facts: ReportFacts = field(default_factory=ReportFacts)
     maps: tuple[MapFile, ...] = ()
     """Map files for the background of the report's maps."""
@@ -264,7 +264,7 @@ def _with_records(survey: Survey, directory: Path, flight: Flight) -> Survey:
         verdicts, integrated = read_integrated(directory)
         folds = read_folds(directory)
     except FormatError as error:
-        warnings.append(f"Nothing of what was integrated: {error}.")
+        warnings.append(f"Whole-flight results cannot be read: {error}.")
     return replace(
         survey,
         warnings=tuple(warnings),

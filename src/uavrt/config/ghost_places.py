@@ -1,8 +1,9 @@
 """Compute frequencies where a receiver shows ghosts of a strong signal, such as mirror images.
 
 If a ghost of one tag may appear at another tag's frequency, one detector process searches for
-both tags, as far as the load stays even. It compares both pulse trains at once. By way of the
-supervisor process, a train would arrive a second later, and some flights would confirm a ghost.
+both tags, as far as the load stays even. It compares both pulse trains at once. Two processes
+would exchange trains through the supervisor, a second later, and some flights would confirm a
+ghost.
 """
 
 import itertools

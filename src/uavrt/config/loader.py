@@ -124,7 +124,7 @@ def _settings_adapter() -> "TypeAdapter[Settings]":
 def default_settings_text() -> str:
     """Text of a ``uavrt.toml`` with every setting, its default and its description."""
     schema = settings_schema()
-    top: list[str] = ["# Settings of uavrt on the drone. What is left out has its default."]
+    top: list[str] = ["# Settings of uavrt on the drone. Omitted settings have their defaults."]
     tables: list[str] = []
     for name, entry in schema["properties"].items():
         table = _table_schema(schema, name)

@@ -68,7 +68,7 @@ PARAMETERS: dict[str, Parameter] = {
             absent=-1,
             live=True,
             short="Receiver gain",
-            meaning="In the radio's own steps (Airspy 0 to 21); -1: a sensible one.",
+            meaning="In the radio's own steps (Airspy 0 to 21); -1: the radio's usual gain.",
         ),
         Parameter(
             name="RADIO_BIAS_TEE",
@@ -113,7 +113,7 @@ PARAMETERS: dict[str, Parameter] = {
             kind="whole",
             high=100,
             short="Pulses for a decision",
-            meaning="Pulses summed for one decision, for all tags; 0: as each tag says.",
+            meaning="Pulses summed for one decision, for all tags; 0: as in each tag's entry.",
         ),
         Parameter(
             name="DET_FALSE_ALARM",
@@ -123,7 +123,7 @@ PARAMETERS: dict[str, Parameter] = {
             high=0.5,
             decimals=4,
             short="False-alarm probability",
-            meaning="For one decision interval, for all tags; 0: as each tag says.",
+            meaning="For one decision interval, for all tags; 0: as in each tag's entry.",
         ),
         Parameter(
             name="DET_WINDOW_HZ",
@@ -135,7 +135,7 @@ PARAMETERS: dict[str, Parameter] = {
             default=500,
             unit="Hz",
             short="Half-width of the search",
-            meaning="How far around each tag's frequency pulses are searched.",
+            meaning="Half-width of the search around each tag's frequency.",
         ),
         Parameter(
             name="DET_MODE",
@@ -145,8 +145,8 @@ PARAMETERS: dict[str, Parameter] = {
             choices=get_args(OperatingModeName),
             high=len(get_args(OperatingModeName)) - 1,
             short="Operating mode",
-            meaning="How the search follows a frequency that it has found; the names are those"
-            " of the original's detectorConfig.txt.",
+            meaning="Frequency search after a detection; the names are those of the original's"
+            " detectorConfig.txt.",
         ),
         Parameter(
             name="POSE_HEADING",
@@ -161,8 +161,8 @@ PARAMETERS: dict[str, Parameter] = {
             unit="deg",
             live=True,
             short="Heading of a station",
-            meaning="Where a station without autopilot looks, clockwise from true north; -1000:"
-            " as its compass says.",
+            meaning="Direction of a station without autopilot, clockwise from true north;"
+            " -1000: from its compass.",
         ),
         Parameter(
             name="REC_IQ",

@@ -91,7 +91,7 @@ def _end_of_value(lines: list[str], first: int) -> int:
 
 
 def _left_out(lines: list[str], header: int, key: str) -> int | None:
-    """Index of the line ``# key =`` that stands for an unset setting; None if there is none."""
+    """Index of the line ``# key =`` of an unset setting; None if there is none."""
     for number in range(header, len(lines)):
         if lines[number].startswith("["):
             return None

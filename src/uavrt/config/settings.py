@@ -1,6 +1,6 @@
 """The drone side's settings, as in ``uavrt.toml``; the loader is `uavrt.config.loader`.
 
-Each class is one table of the file; each default is what a first flight needs.
+Each class is one table of the file; each default suits a first flight.
 """
 
 import os
@@ -81,8 +81,8 @@ class MavlinkSettings(_Table):
     """Further links, direct to ground stations, such as ["udpin://0.0.0.0:14560"] over Wi-Fi:
     pulses, answers and files use the first link with a ground station, else the autopilot's."""
     system_id: Annotated[int, Interval(ge=1, le=253)] = 1
-    """MAVLink system id if there is no autopilot, whose id is used otherwise; each station and
-    vehicle needs its own."""
+    """MAVLink system id without an autopilot; with one, the autopilot's id is used. Each
+    station and vehicle needs its own id."""
     component_id: Annotated[int, Interval(ge=1, le=255)] = 191
     """Component id in the vehicle's MAVLink system; 191 is the first onboard computer."""
     tunnel_gap_s: Annotated[float, Interval(ge=0.012, le=1.0)] = 0.020
@@ -311,7 +311,8 @@ class UdpChannelSettings(_Table):
     """``current``: 20000 + 2 × (channel - 1), and the next for a tag's second rate;
     ``thesis``: 20000 + channel - 1. The flight's ``detectorConfig.txt`` names each port."""
     stamps: Literal["seconds", "milliseconds"] = "seconds"
-    """``seconds`` and nanoseconds as the current original, or the thesis's ``milliseconds``."""
+    """Time stamps: ``seconds`` and nanoseconds as in the current original, or ``milliseconds``
+    as in the thesis."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -333,7 +334,7 @@ class Ros2Settings(_Table):
     gid_bytes: Literal[16, 24] = 16
     """Size of an identifier in ROS 2's node list: 24 for Humble and Galactic, else 16."""
     accept_commands: bool = True
-    """Accept tags, start and stop from ROS 2; false: publish only."""
+    """Accept tag lists, and start and stop commands, from ROS 2; false: publish only."""
     parameter_services: bool = False
     """Provide ROS 2's parameter services, for `ros2 param list`, get and set with
     RMW_IMPLEMENTATION=rmw_cyclonedds_cpp; set obeys accept_commands and the commander."""

@@ -31,7 +31,7 @@ class BlockTimes:
         return self._times_ns[0] if self._times_ns else 0
 
     def add(self, index: int, time_ns: int) -> None:
-        """Add the UTC and index, counting lost ones, of the next block's first sample."""
+        """Add the time (UTC) and index of the next block's first sample; lost samples count."""
         if self._indices and abs(time_ns - self.time_ns(index)) < _LEAST_STEP_NS:
             return
         self._indices.append(index)

@@ -16,7 +16,8 @@ _LENGTH_S = 0.011
 """Maximum length of samples searched for carriers [s]; their number is a power of two."""
 _LEAST_SAMPLES = 256
 _CONSECUTIVE_CHECKS = 3
-"""Number of consecutive searches that must find a signal for it to be a carrier, no pulse."""
+"""Number of consecutive searches that must find a signal for it to be a carrier and not a
+pulse."""
 _STRONG_RATIO = 10.0**3.0
 """Minimum power of a carrier's bin over the median bin; weaker carriers cause no ghosts."""
 MOST_CARRIERS = 8
@@ -25,7 +26,8 @@ _CENTRE_BINS = 4
 """Distance from the radio's centre within which bins are ignored [bins]: its DC offset."""
 _SAME_BINS = 0.5
 _LEAST_SHARE = 1e-4
-"""Minimum power over the strongest carrier's; weaker peaks are the window's side lobes."""
+"""Minimum power of a carrier relative to the strongest; weaker peaks are the window's side
+lobes."""
 
 
 class Carriers:

@@ -25,10 +25,10 @@ MATRIX_CHANNELS = 32
 """Maximum number of channels for which a DFT matrix is faster than an FFT (measured)."""
 
 WINDOWS_PER_PASS = 8
-"""Windows of samples weighted in one pass; the longer inner loop saves a fifth of the time."""
+"""Number of sample windows weighted in one pass; the longer loop saves a fifth of the time."""
 
 OUTPUTS_PER_PASS = 1024
-"""Maximum output samples per pass; longer blocks are split. A usual block makes 655 or 327."""
+"""Maximum number of output samples computed per pass; a usual block gives 655 or 327."""
 
 
 class Channelizer:

@@ -18,7 +18,8 @@ _STRETCH_S = 0.5e-3
 _MOST_SAMPLES = 64
 """Number of samples examined in each piece; if a tone clips, a quarter or more are clipped."""
 _PULSE_SHARE = 0.2
-"""Minimum share of clipped pieces in a clipped pulse; a single impulse does not count."""
+"""Minimum share of a pulse's pieces that are clipped in a clipped pulse; an impulse clips
+one."""
 MOST_UNREAD = 1000
 """Maximum number of clipped pieces stored until they are read: half a second or more."""
 _KEEP_NS = 20 * NANOSECONDS_PER_SECOND

@@ -20,10 +20,11 @@ from uavrt.dsp.filters import compatible_decimator_taps, decimator_taps
 Mode = Literal["default", "compatible"]
 
 PASS_SAMPLES = 270_000
-"""Maximum samples per matrix product: a block of 262 144 at once; smaller ones are slower."""
+"""Maximum number of samples per matrix product: a block of 262 144 at once; smaller ones are
+slower."""
 
 DIRECT_OUTPUTS = 1024
-"""Maximum output samples per pass of the filter's direct sum, which bounds its memory."""
+"""Maximum number of outputs per pass of the filter's direct sum, which bounds its memory."""
 
 
 class Decimator:
@@ -166,7 +167,8 @@ def _shifted_taps(
 ) -> NDArray[np.complex64]:
     """Matrix that converts a block of samples to its parts of all outputs that it reaches.
 
-    Zero columns in front make their number a multiple of 4, 10 % faster in the BLAS for D = 8.
+    Leading zero columns make the number of columns a multiple of 4, which is 10 % faster in the
+    BLAS for D = 8.
     """
     outputs = (weights.size - 1) // factor + starts
     matrix = np.zeros((starts * factor, -(-outputs // 4) * 4), dtype=np.complex64)

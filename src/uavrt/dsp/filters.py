@@ -28,9 +28,9 @@ def decimator_taps(factor: int) -> NDArray[np.float64]:
     """Taps that keep aliases 60 dB down in the clean span of the output, shape (n,).
 
     A Kaiser-windowed sinc of about 11 taps per unit of the factor: 91 for 8. Its transition
-    lies between `CLEAN_FRACTION` and ``1 - CLEAN_FRACTION`` of the output rate, since what
-    folds into the clean span lies beyond the second. Kaiser's formula requires 88.5 taps for 60
-    dB; 91 with this window reach 60.4 dB and are flat to 0.02 dB.
+    lies between `CLEAN_FRACTION` and ``1 - CLEAN_FRACTION`` of the output rate, since only
+    frequencies beyond the second fold into the clean span. Kaiser's formula requires 88.5 taps
+    for 60 dB; 91 with this window reach 60.4 dB and are flat to 0.02 dB.
     """
     # Window shapes found by a scan of all factors: 60.0 to 61.6 dB.
     extra, beta = (3, 5.66) if factor >= 8 else (5, 5.8)
@@ -58,8 +58,8 @@ def bank_taps(channels: int) -> NDArray[np.float64]:
     """Prototype of the twice oversampled filter bank, shape (8 M,).
 
     Kaiser-windowed sinc, cut off at one channel spacing s (half the channel rate 2 s). Flat to
-    `PASSBAND_FRACTION` · s within 0.002 dB; what folds into that lies beyond ``(2 -
-    PASSBAND_FRACTION) s`` and is 80 dB down.
+    `PASSBAND_FRACTION` · s within 0.002 dB; frequencies that fold into this range lie beyond
+    ``(2 - PASSBAND_FRACTION) s`` and are 80 dB down.
     """
     half = 4 * channels
     offset = np.arange(1, 2 * half) - half

@@ -17,9 +17,9 @@ _FEWEST_SAMPLES: Final = 1024
 _CONSECUTIVE_CHECKS: Final = 3
 """Number of consecutive checks that must show an input fault before it is reported."""
 _SAME_LEVEL: Final = 0.6
-"""Maximum share of samples at one converter level: noise of 0.6 steps, 1 dB of loss."""
+"""Maximum share of samples at one converter level; noise is then 0.6 steps, a loss of 1 dB."""
 _EMPTY_MIDDLE: Final = 0.25
-"""Amplitude below which noise has values, but a wrong format has none [full scales]."""
+"""Amplitude below which a wrong format has no samples, though noise has [full scales]."""
 _UNEQUAL_RATIO: Final = 4.0
 """Ratio of the powers of I and Q above which the input is wrong; no radio produces it."""
 _CLIPPED_SHARE: Final = 0.05
@@ -29,7 +29,7 @@ _DC_RATIO: Final = 30.0
 """Minimum power of a disturbing line at the radio's centre (DC) over the noise there."""
 
 WRONG_FORMAT: Final = "Wrong sample format? Values are not those of noise"
-UNEQUAL: Final = "I and Q differ in power: wrong format, or half is dead"
+UNEQUAL: Final = "I and Q differ in power: wrong format, or one is missing"
 GAIN_TOO_LOW: Final = "Gain too low: noise is below a converter's step"
 
 GAIN_TOO_HIGH: Final = "Gain too high: samples are at the converter's limits"

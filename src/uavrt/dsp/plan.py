@@ -16,7 +16,8 @@ NARROWEST_BAND_HZ = 375_000.0
 
 LOWEST_RATE_HZ = 3_000.0
 ONE_CHANNEL_RATE_HZ = 14_000.0
-"""Maximum rate of a recording that is a single channel [Hz]; the bank needs at least four."""
+"""Maximum rate of a recording that is a single channel [Hz]; the filter bank needs at least
+four channels."""
 
 HIGHEST_FACTOR = 64
 UNDECIMATED_FRACTION = 0.45
@@ -181,7 +182,7 @@ def choose_channel_count(band_rate_hz: float) -> int:
 
 
 def fast_length(least: int) -> int:
-    """Smallest length from `least` on without a prime factor above 11: fast to transform."""
+    """Smallest length not below `least` without a prime factor above 11: fast to transform."""
     while not _smooth(least):
         least += 1
     return least

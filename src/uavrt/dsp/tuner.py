@@ -192,7 +192,7 @@ def _candidates(tags: Floats, spacing: float, low: float, high: float) -> Floats
 
 
 def _middles(tags: Floats) -> Floats:
-    """Mid-points of all pairs of tags [Hz], sorted; a centre there mirrors one to the other."""
+    """Mid-points of all tag pairs [Hz], sorted; a centre there mirrors one tag to the other."""
     first, second = np.triu_indices(tags.size, 1)
     middles: Floats = np.sort((tags[first] + tags[second]) / 2)
     return middles

@@ -78,7 +78,7 @@ def _between(table_db: Sequence[float], angle_deg: NDArray[np.float64]) -> NDArr
 
 
 def _theory_h_plane(steps: int) -> tuple[float, ...]:
-    """Pattern of the H antenna across its elements, "0 to -8.75 dB smoothly" (§1.5).
+    """Pattern of the H antenna across its elements, "0 to -8.75 dB smoothly" (thesis §1.5).
 
     Two half-wave elements, each omnidirectional in this plane, form a cardioid-like figure (1 +
     c cos θ) / (1 + c); c = 0.4650 gives -8.75 dB at 180°.

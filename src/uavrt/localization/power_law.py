@@ -58,8 +58,8 @@ def power_tables(
     """Tabulate log p(power given level), first of received pulses, then of missed pulses.
 
     `matched_power` (n,): over the noise power, noise included. `missed_below` (m,): upper
-    limits. `folds`: number of pulses summed in each value. Returns n + m rows.
-    Each law includes a share of outliers that is independent of the level.
+    limits. `folds`: number of pulses summed in each value. Returns n + m rows. Each
+    distribution includes a share of outliers that is independent of the level.
     """
     strongest = 10.0 * np.log10(max(10.0, matched_power.max(initial=1.0)))
     highest = 10.0 * np.ceil((strongest + 15.0) / 10.0)

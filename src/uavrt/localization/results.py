@@ -28,7 +28,8 @@ class Bearing:
     sigma_deg: float | None = None
     """Standard deviation inside the main lobe [deg]; None for a method without statistics."""
     interval90_deg: tuple[float, float] | None = None
-    """Shortest arc that holds 90 % of the posterior: its start and its end clockwise [deg]."""
+    """Shortest arc that contains 90 % of the posterior: its start and its end clockwise
+    [deg]."""
     second_lobe_probability: float | None = None
     """Posterior probability that the tag is more than 25° away from `bearing_deg`."""
     evidence: float | None = None
@@ -95,7 +96,7 @@ class PositionGrid:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ellipse:
-    """Ellipse that holds a tag with 95 % probability if its error is normal."""
+    """Ellipse that contains a tag with 95 % probability if its error is normal."""
 
     semi_major_m: float
     semi_minor_m: float
@@ -131,7 +132,8 @@ class TrackPoint:
     latitude_deg: float
     longitude_deg: float
     radius50_m: float
-    """Radius of the circle around the point that held the tag with 50 % probability [m]."""
+    """Radius of the circle around the point that contained the tag with 50 % probability
+    [m]."""
     radius95_m: float
 
 
@@ -149,7 +151,7 @@ class Position:
     foreign_pulses: int = 0
     """Number of pulses excluded because they are probably another sender's."""
     radius50_m: float | None = None
-    """Radius of the circle that holds the tag with 50 % probability [m]; None: unknown."""
+    """Radius of the circle that contains the tag with 50 % probability [m]; None: unknown."""
     radius95_m: float | None = None
     ellipse95: Ellipse | None = None
     outlier_probabilities: tuple[float, ...] | None = None

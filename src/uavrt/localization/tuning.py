@@ -66,9 +66,9 @@ class FlightTuning:
     pose_gap_ns: Guard[int] = 2_000_000_000
     """Gap between telemetry poses above which poses stored with pulses are used [ns]."""
     most_missed: Guard[int] = 100_000
-    """Maximum number of missed pulses of one tag in a flight: those of a day."""
+    """Maximum number of missed pulses of one tag in a flight: the pulses of one day."""
     reported_height_m: float = 20.0
-    """Minimum difference of reported height to that by elevation map for a warning [m]."""
+    """Difference between reported height and elevation map that causes a warning [m]."""
     least_tag_hz: Guard[float] = 1e6
     """Minimum frequency of a tag [Hz]; some logs contain whole megahertz instead."""
     hills_digits: Resolution[int] = 4

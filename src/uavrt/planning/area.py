@@ -46,7 +46,7 @@ class Circle:
     def path_distance_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Shortest distance from the circle of straight paths [m]; 0 if they cross it."""
+        """Shortest distance of straight paths from the circle [m]; 0 if they cross it."""
         off = _off_segment_m(self.east_m, self.north_m, start_m, (east_m, north_m))
         return np.asarray(np.maximum(off - self.radius_m, 0.0))
 
@@ -58,7 +58,7 @@ class Circle:
     def path_depth_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Shortest distance from the edge on paths inside the circle [m]; 0 or less outside."""
+        """Shortest distance of paths inside the circle from its edge [m]; 0 or less outside."""
         start = self.depth_m(*np.array([start_m]).T)
         return np.asarray(np.minimum(self.depth_m(east_m, north_m), start))
 
@@ -160,7 +160,7 @@ class Polygon:
     def path_distance_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Shortest distance from the outline of straight paths [m]; 0 if they cross it."""
+        """Shortest distance of straight paths from the outline [m]; 0 if they cross it."""
         edge = self._edge_distance_m(start_m, east_m, north_m)
         start = self.contains(*np.array([start_m]).T)
         return np.asarray(np.where(self.contains(east_m, north_m) | start, 0.0, edge))
@@ -173,7 +173,7 @@ class Polygon:
     def path_depth_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Shortest distance from the edge of paths inside the outline [m]; 0 for others."""
+        """Shortest distance of paths inside the outline from its edge [m]; 0 for others."""
         edge = self._edge_distance_m(start_m, east_m, north_m)
         start = self.contains(*np.array([start_m]).T)
         return np.asarray(np.where(self.contains(east_m, north_m) & start, edge, 0.0))
@@ -469,7 +469,7 @@ def _distance_m(point: _Floats, a: _Floats, b: _Floats) -> float:
 def survey_lines(
     polygon: Polygon, spacing_m: float, *, most: int | None = None
 ) -> list[tuple[float, float]]:
-    """Ends of lines along a polygon's longest side, back and forth; `PlanError` over `most`."""
+    """Lines along a polygon's longest side, back and forth; `PlanError` if over `most`."""
     if not spacing_m > 0.0:
         raise PlanError(
             f"the line spacing of {spacing_m:g} m is not positive",

@@ -250,10 +250,10 @@ class TagBelief:
         area, place, own = self.prior.area, rival.tracker.spread(), self.spread()
         width = np.hypot(area.east_m - area.west_m, area.north_m - area.south_m) / np.sqrt(12.0)
         if place.rms_m > _RULES.known_share * width:
-            return f"another signal is received ({rival.probability:.2f}), none knows where"
+            return f"an interferer is likely (p {rival.probability:.2f}), its position unknown"
         apart = np.hypot(place.east_m - own.east_m, place.north_m - own.north_m)
         if apart < place.rms_m + 2.0 * own.rms_m:
-            return f"another signal is received ({rival.probability:.2f}), {apart:.0f} m away"
+            return f"an interferer is likely (p {rival.probability:.2f}), {apart:.0f} m away"
         return None
 
     def estimate(self) -> TrackEstimate:
@@ -279,7 +279,7 @@ class Beliefs(Mapping[int, TagBelief]):
         self._by_id = {one.tag_id: one for one in beliefs}
         if not beliefs or len(self._by_id) < len(beliefs):
             raise ConfigError(
-                "a search needs tags, each with a number of its own",
+                "a search needs tags, each with a unique number",
                 remedy="List them in the tag file",
             )
 

@@ -82,8 +82,8 @@ def information_nats(
 ) -> _Floats:
     """(tags, legs) information of each path on each tag's position [nats].
 
-    `legs`: their samples stand for equal shares of each path's time.
-    `hypotheses`: number drawn of each tag; its logarithm limits the information.
+    `legs`: each sample represents an equal share of its path's time.
+    `hypotheses`: number drawn for each tag; its logarithm limits the information.
     `others`: paths of other drones, whose information is excluded.
     """
     out = np.empty((len(beliefs), len(legs.duration_s)))

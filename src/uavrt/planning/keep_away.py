@@ -43,7 +43,7 @@ class KeepAway:
         speed_m_s: float,
         stays_s: float = 0.0,
     ) -> _Floats:
-        """(tags, paths) probability that straight paths, and stays, keep the distance."""
+        """(tags, paths) probability that a path with a stay at its end keeps the distance."""
         out = np.empty((len(beliefs), len(east_m)))
         limit = (self.margin * self.radius_m) ** 2
         way_x, way_y = east_m - start_m[0], north_m - start_m[1]

@@ -40,7 +40,7 @@ class Search:
         self._fall = ExponentSharing()
 
     def check(self, state: VehicleState, battery: Battery | None = None) -> None:
-        """Raise an error for a search that cannot be flown, before anything moves.
+        """Raise an error for a search that cannot be flown, before the drone moves.
 
         Raises `PlanError`: a tag without any strength, a start outside the fence or the
             heights, or an area beyond the battery's reach.
@@ -99,7 +99,7 @@ class Search:
         battery: Battery | None = None,
         others: OtherDrones | None = None,
     ) -> Decision:
-        """Decide the next action: the return when it is due, else the planner's."""
+        """Decide the next action: the return flight when due, else the planner's choice."""
         self._fall.share(self.beliefs.values())
         decision = self._home(state, wind, battery)
         if decision is None:
@@ -173,7 +173,7 @@ class Search:
         wind: Wind | None,
         battery: Battery | None,
     ) -> Decision | None:
-        """Return in place of an action that uses energy which the return needs; else None."""
+        """Decision to return if an action would use energy needed for it; else None."""
         energy = self.settings.energy
         if battery is None or energy is None or isinstance(decision.action, Return):
             return None

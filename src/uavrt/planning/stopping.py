@@ -50,7 +50,7 @@ class AccuracyStop:
         if rms > self.radius95_m:
             return Verdict(found=False, reason=f"still ± {rms:.0f} m")
         if belief.log_bayes_factor < np.log(self.bayes_factor):
-            return Verdict(found=False, reason="may be no tag at all")
+            return Verdict(found=False, reason="the tag may be absent")
         check = belief.model_check()
         if not check.passed:
             return Verdict(found=False, reason=f"pulses are not as expected ({check})")

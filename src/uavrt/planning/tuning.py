@@ -26,8 +26,8 @@ class PlanningTuning:
     stay_s: float = 6.0
     """Time at each tag of a round over all tags [s]: a turn towards it and its last pulses."""
     located_share: float = 0.5
-    """Largest rms spread of the position of a tag that one drone searches for alone [share of
-    that of positions spread evenly over the area]."""
+    """Largest rms position spread at which one drone searches for a tag alone, as a share of
+    the spread of positions distributed evenly over the area."""
 
     scale_drift: float = 0.03
     """Standard deviation added per update to the ratio of used to modelled power (wind)."""
@@ -43,8 +43,8 @@ class PlanningTuning:
     table_step_m: float = 0.5
     """Step in distance of the table of gains by the ground's reflection [m]."""
 
-    drones_step_s: float = 1.0
-    """Minimum span of time over which another drone's remaining path is sampled [s]."""
+    drones_span_s: float = 1.0
+    """Minimum duration over which another drone's remaining path is sampled [s]."""
     drones_samples: int = 8
     """Number of samples along another drone's planned path."""
 

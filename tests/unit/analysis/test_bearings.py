@@ -119,7 +119,7 @@ def test_a_positions_csv_gives_what_is_in_it(
     assert some(only.position).latitude_deg == 35.2
     with pytest.raises(SystemExit):
         app(["localize", str(path)])
-    assert "tag 2: 35.10000, -111.60000, mle as it stands" in capsys.readouterr().out
+    assert "tag 2: 35.10000, -111.60000, mle, read from the file" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("offset_deg", [0.0, 90.0])

@@ -93,7 +93,7 @@ def test_bursts_make_a_bearing(flight: Path) -> None:
 
 def test_a_report_tells_listed_gaps_and_heard_ones(flight: Path, tmp_path: Path) -> None:
     assert uavrt("report", str(flight), "-o", str(tmp_path)) == 0
-    assert "<th>Heard gaps ms</th>" in (tmp_path / "report.html").read_text()
+    assert "<th>Received gaps ms</th>" in (tmp_path / "report.html").read_text()
     assert (tmp_path / "report.pdf").stat().st_size > 0
     survey = read_survey(flight)
     table = code_table(survey)

@@ -125,7 +125,7 @@ def test_three_logs_of_two_turns_teach_each_other_a_weaker_back(tmp_path: Path) 
     found = read_bearings(*logs, warn=told.append)
     assert not clear(read_bearings(logs[0]), 2)  # two turns alone teach nothing
     assert clear(found, 6)
-    assert told == ["the antenna's pattern is as 6 turns of 3 flights have shown it"]
+    assert told == ["the antenna's pattern was corrected by 6 turns of 3 flights"]
     (position,) = read_positions(*logs, warn=told.append)
     assert position.position is not None
     off = PLANE.to_local(position.position.latitude_deg, position.position.longitude_deg)
@@ -152,7 +152,7 @@ def test_past_flights_of_the_same_drone_teach_a_flight_of_two_turns(tmp_path: Pa
     flights = [as_flight(tmp_path, number, 1) for number in range(3)]
     told: list[str] = []
     assert clear(read_bearings(flights[2], warn=told.append), 2)
-    assert told == ["the antenna's pattern is as 6 turns of 3 flights have shown it"]
+    assert told == ["the antenna's pattern was corrected by 6 turns of 3 flights"]
     # A flight is not taught by those after it, nor by another drone's.
     assert not clear(read_bearings(flights[0], warn=told.append), 2)
     other = as_flight(tmp_path, 4, 7)
@@ -169,7 +169,7 @@ def test_which_flights_are_past_is_told_by_what_was_noted_and_not_by_a_clock_of_
         note_flight(flight)
     told: list[str] = []
     assert clear(read_bearings(flights[2], warn=told.append), 2)
-    assert told == ["the antenna's pattern is as 6 turns of 3 flights have shown it"]
+    assert told == ["the antenna's pattern was corrected by 6 turns of 3 flights"]
     # The first was flown before the one of 1970, and is not taught by it.
     assert not clear(read_bearings(flights[0], warn=told.append), 2)
     assert len(told) == 1
@@ -242,4 +242,4 @@ def test_a_tag_that_was_heard_in_no_turn_has_a_reason(tmp_path: Path) -> None:
     ]
     (found,) = read_positions(as_log(tmp_path / "line.jsonl", moved))
     assert found.position is None
-    assert some(found.reason).startswith("it was detected, but in no turn in place")
+    assert some(found.reason).startswith("it was detected, but not in a turn in place")

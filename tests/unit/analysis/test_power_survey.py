@@ -130,7 +130,7 @@ def test_the_report_names_the_strongest_signal_and_does_not_take_it_for_the_tag(
     (finding,) = words.findings(survey)
     assert "Strongest signal" in dict(finding.facts.details)
     assert dict(finding.facts.rows)["Based on"][0].startswith("the strength of")
-    assert "The strongest signal is not the tag" in page
+    assert "The strongest signal is not at the tag" in page
     assert "principal components" in page  # the sources stay
     assert pdf_document(survey).startswith(b"%PDF-")
 
@@ -202,7 +202,7 @@ def test_a_survey_at_two_heights_has_a_map_of_each_and_one_from_the_side(
     flown = replace(survey, signals=(signal,))
     page = html_page(flown)
     assert page.count("data:image/svg+xml") == 6  # the maps of both layers
-    assert "strongest signal of that layer" in page
+    assert "strongest signal of the layer" in page
     assert pdf_document(flown).count(b"/Type /Page /") == (
         pdf_document(survey).count(b"/Type /Page /") + 1
     )

@@ -140,7 +140,7 @@ def test_a_flight_without_pulses_and_poses_still_has_a_report(
     survey = read_survey(write_flight(heard=0, poses=False))
     page = Page(html_page(survey))
     assert "Detected no" in page.text
-    assert "0 of 2 tags heard, 0 pulses" in page.text
+    assert "0 of 2 tags received, 0 pulses" in page.text
     assert pdf_document(survey).startswith(b"%PDF-")
 
 
@@ -149,7 +149,7 @@ def test_pulses_without_poses_are_reported_with_the_reason(write_flight: WriteFl
     (first, second) = words.findings(survey)
     assert first.place is None
     assert dict(first.facts.rows)["No position"] == [
-        "it was never detected at a known position"
+        "it was not detected at any known position"
     ]
     assert dict(second.facts.rows)["Detected"] == ["no, in 239 s of search"]
     assert any("have no pose" in warning for warning in survey.warnings)
@@ -408,7 +408,7 @@ def test_a_search_is_told_with_its_reasons_minutes_and_what_is_unknown(
     assert "with 31 %" in text
     assert "(40 %)" in text
     assert "0.1 nats/s of <35>" in text
-    assert text.count("Search by the drone itself") == 1
+    assert text.count("Autonomous search") == 1
     assert pdf_document(survey).startswith(b"%PDF")
 
 
@@ -418,7 +418,7 @@ def test_a_search_whose_recording_broke_off_is_told_as_far_as_it_went(
     survey = searched(survey, scenario_of(2), ended=False)
     (search,) = searches_of(survey)
     rows = dict(summary(survey, search).rows)
-    assert rows["Ended"][0].endswith(": the recording breaks off")
+    assert rows["Ended"][0].endswith(": the recording ends early")
     assert rows["Found"][0].startswith("0 of 2 in")
 
 

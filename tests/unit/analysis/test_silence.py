@@ -232,8 +232,8 @@ def test_a_tag_that_may_be_another_train_is_not_silent(
     ("searched", "why"),
     [
         ({"frequency_window_hz": 2.0}, "frequencies within 2 Hz of the listed one"),
-        ({"frequency_hz": 148.6e6}, "another frequency"),
-        ({"antenna": "of another computer"}, "the map is of RA-23K"),
+        ({"frequency_hz": 148.6e6}, "a frequency, pulse width"),
+        ({"antenna": "of another computer"}, "the map is for RA-23K"),
     ],
 )
 def test_a_search_of_less_than_the_tag_may_be_is_no_silence(

@@ -225,7 +225,7 @@ def test_a_recording_that_does_not_name_its_antennas_is_refused(tmp_path: Path) 
             read_switched_array(recording)
     del content["global"][SWITCH_KEY]
     recording.write_text(json.dumps(content))
-    with pytest.raises(FormatError, match="which antenna"):
+    with pytest.raises(FormatError, match="does not specify the antenna"):
         switched_bearings(recording, pulses)
 
 

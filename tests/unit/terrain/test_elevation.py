@@ -200,7 +200,7 @@ def test_packed_pictures_of_heights_are_read(
     assert elevation.heights_m(latitude, longitude) == pytest.approx(
         slope(latitude, longitude), abs=1.01
     )
-    assert elevation.datums == ("not said",)
+    assert elevation.datums == ("unknown",)
 
 
 @pytest.mark.parametrize(("kind", "predictor"), [("u2", 2), ("i4", 2), ("f4", 3)])

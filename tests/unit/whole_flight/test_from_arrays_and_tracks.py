@@ -83,7 +83,7 @@ def test_a_window_wider_than_the_channel_is_told_as_what_was_searched() -> None:
         center_frequency_hz=short.tag.frequency_hz + 200.0,
         frequency_window_hz=5000.0,
     )
-    assert any("reaches 1675 Hz from its frequency" in text for text in found.limitations)
+    assert any("only ± 1675 Hz around" in text for text in found.limitations)
 
 
 def test_a_dead_radio_is_no_silence_of_the_tag(weak: Rotation) -> None:

@@ -209,7 +209,7 @@ def test_every_export_marks_them(flight: Flight, result: IntegratedTag, tmp_path
     assert sum(one.pulse.detection_status == "integrated" for one in back) == len(placed)
     with zipfile.ZipFile(io.BytesIO(kmz_bytes(survey))) as archive:
         text = archive.read("doc.kml").decode()
-        assert "pulses seen in hindsight (integrated)" in text
+        assert "pulses found after the flight (integrated)" in text
         assert text.count("<styleUrl>#integrated</styleUrl>") == len(placed)
         assert "files/ring.png" in archive.namelist()
 
@@ -224,7 +224,7 @@ def test_the_report_tells_of_them_and_how_they_were_found(
     assert "False alarms" in told
     _, pulses = read_integrated(flight.info.directory)
     assert f"{len(pulses)} found after the flight" in told
-    assert "In hindsight. `uavrt integrate` combined all pulses" in text
+    assert "After the flight. `uavrt integrate` combined all pulses" in text
 
 
 def test_pulses_that_do_not_stand_out_of_the_noise_are_not_told(
@@ -247,7 +247,7 @@ def test_damaged_results_are_named_and_the_flight_is_read_all_the_same(
         read_integrated(flight.info.directory)
     survey = read_survey(flight.info.directory)
     assert len(survey.pulse_poses) == LIVE
-    assert any("Nothing of what was integrated" in text for text in survey.warnings)
+    assert any("Whole-flight results cannot be read" in text for text in survey.warnings)
 
 
 def test_a_place_that_cannot_be_written_is_named(flight: Flight, result: IntegratedTag) -> None:
@@ -274,7 +274,7 @@ def test_the_fold_lies_beside_the_flight_and_is_drawn_in_the_report(
     assert own.profile[top] > 6.0 > 2.5 * abs(own.profile[5])
     text = html_page(read_survey(directory))
     assert f"Tag {result.tag.tag_id} over the whole flight" in text
-    assert "A tag is an upright line" in text
+    assert "A tag shows as a vertical line" in text
     assert pdf_document(read_survey(directory)).startswith(b"%PDF")
 
 
@@ -298,4 +298,4 @@ def test_a_damaged_fold_is_named_and_the_flight_is_read_all_the_same(
         read_folds(flight.info.directory)
     survey = read_survey(flight.info.directory)
     assert survey.folds == ()
-    assert any("Nothing of what was integrated" in text for text in survey.warnings)
+    assert any("Whole-flight results cannot be read" in text for text in survey.warnings)

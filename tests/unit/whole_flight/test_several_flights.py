@@ -167,7 +167,7 @@ def test_the_command_tells_each_flight_and_writes_beside_each(
     run(*names, "--no-save")
     text = capsys.readouterr().out
     assert text.startswith("tag 2: found over 3 flights together")
-    assert text.count("by itself: noise alone shows as much") == 3
+    assert text.count("by itself: noise alone gives such a result") == 3
 
 
 def test_flights_that_cannot_be_judged_together_are_named(

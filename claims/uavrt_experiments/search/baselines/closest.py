@@ -13,7 +13,7 @@ class Closest:
     """
 
     def decide(self, situation: Situation) -> Decision:
-        """See `Planner`."""
+        """Choose the flight to the nearest tag not found yet."""
         state = situation.state
         spreads = {one.tag_id: one.spread() for one in situation.wanted}
         if not spreads:

@@ -28,7 +28,7 @@ class ConservationBots:
         self._turn_next = False
 
     def decide(self, situation: Situation) -> Decision:
-        """See `Planner`."""
+        """Choose the move, or move and turn, with the largest gain on the nearest tag."""
         if not situation.wanted:
             return Decision(action=Hold(duration_s=situation.cycle_s), reason="all found")
         if self._turn_next:

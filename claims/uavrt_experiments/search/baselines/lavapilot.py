@@ -18,7 +18,7 @@ class LavaPilot:
         self._circle_m = circle_m
 
     def decide(self, situation: Situation) -> Decision:
-        """See `Planner`."""
+        """Choose the path towards the best-known tag that disturbs animals least."""
         spreads = {one.tag_id: one.spread() for one in situation.wanted}
         if not spreads:
             return Decision(action=Hold(duration_s=situation.cycle_s), reason="all found")

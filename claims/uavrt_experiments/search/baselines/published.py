@@ -36,7 +36,7 @@ class Renyi:
         self._begun: FlyTo | None = None
 
     def decide(self, situation: Situation) -> Decision:
-        """See `Planner`."""
+        """Choose the turn and step with the most expected Rényi information."""
         if not situation.wanted:
             return Decision(action=Hold(duration_s=situation.cycle_s), reason="all found")
         step = situation.vehicle.speed_m_s * situation.cycle_s
@@ -117,7 +117,7 @@ class Shannon:
         self._at_point = True
 
     def decide(self, situation: Situation) -> Decision:
-        """See `Planner`."""
+        """Choose the neighbouring grid point with the greatest expected fall of entropy."""
         if not situation.wanted:
             return Decision(action=Hold(duration_s=situation.cycle_s), reason="all found")
         if self._rotation_s > 0.0 and self._at_point and situation.vehicle.hovers:

@@ -25,7 +25,7 @@ class Lawnmower:
         self._target: tuple[float, float] | None = None
 
     def decide(self, situation: Situation) -> Decision:
-        """See `Planner`."""
+        """Choose the flight to the next corner of the survey lines."""
         polygon = situation.area.search
         if self._corners is None:
             spacing = self._spacing_m or 0.1 * sqrt(polygon.area_m2)
@@ -69,7 +69,7 @@ class RotationPoints:
         self._target: tuple[float, float] | None = None
 
     def decide(self, situation: Situation) -> Decision:
-        """See `Planner`."""
+        """Choose the flight to the next grid point, or the turn at it."""
         polygon = situation.area.search
         if self._points is None:
             spacing = self._spacing_m or sqrt(polygon.area_m2) / 3.0

@@ -192,7 +192,7 @@ def _rows_of(*ledgers: Ledger[RecordingRow] | Ledger[FlightRow]) -> list[dict[st
 def _lost_rows(
     output: Path, *ledgers: Ledger[RecordingRow] | Ledger[FlightRow]
 ) -> dict[str, str]:
-    """Files that the last run listed and that are missing now, by name, with ``"missing"``."""
+    """Output files of the last run's rows that are missing now, mapped to ``"missing"``."""
     try:
         before = decode_record(read_note(output / ROWS), list[dict[str, list[str]]])
     except (FormatError, OSError):

@@ -64,7 +64,7 @@ def copies_of(
 
 
 def without(found: Found, copies: Mapping[Path, Path]) -> tuple[Found, int]:
-    """Leave out copies of flights and their recordings; returns the rest and their number."""
+    """Remove copies of flights with their recordings; returns the rest and how many copies."""
     left = replace(
         found,
         recordings=tuple(one for one in found.recordings if one.flight_directory not in copies),

@@ -17,9 +17,10 @@ from uavrt.radio.files.recording_source import RecordingSource
 from uavrt.radio.opening import open_recording
 
 ENDS_BYTES = 1 << 20
-"""Bytes copied from a file's beginning and end; WAV headers lie there."""
+"""Number of bytes copied from the beginning and from the end of a file; WAV headers are
+there."""
 BLOCK_BYTES = 8 << 20
-"""Bytes per read from a store: half a second on a fast line."""
+"""Number of bytes per read from a store: half a second at 17 MB/s."""
 MOST_BYTES = 1 << 50
 MOST_META_BYTES = 64 << 20
 MOST_DEPTH = 32
@@ -102,7 +103,7 @@ def version_of(url: str) -> list[object]:
 
 
 def open_stored(url: str, **stated: Any) -> RecordingSource:
-    """Open a recording at a URL; `stated` as for `open_recording`. Also raises `StoreError`."""
+    """Open a recording at a URL; `stated` adds missing metadata. Also raises `StoreError`."""
     data_url = url[: -len(_META)] + _DATA if url.endswith(_META) else url
     with tempfile.TemporaryDirectory() as folder:
         copy = _ends(url, Path(folder), whole=url.endswith(_META))

@@ -311,7 +311,7 @@ def read_manifest(path: Path) -> dict[Path, Recording]:
 
     Relative paths start at the manifest's folder, and empty cells are unknown values.
     """
-    remedy = f"A line has {', '.join(MANIFEST_COLUMNS)}; only path must be there"
+    remedy = f"A line has {', '.join(MANIFEST_COLUMNS)}; only path is required"
     found: dict[Path, Recording] = {}
     try:
         text = read_file(path, NOTES).decode("utf-8-sig")

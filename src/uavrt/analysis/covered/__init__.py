@@ -1,1 +1,1 @@
-"""Where a tag would have been detected, before and after a flight."""
+"""Map where a tag would be detected, along planned and flown paths."""

@@ -53,7 +53,7 @@ class MapSize:
 
 
 def read_places(path: Path, spacing_m: float) -> tuple[TangentPlane, list[tuple[float, float]]]:
-    """Read a flight path, or lay survey lines over an area; corners as (east, north) [m]."""
+    """Read a flight path, or lay survey lines over an area; returns plane and corners [m]."""
     text = read_text(path, SHAPES)
     places = path_in(text, str(path))
     if places:
@@ -72,7 +72,7 @@ def corners_of_path(places: _Places) -> tuple[TangentPlane, list[tuple[float, fl
 def corners_over_area(
     outline: _Places, spacing_m: float, *, most: int | None = None
 ) -> tuple[TangentPlane, list[tuple[float, float]]]:
-    """Lay survey lines over an outline [deg]; at most `most`, else `PlanError`."""
+    """Lay survey lines over an outline [deg]; raises `PlanError` for more than `most` lines."""
     plane, corners = corners_of_path(outline)
     area = Polygon(corners=tuple(corners), name="area")
     return plane, survey_lines(area, spacing_m, most=most)

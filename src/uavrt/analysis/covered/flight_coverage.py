@@ -67,7 +67,7 @@ def flight_coverage(
 
 
 def frequency_window_hz(flight: Flight) -> float:
-    """Half-width of a flight's detection around a tag's frequency [Hz]; 500 if unknown."""
+    """Half-width of the detectors' search around a tag's frequency [Hz]; 500 if unknown."""
     settings = flight_settings(flight)
     return 500.0 if settings is None else settings.detection.frequency_window_hz
 
@@ -140,7 +140,7 @@ def _above_ground(
     below = float(np.mean(height < 0.0))
     if below > 0.02:
         limitations.append(
-            f"{below:.0%} of the flight lies below the ground of the elevation files: it is "
-            f"taken {_LEAST_HEIGHT_M:g} m above it"
+            f"{below:.0%} of the flight is below the ground in the elevation files: there "
+            f"{_LEAST_HEIGHT_M:g} m above ground is assumed"
         )
     return np.maximum(height, _LEAST_HEIGHT_M), tuple(limitations)

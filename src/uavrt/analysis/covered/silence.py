@@ -41,7 +41,7 @@ SURE = 0.9
 _MARGIN_M = 2000.0
 _FINEST_M = 20.0
 _CELLS = 120
-"""Cells along the longer side of a detection map; that of a 20-minute flight takes seconds."""
+"""Number of cells along the longer side of a coverage map; a 20-minute flight takes seconds."""
 _NOT_JUDGED = "whole flight not searched for this tag yet; uavrt integrate finds weaker tags"
 _NO_DETECTORS = (
     "no record shows that a detector ran in this flight (no search report, no pulse); the map "
@@ -222,11 +222,11 @@ class ListenedFlight:
         if searched.frequency_window_hz < window_hz:
             found.append(
                 f"frequencies within {searched.frequency_window_hz:g} Hz of the listed one, "
-                f"and the flight's detectors listened within {window_hz:g} Hz "
+                f"and the flight's detectors searched within {window_hz:g} Hz "
                 f"(--frequency-window {window_hz:g})"
             )
         if searched.antenna != antenna:
-            found.append(f"the antenna {searched.antenna}, and the map is of {antenna}")
+            found.append(f"the antenna {searched.antenna}, and the map is for {antenna}")
         return (_NOT_SILENT.format("; for ".join(found)),) if found else ()
 
 
@@ -246,7 +246,7 @@ def _setting_changes(tag: Tag, searched: SearchedFor) -> list[str]:
         searched.gaps_s,
     )
     if listed != sought:
-        found.append("another frequency, pulse width, interval or code than it is listed with")
+        found.append("a frequency, pulse width, interval or code that the tag list has changed")
     if searched.interval_uncertainty_s < tag.interval_uncertainty_s:
         found.append(
             f"intervals within {1e3 * searched.interval_uncertainty_s:g} ms of the listed one, "
@@ -300,7 +300,7 @@ def silent_maps(
     elevation: Elevation | None,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> dict[int, SilentMap]:
-    """Coverage maps, by tag, of the tags that the flight just analysed does not show.
+    """Coverage maps, by tag, of tags that were not found in the flight just analysed.
 
     These are the maps of `uavrt coverage FLIGHT`, made before the results are saved. Tags that
     were or may have been received have none. Parameters and errors are as in `silent_map`.

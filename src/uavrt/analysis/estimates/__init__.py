@@ -1,1 +1,1 @@
-"""Bearings and positions of flights and logs, and their plain records."""
+"""Estimate bearings and positions from flights and logs, and convert them to plain records."""

@@ -145,7 +145,7 @@ MOST_PAST_FLIGHTS = 6
 """Maximum number of past flights read to correct the antenna pattern; each costs as much
 time as reading the flight itself."""
 ENOUGH_TURNS = 12
-"""Number of turns above which a learnt antenna pattern hardly improves."""
+"""Number of turns above which a learnt antenna pattern improves little."""
 
 
 def past_turns(
@@ -194,7 +194,7 @@ def pattern_origin(flights: Sequence[Sequence[HeardInTurn]]) -> str | None:
     used = sum(1 for flight in flights if any(one in turns for one in flight))
     if used < 2 or len(turns) < FLIGHT.least_turns:
         return None
-    return f"the antenna's pattern is as {len(turns)} turns of {used} flights have shown it"
+    return f"the antenna's pattern was corrected by {len(turns)} turns of {used} flights"
 
 
 def check_method(method: str, known: Sequence[str]) -> None:

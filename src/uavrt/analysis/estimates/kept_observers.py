@@ -47,7 +47,7 @@ def observers_of(
         warn(known[name].sentence)
     if kept is not None and trials:
         write_whole(kept, msgspec.json.format(msgspec.json.encode([*known.values()])))
-        warn(f"these errors are kept in {kept}")
+        warn(f"these errors are stored in {kept}")
     return known
 
 

@@ -18,7 +18,7 @@ class FactTable:
 
     rows: tuple[Row, ...] = ()
     details: tuple[Row, ...] = ()
-    """Rows of facts that help no decision in the field; shown on request."""
+    """Rows of facts that do not help decisions in the field; shown on request."""
 
 
 def place_in_words(place: Located) -> str:
@@ -37,7 +37,7 @@ def basis_in_words(position: Position) -> str:
         return counted(position.stations, "bearing")
     if position.pulses:
         return f"the strength of {counted(position.pulses, 'pulse')}"
-    return f"{position.method} as it stands in the file"
+    return f"{position.method}, read from the file"
 
 
 def remarks_of(position: Position) -> tuple[str, ...]:

@@ -286,7 +286,7 @@ def _positions_of_turns(
     over: FlightGround | None,
     warn: Callable[[str], None],
 ) -> list[TagPosition]:
-    """Positions from bearings and strengths; for a tag without, the reason why not."""
+    """Positions from bearings and strengths, or the reason why a tag has none."""
     usable = [one for one in logs if one.usable]
     if len(usable) < len(logs):
         warn(NO_BEARINGS_FROM_THESE)
@@ -346,7 +346,7 @@ def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
 
 
 def _holds_estimates(path: str | os.PathLike[str]) -> bool:
-    """True for a CSV of UCSD's estimates, by its columns: with ``run``, no ``amplitude``."""
+    """True for a CSV of UCSD's estimates: it has a column ``run`` and none ``amplitude``."""
     if not Path(path).is_file():
         return False
     first = next((line for line in read_lines(path) if line.strip()), "")
@@ -355,7 +355,7 @@ def _holds_estimates(path: str | os.PathLike[str]) -> bool:
 
 
 def _stored_estimates(path: str | os.PathLike[str]) -> list[TagPosition]:
-    """Last position of each target in UCSD's file, which lists ever better ones in a flight."""
+    """Last position of each target in UCSD's file; later positions of a target are better."""
     rows = read_ucsd_estimates(path)
     last: dict[int, TargetEstimate] = {}
     for number, row in zip(tag_numbers([one.frequency_hz for one in rows]), rows, strict=True):

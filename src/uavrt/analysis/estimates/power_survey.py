@@ -66,7 +66,7 @@ class TagSignal:
 
 
 def signal_of(tag_id: int, track: PowerTrack, position: Position | None = None) -> TagSignal:
-    """Map a tag's signal strength; vertical section at `position`, else strongest signal."""
+    """Map a tag's signal strength, with a side view at `position` or the strongest signal."""
     strongest = strongest_signal(track)
     place = strongest if position is None else position
     section = None

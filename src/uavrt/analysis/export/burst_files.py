@@ -54,7 +54,7 @@ class _Port:
 
 
 def _ports(survey: Survey, bursts: Sequence[PulsePose]) -> list[_Port]:
-    """Port of each burst, one port per frequency: that of its listed tag.
+    """Port of each burst; there is one port for each frequency of listed tags.
 
     An unlisted tag gets a listed frequency within 2 kHz, or else the median of its bursts'
     frequencies, rounded to the kilohertz.

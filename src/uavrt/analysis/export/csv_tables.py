@@ -36,7 +36,7 @@ REFERENCE_COLUMNS = (
 
 
 def pulses_csv(survey: Survey) -> str:
-    """Write all pulses as ``uavrt detect -o`` does, also those of whole-flight analysis."""
+    """Write all pulses like ``uavrt detect -o``, including those of whole-flight analysis."""
     stream = io.StringIO(newline="")
     pulses = survey.every_pulse
     writer = PulseWriter(stream, "csv", bursts=any(one.pulse.burst_starts_ns for one in pulses))
@@ -221,7 +221,7 @@ def movebank_reference_csv(survey: Survey) -> str:
     """Movebank's reference data: which animal wore which tag, dated by the flight."""
     span = survey.span_ns
     day = "" if span is None else _movebank_time(span[0])
-    note = f"dates are of {survey.name}: put in those of the deployment"
+    note = f"dates of {survey.name}: replace them by the deployment's"
     rows = []
     for tag_id in survey.tag_ids:
         about = survey.name_of(tag_id), _megahertz(survey, tag_id)

@@ -74,7 +74,7 @@ def kml_text(survey: Survey) -> str:
 
 
 def _document(survey: Survey, files: dict[str, bytes]) -> ET.Element:
-    """Make the KML document, and add the pictures that it refers to to `files`."""
+    """Make the KML document, and put the pictures that it uses into `files`."""
     root = ET.Element("kml", xmlns=NAMESPACE)
     document = ET.SubElement(root, "Document")
     add_text(document, "name", survey.name)
@@ -140,7 +140,7 @@ def _tag(document: ET.Element, survey: Survey, tag_id: int, files: dict[str, byt
     _bearings(folder, survey, tag_id)
     _pulses(folder, "pulses", "pulse", survey.pulses_of(tag_id))
     hindsight = survey.integrated_of(tag_id)
-    _pulses(folder, "pulses seen in hindsight (integrated)", "integrated", hindsight)
+    _pulses(folder, "pulses found after the flight (integrated)", "integrated", hindsight)
     _whole(folder, survey, tag_id)
 
 
@@ -204,7 +204,7 @@ def _described(survey: Survey, position: Position) -> str:
         text += f"; from the strength of {position.pulses} pulses"
     else:
         text += f"; from {position.stations} bearings"
-    heard = [] if survey.vehicle is None else [f"heard by vehicle {survey.vehicle}"]
+    heard = [] if survey.vehicle is None else [f"received by vehicle {survey.vehicle}"]
     return "; ".join([text, *heard, *(one.text for one in position.cautions)])
 
 

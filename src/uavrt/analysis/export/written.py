@@ -120,7 +120,7 @@ def _geotiff(survey: Survey, directory: Path) -> list[Path]:
             text = f"probability of tag {one.tag_id} in each cell, uavrt, {survey.name}"
             files[f"heat_tag_{one.tag_id}.tif"] = geotiff_bytes(one.position.grid, text)
     for signal in survey.signals:
-        text = f"SNR of tag {signal.tag_id} [dB], strongest is not the tag, uavrt"
+        text = f"SNR of tag {signal.tag_id} [dB], the tag is not at the strongest, uavrt"
         name = f"signal_tag_{signal.tag_id}"
         if signal.surface is not None:
             files[f"{name}.tif"] = geotiff_bytes(signal.surface, text)

@@ -1,1 +1,1 @@
-"""Facts about flights and logs that estimates and reports start from."""
+"""Read what estimates and reports need to know about flights: settings, noise, clocks, maps."""

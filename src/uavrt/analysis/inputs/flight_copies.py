@@ -17,16 +17,17 @@ from uavrt.core.errors import FormatError
 from uavrt.flight.reading.outline import FlightOutline, read_pulse_levels
 
 SAME_PULSES = 0.5
-"""Minimum share of the shorter flight record's pulses in a copy; a station may connect late."""
+"""Minimum share of the shorter record's pulses that two records of one flight have in
+common."""
 _SAME_NS = 500_000
-"""Tolerance of pulse starts in two copies [ns]: sent over the link, they lose nanoseconds."""
+"""Largest difference of a pulse's start in two copies [ns]; the radio link rounds times."""
 SAME_LEVEL_DB = 0.1
 """Largest level difference of one pulse in two copies [dB]; two drones differ by about 5 dB."""
 SAME_SPAN = 0.9
 """Minimum overlap of two records of a flight without pulses, as a share of the longer."""
 _PROBES = 32
-"""Number of a flight's pulses that are searched for in all other flights. If a quarter of the
-pulses agree, one pair of records in 850 shares fewer than two of them."""
+"""Number of a flight's pulses that are searched for in all other flights. Two records with a
+quarter of their pulses in common share fewer than two of these in one case of 850."""
 _FEW = 8
 """Number of pulses below which one equal pulse suffices to compare two flights in full."""
 

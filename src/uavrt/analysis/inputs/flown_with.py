@@ -13,7 +13,7 @@ from uavrt.localization.antenna import MONOPOLE, PATTERNS
 from uavrt.localization.pose.mounting import Mounting
 
 USUAL_ANTENNA = "RA-23K"
-"""Antenna assumed for flights that record none: that of the system's first drone."""
+"""Antenna assumed for flights without a recorded one: that of the system's first drone."""
 
 
 def flight_settings(flight: Flight) -> Settings | None:

@@ -38,9 +38,9 @@ class _Candidate:
 def bursts_of_pulses(pulse_poses: Sequence[PulsePose], tags: Sequence[Tag]) -> list[PulsePose]:
     """Find the bursts of listed codes among pulses, whose tag numbers are ignored.
 
-    Each pulse is used in one burst, whose gaps, or else burst interval, fit best. A burst is
-    confirmed if another of its tag lies whole burst intervals away.
-    A pulse that several antennas of a station received counts once, where it is strongest.
+    Each pulse is used in one burst: that with the best-fitting gaps, or else burst interval. A
+    burst is confirmed if another one of its tag is a whole number of burst intervals away. A
+    pulse that several antennas of a station received counts once, where it is strongest.
     """
     coded = [tag for tag in tags if tag.coded]
     if not coded:
@@ -91,7 +91,11 @@ def _of_one_antenna(ordered: Sequence[PulsePose]) -> list[PulsePose]:
 def _named(
     chosen: Sequence[Sequence[_Candidate]], times_s: NDArray[np.float64]
 ) -> list[tuple[_Candidate, list[int], bool]]:
-    """Tag of each burst by burst interval, ids of other possible tags, True if confirmed."""
+    """Decide which tag sent each burst, by the burst intervals.
+
+    Returns for each burst the fit of its tag, the ids of other possible tags, and True if
+    confirmed.
+    """
     starts_s = np.array([times_s[fits[0].pulses[0]] for fits in chosen])
     of_tag: dict[int, NDArray[np.float64]] = {
         tag_id: np.array(

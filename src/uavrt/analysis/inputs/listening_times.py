@@ -1,7 +1,7 @@
-"""Find the times at which a flight has samples for a tag; coverage excludes all others.
+"""Find the times at which a flight has samples for a tag; other times do not count as searched.
 
-The ring buffer of a channel overwrites its beginning, a full card ends it, and a recording may
-be shorter than the flight.
+A channel's ring buffer overwrites its oldest samples, recording stops when the card is full,
+and a recording may be shorter than the flight.
 """
 
 from collections.abc import Sequence
@@ -56,7 +56,7 @@ def missing_in_words(share: float) -> tuple[str, ...]:
 
 
 def with_poses(energies: SlotEnergies, poses: PoseColumns) -> SlotEnergies:
-    """Exclude pulse energies more than 2 s from any pose, without a position of the drone."""
+    """Exclude pulse energies more than 2 s from any pose: the drone's position is unknown."""
     time_ns = energies.start_ns + np.rint(energies.time_s * _SECOND).astype(np.int64)
     away = _away_from_poses(time_ns, poses)
     return energies.where(~away) if away.any() else energies
@@ -70,7 +70,7 @@ def _away_from_poses(time_ns: NDArray[np.int64], poses: PoseColumns) -> NDArray[
 
 
 def limits_of(energies: SlotEnergies, poses: PoseColumns) -> tuple[str, ...]:
-    """Sentences on the shares of samples without poses and of the flight without samples."""
+    """Sentences on samples without a pose, and on parts of the flight without samples."""
     seconds = np.concatenate(
         [np.arange(*one, _SECOND) for one in listened_in(energies)] or [np.zeros(0, np.int64)]
     )

@@ -21,7 +21,7 @@ from uavrt.flight.database.plain_database import limit_queries
 
 SUFFIXES = (".pmtiles", ".mbtiles")
 RASTERS = ("png", "jpg", "webp")
-"""Tile formats that are pictures; the other format, ``mvt``, holds lines and areas."""
+"""Tile formats that are pictures; the other format, ``mvt``, contains lines and areas."""
 MOST_TILE = 2_000_000
 _MOST_CREDIT = 4000
 MAP_QUERY_S = 0.7
@@ -117,7 +117,7 @@ def maps_in(directory: Path) -> tuple[MapFile, ...]:
 
 
 def tile_place(latitude_deg: float, longitude_deg: float, zoom: int) -> tuple[float, float]:
-    """Column and row of the tile at a position (web Mercator); fractions: place in the tile."""
+    """Column and row of the tile at a position (web Mercator), as fractional numbers."""
     count = float(2**zoom)
     sine = math.sin(math.radians(max(-85.05, min(85.05, latitude_deg))))
     row = (0.5 - math.log((1.0 + sine) / (1.0 - sine)) / (4.0 * math.pi)) * count

@@ -134,7 +134,7 @@ def _reused_numbers(groups: Sequence[_Group]) -> list[str]:
             at = [f"{one.frequency_hz / 1e6:.4f} MHz" for one in own]
             found.append(
                 f"tag {tag_id} is at {at[0]} in some of these and at {' and '.join(at[1:])} in "
-                "others: each is taken for a tag of its own"
+                "others: each counts as a separate tag"
             )
     return found
 

@@ -1,1 +1,1 @@
-"""Results of whole flights as pulses, pictures and records; the integrator process."""
+"""Whole-flight results as pulses, pictures and records; the process that computes them."""

@@ -77,7 +77,7 @@ def fold_of(one: IntegratedTag) -> FlightFold:
 
 
 def best_place(one: IntegratedTag) -> int:
-    """Index in `one.places` of the likeliest position; if not found, the strongest train's."""
+    """Index in `one.places` of the likeliest position; if none, of the strongest train's."""
     if one.place is not None:
         return int(np.argmax(one.place.probability))
     return one.searched_place

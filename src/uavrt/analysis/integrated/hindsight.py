@@ -61,8 +61,8 @@ def save_integrated(
 def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
     """Pulses of a tag found by whole-flight analysis, without those detected in flight.
 
-    Listed are expected pulses whose energy noise alone reaches in at most one case of twenty.
-    Score, group and noise density are unknown.
+    These are the expected pulses with an energy that noise alone reaches in at most 5 % of
+    cases. Score, group and noise density are unknown.
     """
     if not result.found:
         return []
@@ -149,7 +149,7 @@ def _verdict(flight: Flight, one: IntegratedTag, pulses: int) -> IntegratedVerdi
 
 
 def _placed(place: PlaceBelief | None) -> dict[str, Any]:
-    """Fields of the stored record that describe the tag's position; empty without one."""
+    """Fields of the stored record that describe the tag's position; empty if there is none."""
     if place is None:
         return {}
     parts = parts_of(place)

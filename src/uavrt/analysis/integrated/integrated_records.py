@@ -142,7 +142,8 @@ class IntegratedRecord(PlaceRecord):
     limitations: tuple[str, ...]
     integrated_pulses: tuple[SlotRecord, ...]
     silence: SilenceRecord | None = None
-    """Coverage for a tag that was not found; None if perhaps received, or without a map."""
+    """Coverage for a tag that was not found; None if it may have been received, or without a
+    map."""
 
 
 def integrated_record(

@@ -36,7 +36,7 @@ SHARE = 9.0
 RETRY_S = 5.0
 """Pause before a tag without new samples is tried again [s]."""
 FEW_PULSES = 3
-"""Minimum number of pulses confirmed in flight at which a tag need not be reported."""
+"""Minimum number of pulses confirmed in flight for a tag that this search need not report."""
 CLOSER = 0.5
 """Factor by which a reported position's radius must shrink before it is reported again."""
 
@@ -50,7 +50,7 @@ class SearchSchedule:
         self._rest_until_s = 0.0
 
     def due(self, now_s: float) -> Tag | None:
-        """Tag to search for now, the one due longest; None if none is due, or in a pause."""
+        """Tag to search for now: the one due longest; None if none is due, or in a pause."""
         if not self._due_s or now_s < self._rest_until_s:
             return None
         tag_id, due_s = min(self._due_s.items(), key=lambda item: item[1])
@@ -121,7 +121,7 @@ class Integration:
         try:
             return open_elevation(Path(terrain))
         except UavrtError as error:
-            self._frame.notify(4, f"integrated as over level ground: {error}")
+            self._frame.notify(4, f"whole-flight search assumes level ground: {error}")
             return None
 
     def _begin(self, flight: FlightInfo) -> None:

@@ -37,7 +37,7 @@ def antenna_named(text: str) -> str:
 
 
 def read_antenna(path: str | os.PathLike[str]) -> AntennaPattern:
-    """Read a pattern, named as its file; raises `FormatError` for wrong lines or angles."""
+    """Read a pattern, named after its file; raises `FormatError` for wrong lines or angles."""
     rows: list[tuple[float, ...]] = []
     for number, line in enumerate(read_lines(Path(path)), start=1):
         text = line.partition("#")[0].strip()

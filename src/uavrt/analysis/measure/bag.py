@@ -55,9 +55,10 @@ CHUNK_BYTES = 65536
 RECORDED = "recorded/"
 """Topic prefix of motion orders in a bag, so that a gateway does not obey them at playback."""
 HINDSIGHT = "integrated/"
-"""Topic prefix in a bag of pulses found by ``uavrt integrate``."""
+"""Topic prefix, in a bag, of pulses that ``uavrt integrate`` found."""
 METADATA_VERSION = 5
-"""Format of rosbag2's ``metadata.yaml``: that of Humble, which later versions read."""
+"""Version of rosbag2's ``metadata.yaml``: that of ROS 2 Humble, which later versions can
+read."""
 
 Entry = tuple[int, str, RosMessage]
 """A message to write: time [ns, UTC], topic, message."""

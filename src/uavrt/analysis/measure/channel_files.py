@@ -36,7 +36,7 @@ class ChannelizeSummary:
 def plan_channels(
     source: SampleSource, channels: Sequence[int], mode: Literal["default", "compatible"]
 ) -> FrontEnd:
-    """Set up the filters of channels, numbered as in the original UAV-RT; none means all.
+    """Set up the filters of the given channels, numbered as in the original UAV-RT, or of all.
 
     Negative numbers also use the second port. `mode` selects the original's filter bank (3750
     S/s), or one twice oversampled without aliases (7500 S/s).

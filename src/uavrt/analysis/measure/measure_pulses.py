@@ -175,7 +175,7 @@ def _joined(first: MeasuredRate, second: MeasuredRate) -> MeasuredRate:
 
 
 def _agree(values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mask of the values without the outliers, which an impulse in a pulse causes."""
+    """Mask that excludes outliers, such as the values of a pulse disturbed by an impulse."""
     center = np.median(values)
     spread = 1.4826 * float(np.median(np.abs(values - center)))
     return np.asarray(np.abs(values - center) <= max(6.0 * spread, 0.1 * abs(center)))

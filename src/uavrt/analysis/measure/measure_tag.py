@@ -41,7 +41,7 @@ _MOST_SUSPECTS: Final = 8
 """Maximum number of frequencies that are searched for coded tags; each takes 2 % of a core."""
 _SUSPECTS_APART_HZ: Final = 500.0
 _CODE_HZ: Final = 1000.0
-"""Frequency difference to a coded tag below which short pulses count as the tag's [Hz]."""
+"""Frequency difference from a coded tag below which short pulses count as the tag's [Hz]."""
 _SAME_INTERVAL_S: Final = 0.002
 """Difference in interval below which a beeping signal is part of a coded tag's bursts [s]."""
 _LEAST_ALIKE: Final = 0.6

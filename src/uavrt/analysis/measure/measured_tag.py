@@ -34,7 +34,7 @@ class MeasuredTag:
     """A tag as measured in a recording; each sigma is one standard deviation."""
 
     frequency_hz: float
-    """Frequency of the tag in mid-recording, by the radio's crystal [Hz]."""
+    """Frequency of the tag in the middle of the recording, by the radio's crystal [Hz]."""
     frequency_sigma_hz: float
     drift_hz_per_s: float
     drift_sigma_hz_per_s: float

@@ -45,7 +45,7 @@ class FittedPulse:
 def fit_pulse(
     samples: NDArray[np.complex64], *, sample_rate_hz: float, frequency_hz: float
 ) -> FittedPulse:
-    """Fit the strongest pulse in the middle half of samples; the outer quarters hold noise."""
+    """Fit the strongest pulse in the middle half of samples; the outer quarters are noise."""
     shortest = max(2, round(SHORTEST_S * sample_rate_hz))
     longest = min(samples.size, round(LONGEST_S * sample_rate_hz))
     samples = without_carriers(without_impulses(samples, sample_rate_hz))

@@ -1,7 +1,6 @@
 """Run the detectors over any source of samples, in one thread, as ``uavrt detect`` does.
 
-One front end and one detector for each tag run in one thread. They do what the flight's
-processes do, without the sockets between.
+The front end and the detectors do what a flight's processes do, without sockets between them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -209,8 +208,8 @@ class DetectionSummary:
     samples: int = 0
     samples_lost: int = 0
     samples_unsure: int = 0
-    """Missing samples estimated from the arrival times of a live stream; uncertain if the
-    receiver's crystal is far off."""
+    """Number of missing samples, estimated from the arrival times of a live stream; uncertain
+    if the receiver's crystal is far off."""
     signal_s: float = 0.0
     """Duration of the searched samples, lost ones included [s]."""
     elapsed_s: float = 0.0

@@ -62,7 +62,7 @@ class FlightWriter:
 
     @property
     def without_pose(self) -> int:
-        """Number of pulses before or after all poses; a wrong flight or start time if many."""
+        """Number of pulses outside the poses' time; if high, flight or start time is wrong."""
         return self._attacher.without_pose
 
     def write(self, pulses: Sequence[Pulse]) -> None:

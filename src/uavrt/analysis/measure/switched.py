@@ -39,7 +39,8 @@ from uavrt.radio.opening import open_recording
 SWITCH_KEY = "uavrt:antenna_switch"
 """Name of the antenna switch's entry in SigMF metadata (docs/reference/formats.md)."""
 _EDGE = 0.1
-"""Share of a pulse's width left out at each end: 1 ms of 20, twice the error of its start."""
+"""Share of a pulse's width left out at each end: 1 ms of 20 ms, twice the error of its
+start."""
 _ONE_PLACE_M = 15.0
 _METHODS: dict[str, ArrayMethod] = {
     "circle": "pseudo_doppler",
@@ -76,7 +77,7 @@ def read_switched_array(recording: str | os.PathLike[str]) -> SwitchedArray:
     entry = sigmf_global(Path(recording), SWITCH_KEY)
     if not isinstance(entry, dict):
         raise FormatError(
-            f"{os.fspath(recording)} does not say which antenna each sample came from",
+            f"{os.fspath(recording)} does not specify the antenna of each sample",
             remedy=f"Add {SWITCH_KEY!r} to its metadata, see docs/reference/formats.md",
         )
     try:

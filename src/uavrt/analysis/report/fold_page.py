@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from uavrt.flight.integrated import FlightFold
 
 CAPTION = (
-    "The whole flight folded at the interval that was found: each row is a part of the flight, "
-    "laid from one pulse to the next, the found phase in the middle. A tag is an upright line "
-    "there, broken where the antenna looked away, and a peak above it; where none is seen, the "
-    "figure is not to be believed either."
+    "The whole flight, folded at the pulse interval that was found. Each row is a part of the "
+    "flight and spans one interval, with the expected pulse in the middle. A tag shows as a "
+    "vertical line, interrupted where the antenna pointed away, and as a peak in the profile "
+    "above. If there is neither, doubt the result."
 )
 _LOWEST, _HIGHEST = -2.0, 6.0
 

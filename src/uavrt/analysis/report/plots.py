@@ -29,7 +29,7 @@ STYLES: Final[dict[DetectionStatus, tuple[str, str, str]]] = {
     "confirmed": ("#0072B2", "o", "confirmed"),
     "detected": ("#D55E00", "^", "detected"),
     "subthreshold": ("#000000", "x", "below the threshold"),
-    "integrated": ("#CC79A7", "+", "seen in hindsight"),
+    "integrated": ("#CC79A7", "+", "found after the flight"),
 }
 """Colour, marker shape and legend text of each pulse status."""
 CIRCLED: Final = 40
@@ -260,7 +260,9 @@ def _draw_residuals(
     if beat is None:
         axes.set_xlabel("Pulse after the regular beat [ms]")
         axes.set_xlim(-10.0, 10.0)
-        axes.text(0.5, 0.5, "too few for a beat", transform=axes.transAxes, ha="center")
+        axes.text(
+            0.5, 0.5, "too few pulses for an interval", transform=axes.transAxes, ha="center"
+        )
         return
     residual_ms = 1e3 * beat.residuals_s
     for status, (colour, shape, name) in STYLES.items():

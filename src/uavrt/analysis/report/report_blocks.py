@@ -95,7 +95,7 @@ def all_blocks(survey: Survey) -> Iterator[Block]:
 
 
 def _search(survey: Survey, search: searches.FlownSearch) -> Iterator[Block]:
-    yield Paragraph("Search by the drone itself", "section")
+    yield Paragraph("Autonomous search", "section")
     yield searches.summary(survey, search)
     yield Grid(searches.found_table(survey, search), (20, 16, 24, 12, 9, 11))
     of = survey, search

@@ -15,12 +15,13 @@ if TYPE_CHECKING:
 COLUMNS = 2
 PER_PAGE = 6
 CAPTION = (
-    "SNR of each pulse over the drone's height; line: median of each layer. Right, for a "
-    "survey at several heights: SNR from the side, by the distance from the estimated place."
+    "Left: SNR of each pulse over the drone's height; line: median of each layer. Right, for "
+    "a survey at several heights: side view of SNR, over the distance from the estimated "
+    "position."
 )
 LAYER_CAPTION = (
-    "The same map for each layer of heights that was flown, in the same colours. Cross: "
-    "strongest signal of that layer, with the ring of the tag."
+    "Map of SNR for each layer of flight heights, all with the same colours. Cross: strongest "
+    "signal of the layer; the tag is on the ring around it."
 )
 
 

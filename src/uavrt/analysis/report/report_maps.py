@@ -46,15 +46,15 @@ _SHADED_SHARES = (0.98, 0.9, 0.75, 0.5, 0.25)
 _LEGEND_IN = 1.6
 """Width of the texts in a map's legend [in], which keeps it clear of the north arrow."""
 CAPTION = (
-    "Latitude and longitude on WGS84; north is up. Stars: most probable places, with the "
-    "line that holds the tag with 95 %. Lines: bearings; shaded: their 90 % arcs; dashed: "
-    "bearings not to be trusted. Grey: the flight, from the dot on."
+    "Latitude and longitude on WGS84; north is up. Stars: most probable positions, each with "
+    "a line that contains the tag with 95 % probability. Lines: bearings; shaded: their 90 % "
+    "arcs; dashed: unreliable bearings. Grey: the flight path; the dot is its start."
 )
-TAG_CAPTION = "Pulses by SNR where they were received; red: probability of the tag's place."
+TAG_CAPTION = "Pulses by SNR where they were received; red: probability of the tag's position."
 SIGNAL_CAPTION = (
-    "Colours: SNR, interpolated between the pulses. Cross: strongest signal; the dotted ring "
-    "around it is where a tag as strong would be, for a monopole. Star: the estimate; the "
-    "line around it holds the tag with 95 %."
+    "Colours: SNR, interpolated between the pulses. Cross: strongest signal; for a monopole, "
+    "the tag is on the dotted ring around it. Star: estimated position; the line around it "
+    "contains the tag with 95 % probability."
 )
 STRONGEST = "strongest signal; the tag is on a ring around it"
 
@@ -151,7 +151,7 @@ class LocalMap:
 def draw_overview(target: "FigureBase", survey: Survey) -> None:
     """Draw the whole flight: track, all bearings and all positions."""
     if not survey.track:
-        message(target, "No map: nothing in this recording has a position.")
+        message(target, "No map: no data in this recording have a position.")
         return
     axes = target.subplots()
     chart = LocalMap(axes, survey, survey.tag_ids)

@@ -29,7 +29,7 @@ def draw_times(target: "FigureBase", survey: Survey, tag_id: int) -> None:
     color = tag_color(survey.tag_ids, tag_id)
     _snr(upper, heard, start_ns, ms=2.6, mew=0, color=color, label=f"tag {tag_id}")
     if later:
-        name = f"tag {tag_id}, seen in hindsight"
+        name = f"tag {tag_id}, found after the flight"
         _snr(upper, later, start_ns, ms=3.4, mew=0.6, mfc="none", color=color, label=name)
         upper.legend(loc="upper right", fontsize=7.5)
     for one in survey.bearings_of(tag_id):

@@ -28,37 +28,40 @@ Table = tuple[list[str], list[list[str]]]
 _POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
 HINDSIGHT_METHOD = (
-    "In hindsight. `uavrt integrate` combined all pulses of the flight; a tag counts as "
-    "found when noise alone shows as much in at most one of a hundred flights, or in the share "
-    "that was set. Its pulses are rings in the plots, and *integrated* in exports. "
-    "They are not used for the bearings and positions of this report, but listed apart."
+    "After the flight. `uavrt integrate` combined all pulses of the flight. A tag counts as "
+    "found if noise alone gives such a result in at most one of 100 flights, or in the share "
+    "that was set. Its pulses are shown as rings in the plots, and as *integrated* in "
+    "exports. They are not used for the bearings and positions of this report, but listed "
+    "separately."
 )
 METHODS = (
-    "Pulses. A detector for each tag sums K pulses at the listed interval and reports what "
-    "exceeds a threshold set for the listed probability of a false alarm. SNR is the energy of "
-    "a pulse over the noise power density.",
-    "Poses. Attitude and position of the autopilot, interpolated at the centre of each pulse; "
-    "the antenna's mounting is applied once. Headings are over ground from true north.",
-    "Bearings. The likelihood of the powers of one turn in place under the antenna's pattern "
-    "{antenna}, with unknown level and log-normal fading; missed pulses count as censored. "
-    "Given are the mean and the standard deviation of the main lobe of the probability and "
-    "the arc that holds 90 % of the probability [1]. A bearing is dashed when there is no "
-    "clear direction, another lobe holds more than 5 %, or a reflection is likely.",
-    "Positions. Product of the bearings' probabilities over the ground, each allowed to be an "
-    "outlier; the star is the most probable place, the line around it holds the tag with "
-    "95 %. The form of the problem is Lenth's [2]; his estimators are in `uavrt localize`.",
+    "Pulses. A detector for each tag sums K pulses at the listed interval and reports sums "
+    "above a threshold, which is set for the listed false-alarm probability. SNR is the "
+    "energy of a pulse over the noise power density.",
+    "Poses. Attitude and position from the autopilot are interpolated at the centre of each "
+    "pulse and corrected for the antenna's mounting. Headings are clockwise from true north.",
+    "Bearings. The powers of one turn in place are compared with the antenna pattern "
+    "{antenna}, for an unknown level and log-normal fading; a missed pulse counts as below "
+    "the threshold. The report gives mean and standard deviation of the main lobe of the "
+    "probability, and the arc that contains 90 % of it [1]. A bearing is dashed if there is "
+    "no clear direction, another lobe has more than 5 %, or a reflection is likely.",
+    "Positions. The bearings' probabilities are multiplied over the ground; each bearing may "
+    "be an outlier. The star is the most probable position, and the line around it contains "
+    "the tag with 95 % probability. Lenth [2] stated the problem in this form; his estimators "
+    "are in `uavrt localize`.",
 )
 CODED_METHOD = (
-    "Coded tags. A pulse in this report is a burst of theirs: all of its pulses are found "
-    "together at the gaps of the code, alone or over several bursts. Its SNR is the mean over "
-    "its pulses. Heard gaps are medians; a crystal stretches all of them alike."
+    "Coded tags. A pulse of a coded tag in this report is a whole burst. Its pulses are "
+    "detected together, at the gaps of the code, in one burst or summed over several. The SNR "
+    "is the mean over the pulses of the burst. Received gaps are medians; an error of the "
+    "tag's crystal stretches all gaps by the same factor."
 )
 POWER_METHOD = (
-    "Positions. Strength along the flight, heard with an upright monopole that hears nothing "
-    "straight below it: level, path loss exponent, size and duration of the fading are unknown "
-    "and integrated out; pulses that must have come and were not heard count as weak. The star "
-    "is the mean of the probability. The strongest signal is not the tag: at a height h and an "
-    "exponent of 2.5 it lies 0.9 h away from it."
+    "Positions. They are estimated from signal strength along the flight. The upright "
+    "monopole receives nothing from straight below. Level, path loss exponent, and size and "
+    "duration of the fading are unknown and integrated out; expected pulses that were not "
+    "received count as weak. The star is the mean of the probability. The strongest signal is "
+    "not at the tag: at a height h and an exponent of 2.5 it is 0.9 h away."
 )
 SOURCES = (
     "[1] M. W. Shafer, G. Vega, K. Rothfus, P. Flikkema: UAV wildlife radiotelemetry: System "
@@ -89,7 +92,7 @@ def heading_line(survey: Survey) -> str:
     local_text = "" if local is None else f" ({local})"
     return (
         f"{utc_text(span[0])}{local_text}, {minutes:.1f} minutes · "
-        f"{heard} of {counted(len(survey.tag_ids), 'tag')} heard, "
+        f"{heard} of {counted(len(survey.tag_ids), 'tag')} received, "
         f"{counted(len(survey.pulse_poses), 'pulse')} · antenna {survey.antenna}"
     )
 
@@ -139,7 +142,9 @@ def code_table(survey: Survey) -> Table | None:
         if tag is not None and tag.coded:
             bursts = [one.pulse for one in survey.pulses_of(tag_id)]
             rows.append([title_of(survey, tag_id), *_gaps(tag, bursts)])
-    return (["Tag", "Listed gaps ms", "Heard gaps ms", "Whole bursts"], rows) if rows else None
+    return (
+        (["Tag", "Listed gaps ms", "Received gaps ms", "Whole bursts"], rows) if rows else None
+    )
 
 
 def _gaps(tag: Tag, bursts: Sequence[Pulse]) -> tuple[str, str, str]:
@@ -326,9 +331,9 @@ def _without_position(survey: Survey, tag_id: int) -> FactTable:
     if found is not None and found.reason:
         reason = found.reason
     elif all(one.pose is None for one in own):
-        reason = "it was never detected at a known position"
+        reason = "it was not detected at any known position"
     else:
-        reason = "there is no turn in place to take a bearing from"
+        reason = "there is no turn in place for a bearing"
     return FactTable(rows=(("Detected", [f"{len(own)} times"]), ("No position", [reason])))
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 COLUMNS = 4
 CAPTION = (
     "SNR [dB] over heading for each turn in place; grey: the antenna's pattern at the "
-    "bearing found; below: what the pattern leaves unexplained."
+    "estimated bearing; below: differences from the pattern."
 )
 _Floats = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ def draw_roses(target: "FigureBase", survey: Survey, tag_id: int, first: int = 0
     """Draw polar plots and residuals of up to `COLUMNS` bearings from number `first`."""
     bearings = survey.bearings_of(tag_id)[first : first + COLUMNS]
     if not bearings:
-        message(target, "No rose: no turn in place with three pulses of this tag.")
+        message(target, "No polar plot: no turn in place has three pulses of this tag.")
         return
     color = tag_color(survey.tag_ids, tag_id)
     columns = max(len(bearings), 3)

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
 CAPTION = (
-    "The search. Dotted: its area; grey: the flight; small dots: where it decided. Stars: what "
-    "it found, with the circle that held the tag with 95 %. Squares: where a tag that was not "
-    "found most probably is, the darker the likelier."
+    "The search. Dotted: search area; grey: flight path; small dots: decisions where to fly "
+    "next. Stars: found tags, each with its 95 % circle. Squares: probable positions of tags "
+    "that were not found; darker is more probable."
 )
 
 
@@ -67,7 +67,7 @@ def summary(survey: Survey, search: FlownSearch) -> FactTable:
     minutes = last.elapsed_s / 60.0
     found = len(last.tags) - len(search.unknown)
     each = f", {minutes / found:.1f} minutes for each animal" if found else ""
-    ended = last.reason if last.event == "ended" else "the recording breaks off"
+    ended = last.reason if last.event == "ended" else "the recording ends early"
     return FactTable(
         rows=(
             ("Begun", (f"{clock(begun.time_ns)}: {begun.text}",)),

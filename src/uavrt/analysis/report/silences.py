@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
 CAPTION = (
-    "With which probability a tag at each place would be detected in this flight: dark "
-    "blue: not, blue-green: half, yellow: surely; clear: not known. Grey: the flight."
+    "Probability that a tag at each position would be detected in this flight. Dark blue: 0; "
+    "blue-green: one half; yellow: 1; transparent: unknown. Grey: the flight path."
 )
 
 

@@ -31,7 +31,7 @@ SEARCH_S = 120.0
 STEP_S = 1.0
 FINE_S = 0.05
 CLEAR = 1.15
-"""Minimum ratio between the misfit of any clock offset 5 s away and that of the best."""
+"""Minimum ratio of the misfit at clock offsets 5 s away to the misfit at the best offset."""
 _ELSEWHERE_S = 5.0
 MOST_HEADING_SIGMA_DEG = 3.0
 """Largest heading error from an uncertain clock offset [deg]; a turn's own is a few degrees."""
@@ -78,9 +78,9 @@ def attach_poses(
 ) -> list[PulsePose]:
     """Give each pulse the antenna's pose from the track, or None where the track has a gap.
 
-    While the log says landed or disarmed, the height is set to 0, despite barometer drift. This
-    distinguishes turns of a carried drone from turns in flight.
-    Poses that pulses already have are replaced.
+    While the log reports landed or disarmed, the height is set to 0, despite barometer drift.
+    This distinguishes turns of a carried drone from turns in flight. Poses that pulses already
+    have are replaced.
     """
     ring = PoseRing(antenna, capacity=max(1, len(track.attitudes), len(track.positions)))
     shifted = track.shifted(ns_from_s(offset_s))
@@ -362,7 +362,11 @@ class _Common:
         return found
 
     def require_cover(self, offsets_s: _Floats, *, posed: bool) -> None:
-        """Exclude offsets at which the track covers below 80 % of what the best one covers."""
+        """Exclude clock offsets at which the track covers too few pulses.
+
+        Too few are under 80 % of those covered at the best offset. Raises `UsageError` if even
+        the best offset covers too few for an estimate.
+        """
         times_s = self._posed_s if posed else self.time_s
         most = max(int(np.count_nonzero(self.covered(one, posed=posed))) for one in offsets_s)
         remedy = "Check that they are from the same flight, or give --clock-offset"

@@ -97,7 +97,7 @@ class WholeFlightOptions:
     most_drift: float = 0.0
     """Largest relative change of the pulse interval over the flight, up or down."""
     antenna_assumed: bool = False
-    """True if the flight's antenna is unknown and `pattern` a guess; results then say so."""
+    """True if the flight's antenna is unknown and `pattern` is assumed; results report this."""
     elevation: Elevation | None = None
     """Terrain heights, for the loss of pulses behind hills; None is level ground."""
     on_progress: Callable[[int, int | None], None] | None = None
@@ -186,8 +186,8 @@ def _window_held(
     if window_hz <= held_hz:
         return window_hz, ()
     return held_hz, (
-        f"the channel reaches {held_hz:.0f} Hz from its frequency on both sides: of a "
-        f"--frequency-window of {window_hz:g} Hz no more was searched there",
+        f"the channel contains only ± {held_hz:.0f} Hz around the tag's frequency: the rest of "
+        f"--frequency-window {window_hz:g} was not searched",
     )
 
 
@@ -322,9 +322,9 @@ def chance_in_words(probability: float, flights: int = 1) -> str:
     if probability >= 0.01:
         # 1.4 of 100 is not found at a limit of 1: rounded it would pass for found.
         share = f"{100.0 * probability:.{1 if probability < 0.1 else 0}f}"
-        return f"noise alone shows as much in {share.removesuffix('.0')} of 100 {what}"
+        return f"noise alone gives such a result in {share.removesuffix('.0')} of 100 {what}"
     if probability < 1e-9:
-        return f"noise alone shows as much in fewer than one of a billion {what}"
+        return f"noise alone gives such a result in fewer than one of a billion {what}"
     digits = max(0, math.floor(-math.log10(probability)))
     count = round(1.0 / probability, -digits)
-    return f"noise alone shows as much in one of {count:,.0f} {what}"
+    return f"noise alone gives such a result in one of {count:,.0f} {what}"

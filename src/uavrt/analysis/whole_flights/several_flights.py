@@ -40,9 +40,9 @@ from uavrt.localization.whole_flight.train_place import (
 
 _Floats = NDArray[np.float64]
 MOST_APART_M = 2000.0
-"""Largest distance of a flight's middle from that of all flights, for a common position [m]."""
+"""Largest distance of a flight from the middle of all flights, for a common position [m]."""
 _TOGETHER = 0.5
-"""Share of the false-alarm probability spent on the decision by all flights together."""
+"""Share of the false-alarm probability used for the decision by all flights together."""
 _LISTED = 0.9
 """Minimum probability that a flight's pulse train is the tag's, for its pulses to be listed."""
 
@@ -167,7 +167,7 @@ class _View:
         )
 
     def heard(self, joint: JointTrain, number: int) -> HeardTrain:
-        """Pulse train in this flight: its own if found there, else by all flights together."""
+        """Pulse train in this flight: found in it alone, or else in all flights together."""
         one, train = self.judged, joint.trains[number]
         rates = len(one.tag.pulse_intervals_s)
         if one.found:
@@ -187,7 +187,11 @@ class _View:
         chance: float,
         flights: int,
     ) -> IntegratedTag:
-        """Result of one flight for a tag shown by all; sure if its train has p ≥ 0.9."""
+        """Result of this flight for a tag that all flights together show.
+
+        The flight counts as showing the tag if its train is the tag's with probability 0.9 or
+        more.
+        """
         if common is None:
             place = place_belief([replace(heard, log_trains=None)])
             odds = train_evidence(heard) - (heard.log_trains or 0.0)
@@ -246,7 +250,7 @@ def _common_places(
     pattern: AntennaPattern,
     elevation: Elevation | None,
 ) -> list[Places]:
-    """Candidate positions of the tag for each flight, the same around the middle of all."""
+    """Candidate positions of the tag for each flight, around the middle of all flights."""
     middles = [one.places.plane for one in judged]
     latitude = np.array([one.latitude_deg for one in middles])
     longitude = np.array([one.longitude_deg for one in middles])

@@ -9,7 +9,7 @@ from uavrt.flight.integrated import IntegratedPart, IntegratedVerdict
 from uavrt.localization.whole_flight.train_place import PlaceBelief
 
 ALL_ROUND_DEG = 330.0
-"""Width above which the arc that holds a tag's bearing gives no direction [deg]."""
+"""Width above which the arc that contains a tag's bearing gives no direction [deg]."""
 
 
 def verdict_facts(verdict: IntegratedVerdict) -> FactTable:

@@ -23,7 +23,7 @@ GAP_TOLERANCE_S = 1.5e-3
 """Maximum sum of a burst's gap errors for the burst to match a code [s]."""
 BURST_TOLERANCE_MS = 4.0
 _UNLIKE_MS = 0.01
-"""Difference from which gaps between pulses of two codes count as different [ms]."""
+"""Smallest difference between two codes' gaps that counts as a difference [ms]."""
 _SAME_KHZ = 1.0
 _MHZ = {"Hz": 1e-6, "MHz": 1.0}
 

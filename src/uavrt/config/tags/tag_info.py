@@ -1,8 +1,8 @@
 """Read and write the thesis's ``TagInfo.txt``: one tag per line, eight numbers with commas.
 
 ``# id, freq_hz, ip_msecs, pulse_width_msecs, ip_uncertainty_msecs, ip_jitter_msecs, k,
-false_alarm``. The heading may be missing or stand without its ``#``; comments, blank lines,
-spaces, and tabs or semicolons for commas are accepted.
+false_alarm``. The heading may be missing or lack its ``#``; comments, blank lines, spaces, and
+tabs or semicolons for commas are accepted.
 
 TagTracker's file has ten: a name after the id, and a second interval after the first, 0 for a
 tag with one rate. The numbers of a line show which of the two is missing: a frequency is

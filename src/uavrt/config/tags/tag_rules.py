@@ -25,7 +25,7 @@ MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ = 20e6, 1e9
 MAX_INTERVAL_MS = 60_000.0
 MIN_PULSE_WIDTH_MS, MAX_PULSE_WIDTH_MS = 1.0, 1_000.0
 SHORTEST_LIKELY_MS = 60.0
-"""Tag interval [ms] below which one shorter than the pulse is assumed to be in seconds."""
+"""Interval below which a value shorter than the pulse is assumed to be in seconds [ms]."""
 MAX_K = 100
 MAX_FALSE_ALARM_PROBABILITY = 0.5  # as TagTracker's
 MAX_ID = 2**32 - 1  # uint32 on the wire

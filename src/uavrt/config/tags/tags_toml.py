@@ -46,9 +46,9 @@ _HEADING = """\
 #   second_interval_ms       the other interval of a tag with two (resting, mortality)
 #   interval_uncertainty_ms  how far the tag's true interval may lie from interval_ms
 #   interval_jitter_ms       how far a single pulse may come early or late
-#   k                        pulses summed for one decision; more reach farther, answer later
+#   k                        pulses summed for one decision; more give more range and delay
 #   false_alarm_probability  false detections accepted for each decision, 0.01 is 1 %
-# What all tags share may stand once, under [defaults].
+# Values common to all tags can be given once, under [defaults].
 """
 _CODED_HEADING = """\
 # A coded tag has kind = "coded", gaps_ms, from pulse to pulse within a burst, and
@@ -239,7 +239,7 @@ def read_gaps(draft: TagDraft, gaps: object, line: int, faults: list[Fault]) -> 
 def read_burst_interval(
     draft: TagDraft, interval_s: object, line: int, faults: list[Fault]
 ) -> None:
-    """Put a code's burst interval [s] into a draft; values like milliseconds are converted."""
+    """Put a code's burst interval [s] into a draft; a value that looks like ms is a fault."""
     if not isinstance(interval_s, int | float) or isinstance(interval_s, bool):
         faults.append(Fault(line=line, text="burst_interval_s must be a number"))
         return

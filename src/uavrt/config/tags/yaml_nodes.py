@@ -42,10 +42,10 @@ def read_yaml(text: str, faults: list[Fault]) -> list[Node]:
         mark = error.problem_mark or error.context_mark
         fault = " ".join(part for part in (error.context, error.problem) if part)
         line = mark.line + 1 if mark is not None else 1
-        faults.append(Fault(line=line, text=f"this is no YAML: {fault}"))
+        faults.append(Fault(line=line, text=f"not YAML: {fault}"))
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
-        faults.append(Fault(line=line, text="this is no YAML: a character that no text has"))
+        faults.append(Fault(line=line, text="not YAML: it contains a control character"))
     return found
 
 

@@ -99,7 +99,7 @@ def pearson(
 def ls_db(
     yaw_deg: NDArray[np.float64], level_db: NDArray[np.float64], pattern: AntennaPattern
 ) -> PlainBearing:
-    """Bearing by least squares of pattern and levels in dB; the best here at high SNR."""
+    """Bearing by least squares of pattern and levels in dB; the most accurate at high SNR."""
     gain = pattern.gain_db(_SCAN_DEG[:, None] - yaw_deg[None, :])
     difference = level_db[None, :] - gain
     cost = np.sum((difference - difference.mean(axis=1, keepdims=True)) ** 2, axis=1)

@@ -106,7 +106,7 @@ def estimate_bearing(
     noise = _noise(noise_psd, count)
     heard = ~np.isnan(power)
     if not heard.any():
-        raise UsageError("no pulse was received", remedy="A bearing needs at least one pulse")
+        raise UsageError("no pulse was received", remedy="Give at least one received pulse")
     pattern = pattern_named(antenna)
     if method in _METHODS:
         return _classic(method, headings.yaw_deg, power, noise, pattern)

@@ -1,6 +1,6 @@
 """Compute the information lost in a turn when fading is correlated from pulse to pulse.
 
-Ground and plants keep a pulse's fading for some degrees of the turn, so pulses are not
+Fading by ground and plants persists over some degrees of the turn, so pulses are not
 independent. The fit absorbs some of the correlation, so the residuals show too little of it.
 Several correlations are averaged by their restricted likelihood (Patterson and Thompson 1971),
 which corrects for the fit. Each gives the variance of a bearing relative to independent pulses.

@@ -36,7 +36,7 @@ def learn_pattern(
     *,
     threshold_db: float = LEVELS.threshold_db,
 ) -> AntennaPattern:
-    """Correct an antenna's pattern by turns, whose bearings each iteration estimates again.
+    """Correct an antenna's pattern from turns; each iteration estimates their bearings again.
 
     A rotation of the whole pattern cannot be learnt: it is the antenna's mounting. The
     correction is mirrored like the table.

@@ -54,7 +54,7 @@ def peak_deg(log_density: NDArray[np.float64]) -> float:
 
 
 def shortest_arc(density: NDArray[np.float64], share: float) -> tuple[float, float]:
-    """Shortest arc, clockwise from and to [deg], that holds `share` of a probability."""
+    """Shortest arc, clockwise from and to [deg], that contains `share` of a probability."""
     count = len(density)
     edges = np.concatenate([[0.0], np.cumsum(np.tile(density, 2))])
     goal = edges[:count] + share

@@ -63,7 +63,7 @@ class PatternTuning:
     lowest_level_db: Guard[float] = -6.0
     """Lowest SNR on boresight, in a turn's fit, of a detectable tag [dB]."""
     refined_nats: Guard[float] = 18.0
-    """Log-density below the best at which a trial bearing is not refined [nats]."""
+    """Difference from the best log-density at which a trial bearing is not refined [nats]."""
     lobe_deg: float = 25.0
     """Half-width of a lobe of a bearing's posterior [°]. If it is 30 % smaller, bearings from 8
     pulses have 12 % smaller standard deviations, and half of them count as ambiguous."""

@@ -260,8 +260,8 @@ def _stops(seconds: _Floats, yaw: _Floats) -> list[tuple[int, int]]:
 def _without_long_pauses(seconds: _Floats, yaw: _Floats) -> list[tuple[int, int]]:
     """Cut a rotation at long pauses; omit rest and drift before and after the rotation.
 
-    The first and the last stop keep the length of the longest one between them, so that a turn
-    of eight stops has eight. A turn without stops keeps only its moving part.
+    The first and the last stop are cut to the length of the longest stop between them, so that
+    a turn of eight stops has eight. A turn without stops keeps only its moving part.
     """
     moving = _runs(_turning(seconds, yaw))
     parts: list[list[tuple[int, int]]] = []

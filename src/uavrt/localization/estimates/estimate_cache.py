@@ -11,10 +11,10 @@ T = TypeVar("T")
 
 
 class Cache:
-    """Cache for a caller that estimates repeatedly; a value's inputs are its key.
+    """Cache for a caller that estimates repeatedly.
 
-    A function computes each value from its inputs, which are also the key: no input can be
-    missing from the key.
+    A function computes each value from its inputs, which are also the value's key: no input can
+    be missing from the key.
     """
 
     def __init__(self) -> None:
@@ -29,9 +29,9 @@ class Cache:
     def begin(self, at_once: Mapping[str, int] = MappingProxyType({})) -> None:
         """Begin an estimate; values not used in the last estimate are dropped.
 
-        `at_once`: largest number of new values of each kind. Beyond it, subjects keep their
-            last value; the next estimate updates the oldest first. A kind that is missing has
-            no limit.
+        `at_once`: largest number of new values of each kind. Beyond it, a subject (such as a
+            turn) keeps its last value; the next estimate updates the oldest first. A kind that
+            is missing has no limit.
         """
         self._before, self._now = self._now, {}
         self._left, self.more = dict(at_once), False

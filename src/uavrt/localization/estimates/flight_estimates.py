@@ -54,10 +54,11 @@ from uavrt.localization.tuning import FLIGHT
 NO_TIME = -1
 """Value that marks a bearing's time as unknown [ns]; its tag is assumed to rest."""
 EDGE_NS = NANOSECONDS_PER_SECOND
-"""Pulses within this time of a turn count as the turn's [ns]; the antenna hardly moves."""
+"""Time before and after a turn in which pulses still belong to it [ns]; the antenna moves
+little."""
 NEVER_TURNED = (
-    "it was detected, but in no turn in place; receivers that do not turn add their strengths "
-    "to a position only with bearings of others"
+    "it was detected, but not in a turn in place; receivers that do not turn add strengths "
+    "to a position only if other receivers have bearings"
 )
 _SURVEY_ALONE = "signal strengths of a survey are located separately"
 
@@ -680,7 +681,7 @@ def _position_of(
         # One tag with a single bearing must not remove the others from the list.
         return TagPosition(tag_id=tag_id, position=None, reason=str(error))
     if method not in ("bayes", "track") and stations.listeners:
-        left_out = f"the method {method} takes bearings alone"
+        left_out = f"the method {method} uses bearings only"
         listeners = tuple(one.because(left_out) for one in stations.listeners)
         found = replace(found, listeners=listeners)
     notes = (*found.cautions, *notes)
@@ -783,7 +784,7 @@ def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> Pow
 
 
 def at_one_place(heard: Heard) -> bool:
-    """True if all pulses were received at one position, which allows no survey by strength."""
+    """True if all pulses were received at one position, so strength gives no position."""
     own = heard.pulses.values()
     if not own:
         return False

@@ -137,7 +137,7 @@ class PulseColumns:
 
     @property
     def noise_db(self) -> _Floats:
-        """(n,) noise at each pulse over that usual at its gain [dB]; 0 if any is unknown.
+        """(n,) noise at each pulse over the usual noise at its gain [dB]; 0 if any is unknown.
 
         The sum with the SNR is the pulse's energy, which directional noise does not change.
         """

@@ -58,7 +58,7 @@ def strengths_of(
 def _off_ground(
     time_ns: NDArray[np.int64], on_ground_ns: Sequence[tuple[int, int]]
 ) -> NDArray[np.intp]:
-    """Indices of pulses not received while the autopilot reports to be on the ground."""
+    """Indices of pulses at times that are not reported as on the ground."""
     down = np.zeros(len(time_ns), bool)
     for first, last in on_ground_ns:
         down |= (time_ns >= first) & (time_ns <= last)

@@ -16,7 +16,7 @@ class _Waiting:
 
 
 class PoseAttacher:
-    """Holds pulses until their pose is known; none is lost, and each tag's stay in order.
+    """Holds pulses until their pose is known; none is lost, and each tag's order is kept.
 
     A pulse is returned with its interpolated pose as soon as attitude and position after its
     centre have arrived. After `wait_s` it gets a marked, extrapolated pose, or None.

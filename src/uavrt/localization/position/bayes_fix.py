@@ -1,9 +1,9 @@
 """Compute a position's posterior on cells that are small near its peaks (default estimator).
 
 Cells with much probability are quartered, so that narrow peaks and long tails, such as those of
-a possible outlier, are both resolved. The point is the most probable one; the mean lies
-farther out for weak geometry. A bearing that contradicts the others is reported and does not
-move the point, since each may be an outlier with some probability.
+a possible outlier, are both resolved. The reported point is the most probable one; the mean
+lies farther out for weak geometry. A bearing that contradicts the others is reported and does
+not move the point, since each may be an outlier with some probability.
 """
 
 from collections.abc import Callable
@@ -75,7 +75,7 @@ class Cells:
         return float(self.east_m[kept[nearest]]), float(self.north_m[kept[nearest]])
 
     def radius_m(self, share: float, point: tuple[float, float], sigma_m: float) -> float:
-        """Radius that holds `share` around a point [m]; `sigma_m`: error of all positions."""
+        """Radius around a point that holds `share` [m]; `sigma_m`: error of all positions."""
         distance = np.hypot(self.east_m - point[0], self.north_m - point[1])
         # Four parts of each cell, for the cell that holds the point itself reaches from 0.
         parts = (np.arange(4) - 1.5) / 4.0
@@ -87,7 +87,7 @@ class Cells:
     def ellipse(self, sigma_m: float) -> Ellipse:
         """95 % ellipse of a normal distribution with the posterior's covariance.
 
-        `sigma_m`: standard deviation of an error of all positions alike, which is added [m].
+        `sigma_m`: standard deviation of an error common to all positions, which is added [m].
         """
         x, y = self.mean()
         centred = np.stack([self.east_m - x, self.north_m - y])
@@ -95,9 +95,9 @@ class Cells:
         return ellipse_of(covariance + sigma_m**2 * np.eye(2))
 
     def map(self, count: int, sigma_m: float) -> tuple[_Floats, _Floats, _Floats]:
-        """Probability on a regular grid around most of it: east (x,), north (y,), (y, x).
+        """Probability on a regular grid: east (x,), north (y,), and values (y, x).
 
-        Each cell's probability is spread by its width and by a shift that all share.
+        Each cell's probability is spread by its width and by a shift common to all positions.
         """
         east, north, step = _even_axes(self.around(GRID.map_share), count, 2.5 * sigma_m)
         density = np.zeros((len(north), len(east)))
@@ -113,7 +113,7 @@ class Cells:
         return east, north, np.asarray(density / density.sum())
 
     def around(self, share: float) -> Area:
-        """Rectangle around the smallest set of cells that holds a given probability."""
+        """Rectangle around the smallest set of cells that contains a given probability."""
         density = self.probability / self.width_m**2
         order = np.argsort(-density)
         count = int(np.searchsorted(np.cumsum(self.probability[order]), share)) + 1
@@ -129,7 +129,7 @@ class Cells:
 
 
 def ellipse_of(covariance_m2: _Floats) -> Ellipse:
-    """Ellipse that holds 95 % of a normal distribution, from its (2, 2) covariance."""
+    """Ellipse that contains 95 % of a normal distribution, from its (2, 2) covariance."""
     values, vectors = np.linalg.eigh(covariance_m2)
     scale = -2.0 * np.log(1.0 - 0.95)
     minor, major = np.sqrt(np.maximum(values, 0.0) * scale)
@@ -142,7 +142,7 @@ def ellipse_of(covariance_m2: _Floats) -> Ellipse:
 
 
 def normal_radius_m(covariance_m2: _Floats, share: float) -> float:
-    """Radius of the centred circle that holds a probability of a normal distribution [m]."""
+    """Radius of the centred circle that contains a probability of a normal distribution [m]."""
     angle = np.radians(np.arange(0.5, 360.0))
     across = np.stack([np.cos(angle), np.sin(angle)])
     q = np.einsum("ia,ij,ja->a", across, np.linalg.inv(covariance_m2), across)
@@ -156,7 +156,7 @@ def normal_radius_m(covariance_m2: _Floats, share: float) -> float:
 
 
 def shifted_m(radius_m: float, share: float, sigma_m: float = FLIGHT.place_sigma_m) -> float:
-    """Radius that still holds its share if all positions may be shifted together [m].
+    """Radius that still contains its share if all positions may be shifted together [m].
 
     The radii add as squares, which is exact for round normal distributions.
     """
@@ -289,7 +289,7 @@ def most_probable(cells: Cells, log_likelihood: LogLikelihood) -> tuple[float, f
     """East and north of the likelihood's maximum [m].
 
     An even grid covers the more likely half, and parabolas refine the maximum. Values of cells
-    of different sizes are blurred differently and do not compare to the metre.
+    of different sizes are blurred differently and cannot be compared to the metre.
     """
     east, north, step = _even_axes(cells.around(0.5), GRID.peak_cells)
     y, x = (one.ravel() for one in np.meshgrid(north, east, indexing="ij"))
@@ -317,7 +317,7 @@ def _even_axes(
 
 
 def _normal(centres: _Floats, axis: _Floats, sigma_m: float) -> _Floats:
-    """(centres, axis) normal density, up to a constant, at an axis around each centre."""
+    """(centres, axis) normal density around each centre, at each point of an axis, unscaled."""
     away = (axis - centres[:, None]) / sigma_m
     return np.asarray(np.exp(-0.5 * away**2) / sigma_m)
 

@@ -103,7 +103,7 @@ class Model:
         )
 
     def shared_sigma_m(self, point: tuple[float, float], share: float) -> float:
-        """Standard deviation of a normal shift that stands for all possible shifts [m].
+        """Standard deviation of a normal shift equivalent to all possible shifts [m].
 
         `share`: probability at which the circles of both have the same radius.
         `point`: the position.
@@ -217,10 +217,11 @@ def _level_evidence(
 def _prior_of_distance(around: Area, east_m: _Floats, north_m: _Floats) -> _Floats:
     """Log-prior of a position far from the stations: uniform over the logarithm of distance.
 
-    The prior has no effect where bearings cross well. Where they hardly cross, a uniform prior
-    would put the tag into the far end of the wedge, which has the largest area. For stations 60
-    m apart and a tag at 300 m, errors were 136 m at the median and 2.5 km in a tenth of the
-    runs. With this prior they are 77 m and 153 m, and circles hold the stated probability.
+    The prior has no effect where bearings cross well. Where they cross at small angles, a
+    uniform prior would put the tag into the far end of the wedge, which has the largest area.
+    For stations 60 m apart and a tag at 300 m, errors were 136 m at the median and 2.5 km in a
+    tenth of the runs. With this prior they are 77 m and 153 m, and circles hold the stated
+    probability.
     """
     middle_east = 0.5 * (around.west_m + around.east_m)
     middle_north = 0.5 * (around.south_m + around.north_m)

@@ -152,7 +152,7 @@ class _Agreement:
     """Explanations of the bearings with their probabilities, the resting tag first."""
     reported: Fit | None = None
     unchecked: tuple[Caution, ...] = ()
-    """Caution that errors which all bearings share cannot be checked; empty if they can."""
+    """Caution that errors common to all bearings cannot be checked; empty if they can."""
 
     @property
     def others(self) -> tuple[tuple[float, Fit], ...]:

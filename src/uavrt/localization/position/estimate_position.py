@@ -207,7 +207,7 @@ def _of_few(covariance_m2: _Floats | None, stations: int) -> _Floats | None:
 def _wider(share: float, stations: int) -> float:
     """Factor on a confidence region's radius because the scatter is estimated (Hotelling's T²).
 
-    Hotelling: 2 F(2, n - 2) replaces chi-squared of 2 degrees; both have closed quantiles.
+    2 F(2, n - 2) replaces chi-squared of 2 degrees of freedom; both have closed quantiles.
     """
     left = stations - 2
     squared = left * ((1.0 - share) ** (-2.0 / left) - 1.0)

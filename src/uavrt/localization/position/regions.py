@@ -1,4 +1,4 @@
-"""Draw outlines of the regions that hold a tag with a given probability, for maps."""
+"""Draw outlines of the regions that contain a tag with a given probability, for maps."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ _Edge = tuple[int, int, int]
 
 
 def region_outlines(grid: PositionGrid, share: float) -> list[_Floats]:
-    """Outline of the smallest region that holds a given probability.
+    """Outline of the smallest region that contains a given probability.
 
     `grid`: heat map of a position.
     `share`: the probability, such as 0.5 or 0.95.
@@ -76,9 +76,9 @@ def _along(axis_m: _Floats, place: _Floats) -> _Floats:
 def _rings(values: _Floats, level: float) -> list[tuple[_Floats, _Floats]]:
     """Closed contours of an array at a level, as rows and columns; its margin must be lower.
 
-    It is found by marching squares. Around each cell, counter-clockwise, the edge at which a
-    contour leaves the region leads to the edge at which it enters; so the region is on its
-    left.
+    The contours are found by marching squares. Around each cell, counter-clockwise, the edge at
+    which a contour leaves the region leads to the edge at which it enters; so the region is on
+    its left.
     """
     after: dict[_Edge, _Edge] = {}
     inside = values >= level

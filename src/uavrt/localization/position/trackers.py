@@ -35,7 +35,8 @@ from uavrt.localization.tuning import LEVELS
 _Floats = NDArray[np.floating[Any]]
 _Singles = NDArray[np.float32]
 PathGain = Callable[[_Floats, _Floats, _Floats | float], _Floats]
-"""Function from distances east, north and height [m] to the level over plain spreading [dB]."""
+"""Function from distances east, north and height [m] to the level above the distance law
+[dB]."""
 
 RESTING, BROWSING, TRAVELLING = range(3)
 
@@ -47,7 +48,8 @@ class TrackEstimate:
     east_m: float
     north_m: float
     radius50_m: float
-    """Radius of the circle around the estimate that holds the tag with 50 % probability [m]."""
+    """Radius of the circle around the estimate that contains the tag with 50 % probability
+    [m]."""
     radius95_m: float
     level_db: float
     """SNR of the tag's pulses at 100 m [dB]."""
@@ -62,8 +64,8 @@ class TagPrior:
 
     area: Area
     level_db: float = 45.0
-    """Mean SNR at 100 m [dB]: that of a 20 ms collar which is received with 9 dB from 3 km if
-    levels fall with the distance to the power of 2.4."""
+    """Mean SNR at 100 m [dB]: that of a collar with 20 ms pulses that is received with 9 dB at
+    3 km, for a path loss exponent of 2.4."""
     level_sigma_db: float = 12.0
     level_drift_db_per_root_s: float = 0.0
     """Random walk of a tag's strength [dB/√s]: the animal turns, plants intervene."""
@@ -86,7 +88,7 @@ class TagPrior:
     chance_share: float = LEVELS.outlier_share
     """Share of received pulses that are not the tag's: false alarms, interferers."""
     path_gain: PathGain | None = None
-    """Propagation model: level relative to plain spreading; None: plain spreading."""
+    """Propagation model: level above the distance law; None: the distance law alone."""
     hills: HillLosses | None = None
     """Ground model; None: level ground. Heights count from a tag at the take-off."""
     shadowing_db: float = 2.0
@@ -94,7 +96,7 @@ class TagPrior:
 
     @property
     def ground(self) -> GroundModel:
-        """Losses by the ground: those of hills, or shadowing on level ground."""
+        """Model of losses by the ground: hills, or shadowing on level ground."""
         if self.hills is not None:
             return HillyGround(hills=self.hills)
         return LevelGround(shadowing_db=self.shadowing_db)
@@ -151,7 +153,7 @@ class Hypotheses:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expectation:
-    """Expectation of a pulse by a tracker, before the update."""
+    """A tracker's prediction of a pulse, made before the update."""
 
     level_db: float
     """Mean of the pulse's expected SNR over all hypotheses [dB]."""
@@ -589,7 +591,7 @@ class ParticleTracker:
         return mean, float(weight @ (exponent - mean) ** 2)
 
     def take_exponent(self, precision: float, weighted: float) -> None:
-        """Update the path loss exponent by other tags': precision, and precision × mean."""
+        """Update the path loss exponent by that of other tags: precision, precision × mean."""
         self._walk.learn_exponent(precision, weighted)
         exponent = self._state.exponent
         self._weigh((weighted - 0.5 * precision * exponent) * exponent)

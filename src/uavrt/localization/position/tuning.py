@@ -7,7 +7,7 @@ from uavrt.localization.number_kinds import Fixed, Guard, Resolution
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GridTuning:
-    """Constants for the grids of cells that hold a position's posterior."""
+    """Constants for the grids of cells that contain a position's posterior."""
 
     first_cells: Resolution[int] = 36
     """Number of position cells along the area's longer side before any is quartered."""
@@ -20,7 +20,8 @@ class GridTuning:
     added_nats: Resolution[float] = 0.1
     """Change of a cell's log-likelihood by further data above which it may be uneven [nats]."""
     overlooked_nats: Resolution[float] = 7.0
-    """Log-density below the best within which a wide cell's corner may be a peak [nats]."""
+    """Largest difference of a wide cell's corner from the best log-density at which the cell
+    may hide a peak [nats]."""
     edge_share: Guard[float] = 0.005
     """Probability of the outermost cells above which the area cuts the position's posterior."""
     least_width_m: Guard[float] = 0.1
@@ -48,10 +49,11 @@ class GridTuning:
     survey_first_cells: Resolution[int] = 28
     """Number of cells along the longer side of a survey's grid before any is quartered."""
     survey_held: Resolution[float] = 2e-3
-    """Probability at which a power survey's cells are quartered; less changes no circle."""
+    """Probability above which a power survey's cell is quartered; a lower one changes no
+    circle."""
     survey_growth: Resolution[float] = 2.0
     """Growth of `held_rough` with each quartering of position cells, for power surveys. Without
-    it, 95 % circles are 0.3 % wider, at half as many cells again."""
+    it, 95 % circles are 0.3 % wider, with 50 % more cells."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +69,7 @@ class BearingFixTuning:
     multiplied: Guard[int] = 16
     """Number of bearings' densities multiplied before a logarithm; more could underflow."""
     evaluated_share: Resolution[float] = 0.9999
-    """Probability held by the cells over which heading error and outliers are averaged."""
+    """Probability in the cells over which heading error and outliers are averaged."""
 
     iterations: Guard[int] = 200
     """Maximum number of iterations of Lenth's estimators."""
@@ -120,9 +122,10 @@ class ObserverTuning:
     heading_sigma_deg: float = 5.0
     """Prior standard deviation of a person's mean bearing error [°]; crews had -6° to +8°."""
     shares: Resolution[tuple[float, float, int]] = (0.02, 0.6, 14)
-    """Smallest and largest trial shift common to bearings [share of distance]; their number."""
+    """Trial shifts common to all bearings: smallest, largest [shares of distance], and how
+    many."""
     metres: Resolution[tuple[float, float, int]] = (5.0, 220.0, 15)
-    """Smallest and largest trial shift common to bearings at any distance [m]; their number."""
+    """Trial shifts common to bearings at any distance: smallest, largest [m], and how many."""
     outlier_share: float = 0.05
     """Prior share of a person's bearings in test trials that are unrelated to the tag."""
     reach: Guard[float] = 2.0
@@ -130,9 +133,9 @@ class ObserverTuning:
     points: Resolution[int] = 41
     """Number of shifts common to bearings examined in each of two directions."""
     scatters_deg: Resolution[tuple[float, float, int]] = (1.0, 30.0, 13)
-    """Smallest and largest trial scatter of a person's bearings [°]; number of trials."""
+    """Trial values of a person's bearing scatter: smallest, largest [°], and how many."""
     headings_deg: Resolution[tuple[float, float, int]] = (-20.0, 20.0, 33)
-    """Least, largest and number of trial mean errors of a person's bearings [°]."""
+    """Trial mean errors of a person's bearings: smallest, largest [°], and how many."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -200,7 +203,8 @@ class SurveyTuning:
     least_height_m: Guard[float] = 3.0
     """Minimum height above the tag after the correction of a stated height [m]."""
     closer_m: Resolution[tuple[float, ...]] = (-9.0, -6.0, -3.0, 0.0, 3.0, 6.0, 9.0)
-    """Finer candidates for the height error, relative to the mean by `shifts_m` [m]."""
+    """Finer candidates for the height error, relative to the mean estimated with `shifts_m`
+    [m]."""
     known_m: Resolution[float] = 6.0
     """Standard deviation of the height error below which `closer_m` refine it [m]."""
     nodes: Resolution[tuple[float, ...]] = (-1.5, 0.0, 1.5)
@@ -213,7 +217,8 @@ class SurveyTuning:
     most_readings: Guard[int] = 4
     """Maximum number of candidate sets of other senders' pulses that are compared."""
     readings_nats: Guard[float] = 6.0
-    """Log-probability below the best set of foreign pulses within which a set counts [nats]."""
+    """Largest difference from the best log-probability at which a set of foreign pulses counts
+    [nats]."""
     fading_shares: Resolution[tuple[float, ...]] = (0.0, 0.25, 0.5, 0.75, 1.0)
     """Candidate shares of a pulse's fading that neighbouring pulses have in common."""
     most_foreign: Guard[float] = 0.25
@@ -240,7 +245,8 @@ class SurveyTuning:
     mirror_cells: Resolution[int] = 15
     """Number of cells along a side of the position grid searched for mirror images."""
     mirror_nats: Guard[float] = 20.0
-    """Log-likelihood below the best within which a mirror position is examined [nats]."""
+    """Largest difference from the best log-likelihood at which a mirror position is examined
+    [nats]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -317,8 +323,8 @@ class LossErrorTuning:
     hills: LastingError = LastingError(
         mean=0.4, sigma=0.5, correlation_m=800.0, limits=(-0.7, 2.5)
     )
-    """Error of losses behind hills, relative to those by the map; round tops lose up to twice
-    as much (P.526-15, 4.2), woods more."""
+    """Error of losses behind hills, relative to those by the map; rounded hilltops cause up to
+    twice the loss (P.526-15, 4.2), woods more."""
     shadowing: LastingError = LastingError(
         mean=0.0, sigma=1.0, correlation_m=30.0, limits=(-4.0, 4.0)
     )

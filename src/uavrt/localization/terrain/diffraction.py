@@ -1,6 +1,6 @@
 """Compute the loss over hills, on one profile or many: Recommendation ITU-R P.526-15.
 
-The single edge is its equation 31. Bullington's edge of its §4.5.1 stands for a whole profile,
+The single edge is its equation 31. Bullington's edge of its §4.5.1 represents a whole profile,
 with the earth's radius at 4/3. Level ground weakens a low tag, too; this is already part of the
 reflected ray's model (`uavrt.planning.detectability.ground_propagation.GroundReflection`). The
 terrain's loss is therefore what its profile adds to a level one, as in §4.5.2:

@@ -71,8 +71,8 @@ class Elevation:
 
     @property
     def datums(self) -> tuple[str, ...]:
-        """Datums of the rasters, each once; "not said" for a file without one."""
-        return tuple(sorted({one.datum or "not said" for one in self.rasters}))
+        """Datums of the rasters, each once; "unknown" for a file without one."""
+        return tuple(sorted({one.datum or "unknown" for one in self.rasters}))
 
     @property
     def cautions(self) -> tuple[str, ...]:

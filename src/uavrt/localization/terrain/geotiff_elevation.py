@@ -260,7 +260,7 @@ def _origin(tags: dict[int, Any]) -> tuple[float, float, float, float]:
     step_x, step_y = tags[33550][:2]
     column, row, _, x, y = tags[33922][:5]
     if not (step_x > 0.0 and step_y > 0.0):
-        raise ValueError("the pixels have no size")
+        raise ValueError("the pixel size is not positive")
     return x - column * step_x, y + row * step_y, step_x, step_y
 
 

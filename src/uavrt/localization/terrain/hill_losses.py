@@ -131,7 +131,7 @@ class HillLosses:
         )
 
     def cautions(self) -> tuple[str, ...]:
-        """Sentences on differences between the ground model and the ground."""
+        """Sentences on where the elevation files are incomplete, and on other limitations."""
         if self.level:
             return (
                 *self.limitations,

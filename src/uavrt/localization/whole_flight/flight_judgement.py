@@ -74,7 +74,8 @@ class Weights:
     skewness: _Floats
     """(frequencies, places) skewness of a train's weighted energy sum in noise."""
     interval_s: float
-    """Pulse interval for which deviation and skewness hold [s]; longer: fewer pulses."""
+    """Pulse interval for which deviation and skewness hold [s]; a longer one has fewer
+    pulses."""
     spread: Fixed[float] = 1.0
     """Share of the flight's time with much weight, averaged over positions; 1 if even."""
 
@@ -272,7 +273,7 @@ def cells_searched(slots: int, slot_s: float, between_s: tuple[float, float]) ->
 def hypotheses_of(energies: SlotEnergies, weights: Weights, tag: Tag) -> float:
     """Number of independent hypotheses of the search for weak pulses.
 
-    If a drone only passes a position, a part of the flight counts for it. Trains whose
+    For a position that a drone only passes, only a part of the flight has weight. Trains whose
     intervals differ by one cell are then indistinguishable, and the number of cells falls by
     that share (`Weights.spread`).
     """

@@ -25,7 +25,8 @@ class Part:
     latitude_deg: float
     longitude_deg: float
     radius95_m: float
-    """Radius of the circle that holds 95 % of the probability of this part of a region [m]."""
+    """Radius of the circle that contains 95 % of the probability of this part of a region
+    [m]."""
     probability: float
 
 
@@ -50,7 +51,7 @@ class Cells:
         return _area(self.range_m, self.width_deg, self.ratio)
 
     def region(self, share: float) -> NDArray[np.bool_]:
-        """(cells,) True for cells that hold `share`, whichever path loss exponent is true.
+        """(cells,) True for cells that contain `share`, whichever path loss exponent is true.
 
         For each exponent they are the smallest such region. After one pass the exponents cannot
         be distinguished, and a joint region would ignore the less probable ones.
@@ -64,7 +65,7 @@ class Cells:
         return inside
 
     def holds(self, east_m: float, north_m: float, share: float) -> bool:
-        """True if a position is in the region that holds a given probability."""
+        """True if a position is in the region that contains a given probability."""
         bearing = np.degrees(np.arctan2(east_m, north_m))
         turn_deg = np.abs(wrap_degrees_180(self.bearing_deg - bearing))
         apart = np.abs(np.log(np.hypot(east_m, north_m) / self.range_m))
@@ -127,9 +128,9 @@ class Cells:
     def likeliest_m(self, cells: NDArray[np.intp]) -> tuple[float, float]:
         """East and north of the likeliest position in some cells, from the flight's middle [m].
 
-        It is the mean where the probability is densest. The mean of all cells lies farther away
-        than the tag, because large distances are less certain. Next to a straight path each
-        path loss exponent gives another distance.
+        It is a mean with most weight where the probability is densest. The mean of all cells
+        lies farther away than the tag, because large distances are less certain. Next to a
+        straight path each path loss exponent gives another distance.
         """
         area = self.area[cells]
         density = self.probability[cells] / area
@@ -154,7 +155,7 @@ class Cells:
         shares: Sequence[float],
         cells: NDArray[np.intp] | None = None,
     ) -> list[float]:
-        """Radii of circles around a position that hold given probabilities [m].
+        """Radii of circles around a position that contain given probabilities [m].
 
         Each cell's probability is spread evenly over its ground, as in `region`.
         The radii allow for an error that all positions of the drone share.
@@ -179,7 +180,7 @@ class Cells:
         ]
 
     def arc_deg(self, middle_deg: float, share: float) -> float:
-        """Width of the arc around a bearing that holds a given probability [deg]."""
+        """Width of the arc around a bearing that contains a given probability [deg]."""
         # Each cell's probability lies evenly over its width.
         away = np.abs(wrap_degrees_180(self.bearing_deg - middle_deg)) - 0.5 * self.width_deg
 

@@ -106,7 +106,7 @@ class HeardTrain:
     places: Places
     log_trains: float | None = None
     """Logarithm of the number of trains from which this was chosen as the best; None: certainly
-    the tag's. A weak one may be chance; the flight then has no information."""
+    the tag's. A weak train may be chance; the flight then gives no information."""
     rates: int = 1
     """Number of the tag's pulse rates; in some slots another rate may have been used."""
 
@@ -228,7 +228,10 @@ def _pulse_ratio(energy: _Floats, many: float) -> _Floats:
 
 
 def _pulse_law(energy: _Floats, part: float) -> tuple[_Floats, _Floats]:
-    """Density over that of noise, and CDF, of a window with the share `part` of a pulse."""
+    """Density, relative to noise, and CDF of a window's energy with a part of a pulse.
+
+    `part` is the window's share of the pulse's energy.
+    """
     strength = part * 10.0 ** (STRENGTHS_DB / 10.0)[:, np.newaxis]
     x = 2.0 * np.sqrt(energy * strength)
     # Bounded: energies this far above noise are certain.

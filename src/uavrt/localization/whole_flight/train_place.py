@@ -53,7 +53,7 @@ class PlaceBelief:
     bearing_deg: float
     """Bearing of the tag from the middle of the flight [deg]."""
     arc50_deg: float
-    """Width of the arc that holds half of the tag's probability [deg]."""
+    """Width of the arc that contains half of the tag's probability [deg]."""
     arc95_deg: float
     level_db: float
     """Energy over noise of the tag's strongest pulse [dB]."""
@@ -64,7 +64,7 @@ class PlaceBelief:
     cells: Cells
 
     def arc_deg(self, share: float) -> float:
-        """Width of the arc around the bearing that holds a given probability [deg]."""
+        """Width of the arc around the bearing that contains a given probability [deg]."""
         return self.cells.arc_deg(self.bearing_deg, share)
 
 

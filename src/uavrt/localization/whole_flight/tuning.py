@@ -25,8 +25,8 @@ class EnergyTuning:
     wide_sigmas: float = 8.0
     """Excess of the whole channel's energy that shows a strong signal [standard deviations]."""
     crest: float = 3.0
-    """Maximum ratio of a window's largest sample to its mean power that is no impulse. A pulse
-    of N samples has 1/N of its power in one sample, an impulse N times as much."""
+    """Ratio of a window's largest sample power to its mean power above which it is an impulse.
+    A pulse of N samples has 1/N of its power in one sample, an impulse N times as much."""
     hops_beside: int = 16
     """Distance from a strong filter window beyond which others are used [hops]: two pulses."""
     slots_beside: int = 4
@@ -35,7 +35,7 @@ class EnergyTuning:
     """Longest gap between two blocks of samples that is bridged [s]."""
     most_overlap_s: Guard[float] = 0.1
     """Largest overlap of a block with earlier ones that counts as drift [s]. A crystal 100 ppm
-    fast gathers it in 17 minutes; a clock set back by more is ignored."""
+    fast reaches it in 17 minutes; a clock set back by more is ignored."""
     least_step_s: Guard[float] = 0.0015
     """Minimum time step between sample blocks that is corrected [s]; costs one window."""
     dead_s: Guard[float] = 0.1
@@ -75,7 +75,8 @@ class SearchTuning:
     moment_slots: Guard[int] = 16384
     least_skewness: Guard[float] = 0.02
     hypotheses: float = 6.0
-    """Independent train hypotheses for each pattern and cell, from flights with noise only."""
+    """Number of independent train hypotheses for each pattern and cell, from flights with noise
+    only."""
     burst_hypotheses: float = 2.5
     """Factor on `hypotheses` for coded tags, where each burst is the best of some stretches."""
     lags: Resolution[tuple[int, ...]] = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
@@ -119,9 +120,10 @@ class SearchTuning:
     least_cells: float = 2.0
     rows_beside: Guard[int] = 1
     stretch_hypotheses: float = 8.6
-    """Independent train hypotheses for each flight and cell of a range of intervals."""
+    """Number of independent train hypotheses for each flight and cell of a range of
+    intervals."""
     place_hypotheses: float = 1.35
-    """Independent train hypotheses for each pattern and flight, if the tag moves."""
+    """Number of independent train hypotheses for each pattern and flight, if the tag moves."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,12 +148,13 @@ class PlaceTuning:
     exponents: Resolution[tuple[float, ...]] = (2.0, 2.5, 3.0, 3.5, 4.0)
     """Candidate path loss exponents, from free space to a tag on the ground."""
     same_range_db: Guard[float] = 0.3
-    """Range of 10 log10(distance) below which a position shows no path loss exponent [dB]."""
+    """Variation of 10 log10(distance) below which the path loss exponent cannot be estimated
+    [dB]."""
     least_exponent_share: Guard[float] = 0.02
-    """Minimum probability of a path loss exponent under which regions must hold the tag."""
+    """Minimum probability of a path loss exponent under which regions must contain the tag."""
     counted: float = 0.8
     """Share of the pulses' evidence that counts, because neighbouring pulses share errors of
-    pattern, poses and ground. With all of it, 90 % regions held 85 % of the tags (I4)."""
+    pattern, poses and ground. With all of it, 90 % regions contained 85 % of the tags (I4)."""
     lasting_db2: float = 4.0
     """Variance of level errors that pulses share, times the number of pulses for which they
     last [dB²]. It limits the evidence of pulses with little noise and fading."""

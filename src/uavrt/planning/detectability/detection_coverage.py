@@ -44,7 +44,7 @@ class AntennaPath:
     headings: Headings | None = None
     """Headings of the antenna; None is equal gain in all directions."""
     noise_db: _Floats | None = None
-    """(n,) noise over that of the link budget at each pulse [dB]; None is equal to it."""
+    """(n,) noise at each pulse over the link budget's noise [dB]; None: no difference."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

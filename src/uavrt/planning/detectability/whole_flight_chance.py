@@ -22,7 +22,7 @@ _Singles = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WholeFlightModel:
-    """Parameters for predicting if a whole-flight search finds a tag, beyond its own."""
+    """Parameters to predict whether a whole-flight search finds a tag."""
 
     least_pulses: int = 12
     """Number of pulses that the ordinary detector sums; a shorter flight gains nothing."""
@@ -48,7 +48,10 @@ _SKEWNESSES = np.linspace(0.01, 2.0, 100)
 
 
 class WholeFlightSum:
-    """Detection probability of a whole flight for each map cell; needs all pulses twice."""
+    """Computes the detection probability of a whole flight for each map cell.
+
+    All pulses are passed to `look`, then all again to `add`.
+    """
 
     def __init__(
         self,

@@ -41,7 +41,7 @@ class OtherDrones:
 
     separation: Separation
     listening: tuple[Path, ...] = ()
-    """Planned paths of reporting drones; what pulses will show there counts as known."""
+    """Planned paths of drones that report; information from there counts as already gained."""
     left: frozenset[int] = frozenset()
     """Tags that other drones search for, so that this drone does not."""
     strips: tuple[Strip, ...] = ()
@@ -57,12 +57,12 @@ class OtherDrones:
         return least
 
     def legs(self, time_s: float) -> Legs | None:
-        """Remaining paths of the other drones that report, sampled; None without any."""
+        """Sampled remaining paths of the other drones that report; None if there are none."""
         if not self.listening:
             return None
         shares = (np.arange(PLANNING.drones_samples) + 0.5) / PLANNING.drones_samples
         left = np.array(
-            [max(PLANNING.drones_step_s, one.time_s[-1] - time_s) for one in self.listening]
+            [max(PLANNING.drones_span_s, one.time_s[-1] - time_s) for one in self.listening]
         )
         times = left[:, None] * shares
         places = [

@@ -16,7 +16,7 @@ class FlyTo:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rotate:
-    """Turn in place, clockwise; the antenna covers every direction."""
+    """Turn in place, clockwise, so that the antenna points in all directions."""
 
     duration_s: float = 20.0
     turn_deg: float = 360.0

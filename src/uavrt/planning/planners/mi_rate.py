@@ -61,7 +61,8 @@ class _PathRating:
     near_probability: float = 0.25
     """Minimum probability that an animal is near at which the drone leaves without a turn."""
     vague_factor: float = 1.5
-    """Ratio of an animal's position spread to the distance to keep that makes a turn useful."""
+    """Minimum ratio of an animal's position spread to the distance to keep, for a turn in place
+    to help."""
 
 
 _RATING = _PathRating()

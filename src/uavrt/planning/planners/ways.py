@@ -51,7 +51,7 @@ def headings(
 def checked(
     situation: Situation, east_m: _Floats, north_m: _Floats, *, stays_s: float = 0.0
 ) -> CandidatePaths:
-    """Check which paths, with stays at their ends, area and distance to animals allow."""
+    """Check which paths, with stays at their ends, the area and the animals allow."""
     state = situation.state
     here = (state.east_m, state.north_m)
     refused = situation.area.refusals(here, east_m, north_m, state.height_m)

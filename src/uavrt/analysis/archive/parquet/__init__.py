@@ -1,1 +1,1 @@
-"""An archive's tables: writing, checking and querying them."""
+"""Write, check and query an archive's tables."""

@@ -30,7 +30,7 @@ R = TypeVar("R", RecordingRow, FlightRow)
 ASIDE = "damaged"
 """Folder below the output for damaged row files and their tables."""
 _TABLE = re.compile(r"[0-9a-f]{16}\.parquet")
-"""File name of a table, by its key (`uavrt.analysis.archive.steps.step_keys`)."""
+"""Pattern of a table's file name: a step's key and the extension (`step_keys`)."""
 
 
 class _Entry(msgspec.Struct, frozen=True):

@@ -1,4 +1,4 @@
-"""Copy rows of thousands of flights into one file a month, so that queries open few files.
+"""Copy rows of thousands of flights into one file per month, so that queries open few files.
 
 ::
 
@@ -6,7 +6,7 @@
     OUT/copies.json                         source files of each copy; also cached answers
 
 A month with a missing source file is not used, and rows in no month are read from their
-original files. Damaged months are made again.
+original files. Damaged monthly files are written again.
 """
 
 import atexit
@@ -53,7 +53,8 @@ LEAST_FILES = 100
 """Minimum number of new table files that are copied by month; fewer are opened one by one."""
 _GROUP_ROWS = 50_000
 _INTERRUPTED_S = 0.5
-"""Longest wait for the end of an interrupted query [s]; DuckDB's functions go on."""
+"""Longest wait for the end of an interrupted query [s]; some steps of DuckDB ignore
+interrupts."""
 INDEX = "copies.json"
 UNKNOWN = "unknown"
 """Name of the month, in a file name, for rows without a known time."""

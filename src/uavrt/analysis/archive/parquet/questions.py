@@ -189,7 +189,7 @@ def _place(archive: Path, name: str) -> str:
 
 
 def _make_views(connection: "duckdb.DuckDBPyConnection", archive: Path, question: str) -> None:
-    """Define a view for each table in a query's text; listing the files of all takes long."""
+    """Create a view for each table that a query names; listing the files of all takes long."""
     asked = question.lower()
     whole: dict[str, type] = {RECORDINGS: RecordingRow, FLIGHTS: FlightRow}
     for file, record in whole.items():

@@ -10,7 +10,8 @@ from uavrt.core.errors import NotFound, UsageError
 
 STEPS = ("detect", "attach", "bearing", "localize", "integrate")
 USUAL_STEPS = STEPS[:-1]
-"""Default steps of a batch: without whole-flight analysis, the slowest, with most memory."""
+"""Default steps of a batch; whole-flight analysis is left out, as it takes most time and
+memory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -93,7 +93,7 @@ class CellTask:
                         source.read()  # raises the reason if the recording is incomplete
                 except EOFError:
                     if place < cell.end:
-                        fault = "it ended early: it was changed meanwhile"
+                        fault = "it ended early: the file was changed during the search"
                 except UavrtError as error:
                     fault, gone = str(error), _gone(self, error)
                 pulses += chain.flush()
@@ -157,7 +157,7 @@ def _gone(task: CellTask, error: UavrtError) -> bool:
 
 
 def _counts(cell: Cell, pulse: Pulse) -> bool:
-    """False for a pulse that ends in the cell's lead-in: the cell before it counts that one."""
+    """False for a pulse that ends in the cell's lead-in: it counts in the previous cell."""
     return cell.begin_ns is None or pulse.end_time_ns >= cell.begin_ns
 
 

@@ -135,7 +135,7 @@ class _Cluster:
             try:
                 return future.result()
             except self._killed:
-                return task.failed("workers ended again and again with this in hand")
+                return task.failed("workers crashed repeatedly during this task")
 
     def done(self) -> int:
         return self._done

@@ -74,7 +74,7 @@ class Detecting:
         """Warning, by name, for each recording whose start is taken from its file's time."""
 
     def plan(self, recording: Recording) -> RecordingRow | None:
-        """Add a recording's tasks; returns its new result row if it needs none, else None."""
+        """Add a recording's tasks; if it needs none, return its new result row, else None."""
         try:
             key = _key(recording, self._sought, self._settings)
             self.keys[recording.path] = key

@@ -39,7 +39,7 @@ from uavrt.localization.terrain.elevation import Elevation
 from uavrt.localization.terrain.elevation_files import open_elevation
 
 PATH_FIELDS = ("time_ns", "latitude_deg", "longitude_deg", "radius50_m", "radius95_m")
-"""Fields of a moving tag's track; each is a list column of the table."""
+"""Fields of a moving tag's path; each is a list column in the table of positions."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,7 +191,7 @@ def _place(task: FlightTask) -> FlightResult:
 def _integrated(
     task: FlightTask, flight: Flight, antenna: str
 ) -> tuple[tuple[IntegratedVerdict, ...], str | None]:
-    """Whole-flight results of tags with a recorded channel; errors as text, None without."""
+    """Whole-flight results of tags with a recorded channel; errors as text, or None."""
     from uavrt.analysis.inputs.flown_with import antenna_is_recorded
     from uavrt.analysis.integrated.hindsight import verdict_of
     from uavrt.analysis.whole_flights.judged_flights import WholeFlightOptions
@@ -221,7 +221,7 @@ def _integrated(
 
 
 def _attached(task: FlightTask) -> tuple[Flight | None, tuple[PulsePose, ...], float | None]:
-    """Give the pulses poses; returns the flight or None, its pulses, and clock offset [s]."""
+    """Attach poses to a task's pulses; returns flight or None, pulses, and clock offset [s]."""
     pulses = [pulse for one in task.searched for pulse in one.pulses]
     if task.is_flight:
         flight = read_flight(task.path)

@@ -64,7 +64,7 @@ def run_tasks(
             return
         for number in left.undone:
             if deaths[number] >= MOST_DEATHS:
-                fault = f"the worker ended {MOST_DEATHS} times with this in hand"
+                fault = f"the worker crashed {MOST_DEATHS} times during this task"
                 yield number, tasks[number].failed(fault)
 
 

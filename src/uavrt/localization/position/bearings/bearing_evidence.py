@@ -142,7 +142,7 @@ def log_product(densities: _Floats) -> _Floats:
 
 
 def _nodes(sigma_deg: float) -> NDArray[np.int64]:
-    """About 9 errors common to all headings, up to three sigma [table steps]."""
+    """Trial errors common to all headings: about 9, up to three sigma [table steps]."""
     step = max(1, round(0.67 * sigma_deg / BEARING_FIX.step_deg))
     reach = int(3.0 * sigma_deg / BEARING_FIX.step_deg / step)
     return np.arange(-reach, reach + 1) * step

@@ -35,7 +35,7 @@ class FlightBearings:
     north_m: _Floats
     bearing_deg: _Floats
     sigma_deg: _Floats
-    """(n,) standard deviation of each bearing [deg], without errors that all share."""
+    """(n,) standard deviation of each bearing [deg], without errors common to all."""
     time_s: _Floats | None = None
     """(n,) times of the bearings [s]; None: the tag rests."""
 

@@ -88,7 +88,10 @@ def m_estimate(rays: Rays, *, as_original: bool) -> PlanePosition | None:
 
 
 def repeated_median(rays: Rays, *, as_original: bool) -> PlanePosition | None:
-    """Repeated median of crossings, `as_original` also of those behind stations; or None."""
+    """Repeated median of the bearings' crossings; None without any.
+
+    With `as_original`, crossings behind the stations count, too.
+    """
     c, s = np.cos(rays.angle_rad), np.sin(rays.angle_rad)
     dx = rays.east_m[None, :] - rays.east_m[:, None]
     dy = rays.north_m[None, :] - rays.north_m[:, None]

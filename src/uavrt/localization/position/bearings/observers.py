@@ -15,8 +15,8 @@ from uavrt.localization.results import Bearing, Caution
 
 _Floats = NDArray[np.float64]
 Displacement = tuple[float, float, float]
-"""Probability of a shift that all bearings share; its standard deviation in each direction as a
-share of the mean distance, and as a constant [m]."""
+"""One possible shift common to all bearings: its probability, and its standard deviation in
+each direction, as a share of the mean distance and as a constant [m]."""
 
 AGREEMENT_ALONE = Caution(
     name="observer",

@@ -82,7 +82,7 @@ class Stations:
 
     @property
     def with_levels(self) -> "Stations | None":
-        """Only stations with a known level; None if the levels of all are missing."""
+        """Copy with only the stations of known level; None if all levels are missing."""
         if self.level_db is None:
             return None
         known = np.isfinite(self.level_db)

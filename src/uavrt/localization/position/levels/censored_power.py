@@ -70,8 +70,8 @@ def normal_tail(u: _Floats) -> tuple[_Floats, _Floats]:
     """Normal distribution function, and the density divided by it (inverse Mills ratio).
 
     Linear interpolation in tables is several times as fast as the functions, with errors up to
-    8e-6 and 2e-5. Beyond the tables the values stay constant; the ratio continues below as a
-    line, where it nears -u.
+    8e-6 and 2e-5. Beyond the tables the values stay constant; below them the ratio continues as
+    the line -u that it approaches.
     """
     below, below_steps, ratio, ratio_steps = _normal_tables()
     place = np.minimum(u, POWER.highest_sigmas)

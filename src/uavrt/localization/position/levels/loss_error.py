@@ -55,7 +55,7 @@ class LossError:
 
     @classmethod
     def of_columns(cls, law: LastingError | None, columns: _Floats) -> "LossError | None":
-        """Convert (n, 3) columns to a distribution; None without a `law`."""
+        """Convert (n, 3) columns to a distribution; None if `law`, its constants, is None."""
         if law is None:
             return None
         return cls(

@@ -17,7 +17,8 @@ HILL_FACTORS = (
     (1.0, 2.0 / 3.0),
     (1.0 + 3.0**0.5 * POWER.hill_error, 1.0 / 6.0),
 )
-"""Candidate factors on all hill losses and their probabilities, by Gauss-Hermite."""
+"""Candidate factors on all hill losses, and their probabilities, by Gauss-Hermite
+quadrature."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,7 +34,7 @@ class TrackHillLosses:
     def of(
         cls, hills: HillLosses | None, east_m: _Floats, north_m: _Floats, up_m: _Floats
     ) -> "TrackHillLosses | None":
-        """Losses for pulses received at positions; heights count from the take-off's ground."""
+        """Losses for pulses received at positions; heights are above the take-off's ground."""
         if hills is None:
             return None
         return cls(hills=hills, losses=hills.seen_from(east_m, north_m, up_m))

@@ -168,7 +168,7 @@ class PowerEvidence:
         return max(lasting_correlation(residual), by_hills)
 
     def fit_with_foreign(self, east_m: _Floats, north_m: _Floats) -> tuple[_Floats, _Floats]:
-        """Fit received pulses, of which some may be another sender's, at positions (places,).
+        """Fit received pulses, some of them perhaps another sender's, at positions (places,).
 
         Returns: residuals (places, received) [dB]; log-likelihood (places,).
         """
@@ -179,7 +179,11 @@ class PowerEvidence:
         return residual, fit.log_likelihood
 
     def _heard_from(self, east_m: _Floats, north_m: _Floats) -> tuple[_Reals, _Reals]:
-        """(places, received) -10 log10(r / 100 m), and SNR over its mean less gain [dB]."""
+        """Distance terms and antenna-corrected SNR of received pulses, (places, received) each.
+
+        The terms are -10 log10(r / 100 m); the SNR is relative to its mean, less the antenna's
+        gain [dB].
+        """
         heard = np.flatnonzero(self._heard)
         return self._over_mean(heard, *self.propagation(east_m, north_m, heard))
 

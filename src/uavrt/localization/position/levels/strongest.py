@@ -50,7 +50,7 @@ class SignalSurface:
 def strongest_signal(
     track: PowerTrack, *, exponent: float = LEVELS.exponent
 ) -> StrongestSignal:
-    """Strongest position of a track, six pulses averaged; `UsageError` without pulses."""
+    """Position of a track's highest SNR, over six pulses; `UsageError` without pulses."""
     heard = np.flatnonzero(~np.isnan(track.snr_db))
     if not len(heard):
         raise UsageError(
@@ -156,7 +156,7 @@ def signal_surface(track: PowerTrack) -> SignalSurface:
 
     heard = ~np.isnan(track.snr_db)
     if np.count_nonzero(heard) < 4:
-        raise UsageError("fewer than four pulses make no map", remedy="Fly nearer to the tag")
+        raise UsageError("a map needs four or more pulses", remedy="Fly nearer to the tag")
     plane = plane_around(track.latitude_deg[heard], track.longitude_deg[heard])
     east, north = plane.to_local(track.latitude_deg[heard], track.longitude_deg[heard])
     extent = float(max(np.ptp(east), np.ptp(north)))

@@ -195,7 +195,7 @@ def colliding_starts_s(
 
 
 def exponentials(mean: float, pulses: int) -> float:
-    """Number of noise bursts whose maximum of mean pulse energies has a given mean."""
+    """Number of noise bursts among which the largest mean pulse energy has a given mean."""
     energy = np.arange(0.0, 12.0, 0.01)
     law = special.gammainc(pulses, pulses * energy)
     many = np.geomspace(1.0, 40.0, 400)

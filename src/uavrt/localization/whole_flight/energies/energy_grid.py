@@ -54,7 +54,7 @@ class SlotEnergies:
     noise_db: NDArray[np.float64]
     """(slots,) noise by which a slot's energies were divided [dB]; may vary with heading."""
     pulses: int = 1
-    """Number of pulses in a coded tag's burst, whose energy is their mean; otherwise 1."""
+    """Number of pulses averaged in each energy: those of a coded tag's burst, otherwise 1."""
     single: SinglePulses | None = None
     """Energies of single pulses of a coded tag; None for other tags."""
 
@@ -437,7 +437,10 @@ def _spread(flags: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
 def _centred(
     energy: NDArray[np.float32], good: NDArray[np.bool_], length: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float64]]:
-    """Energies, mean 0 in each stretch, variance 1 in each row; rows' means and sigmas."""
+    """Shift energies to mean 0 in each stretch of time; scale rows to variance 1.
+
+    Also returns the rows' original means, and their standard deviations before scaling.
+    """
     result = np.zeros_like(energy)
     rows = len(energy)
     if not good.any():
