@@ -15,7 +15,7 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 _BEYOND = datetime(2262, 1, 1, tzinfo=UTC)
-"""Times from this on are rejected: 64 bits of nanoseconds since 1970 end in 2262."""
+"""Earliest time that is rejected: 64 bits of nanoseconds since 1970 end in 2262."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +114,7 @@ def parse_iso_intervals(text: str) -> tuple[tuple[int, int], ...]:
 
 
 def flight_stamp(time_ns: int) -> str:
-    """Start of a flight directory's name: UTC as ``YYYY-mm-dd_HH-MM-SS`` (thesis §4.5)."""
+    """Format a time [ns, UTC] as a flight directory has it: ``YYYY-mm-dd_HH-MM-SS``."""
     return (
         f"{datetime.fromtimestamp(time_ns // NANOSECONDS_PER_SECOND, tz=UTC):%Y-%m-%d_%H-%M-%S}"
     )

@@ -122,7 +122,7 @@ BETWEEN_FLIGHTS: States = {
 
 
 class PermittedSender(StrEnum):
-    """Who may send a command, if only one station commands (`mission.commanding_station`)."""
+    """Stations that may send a command, if `mission.commanding_station` limits it to one."""
 
     ANYBODY = "anybody"
     """Any station, because the command changes nothing."""
@@ -156,10 +156,12 @@ class CommandField:
     unit: str = ""
     low: float = -inf
     high: float = inf
-    """Largest valid number (`low`: smallest); checked only for the `member` ``"values"``."""
+    """Largest valid number, as `low` is the smallest; both are checked only if `member` is
+    ``"values"``."""
     member: str | None = "values"
-    """Field of `uavrt.core.messages.Command` that holds the number: ``"values"``, or a field of
-    its own, where 0 becomes None. None: the drone ignores the number."""
+    """Field of `uavrt.core.messages.Command` that stores the number: the dictionary
+    ``"values"``, or a field for this number alone, in which 0 becomes None. None: the drone
+    ignores the number."""
     from_g2: bool = False
     """True if the field is missing in the protocol versions before G2."""
 
