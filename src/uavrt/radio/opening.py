@@ -31,8 +31,8 @@ RadioOpener = Callable[[RadioSettings, float, Clock | None], SampleSource]
 
 
 OPENERS: Registry[RadioOpener] = Registry(RADIO_GROUP, {"soapy": SoapySource})
-"""Radios read by a driver, uavrt's own or a package's. Each is opened with the settings, the
-frequency to tune to [Hz] and the system's clock."""
+"""Functions that open a radio by a driver, uavrt's own or one of another package, by kind of
+radio. Arguments: the settings, the frequency to tune to [Hz] and the system's clock."""
 
 _SUFFIXES: dict[str, str] = {
     ".cf32": "cf32",
@@ -92,7 +92,7 @@ def open_stream(
 def open_channel(
     address: str, *, sample_rate_hz: float | None, center_frequency_hz: float | None
 ) -> ChannelDatagramSource:
-    """Receive one channel by UDP from the original channelizer, or from ours."""
+    """Receive one channel by UDP from the original channelizer, or from uavrt's."""
     return ChannelDatagramSource(
         address,
         sample_rate_hz=3750.0 if sample_rate_hz is None else sample_rate_hz,

@@ -2,7 +2,8 @@
 
 Measured on the reference machine: ``readv`` into a preallocated block of 87 ms from a pipe of 1
 MiB costs 0.5 % of a core at 24 MB/s; Python bytes, threads or asyncio cost up to three times
-that. A pipe of 1 MiB gives 44 ms instead of 2.7 ms before the radio's program has to wait.
+that. With a pipe of 1 MiB, the reader may pause for 44 ms instead of 2.7 ms before the radio's
+program has to wait.
 """
 
 import errno
@@ -26,7 +27,8 @@ _WRITE: Final = 16384
 """Unit of the writes of radio programs [samples]; airspy_rx writes 65 536. A block that is a
 multiple of it needs no extra read: 262 144 at 3 MS/s."""
 PIPE_BYTES: Final = 1 << 20
-"""Largest pipe that Linux allows without privilege (/proc/sys/fs/pipe-max-size) [bytes]."""
+"""Size of the largest pipe that Linux allows without privileges [bytes]
+(/proc/sys/fs/pipe-max-size)."""
 _PIPE_SIZES: Final = (PIPE_BYTES, PIPE_BYTES // 2, PIPE_BYTES // 4)
 
 log = get_logger()
@@ -39,7 +41,7 @@ def block_length(sample_rate_hz: float, block_s: float = BLOCK_S) -> int:
 
 
 class StreamSource(LiveSource):
-    """Live samples from a file descriptor, which `close` leaves open."""
+    """Reads live samples from a file descriptor, which `close` leaves open."""
 
     MAY_BE_SLOW = True
     RATE_REMEDY = "Check --sample-rate, and what slows the program before the pipe down"

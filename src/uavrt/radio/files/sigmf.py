@@ -33,7 +33,7 @@ from uavrt.radio.timing.sample_times import NominalTimes
 def sigmf_layout(
     path: Path, *, center_frequency_hz: float | None = None, start_time_ns: int | None = None
 ) -> Layout:
-    """Describe a SigMF recording, named by either file, with gaps between its captures."""
+    """Describe a SigMF recording and the gaps between its captures; `path`: either file."""
     meta_path, data_path = _paths(path)
     meta = _load(meta_path)
     about = _table(meta, "global", meta_path)
@@ -89,7 +89,7 @@ def sigmf_layout(
 
 
 def sigmf_global(path: Path, key: str) -> object:
-    """Value of a key in a recording's global part, or None; raises `FormatError`."""
+    """Value of a key in a recording's global metadata, or None; raises `FormatError`."""
     meta_path, _ = _paths(path)
     return _table(_load(meta_path), "global", meta_path).get(key)
 

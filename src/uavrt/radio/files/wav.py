@@ -36,10 +36,11 @@ from uavrt.radio.live_source import check_rates
 
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _UNKNOWN_SIZE = (0, 0xFFFFFFFF, 0x7FFFFFFF)
-"""Sizes in a WAV file's data chunk that mean unknown: the writer streamed or was killed."""
+"""Sizes in a WAV file's data chunk that mean "unknown": the writer streamed or was killed."""
 
 _MOST_READ = 1 << 16
-"""Maximum part of a WAV chunk that is read [bytes]; XML, the longest, has some thousand."""
+"""Maximum size of a WAV chunk that is read [bytes]; the longest kind, XML, has a few
+thousand."""
 _MOST_CHUNKS = 1000
 
 
@@ -177,11 +178,11 @@ def _chunk_at(file: BinaryIO, at: int) -> tuple[bytes, int]:
 
 
 def _data_size(file: BinaryIO, first: int, length: int, header: _Header, size: int) -> int:
-    """Size of the samples [bytes]: the header's if the file's structure confirms it.
+    """Size of the samples [bytes]: the header's, if the file's structure confirms it.
 
-    Programs without RF64 let the size overflow at 4 GiB, and some write it only at the start.
-    So the size counts only if the end of the file, or other chunks up to the end, follow the
-    samples. Otherwise the samples extend to the end of the file.
+    Programs without RF64 let the size overflow at 4 GiB, and some write the size only at the
+    start. So it is used only if the end of the file, or further chunks up to the end, follow
+    the samples. Otherwise the samples extend to the end of the file.
     """
     if length == _UNKNOWN_SIZE[1] and header.long_data_size is not None:
         length = header.long_data_size

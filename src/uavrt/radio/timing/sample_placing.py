@@ -92,12 +92,12 @@ class Placer:
 
     @property
     def unseen(self) -> str | None:
-        """Reason why arrivals are not used for times and losses; None if they are."""
+        """Reason why arrival times cannot be used to find losses; None if they can."""
         return self._keeper.unseen if self._nominal is None else "--start-time was given"
 
     @property
     def withdrawn(self) -> int:
-        """Number of lost samples inferred from arrivals that turned out to be unusable."""
+        """Number of samples counted as lost from arrival times that proved unusable."""
         return 0 if self._keeper.unseen is None else self._inferred
 
     @property
