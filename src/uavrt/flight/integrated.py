@@ -72,7 +72,8 @@ class SilentAround:
     probability: float
     """Probability with which the tag would have been found in the area."""
     within_m: float | None
-    """Distance from the flight up to which the tag would have been found [m]; None: nowhere."""
+    """Distance from the flight up to which the tag would have been found [m]; None: it would
+    have been found nowhere."""
     whole_flight: bool
     """True if the whole flight was combined; False if groups of pulses were searched."""
 
@@ -104,9 +105,9 @@ class IntegratedVerdict:
     flights: int = 1
     """Number of flights analysed together; `bearing_deg` is then from the middle of all."""
     heard_live: int = 0
-    """Number of the found train's pulses that were already detected during the flight."""
+    """Number of pulses of the found train that were already detected during the flight."""
     remarks: str = ""
-    """Limitations of the figures, such as missing terrain heights."""
+    """Limitations of the results, such as missing terrain heights."""
     ambiguous: bool = False
     """True if another pulse train on this frequency may be the tag's: the ratio of both
     intervals is simple, such as 3/2."""

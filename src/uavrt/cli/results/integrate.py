@@ -75,7 +75,7 @@ def integrate(
         detect. By default the channels that the flight recorded (iq/channels), or its recording
         of the band.
     track
-        Where the drone was while --recording was made: PX4's .ulg, ArduPilot's .BIN or .tlog,
+        The drone's path while --recording was made: PX4's .ulg, ArduPilot's .BIN or .tlog,
         NMEA sentences, GPX, or a telemetry.csv of uavrt simulate. Nothing is saved.
     clock_offset
         Seconds by which the recording's clock is ahead of the track's; 0 by default.
@@ -299,7 +299,10 @@ def _together(
     listed: "Sequence[Tag] | None",
     ids: tuple[int, ...],
 ) -> tuple[bool, _Results]:
-    """Search several flights together, tag by tag to save memory; True if any was found."""
+    """Search several flights together, one tag at a time to save memory.
+
+    Returns True if any tag was found, and the results.
+    """
     from uavrt.analysis.whole_flights.several_flights import (
         common_tags,
         judge_together,
@@ -381,7 +384,7 @@ def _check_unused_options(opened: dict[str, Any]) -> None:
 def _silent(
     asked: _Options, flight: "Flight", results: "list[IntegratedTag]"
 ) -> "dict[int, SilentMap]":
-    """Map, by tag id, where each tag not found would have been detected; print any problem."""
+    """Map of where each tag not found would have been detected, by tag id; prints problems."""
     from uavrt.analysis.covered.silence import silent_maps
     from uavrt.analysis.integrated.hindsight import verdict_of
 

@@ -264,7 +264,7 @@ def measure(
     Parameters
     ----------
     recording
-        A file with at least ten pulses or so of a nearby tag.
+        A file with about ten pulses or more of a nearby tag.
     frequency
         Approximate frequency in hertz; by default the whole band is searched.
     window

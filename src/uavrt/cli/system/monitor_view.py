@@ -212,7 +212,7 @@ def _number(tag_id: int, last: Pulse | None) -> str:
 
 
 def _usable(searched: SearchReport | None) -> str:
-    """Text: usable share of the time, and energy-to-noise ratio found with Pd 0.9 [dB]."""
+    """Text with the usable share of the time, and the weakest pulses found with Pd 0.9 [dB]."""
     if searched is None or searched.usable_share is None:
         return "–"
     weakest_db = searched.weakest_enr_db

@@ -45,7 +45,7 @@ class RecordField:
     defaulted: bool
     """True if the field may be missing, as in older files."""
     length: int | None = None
-    """Required number of values in a tuple of numbers; None: any."""
+    """Required number of values, if the field is a tuple of numbers; None: any number."""
 
 
 def fields_of(record: type) -> tuple[RecordField, ...]:

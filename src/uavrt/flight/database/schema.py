@@ -30,8 +30,8 @@ from uavrt.core.messages import (
 from uavrt.flight.database.fields import Columns, Row
 
 VERSION = 6
-"""Version of a flight's tables. Added in 2: doubts about pulses; 3: searches; 4: coded tags; 5:
-usable share of time and weakest tag in search reports; 6: beeping senders."""
+"""Version number of a flight's tables. Version 2 added doubts about pulses; 3: searches; 4:
+coded tags; 5: usable share of time and weakest tag in search reports; 6: beeping senders."""
 SEARCHED = Columns(
     SearchReport,
     (
@@ -261,4 +261,5 @@ WRITTEN: dict[type, tuple[str, Callable[[Any], Row]]] = {
     SearchReport: (insertion("search_reports", SEARCHED.names), SEARCHED.row),
     Tag: (INSERT_TAG.replace("OR IGNORE", "OR REPLACE"), TAGS.row),
 }
-"""SQL statement and conversion to its row, by type of record."""
+"""SQL statement that stores a record, and function that converts the record to its row, by type
+of record."""

@@ -82,7 +82,10 @@ def _pose_from_record(record: dict[str, Any], time_ns: int) -> Pose | None:
 def _converted(
     record: dict[str, Any], kind: type[R], described: Iterable[RecordField], **more: Any
 ) -> R:
-    """Make a `kind` from a file's record: unknown numbers are NaN, missing fields default."""
+    """Make a record of class `kind` from a line of a file; unknown numbers become NaN.
+
+    Fields that the line lacks get their defaults.
+    """
     values = {
         one.name: _finite_or_nan(record[one.name]) if one.kind == "real" else record[one.name]
         for one in described

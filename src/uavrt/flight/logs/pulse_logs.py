@@ -46,7 +46,7 @@ class PulseLogs:
         self._new.extend(pulse_poses)
 
     def compare_first(self) -> None:
-        """Make the next `write` skip pulses that a log has already, by tag and time."""
+        """Make the next `write` leave out pulses already in a log, compared by tag and time."""
         self._behind = True
         self._retry_at_s = 0.0
 

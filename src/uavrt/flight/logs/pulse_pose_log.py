@@ -58,7 +58,7 @@ class _Groups:
         self._last: dict[int, tuple[int, int]] = {}
 
     def numbered(self, found: PulsePose) -> PulsePose:
-        """Copy the next pulse of a log, with its group number, which is not in the log."""
+        """Copy the next pulse of a log, with a group number, which the log does not contain."""
         pulse = found.pulse
         count, before = self._last.get(pulse.tag_id, (0, 1 << 30))
         count += pulse.group_index <= before

@@ -18,7 +18,8 @@ _HEARD = (
     f" max(start_time_ns) FILTER (WHERE {_COUNTED}), max(end_time_ns), count(*)"
     " FROM pulses GROUP BY tag_id"
 )
-"""SQL query by tag: number and times of confirmed pulses; last end and number of all pulses."""
+"""SQL query by tag: number and times of confirmed pulses; end of the last pulse and number of
+all pulses."""
 _LEVELS = (
     "SELECT tag_id, start_time_ns, snr_db FROM pulses WHERE detection_status = 'confirmed'"
 )
@@ -94,7 +95,7 @@ def read_outline(directory: str | os.PathLike[str]) -> FlightOutline:
 
 
 def read_pulse_levels(directory: Path) -> dict[tuple[int, int], float]:
-    """Level of each confirmed pulse [dB], by tag and start time [ns], to find copies.
+    """Level of each confirmed pulse [dB], by tag and start time [ns]; identifies copies.
 
     Levels agree to the last digit in copies of a flight, but differ between two drones that
     receive the same pulse. A start time received over the link is rounded, without nanoseconds.

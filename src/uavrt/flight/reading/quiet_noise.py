@@ -26,7 +26,7 @@ _NOISE = (
 
 
 def read_quiet_noise_db(directory: str | os.PathLike[str]) -> float | None:
-    """Median noise of a flight's receiver at rest [dB re units/Hz]; None without take-off."""
+    """Median noise before take-off in a flight [dB re units/Hz]; None without a take-off."""
     with flight_database(Path(directory)) as database:
         (taken_off_ns,) = database.execute(
             "SELECT min(time_ns) FROM poses WHERE altitude_relative_m > ?", (_IN_THE_AIR_M,)

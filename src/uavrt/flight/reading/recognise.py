@@ -1,8 +1,8 @@
 """Read a pulse log of any system; the format is recognised by its content.
 
-Three layouts share 20 columns, headings are missing or wrong, and files get renamed. So neither
-name nor option decides. TagTracker's variants with 20 columns are distinguished by their
-values: one variant has a quaternion of length 1 in every row.
+Three layouts have 20 columns, headings are missing or wrong, and files get renamed. So neither
+the file's name nor an option is used. TagTracker's variants with 20 columns are distinguished
+by their values: one variant has a quaternion of length 1 in every row.
 """
 
 import json
@@ -88,7 +88,7 @@ def read_pulse_log(path: str | os.PathLike[str]) -> PulseLog:
 
 
 def pulse_logs_in(path: str | os.PathLike[str]) -> tuple[Path, ...]:
-    """Find all flights and logs at and below a path; raises `FormatError` if there are none."""
+    """Find all flights and pulse logs at and below a path; raises `FormatError` if none."""
     place = Path(path)
     if not place.is_dir() or _holds_a_log(place):
         return (place,)
@@ -213,7 +213,7 @@ def _is_thesis(line: str) -> bool:
 
 
 def _original(path: Path) -> tuple[str, ...]:
-    """Warnings for a pulse_pose_log.txt of the original system, known by its decimals."""
+    """Warnings for a pulse_pose_log.txt of the original system, which has fewer decimals."""
     rows = [cells for line in read_lines(path) if len(cells := cells_of(line)) == COLUMNS]
     if all(len(cells[1].partition(".")[2]) == _DECIMALS_OF_OURS for cells in rows):
         return ()

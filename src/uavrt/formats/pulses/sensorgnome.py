@@ -74,7 +74,7 @@ def _kind(cell: str) -> str | None:
 
 
 def is_detections(cells: Sequence[str]) -> bool:
-    """True if a heading is that of find_tags' detections."""
+    """True if a CSV heading is that of the detections written by find_tags."""
     return {cell.strip('" ').lower() for cell in cells} >= DETECTION_NAMES
 
 

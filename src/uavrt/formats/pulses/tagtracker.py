@@ -199,12 +199,12 @@ def _six(value: float) -> str:
 
 
 def is_heading(cells: Sequence[str]) -> bool:
-    """True if a row has the column names, with or without ``#`` before them."""
+    """True if a row of a TagTracker log has the column names, with or without ``#``."""
     return cells[0][:1] == "#" or ("tag_id" in cells[1:] and not cells[0].isdigit())
 
 
 def row_kind(cell: str) -> str:
-    """Command number of a row, such as ``7``, also if a spreadsheet wrote ``7.000000``."""
+    """Command number of a TagTracker row, such as ``7``, also if written as ``7.000000``."""
     try:
         number = float(cell)
     except ValueError:

@@ -157,7 +157,7 @@ def _check_formats(file: BinaryIO) -> None:
 def _states(
     data: Mapping[str, Sequence[Any]] | None, name: str, yes: int, offset_us: int
 ) -> list[tuple[int, bool]]:
-    """Times [ns], and True where field `name` is `yes`; empty if it was not logged."""
+    """Times [ns] of a topic, each with True if field `name` was `yes`; empty if not logged."""
     if data is None or name not in data:
         return []
     pairs = zip(data["timestamp"], data[name], strict=True)
