@@ -10,7 +10,7 @@ from uavrt.detection.beeps.tuning import INTERVALS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Beat:
-    """Straight line through pulse times, ``t = first + interval · number``."""
+    """Straight line fitted to pulse times: ``t = first + interval · number``."""
 
     interval_s: float
     sigma_s: float

@@ -8,15 +8,17 @@ class PointTuning:
     """Constants for finding single pulses in a band."""
 
     window_s: float = 0.016
-    """Length of the Hann window [s]; pulses of 2.5, 20 and 30 ms lose 3 to 5 dB by it."""
+    """Length of the Hann window [s]; with it, pulses of 2.5, 20 and 30 ms lose 3 to 5 dB."""
     hop_s: float = 0.008
     """Time from the start of one window of the spectrogram to the next [s]."""
     batch_s: float = 2.0
-    """Duration whose median power gives the usual noise level of a frequency [s]."""
+    """Duration of the samples whose median power at a frequency is the usual noise level there
+    [s]."""
     most_cells: int = 12_500_000
     """Maximum number of spectrogram cells searched at once: 48 MiB, 2 s at 3 MS/s."""
     false_per_s: float = 3.0
-    """Noise cells accepted as pulses per second in `false_band_hz`; more in wider bands."""
+    """Number of noise cells accepted as pulses per second in `false_band_hz`; in wider bands,
+    in proportion to the width."""
     false_band_hz: float = 100e3
     """Maximum bandwidth in which at most `false_per_s` noise cells are accepted [Hz]."""
     segment_bins: int = 64
@@ -89,7 +91,8 @@ class TrainTuning:
     most_intervals: int = 8
     """Maximum number of intervals found among the pulses of one frequency."""
     strays: int = 2
-    """Maximum number of pulses at one interval during another interval of the same sender."""
+    """Maximum number of pulses at one interval while the same sender sends at another
+    interval."""
     most_scatter_hz: float = 30.0
     """Maximum scatter of a train's frequencies about a line [Hz]; chance gives 87 Hz."""
     least_explained: float = 0.5
@@ -127,7 +130,8 @@ class NamingTuning:
     """Constants for comparing trains with the listed tags."""
 
     reach_ppm: float = 70.0
-    """Maximum frequency error of a dongle without temperature-compensated crystal [ppm]."""
+    """Maximum frequency error of a radio dongle without temperature-compensated crystal
+    [ppm]."""
     edge_hz: float = 30.0
     """Tolerance for a train's frequency at the edge of a tag's search window [Hz]."""
     code_hz: float = 1000.0
@@ -138,8 +142,8 @@ class NamingTuning:
     least_mirrored: float = 0.75
     """Minimum share of mirrored tags among all tags received off their label's frequency."""
     interval_ratios: tuple[float, ...] = (2.0, 1 / 2, 1 / 3)
-    """Possible ratios of the listed to the measured interval: twice for a mortality signal at
-    double rate, a half or a third if every second pulse, or two of three, are missed."""
+    """Possible ratios of the listed to the measured interval: twice, if a mortality signal has
+    double rate; a half or a third, if every second pulse or two of three are missed."""
     timing_s: float = 0.001
     """Error of a measured pulse interval due to the errors of the pulses' times [s]."""
     least_pulses: int = 8

@@ -10,7 +10,7 @@ from uavrt.detection.coded.tuning import IDENTITY
 
 @dataclass(slots=True)
 class BurstTrack:
-    """Prediction of an identified tag's bursts; `row` is its frequency in the cells."""
+    """Prediction of an identified tag's bursts; `row`: its frequency, as a row of the cells."""
 
     tag: Tag
     time_ns: int

@@ -18,7 +18,7 @@ from uavrt.detection.coded.code_evidence import evidence_in_step
 from uavrt.detection.coded.tuning import IDENTITY
 
 _TRIED = math.log(IDENTITY.steps)
-"""Log of the number of compared time ranges; subtracted from the best log-likelihood."""
+"""Log of the number of compared time ranges; it is subtracted from the best log-likelihood."""
 
 
 def in_step(

@@ -1,8 +1,9 @@
-"""Required sums for a given number of false identifications per hour and code.
+"""Compute the sums required for a given number of false identifications per hour and code.
 
-The sum of n cells of noise has Erlang's distribution. Only some of the sums tried in an
-hour are independent; their number was measured (docs/explanation/coded-tags.md). Several bursts
-are tested by their sum of Rayleigh amplitudes, with the tail by Lugannani and Rice (1980).
+The sum of n cells of noise has Erlang's distribution. Only some of the sums tried in an hour
+are independent; their number was measured (docs/explanation/coded-tags.md). Several bursts are
+tested by the sum of their Rayleigh amplitudes; the tail of its distribution is computed by
+Lugannani and Rice (1980).
 """
 
 import math
@@ -83,5 +84,5 @@ def _rayleigh_tail(count: int, s: float) -> tuple[float, float]:
 
 
 def longest(tag: Tag, kept_s: float) -> int:
-    """Maximum number of bursts in a sum: K at most, within the stored cells."""
+    """Maximum number of bursts in a sum: K, or fewer if the stored cells are shorter."""
     return max(1, min(tag.k, 1 + math.floor(0.5 * kept_s / tag.pulse_intervals_s[0])))
