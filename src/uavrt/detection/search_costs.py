@@ -42,7 +42,8 @@ class CostTuning:
     received_enr: float = 40.0
     """Energy of the simulated tag's pulses over the noise density (ENR), not in decibels."""
     code_share: float = 2e-4
-    """Share of a processor core for each coded tag; 500 take less than a tenth."""
+    """Share of a processor core needed for each coded tag; 500 tags take less than a tenth of a
+    core."""
     most_cpu_s: float = 2.0
     """Maximum measuring time [s of CPU]; other tags then cost as much as the last measured."""
 
@@ -56,7 +57,7 @@ def search_cost(
     *,
     settings: DetectionSettings | None = None,
 ) -> float:
-    """Measure the cores needed to search for tags; cheap uncoded tags count 0.0."""
+    """Measure how many cores the search for tags needs; cheap uncoded tags count as 0.0."""
     codes = sum(tag.coded for tag in tags)
     tags = [tag for tag in tags if not tag.coded]
     settings = DetectionSettings() if settings is None else settings
@@ -90,7 +91,7 @@ def _weight(tag: Tag, settings: DetectionSettings) -> float:
 def _measure(
     tag: Tag, settings: DetectionSettings, cpu_s: Callable[[], float], *, heard: bool
 ) -> float:
-    """Measure the cores used by each detector on noise, or on a tag's pulses if `heard`."""
+    """Measure the cores used by each detector, on noise or, if `heard`, on a tag's pulses."""
     rng = np.random.default_rng(1)
     together = 1 if heard or _weight(tag, settings) > COSTS.dear_weight else COSTS.together
     group = DetectorGroup()

@@ -1,9 +1,9 @@
 """Compute the pulse strength needed for the search to find a group.
 
-Noncoherent square law (Marcum 1960, IRE Trans. IT-6): the power of a pulse's cell over the
-noise is half a noncentral chi-square of two degrees of freedom. A group is the sum of one such
-cell and K - 1 maxima, each of a pulse's cell and the noise cells within the jitter. The
-threshold is the search's own, with all its hypotheses.
+The model is a noncoherent square-law detector (Marcum 1960, IRE Trans. IT-6): the power of a
+pulse's cell over the noise is half a noncentral chi-square of two degrees of freedom. A group
+is the sum of one such cell and K - 1 maxima, each of a pulse's cell and the noise cells within
+the jitter. The threshold is the search's own, with all its hypotheses.
 """
 
 import math
@@ -81,7 +81,7 @@ def detection_probability(
     enr_db : float
         Energy of a pulse over the noise density [dB].
     frequency_window_hz, sample_rate_hz : float
-        As of `group_threshold`.
+        As in `group_threshold`.
     """
     if tag.coded:
         bandwidth_hz = min(2.0 * frequency_window_hz, sample_rate_hz)
@@ -120,9 +120,10 @@ def _coded_probability(tag: Tag, enr_db: float, bandwidth_hz: float) -> float:
 
 @lru_cache(maxsize=4096)
 def _passes(k: int, others: float, enr_db: float, limit: float) -> float:
-    """Probability that the powers of a group of K pulses add up to `limit` [noise powers].
+    """Probability that the powers of a group of K pulses reach the sum `limit` [noise powers].
 
-    The first is a pulse's; each other is the maximum of a pulse and `others` noise cells.
+    The first power is that of a pulse's cell. Each other is the maximum of a pulse's cell and
+    `others` noise cells.
     """
     energy = math.pow(10.0, enr_db / 10.0)
     if k == 1:

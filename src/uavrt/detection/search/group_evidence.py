@@ -1,4 +1,4 @@
-"""Compute the likelihood ratio of a candidate, summed over its unknown parameters.
+"""Compute the likelihood ratio of a candidate group, summed over its unknown parameters.
 
 For speed the search takes the best cell for each pulse, but the best cells do not give the best
 sum. In noise of known power a cell of power P is exp(-E) I0(2 sqrt(E P)) times as likely with a
@@ -35,7 +35,9 @@ def gate(tag: Tag) -> float:
 
 
 class Evidence:
-    """Tests candidates near the threshold by their likelihood, for tags of a `gate` below 1."""
+    """Tests candidates near the threshold by their likelihood, if the tag's `gate` is
+    below 1.
+    """
 
     def __init__(self, tag: Tag, *, grid: Grid, refiner: Refiner) -> None:
         self._tag = tag
@@ -56,7 +58,7 @@ class Evidence:
     def suffices(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> bool:
-        """True if noise causes such a candidate less often than the tag's false-alarm rate."""
+        """True if noise makes such a candidate less often than the false-alarm rate allows."""
         if candidate.score >= EVIDENCE.sure_score:
             return True
         steady, first = self._bounds[candidate.rate - 1]
@@ -70,7 +72,7 @@ class Evidence:
         return self.weigh(starts, offset, level, strength) >= bound
 
     def _bounds_of(self, rate: int) -> tuple[float, float]:
-        """Minimum log-likelihood ratio of a group at later decisions, and at the first."""
+        """Minimum log-likelihood ratios of a group: at later decisions, and at the first."""
         tag, grid = self._tag, self._grid
         width_s = tag.pulse_width_s
         usual_s = decision_interval_s(tag, rate)
@@ -137,7 +139,7 @@ def _kernel(side: int, sigma: float) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=8)
 def _lattices(k: int, side: int) -> NDArray[np.intp]:
-    """Index of the start of each pulse in each trial around the candidate, (K, trials).
+    """Start of each pulse in each lattice tried around the candidate [steps], (K, lattices).
 
     Each lattice is shifted as a whole, and its two ends are shifted against each other.
     """

@@ -1,7 +1,7 @@
 """Remove carriers from the samples before the search.
 
-By the side lobes of a window one pulse long, a carrier of 60 dB hides a tag 100 Hz away. A
-transform 25 times as long finds carriers; they are subtracted with slowly varying amplitudes,
+In windows one pulse long, the side lobes of a carrier of 60 dB hide a tag 100 Hz away. Carriers
+are found in a transform 25 times as long. They are subtracted with slowly varying amplitudes,
 fitted jointly by least squares. A tag exactly on a carrier loses a part of its energy.
 """
 
@@ -111,7 +111,10 @@ class LineCanceller:
     def _steady(
         self, samples: NDArray[np.complex64], frequencies: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
-        """True where the median power of 20 ms pieces is near their mean, unlike for pulses."""
+        """True for frequencies with steady power, as carriers have and pulses do not.
+
+        There the median power of pieces of 20 ms is near their mean.
+        """
         length = round(0.02 * self._rate)
         pieces = samples[: len(samples) // length * length].reshape(-1, length)
         turns = np.exp((-2j * np.pi / self._rate) * np.outer(np.arange(length), frequencies))
@@ -150,8 +153,8 @@ class LineCanceller:
 class _Waves:
     """Sinusoids at given frequencies whose amplitudes follow polynomials, fitted jointly.
 
-    All are fitted together by conjugate gradients, since neighbours share a part of their
-    power: a few products of small matrices. Within a block an amplitude is linear.
+    All are fitted together by conjugate gradients, because neighbours share a part of their
+    power. Within a block an amplitude is taken as linear.
     """
 
     def __init__(

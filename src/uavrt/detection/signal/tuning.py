@@ -13,7 +13,8 @@ class ChannelTuning:
     reorder_s: float = 0.1
     """Longest wait for a sample block that one later block has overtaken [s]."""
     recent_blocks: int = 64
-    """Number of recent sample blocks whose maximum length is expected for the next block."""
+    """Number of recent sample blocks; the longest of them is the expected length of the next
+    one."""
     restart_blocks: int = 3
     """Number of consecutive sample blocks with past times before the stream restarts."""
     # Shortest run of zeros that counts as lost samples; coarse samples contain shorter ones.
@@ -95,8 +96,9 @@ class WhiteningTuning:
     rise_ratio: float = 2.2
     """Ratio of newest median to average noise density above which the average restarts."""
     suppressed_ratio: float = 10.0
-    """Ratio of a noise density to the tag band's above which the filter divides by its square
-    root. A neighbour at this ratio has the inverse ratio after the filter."""
+    """Ratio of a noise density to that of the tag's band above which the filter divides by the
+    square root of the excess only. A neighbour at this ratio has the inverse ratio after the
+    filter."""
     smoothed_bins: int = 5
     """Number of frequency bins over which the noise density is averaged."""
     coloured_ratio: float = 3.0
@@ -133,11 +135,13 @@ class SparkTuning:
     """Ratio of a burst's level to the quiet quantile. Steady noise exceeds it in 0.8 % of the
     time, edges of 60 dB pulses in 1.3 %, and sparks of 3 dB mean power in 16 % or more."""
     sparking_share: float = 0.135
-    """Share of high noise levels at which limiting begins; ten 5 ms bursts/s give 0.1."""
+    """Share of high noise levels at which limiting of the samples begins; ten bursts of 5 ms a
+    second give 0.1."""
     steady_share: float = 0.11
     """Share of high noise levels below which limiting of the samples ends."""
     check_every: int = 8
-    """Number of steps between checks in steady noise: a check takes a third of a step."""
+    """Number of steps between checks for bursts while the noise is steady; a check takes a
+    third of a step."""
     share_gain: float = 0.2
     """Weight of the newest share of high noise levels in its running average."""
 
@@ -154,8 +158,8 @@ class OccupancyTuning:
     """Ratio of an occupied instant's power to the quiet level. The lowest quartile of a minute
     is about 0.3 of the mean noise, which hardly ever reaches this."""
     above_channel: float = 4.0
-    """Maximum ratio of the quiet level to that of the channel's quietest frequencies, as noise
-    at its edges is lower. A higher ratio means a steady signal."""
+    """Maximum ratio of the quiet level of a tag's frequency to that of the channel's quietest
+    frequencies, where noise is lower. A higher ratio means a steady signal."""
     channel_every: int = 4
     """Number of updates between two measurements of the channel's quietest frequencies."""
     group_bins: int = 8

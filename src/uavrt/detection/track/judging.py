@@ -44,7 +44,7 @@ class Judge:
     def suffices(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> bool:
-        """True if noise causes such a candidate less often than the tag's false-alarm rate."""
+        """True if noise makes such a candidate less often than the false-alarm rate allows."""
         return self._evidence is None or self._evidence.suffices(candidate, search, noise)
 
     def known(self, tracks: list[Track]) -> KnownPulses | None:
