@@ -35,9 +35,7 @@ def gate(tag: Tag) -> float:
 
 
 class Evidence:
-    """Tests candidates near the threshold by their likelihood, if the tag's `gate` is
-    below 1.
-    """
+    """Tests candidates near the threshold by their likelihood, for tags with `gate` below 1."""
 
     def __init__(self, tag: Tag, *, grid: Grid, refiner: Refiner) -> None:
         self._tag = tag

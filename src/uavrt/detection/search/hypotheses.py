@@ -136,9 +136,7 @@ class RateSearch(ABC):
 
     @abstractmethod
     def _push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
-        """Add new columns of powers (rows, columns) and their noise; at most `piece` of
-        them.
-        """
+        """Add at most `piece` new columns of powers (rows, columns), with their noise."""
 
 
 def jitter_reach(jitter_s: float, hop_s: float) -> int:

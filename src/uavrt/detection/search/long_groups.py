@@ -121,9 +121,7 @@ class LongSearch(RateSearch):
     def _totals(
         self, done: int, upto: int, noise: NDArray[np.float32], limit: float
     ) -> list[NDArray[np.float32]]:
-        """Sums of group powers per interval, each (upto - done, rows) by the last pulse's
-        column.
-        """
+        """Sums of group powers per interval, (upto - done, rows) by the last pulse's column."""
         count = upto - done
         weight = (1.0 / noise).astype(np.float32)
         common = np.zeros((count, self.rows), np.float32)

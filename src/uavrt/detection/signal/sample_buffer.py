@@ -93,9 +93,7 @@ class SampleBuffer:
         return (time_ns - self._stamp_ns[-1]) - ahead * self._ns_per_sample
 
     def time_ns(self, index: float) -> int:
-        """Time of a sample at the antenna [ns]; indices may be fractional or slightly
-        beyond.
-        """
+        """Time of a sample at the antenna [ns]; the index may be fractional or just beyond."""
         at = max(0, bisect.bisect_right(self._stamp_index, index) - 1)
         return self._stamp_ns[at] + round((index - self._stamp_index[at]) * self._ns_per_sample)
 

@@ -1,4 +1,4 @@
-"""Limits on a tag's signal: the searched frequencies, and the tag's interval."""
+"""Define the limits on a tag's signal: the searched frequencies, and the tag's interval."""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from uavrt.detection.track.tuning import BOUNDS, FOLLOW
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bounds:
-    """Limits of frequency and time within which groups and tracks may be of one tag."""
+    """Limits of frequency and time within which groups and tracks may be those of one tag."""
 
     tag: Tag
     home_hz: float
@@ -24,7 +24,7 @@ class Bounds:
     excluded_hz: tuple[tuple[float, float], ...] = ()
 
     def excluded_rows(self, offsets_hz: NDArray[np.float64]) -> NDArray[np.intp]:
-        """Indices of the rows in an excluded band, limits included."""
+        """Indices of the spectrogram rows in an excluded band, limits included."""
         inside = np.zeros(len(offsets_hz), np.bool_)
         for low, high in self.excluded_hz:
             inside |= (offsets_hz >= low) & (offsets_hz <= high)
@@ -74,7 +74,7 @@ class Bounds:
         return own
 
     def _off_interval(self, pulses: list[tuple[int, float, float]], rate: int) -> bool:
-        """True if pulses (number among the K, time_s, power) cannot be at a rate's interval."""
+        """True if pulses (number among the K, time_s, power) do not fit a rate's interval."""
         if len(pulses) < 2:
             return False
         (first, begin_s, weak), (last, end_s, power) = pulses[0], pulses[-1]
@@ -91,9 +91,10 @@ class Bounds:
         return abs(interval_s - own_s) > most_s + BOUNDS.line_sigmas * error_s
 
     def leaves_open(self, track: Track) -> bool:
-        """True if a long group's interval is uncertain enough to be another train's.
+        """True if a long group's interval is so uncertain that it may be another train's.
 
-        Of a train that began before the stream, the last pulses may fit a lattice 2 ms off.
+        The last pulses of a train that began before the stream may fit an interval that is 2 ms
+        off.
         """
         if self.tag.k <= FOLLOW.most_alone:
             return False

@@ -23,7 +23,7 @@ from uavrt.detection.track.unlocked import drop_old, join_group
 
 
 class SearchWindow:
-    """Search around one frequency: its band, test of candidates, following of tracks."""
+    """Search around one frequency: its band, the test of candidates, and the tracks in it."""
 
     def __init__(self, bounds: Bounds, buffer: SampleBuffer, batch_s: float) -> None:
         self.bounds, self._buffer, self._batch_s = bounds, buffer, batch_s
@@ -38,7 +38,7 @@ class SearchWindow:
         self.follower = Follower(bounds, grid=grid, buffer=buffer, refiner=refiner)
 
     def restart(self) -> None:
-        """Begin with a new band, without noise estimate."""
+        """Begin again with a new band, without a noise estimate."""
         self.band = SearchBand(
             grid=self.grid, buffer=self._buffer, bounds=self.bounds, batch_s=self._batch_s
         )
@@ -66,7 +66,7 @@ class Tracking:
         self.restart(window)
 
     def restart(self, window: SearchWindow, tracks: Sequence[Track] = ()) -> None:
-        """Begin again with the given tracks in a window."""
+        """Begin again in a window, with the given tracks."""
         self._window, self.tracks = window, list(tracks)
         self._bursts: Bursts | None = None
         self._suppresses = False
