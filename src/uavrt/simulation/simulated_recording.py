@@ -59,7 +59,7 @@ def simulate_to_directory(
     sample_rate_hz: float | None = None,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> SimulatedRecording:
-    """Record a scenario from its start into an empty directory, which is made.
+    """Record a scenario from its start in a directory, which is created or empty.
 
     `on_progress` gets the number of samples written and their total.
     """

@@ -1,5 +1,4 @@
-"""Compute log-likelihood ratios for a track: a tag's pulses against bursts that match by
-chance.
+"""Compute log-likelihood ratios for a track: pulses of a tag against bursts that fit by chance.
 
 A track of bursts is one of many that could have begun, and at each expected pulse a burst was
 received by chance. The product of the likelihood ratios exceeds A with a probability of at most

@@ -176,9 +176,7 @@ class Follower:
         found: Measured,
         noise: NDArray[np.float32],
     ) -> Measured:
-        """Stronger of two measurements of a pulse near lost samples: with and without a
-        break.
-        """
+        """Stronger of two measurements of a pulse near losses: with and without phase break."""
         if found.power < FOLLOW.whole_power:
             spread = track.spread_s() * self._grid.sample_rate_hz
             offset_hz, band_hz = track.offset_hz, MEASURE.track_band_hz

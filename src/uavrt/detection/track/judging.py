@@ -48,9 +48,7 @@ class Judge:
         return self._evidence is None or self._evidence.suffices(candidate, search, noise)
 
     def known(self, tracks: list[Track]) -> KnownPulses | None:
-        """Pulses of confirmed tracks, which the search need not find again; None without
-        any.
-        """
+        """Pulses of confirmed tracks, which need not be found again; None if there are none."""
         pulses = [slot.measured for t in tracks if t.confirmed for slot in t.slots]
         return KnownPulses(self._grid, pulses) if pulses else None
 
@@ -79,9 +77,7 @@ class Judge:
     def measure(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> list[tuple[int, Measured]] | None:
-        """Measure a candidate's pulses, each with its number among the K; None if not
-        stored.
-        """
+        """Measure a candidate's pulses, each with its number among the K; None without any."""
         grid = self._grid
         starts = np.array([grid.start(column) for column in candidate.columns])
         half = (search.reach + 1) * grid.hop

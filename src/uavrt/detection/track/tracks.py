@@ -53,9 +53,7 @@ class Slot:
 
 @dataclass(slots=True)
 class Track:
-    """A tag followed at one rate and frequency; times are seconds since the detector's
-    epoch.
-    """
+    """A tag followed at one rate and frequency; times are seconds from the detector's epoch."""
 
     tag: Tag
     rate: int

@@ -50,7 +50,7 @@ class DemoPaths:
     """Parent directory of the drone's flight."""
 
     def below(self, name: str) -> "DemoPaths":
-        """Paths for one of several drones; creates its directories."""
+        """Paths for one of several drones, in subdirectories that are created."""
         own = DemoPaths(directory=self.directory / name, flights=self.flights / name)
         own.directory.mkdir()
         own.flights.mkdir(parents=True, exist_ok=True)
@@ -202,7 +202,7 @@ class Program:
         return texts[-1].removeprefix("uavrt: ").rstrip(".") if texts else ""
 
     def new_events(self) -> list[dict[str, Any]]:
-        """JSON events in the program's output since the last call."""
+        """JSON events that the program has printed since the last call."""
         with self.log.open("rb") as file:
             file.seek(self._read_to)
             data = file.read()

@@ -55,7 +55,7 @@ class _Drone:
 
     @property
     def heard_samples(self) -> bool:
-        """True once the receiver has counted samples."""
+        """True once the drone's receiver has counted samples."""
         return bool(self.flight_directory and self.cpu.last_sample_ns)
 
     def read(self, wait_s: float, ground: Program) -> None:
@@ -290,7 +290,7 @@ def not_started(ground: Program, where: str = "") -> UavrtError:
 
 
 def phase_of(flight: Flight, elapsed_s: float) -> str:
-    """Text on what the drone does at a time of its flight."""
+    """Text that describes what the drone does at a time of its flight."""
     turns = 0
     for leg in flight.leg:
         turns += bool(leg.turn_deg)

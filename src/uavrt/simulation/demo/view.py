@@ -197,7 +197,7 @@ class DemoView:
 
 @dataclass(frozen=True, slots=True)
 class _Drawn:
-    """The view at one time, drawn once its width is known."""
+    """The view at one time, drawn once the terminal's width is known."""
 
     view: DemoView
     now_s: float

@@ -18,12 +18,12 @@ from uavrt.core.errors import UavrtError, UsageError, os_errors_as
 PREFIXES = ("uavrt-demo-", "uavrt-search-", "uavrt-together-")
 LOCK = "running"
 _YOUNG_S = 60.0
-"""Age below which a directory without a lock may be a demo that just starts [s]."""
+"""Age below which a directory without a lock may belong to a demo that is starting [s]."""
 
 
 @contextmanager
 def workplace(prefix: str) -> Iterator[Path]:
-    """Create a directory for a demo; that of a failed demo stays until the next starts."""
+    """Create a directory for a demo; after a failure it is kept until the next demo starts."""
     sweep(Path(tempfile.gettempdir()))
     place = Path(tempfile.mkdtemp(prefix=prefix))
     with (place / LOCK).open("w") as lock:

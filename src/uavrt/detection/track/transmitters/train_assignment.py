@@ -132,9 +132,10 @@ def losses(
 def _path_losses(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None], owner: Mapping[int, int]
 ) -> NDArray[np.float64]:
-    """Least loss of value by two trains: one that loses its tag, and one that frees its own.
+    """Least loss of value, by pair of trains, if the first takes the tag of the second.
 
-    The last row and column stand for unassigned tags and for trains without a tag.
+    The last row and column stand for unassigned tags and for trains without a tag. A loss may
+    include further changes of tags.
     """
     free = len(able)
     loss_of = np.full((free + 1, free + 1), np.inf)
