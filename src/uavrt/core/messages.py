@@ -31,7 +31,7 @@ _SAME_RATE = 0.01
 _KILOHERTZ_FROM_HZ = 995.0
 
 DEFAULT_FALSE_ALARM_PROBABILITY = 0.01
-"""False-alarm probability of a tag whose entry in the tag list has none."""
+"""False-alarm probability of a tag if its entry in the tag list has none."""
 WHOLE_FLIGHT_FALSE_ALARM = 0.01
 """Probability that a search of a whole flight without the tag reports the tag."""
 
@@ -62,7 +62,7 @@ class Tag:
 
     @property
     def coded(self) -> bool:
-        """True for a coded tag, which sends bursts whose gaps identify the tag."""
+        """True for a coded tag, which sends bursts with gaps that identify the tag."""
         return bool(self.gaps_s)
 
     @property
@@ -216,7 +216,7 @@ class BeepKind(StrEnum):
     """Result of comparing a received sender of pulses with the list of tags."""
 
     LISTED = "listed"
-    """A sender whose frequency and interval agree with a listed tag."""
+    """A sender that has the frequency and interval of a listed tag."""
     OFF_LABEL = "off label"
     """A sender with a listed tag's interval at another frequency."""
     OTHER_RATE = "other rate"
@@ -270,7 +270,9 @@ class Beep:
 
     @property
     def away_hz(self) -> float | None:
-        """Sender's frequency minus that of the likeliest listed tag [Hz]; None without one."""
+        """Sender's frequency minus that of the likeliest listed tag [Hz]; None without a
+        tag.
+        """
         return self.offsets_hz[0] if self.offsets_hz else None
 
     def same_as(self, other: "Beep") -> bool:
@@ -753,7 +755,7 @@ class SearchNote:
     tag_id: int | None = None
     """Id of the tag that was found; None for other events."""
     goal: tuple[float, float] | None = None
-    """Latitude and longitude [°] of the destination; None without one."""
+    """Latitude and longitude [°] of the destination; None if there is none."""
     area: tuple[tuple[float, float], ...] = ()
     """Corners of the search area, as latitude and longitude [°]; empty except at the start."""
 

@@ -36,7 +36,7 @@ class CostTuning:
     measured_s: float = 3.0
     """Length of the signal on which search costs are measured [s]."""
     together: int = 4
-    """Number of equal detectors whose search cost is measured together."""
+    """Number of equal detectors that run together while their search cost is measured."""
     dear_weight: float = 10.0
     """Minimum cost of a tag that is measured separately [multiples of a typical tag's cost]."""
     received_enr: float = 40.0

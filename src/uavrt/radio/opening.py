@@ -126,8 +126,8 @@ def open_recording(
     )
     if sample_rate_hz is not None and sample_rate_hz != layout.sample_rate_hz:
         raise FormatError(
-            f"{path} says {layout.sample_rate_hz:.0f} samples a second, and --sample-rate "
-            f"says {sample_rate_hz:.0f}",
+            f"{path} states {layout.sample_rate_hz:.0f} samples a second, but "
+            f"--sample-rate is {sample_rate_hz:.0f}",
             remedy="Omit --sample-rate",
         )
     return RecordingSource(layout)

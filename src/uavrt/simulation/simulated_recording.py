@@ -77,7 +77,7 @@ def simulate_to_directory(
     with os_errors_as(
         RecordingError,
         f"the simulation cannot be written to {base}",
-        "Choose a directory that can be written and has space",
+        "Choose a writable directory with enough space",
     ):
         _prepare(base, total * _SAMPLE_BYTES[sample_format])
         return _record(synthesizer, base, total, sample_format, on_progress)

@@ -9,7 +9,7 @@ from uavrt.cli.examples import examples
 from uavrt.core.errors import UsageError
 from uavrt.drone.computer.starter import data_home, install_starter, remove_starter
 
-starter = App(name="starter", help="Put the ground station into the desktop's menu (Linux).")
+starter = App(name="starter", help="Add the ground station to the desktop's menu (Linux).")
 
 
 @starter.command(help_epilogue=examples("starter install"))

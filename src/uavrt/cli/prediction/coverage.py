@@ -84,7 +84,7 @@ def coverage(
     sea
         Treat ground that no elevation file covers as water at height 0.
     area
-        Outline (GeoJSON, KML, .plan) of the area whose probability is computed.
+        Outline (GeoJSON, KML, .plan) of an area, for the probability that the tag is in it.
     prior
         For a past flight: probability before it that the tag was in --area; by default all
         places on the map are equally probable.

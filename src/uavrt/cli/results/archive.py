@@ -23,7 +23,7 @@ _PLACES = ("latitude_deg", "longitude_deg")
 
 archive = App(
     name="archive",
-    help="Questions over all recordings that uavrt batch has searched. Needs uavrt[batch].",
+    help="Query all recordings that uavrt batch has searched. Needs uavrt[batch].",
 )
 AsJson = Annotated[bool, Parameter(name="--json", negative="")]
 
@@ -77,7 +77,8 @@ def query(
     if output is not None:
         if output.suffix not in (".parquet", ".csv"):
             raise ConfigError(
-                f"{output} is neither .parquet nor .csv", remedy="End it in .parquet or .csv"
+                f"{output} is neither .parquet nor .csv",
+                remedy="Choose a name that ends in .parquet or .csv",
             )
         check_place(output, overwrite=overwrite)
     from uavrt.analysis.archive.parquet.questions import ask

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from uavrt.analysis.archive.steps.batch_settings import BatchSummary
 
 Stretch = Annotated[float, Parameter(validator=Between(least=60, most=1e6, unit="s"))]
-_STOPPED = "stopped: the same command goes on from here"
+_STOPPED = "stopped; the same command continues from here"
 _END_S = 0.5
 """Time to end cleanly after Ctrl-C; after twice this time the process is ended [s]."""
 LeadIn = Annotated[float, Parameter(validator=Between(least=0, most=3600, unit="s"))]

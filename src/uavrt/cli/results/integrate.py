@@ -389,7 +389,7 @@ def _silent(
     from uavrt.analysis.integrated.hindsight import verdict_of
 
     try:
-        with progress_bar("mapping where it is not") as on_pulse:
+        with progress_bar("mapping areas without the tag") as on_pulse:
             return silent_maps(
                 flight,
                 [one.tag for one in results],
@@ -399,7 +399,7 @@ def _silent(
                 on_pulse=on_pulse,
             )
     except (UsageError, RecordingError, FormatError) as error:
-        warn(f"no map of where it is not: {error}")
+        warn(f"no map of areas without the tag: {error}")
         return {}
 
 

@@ -136,6 +136,6 @@ def _numbers(text: str) -> list[int]:
 def _sentence(summary: ChannelizeSummary) -> str:
     return (
         f"{summary.samples} samples, {summary.samples_lost} lost; {summary.datagrams} datagrams"
-        f" sent, {summary.unheard} without a listener, {summary.dropped} not sent for want "
-        "of room"
+        f" sent, {summary.unheard} without a receiver, {summary.dropped} dropped because "
+        "the buffer was full"
     )

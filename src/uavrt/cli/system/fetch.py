@@ -74,7 +74,7 @@ def fetch(
     """
     if ".." in PurePosixPath(flight).parts:
         raise ConfigError(
-            f"{flight!r} points outside the flights directory", remedy="Leave out the .."
+            f"{flight!r} points outside the flights directory", remedy="Give a path without .."
         )
     key = None if signing_key is None else read_signing_key(signing_key)
     files = DroneFiles(Clock.start().now_ns, signing_key=key)
@@ -182,4 +182,4 @@ async def _fetch_all(client: FileClient, entries: list[RemoteEntry], output: Pat
                 progress.update(task, completed=done, total=size)
 
             fetched += await fetch_file(client, entry, output / name, show)
-    notice(f"{fetched} files fetched, {len(entries) - fetched} were here")
+    notice(f"{fetched} files fetched, {len(entries) - fetched} were already present")

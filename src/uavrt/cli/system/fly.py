@@ -294,7 +294,7 @@ async def _upload(
     async with _connected(address, keys) as link:
         done = await link.missions.upload_survey(order, limits)
     text = (
-        f"the vehicle has the survey: {done.items} items, read back. It keeps to the "
+        f"the vehicle has the survey: {done.items} items, read back. It stays within the "
         f"vehicle's fence; not checked: {NOT_CHECKED_ABOARD}. A pilot starts it when the drone "
         "hovers; uavrt does not watch over that flight"
     )

@@ -78,14 +78,14 @@ class Searched:
     """Number of pulses at this frequency that were searched for trains."""
     trains: list[Train]
     burst: tuple[float, float] | None
-    """Share of these pulses that are in bursts, and the bursts' frequency [Hz]; None: no
-    bursts."""
+    """Share of the pulses at this frequency that are in bursts, and the bursts' frequency [Hz];
+    None: no bursts."""
 
     def holds(self, times_s: NDArray[np.float64]) -> bool:
-        """True if the pulses at this frequency now, `times_s`, need no new search.
+        """True if the present pulses at this frequency, `times_s`, need no new search.
 
-        New pulses that continue the trains need one only when they are several times as many
-        as the old pulses. A few pulses outside the trains need one at once.
+        New pulses that continue known trains require a search only when they are several times
+        as many as the old pulses. A few pulses outside the trains require one at once.
         """
         new_s = times_s[times_s > self.until_s].tolist()
         ends_s = [
@@ -114,10 +114,10 @@ def find_trains(
     """Find all trains among detected pulses.
 
     `receiver`: the radio's centre, on the scale of the points' frequencies, and its rate.
-    `searched`: results of the last call for the same live stream, replaced by those of this
-    call; None for a whole recording.
-    Returns (trains, bursts_hz): the strongest first, images with `Train.image_of_hz`;
-    frequencies with bursts of pulses, as from a coded tag, the purest first.
+    `searched`: results of the last call for the same live stream, which this call replaces;
+    None for a whole recording. Returns (trains, bursts_hz). The strongest train is first;
+    images have `Train.image_of_hz`. `bursts_hz`: frequencies with bursts of pulses, as from
+    coded tags; that with the largest share of bursts is first.
     """
     free = np.ones(len(points), dtype=bool)
     by_frequency = np.argsort(points.frequencies_hz, kind="stable")

@@ -1,4 +1,4 @@
-"""Recognise tags whose pulses arrive early by varying amounts, because samples are missing."""
+"""Recognise tags by pulses that come early by varying amounts, because samples are missing."""
 
 from collections.abc import Sequence
 

@@ -12,17 +12,18 @@ class PointTuning:
     hop_s: float = 0.008
     """Time from the start of one window of the spectrogram to the next [s]."""
     batch_s: float = 2.0
-    """Duration of the samples whose median power at a frequency is the usual noise level there
+    """Duration over which the median power at a frequency is taken as its usual noise level
     [s]."""
     most_cells: int = 12_500_000
     """Maximum number of spectrogram cells searched at once: 48 MiB, 2 s at 3 MS/s."""
     false_per_s: float = 3.0
-    """Number of noise cells accepted as pulses per second in `false_band_hz`; in wider bands,
-    in proportion to the width."""
+    """Number of noise cells that may be accepted as pulses per second, in bands of up to
+    `false_band_hz`; in wider bands it grows with the width."""
     false_band_hz: float = 100e3
-    """Maximum bandwidth in which at most `false_per_s` noise cells are accepted [Hz]."""
+    """Bandwidth above which the accepted number of noise cells grows with the width [Hz]."""
     segment_bins: int = 64
-    """Number of adjacent frequency bins, 4 kHz, whose common rise in power is not a pulse."""
+    """Number of adjacent frequency bins, 4 kHz; a rise in power that they have in common is not
+    a pulse."""
     flank_bins: tuple[int, int] = (10, 17)
     """Distances in frequency at which the spectrum of any pulse has decayed [bins]."""
     flank_ratio: float = 10.0

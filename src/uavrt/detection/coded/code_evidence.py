@@ -1,8 +1,8 @@
 """Compute the evidence that the pulses at the positions of a listed code are that code's.
 
-The listed code, whose pulses are equally strong, is compared with noise. It is also compared
-with an unlisted code that has pulses at some of these positions by chance, each with a small
-probability, but never at all of them: the listed code needs a pulse at each, the last one too.
+The pulses of a burst are equally strong. The listed code is compared with noise. It is also
+compared with an unlisted code, which has a pulse at each of these positions with a small
+probability, but never at all of them. The listed code must have a pulse at every position.
 """
 
 import math
@@ -87,7 +87,9 @@ def evidence(
 
 
 def evidence_in_step(alone: NDArray[np.float64], usable: NDArray[np.bool_]) -> float:
-    """Log-likelihood ratio of a listed code to an unlisted one, for bursts in its rhythm."""
+    """Log-likelihood ratio of a listed to an unlisted code, for bursts at the burst
+    interval.
+    """
     places = alone.sum(axis=0)[usable.any(axis=0)]
     return float(places.min()) - (len(places) - 1) * math.log(LIKELIHOOD.coincidence)
 

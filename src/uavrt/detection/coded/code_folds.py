@@ -121,7 +121,7 @@ class Folds:
             waiting.add(own, ends)
 
     def complete(self, whole: int, *, foreign_per_hour: float, last: bool) -> list[Found]:
-        """Compute the sums around seeds whose bursts all came before column `whole`."""
+        """Compute the sums around seeds, where all bursts came before column `whole`."""
         hits: list[Found] = []
         for bursts, waiting in self._waiting.items():
             seeds = waiting.due(math.inf if last else whole)

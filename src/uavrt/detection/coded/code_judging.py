@@ -50,7 +50,7 @@ class Burst:
     also_possible: list[int] = field(default_factory=list)
     """Ids of other tags that may have sent the burst."""
     hit_by: list[int] = field(default_factory=list)
-    """Ids of tags whose bursts overlap too many pulses of this burst."""
+    """Ids of tags with bursts that overlap too many pulses of this burst."""
 
     @property
     def tag_id(self) -> int:
@@ -256,7 +256,7 @@ def scores_of(
 
 
 def may_suffice(energies: NDArray[np.float32], limits: dict[int, float]) -> NDArray[np.bool_]:
-    """(n,) True for seeds whose pulses, all or some of them, may reach the required sum."""
+    """(n,) True for seeds with enough energy, in all or some pulses, for the required sum."""
     pulses = energies.shape[1]
     ordered = -np.sort(-energies.astype(np.float64), axis=1)
     able = np.zeros(len(energies), np.bool_)

@@ -53,7 +53,7 @@ def likeliest(
     searched_s: tuple[float, float],
     timing_s: float,
 ) -> list[int]:
-    """Indices of the tags whose burst interval best fits a burst at `at_s`, best first."""
+    """Indices of the tags with a burst interval that fits a burst at `at_s`, best first."""
     scores = []
     for tag, times_s in zip(tags, others_s, strict=True):
         expected_s, gains, _ = in_step(at_s, times_s, tag, timing_s)
@@ -89,7 +89,7 @@ class Sighting(MeasuredBurst):
     tags: tuple[Tag, ...]
     """Tags that may have sent the burst, the likeliest first."""
     hit: tuple[int, ...]
-    """Ids of tags whose bursts overlap too many pulses of this burst."""
+    """Ids of tags with bursts that overlap too many pulses of this burst."""
     alone: NDArray[np.float64]
     """Log-likelihood ratio of each pulse of the code to noise or another burst's pulse."""
     good: NDArray[np.bool_]

@@ -47,7 +47,7 @@ class CodeBook:
 
 
 def make_code_book(tags: tuple[Tag, ...], column_s: float) -> CodeBook:
-    """Make the code book of tags whose codes have equal numbers of gaps."""
+    """Make the code book of tags that have codes with equal numbers of gaps."""
     gaps_s = np.array([tag.gaps_s for tag in tags])
     starts_s = np.concatenate((np.zeros((len(tags), 1)), np.cumsum(gaps_s, axis=1)), axis=1)
     stretches = np.add.outer(np.array(SUMS.stretches), (-0.25, 0.0, 0.25))

@@ -16,7 +16,7 @@ class CellTuning:
     columns_per_pulse: float = 9.0
     """Number of columns of cells (time steps) per pulse width."""
     noise_pieces: int = 25
-    """Number of stretches of samples, 10 s in all, whose median powers give the noise level."""
+    """Number of stretches of samples, 10 s in all; their median powers give the noise level."""
     least_rise: float = 0.85
     """Minimum noise level, as a share of the newest estimate, so that a rise of the noise is
     not taken for a burst."""
@@ -78,7 +78,8 @@ class RefineTuning:
     hidden_energy: float = 0.25 * math.pi
     """Energy assumed for a hidden pulse [noise energies]: (mean amplitude)² of noise."""
     margin_columns: int = 6
-    """Number of columns on each side of a pulse whose samples are read to refine it."""
+    """Number of columns on each side of a pulse for which samples are read to refine the
+    pulse."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,7 +141,7 @@ class ShapeTuning:
     """Maximum amplitude of a signal that may be leakage, relative to the strongest simultaneous
     signal."""
     loud_energy: float = 20.0
-    """Minimum energy of a signal whose leakage is considered [noise energies]."""
+    """Minimum energy of a signal for its leakage to be considered [noise energies]."""
     rounded: float = 1.0 - 1e-6
     """Share of the required sum below which a possible burst is dropped; just below 1, so that
     a rounding error drops none."""

@@ -76,7 +76,7 @@ class Grid:
         return column * self.hop - (self.decimation - 1) / 2.0
 
     def column(self, start: float) -> float:
-        """Column whose window starts at a channel sample; the inverse of `start`."""
+        """Column with a window that starts at a channel sample; the inverse of `start`."""
         return (start + (self.decimation - 1) / 2.0) / self.hop
 
     def power(self, samples: NDArray[np.complex64]) -> NDArray[np.float32]:

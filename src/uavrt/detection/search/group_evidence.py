@@ -25,9 +25,9 @@ from uavrt.detection.search.tuning import EVIDENCE, THRESHOLDS
 def gate(tag: Tag) -> float:
     """Minimum score of a tag's candidates, as a share of the search's threshold.
 
-    It is below 1 for tags whose candidates are also tested by their likelihood: those with
-    `EVIDENCE.tested_k` pulses and a jitter of few pulse widths. With more jitter, the number of
-    lattices to sum, and their memory, would have no limit.
+    It is below 1 for tags with `EVIDENCE.tested_k` pulses and a jitter of few pulse widths,
+    because their candidates are also tested by their likelihood. With more jitter, the number
+    of lattices to sum, and their memory, would have no limit.
     """
     most_jitter_s = EVIDENCE.most_jitter_widths * tag.pulse_width_s
     tested = tag.k == EVIDENCE.tested_k and tag.interval_jitter_s <= most_jitter_s

@@ -102,7 +102,7 @@ class RateSearch(ABC):
         """Callback for strong cells that the search has finished: columns, rows, powers."""
 
     def open_anchors(self) -> Anchors:
-        """Return the strong cells whose groups may still grow by later columns."""
+        """Return the strong cells with groups that later columns may complete."""
         return [], [], []
 
     @property

@@ -101,8 +101,8 @@ class _LevelRecord:
 class Leveller:
     """Tracks the noise level shared by the rows of one search.
 
-    `keep`: number of columns whose levels are stored. `steepness`: threshold of the search over
-    K; sets the margin for a level's error. `circular`: the last row is next to the first.
+    `keep`: number of columns for which levels are stored. `steepness`: threshold of the search
+    over K; sets the margin for a level's error. `circular`: the last row is next to the first.
     """
 
     def __init__(

@@ -157,7 +157,8 @@ class ThresholdTuning:
     tail_step: float = 0.01
     """Resolution of the calculated distribution of a group's sum of powers [noise powers]."""
     original_rate_hz: float = 3750.0
-    """Sample rate of the original detector, whose decisions define false-alarm rates [Hz]."""
+    """Sample rate of the original detector [Hz]; false-alarm rates are defined by the
+    original's decisions."""
     nine_of_ten: float = 1.2816
     """Quantile of the normal distribution for a probability of 0.9 [standard deviations]."""
     least_begun: float = 0.25
@@ -237,15 +238,16 @@ class EvidenceTuning:
     jitter_share: float = 0.4
     """Standard deviation of a pulse's jitter, as a share of the tag's declared jitter."""
     gate: float = 0.9
-    """Minimum score of a candidate whose likelihood is tested, as a share of the threshold."""
+    """Minimum score of a candidate for its likelihood to be tested, as a share of the
+    threshold."""
     sure_score: float = 1.2
     """Score above which the likelihood is not tested: two cells at the limit and one above the
     noise."""
     tested_k: int = 3
-    """Number of pulses K of the groups whose likelihood is tested."""
+    """Number of pulses K in the groups that are tested by their likelihood."""
     most_jitter_widths: float = 6.0
-    """Largest jitter of a tag whose groups' likelihood is tested [pulse widths]; at this limit
-    45 000 lattices are summed in a millisecond."""
+    """Largest jitter of a tag for its groups to be tested by their likelihood [pulse widths];
+    at this limit 45 000 lattices are summed in a millisecond."""
     factor_log: float = -3.7
     """Constant of the minimum log-likelihood ratio, from noise groups counted at K = 3."""
     slope: float = 1.2

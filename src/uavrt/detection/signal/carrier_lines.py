@@ -151,7 +151,7 @@ class LineCanceller:
 
 
 class _Waves:
-    """Sinusoids at given frequencies whose amplitudes follow polynomials, fitted jointly.
+    """Sinusoids at given frequencies with amplitudes that follow polynomials, fitted jointly.
 
     All are fitted together by conjugate gradients, because neighbours share a part of their
     power. Within a block an amplitude is taken as linear.

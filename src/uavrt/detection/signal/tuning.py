@@ -23,7 +23,8 @@ class ChannelTuning:
     least_received: float = 0.45
     """Minimum share of a window's samples that were received, for it to be evaluated."""
     floor_stride: int = 4
-    """Step between the samples whose median power gives the noise floor [samples]."""
+    """Step between the samples used for the median power, which gives the noise floor
+    [samples]."""
     usual_error_hz: float = 500.0
     """Maximum usual error of a tag's frequency [Hz]."""
     edge_hz: float = 2.0
@@ -53,8 +54,8 @@ class CarrierTuning:
     group_bins: int = 16
     """Number of neighbouring frequency bins used to estimate their noise power."""
     floor_rank: int = 4
-    """Rank, by power, of the bin whose power represents a group's noise. The frame of 60 ms of
-    an idle transmitter has a line every 16.7 Hz, which takes half of the bins."""
+    """Rank, by power, of the bin that represents the noise of a group. The frame of 60 ms of an
+    idle transmitter has a line every 16.7 Hz, which takes half of the bins."""
     floor_scale: float = 2.0
     """Ratio of the median power of a group of noise bins to that of its bin of `floor_rank`."""
     most_lines: int = 240
@@ -112,7 +113,7 @@ class WhiteningTuning:
     check_every: int = 4
     """Number of search steps between checks for white noise, or between new filters."""
     fewest_windows: int = 12
-    """Minimum number of windows whose median can show a rise of the noise density."""
+    """Minimum number of windows required to see a rise of the noise density in their median."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,8 +156,9 @@ class OccupancyTuning:
     rise_s: float = 120.0
     """Time constant with which the quiet noise level may rise [s]."""
     loud_ratio: float = 24.0
-    """Ratio of an occupied instant's power to the quiet level. The lowest quartile of a minute
-    is about 0.3 of the mean noise, which hardly ever reaches this."""
+    """Minimum ratio of an instant's power to the quiet level for the instant to count as
+    occupied. The lowest quartile of a minute is about 0.3 of the mean noise, which hardly
+    ever reaches this."""
     above_channel: float = 4.0
     """Maximum ratio of the quiet level of a tag's frequency to that of the channel's quietest
     frequencies, where noise is lower. A higher ratio means a steady signal."""

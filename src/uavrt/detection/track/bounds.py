@@ -58,7 +58,7 @@ class Bounds:
     def off_frequency(self, offset_hz: float) -> str | None:
         """Reason why a frequency is not the tag's; None if it may be."""
         if any(low <= offset_hz <= high for low, high in self.excluded_hz):
-            return "in an excluded stretch"
+            return "in an excluded frequency range"
         away_hz = abs(apart_hz(offset_hz, self.home_hz, self.sample_rate_hz))
         if away_hz > self.half_width_hz + BOUNDS.edge_bins / self.tag.pulse_width_s:
             return "outside the frequencies searched"

@@ -195,7 +195,7 @@ class Judge:
             return "flank of a stronger pulse", power - allowed
         if pulse.power > JUDGE.weak_power and _leak(power, apart / bin_hz) > pulse.power:
             if self._bounds.off_frequency(offset) and power > JUDGE.flank_ratio * pulse.power:
-                return "side lobe of a signal outside", 0.0
+                return "side lobe of a signal outside the searched band", 0.0
             if apart > bin_hz and power > JUDGE.lobe_ratio * pulse.power:
                 return "side lobe of a stronger signal", 0.0
         if pulse.power > JUDGE.loud_power and self._refiner.is_impulse(pulse, floor):

@@ -207,7 +207,7 @@ class Track:
 
     @property
     def received(self) -> list[Slot]:
-        """Recent slots whose detections are accepted as the tag's pulses, oldest first."""
+        """Recent slots with detections that are accepted as the tag's pulses, oldest first."""
         return [slot for slot in self.slots if slot.received]
 
     @property

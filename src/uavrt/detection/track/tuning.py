@@ -305,7 +305,8 @@ class SenderTuning:
     foreign_share: float = 2.0 / 3.0
     """Share of pulses that other trains explain above which a train is dropped."""
     foreign_pulses: int = 3
-    """Minimum number of pulses of a train to be dropped; fewer may coincide by accident."""
+    """Minimum number of pulses of a train for it to be dropped; fewer may coincide by
+    accident."""
     same_interval_ratio: float = 1.2
     """Ratio below which two tracks' intervals are the same, with different measuring errors."""
 

@@ -42,7 +42,7 @@ def read_quiet_noise_db(directory: str | os.PathLike[str]) -> float | None:
 
 
 def usual_noise_db(levels_db: Iterable[float | None]) -> float | None:
-    """Median noise level of the first 10 flights that have one [dB]; None without any."""
+    """Median noise level of the first 10 flights that have one [dB]; None if none has one."""
     known = list(islice((one for one in levels_db if one is not None), MOST_FLIGHTS))
     return median(known) if known else None
 

@@ -33,11 +33,11 @@ from uavrt.formats.text import cells_of, read_lines, with_commas
 ORIGINAL_POSES = (
     "The original's uavrt_connection wrote this log, and its poses are unusable: each is "
     "half-way between the first pose since the program's start and the pose at the pulse, so a "
-    "turn of 90° stands here as 45° and a full turn never leaves one half circle."
+    "turn of 90° appears as 45° and a full turn stays within one half circle."
 )
 ORIGINAL_DIGITS = (
-    "Six digits are left of each number: latitudes are rounded to 11 m, and times of the next "
-    "pulse whose fraction is half a second or more are saturated and read as unknown."
+    "Each number has only six digits: latitudes are rounded to 11 m, and the expected "
+    "time of the next pulse is saturated, and read as unknown, if its fraction is 0.5 or more."
 )
 _DECIMALS_OF_OURS = 9
 _TRACKERS = ("7", "10", "11", "20")

@@ -53,7 +53,7 @@ WINDOW = 128
 HEADROOM = 1.25
 """Smallest ratio of a file's full scale to the peak of a strong signal that widened it."""
 WIDER_S = 20.0
-"""Shortest duration of a file whose full scale was widened because of a strong signal [s]."""
+"""Shortest duration of a file with a full scale that was widened for a strong signal [s]."""
 TIME_STEP_NS = 500_000
 """Clock step above which the metadata begin a new stretch of samples [ns]."""
 GAP_S = 0.05

@@ -1,4 +1,4 @@
-"""Write a SigMF recording whose metadata is valid at any moment."""
+"""Write a SigMF recording with metadata that are valid at any moment."""
 
 import json
 import os

@@ -1,6 +1,6 @@
 """Read pulse files of a SensorGnome, and detections of find_tags.
 
-A pulse file has a line for each record, whose kind is in the first cell::
+A pulse file has a line for each record; the first cell is the kind of record::
 
     p1,1366227448.192,4.056,-44.4,-50.55      port; time, kHz from the tuned frequency, dB, dB
     S,1366227421.0,1,-m,166.376,0,            port, parameter, value: -m or frequency is MHz
@@ -51,8 +51,8 @@ NO_HEADINGS = (
     "`uavrt attach` gives its pulses the poses of another log."
 )
 NUMBERED = (
-    "Pulses of this log are numbered by frequency, not by code: `uavrt attach --tags` puts "
-    "them together to the bursts of listed codes."
+    "Pulses of this log are numbered by frequency, not by code: `uavrt attach --tags` groups "
+    "them into bursts of listed codes."
 )
 
 Place = tuple[int, float, float, float]
@@ -205,7 +205,7 @@ def read_detections(path: str | os.PathLike[str]) -> PulseLog:
         except (ValueError, KeyError, OverflowError) as error:
             if number == len(lines) and found:
                 break  # cut off while it was written
-            why = f"there is no {error}" if isinstance(error, KeyError) else error
+            why = f"the column {error} is missing" if isinstance(error, KeyError) else error
             raise wrong_line(path, number, why, _REMEDY) from None
     placed = any(one.pose is not None for one in found)
     return PulseLog(

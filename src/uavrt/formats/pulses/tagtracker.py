@@ -346,13 +346,13 @@ def _warnings(found: Sequence[PulsePose], layout: _Layout | None) -> list[str]:
     times = {one.pulse.start_time_ns for one in found}
     if len(found) > 3 and len(times) <= len(found) // 3:
         texts.append(
-            "The times of this log are rounded so far that pulses share them; only the order "
-            "of its rows shows which came first."
+            "The times of this log are rounded so much that several pulses have the same time; "
+            "only the order of the rows shows which came first."
         )
     if layout is not None and layout.quaternion and found:
         texts.append(
             "These poses were attached on the drone by the original's uavrt_connection, which "
-            "may have logged half of each turn; headings that keep to one half circle are a "
-            "sign of it."
+            "may have logged half of each turn; a sign of this is that all headings are "
+            "within one half circle."
         )
     return texts

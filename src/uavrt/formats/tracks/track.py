@@ -11,8 +11,8 @@ from uavrt.core.messages import AttitudeSample, PositionSample
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 
 COURSE = (
-    "This track has no attitude: the heading is taken as the course over ground, level, and "
-    "held while the vehicle is slower than 0.5 m/s. Bearings need a real heading."
+    "This track has no attitude: the vehicle is taken as level, with the course over ground "
+    "as heading, which stays unchanged below 0.5 m/s. Bearings need a real heading."
 )
 _STEP_NS = NANOSECONDS_PER_SECOND
 _LONGEST_GAP_S = 15.0

@@ -97,8 +97,9 @@ def decode_channel_datagram(
 def stamp_style(payload: bytes) -> StampStyle:
     """Detect the format of a frame's time stamp.
 
-    Milliseconds of at least 1 are floats whose bits exceed 10⁹, which no nanoseconds do. At 0
-    ms the other half decides; this is wrong only at a full second in 2007 to 2009.
+    Milliseconds of 1 or more are floats; their bits, read as an integer, exceed 10⁹, which
+    nanoseconds never do. At 0 ms the other half of the stamp decides; this is wrong only at a
+    full second in 2007 to 2009.
     """
     _, nanoseconds = _SECONDS.unpack_from(payload)
     high, _ = _MILLISECONDS.unpack_from(payload)

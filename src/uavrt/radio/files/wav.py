@@ -1,7 +1,7 @@
 """Read WAV recordings with I and Q as left and right channel, as SDR programs write them.
 
 Chunks as in Microsoft's "Multiple Channel Audio Data and WAVE Files"; RF64 and BW64 (files over
-4 GiB) as in EBU Tech 3306, and plain ones whose size overflowed there. The ``auxi`` chunk
+4 GiB) as in EBU Tech 3306, and plain files in which the size has overflowed. The ``auxi`` chunk
 (start time, radio frequency) as written by SDR#, HDSDR and ``airspy_rx -w``, or in XML by SDR
 Console. Python's ``wave`` module refuses float samples, RF64, and files whose writer was killed
 before it could set the size.

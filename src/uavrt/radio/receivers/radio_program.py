@@ -297,7 +297,7 @@ def _by_place(settings: RadioSettings, until_s: float) -> RadioSettings:
     if len(alike := [place for place, serial in listed if serial == wanted]) > 1:
         raise RadioAmbiguous(
             f"{len(alike)} {program.title} radios have the serial number {wanted}",
-            remedy=f'Set [radio] serial to its place in their list, "{alike[0]}" or '
+            remedy=f'Set [radio] serial to its number in the list of rtl_test, "{alike[0]}" or '
             f'"{alike[1]}", or give each a number of its own with rtl_eeprom',
         )
     places = {serial: place for place, serial in listed}

@@ -44,7 +44,7 @@ _WINDOW_CELLS: Final = 6
 _LEAST_CELLS: Final = 3
 """Minimum number of late cells (20 ms or more) that show a loss; two stalls make fewer."""
 _NEWEST: Final = 4
-"""Number of newest cells (20 ms or more) whose arrivals give the present lateness."""
+"""Number of newest cells (20 ms or more) that give the present lateness of arrivals."""
 _QUIET_S: Final = 1.0
 """Time after a loss in which arrivals may still show a further part of that loss [s]."""
 _EVIDENCE: Final = 14.0
@@ -387,7 +387,7 @@ class LossFinder:
         return -fall_s <= rise_s <= _LEVEL_S + _LEVEL_SLOPE * span_s
 
     def _agreeing(self, count: int) -> list[_Cell]:
-        """Newest cells, of `count`, whose samples came about equally late and in real time."""
+        """Newest cells, of `count`, with samples about equally late and in real time."""
         cells = [self._cells[at] for at in range(-count, 0)]
         near_s = min(c.late_s for c in cells) + _LEVEL_S + 2.0 * self.jitter_s
         near_s += _LEVEL_SLOPE * (cells[-1].end_s - cells[0].end_s)

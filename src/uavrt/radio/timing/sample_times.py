@@ -61,7 +61,7 @@ clock are corrected faster than by `_SLEW`, with the time constant `_FAR_IN_S`."
 
 
 class NominalTimes:
-    """Times of samples from the time of sample 0 [ns, UTC] and the nominal rate."""
+    """Computes the times of samples from that of sample 0 [ns, UTC] and the nominal rate."""
 
     def __init__(self, start_time_ns: int, sample_rate_hz: float) -> None:
         self._start_ns = start_time_ns
@@ -262,7 +262,7 @@ class TimeKeeper:
         return left
 
     def time_ns(self, index: int) -> int:
-        """Time of a sample [ns, UTC], for rising `index`; `ValueError` before arrivals."""
+        """Time of a sample [ns, UTC], for rising `index`; `ValueError` before the first one."""
         if self._start_ns is None:
             raise ValueError("no samples have arrived yet, so there is no start time")
         self._asked = True

@@ -77,7 +77,7 @@ class Rig:
     def program(
         self, directory: Path, name: str, *arguments: str, module: str = "uavrt.cli"
     ) -> Program:
-        """Start a Python module whose log file is in `directory`."""
+        """Start a Python module as a program, with a log file in `directory`."""
         program = Program(name, (module, *arguments), directory / f"{name}.log")
         self._stack.callback(program.stop)
         return program

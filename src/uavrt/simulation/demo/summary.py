@@ -1,4 +1,4 @@
-"""Result of the demo: pulses sent, detected, recorded on the drone and received on the ground.
+"""Summarise a demo: pulses sent, detected, recorded on the drone and received on the ground.
 
 A true pulse counts as detected if the drone recorded a pulse of its tag within `MATCH_TIME_S`
 and `MATCH_FREQUENCY_HZ`. It counts as delivered if the ground has that same record. For a coded
@@ -30,7 +30,7 @@ class TagSummary:
 
     transmitted: int
     detectable: int
-    """Number of sent pulses whose true energy over noise density (ENR) was 14 dB or more."""
+    """Number of sent pulses with a true energy over noise density (ENR) of 14 dB or more."""
     detected: int
     """Number of pulses found and recorded on the drone."""
     delivered: int

@@ -1,7 +1,7 @@
 """Temporary directory of a demo, removed at its end or by the next demo.
 
 A demo that was killed (SIGKILL, power cut) leaves its directory behind. A running demo holds a
-lock on its directory, so a directory whose lock is free is abandoned.
+lock on its directory, so a directory with a free lock is abandoned.
 """
 
 import fcntl
