@@ -46,7 +46,7 @@ def _shown(text: str) -> str:
 
 
 class UavrtError(Exception):
-    """Base class of all deliberate errors.
+    """Base class of the errors that uavrt raises on purpose.
 
     `message`: what is wrong, for the person who can fix it. `remedy`: what to do about it.
     """

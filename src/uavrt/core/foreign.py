@@ -76,7 +76,7 @@ KEYS = Limit(what="a key or certificate", bytes=200_000)
 REQUEST = Limit(what="a request", bytes=500_000, values=60_000, depth=16)
 """Limits for requests to the ground station, which decodes them in at most 20 ms."""
 UPLOADED_FILE = Limit(what="a file in a request", bytes=4_000_000, values=500_000, depth=16)
-"""Limits for uploaded files; commas in their text count as values."""
+"""Limits for uploaded files; each comma in their text counts as a value."""
 MAP_PART = Limit(what="a part of a map", bytes=1_500_000, values=50_000)
 """Limits for a directory or the description of a PMTiles map, compressed and unpacked."""
 ZIPPED_TILE = Limit(what="a packed tile of heights", bytes=30_000_000, values=1_000)

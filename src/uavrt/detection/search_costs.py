@@ -24,9 +24,11 @@ class CostTuning:
     """Constants for estimating and measuring the cost of a search."""
 
     cheap_tags: int = 50
-    """Estimated cost up to which tags are not measured [typical tags]: a fifth of a core."""
+    """Estimated cost up to which tags are not measured [costs of a typical tag]; it is a fifth
+    of a core."""
     typical_weight: float = 3**2 * 0.06 * 1000.0
-    """Cost of a typical tag: K² = 9, times ± 60 ms in seconds, times ± 500 Hz in hertz."""
+    """Cost of a typical tag: K² = 9, times the interval's ± 60 ms in seconds, times the
+    window's ± 500 Hz in hertz."""
     least_uncertainty_s: float = 0.003
     """Minimum uncertainty of a pulse interval used in the estimated search cost [s]."""
     rate_hz: float = 7500.0
@@ -45,7 +47,8 @@ class CostTuning:
     """Share of a processor core needed for each coded tag; 500 tags take less than a tenth of a
     core."""
     most_cpu_s: float = 2.0
-    """Maximum measuring time [s of CPU]; other tags then cost as much as the last measured."""
+    """Maximum CPU time for measuring [s]; further tags are assumed to cost as much as the last
+    measured."""
 
 
 COSTS = CostTuning()

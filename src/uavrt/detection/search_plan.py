@@ -30,7 +30,8 @@ class SearchPlan:
     warnings: tuple[str, ...]
     """Unavoidable limitations of the search for these tags, as sentences for the operator."""
     cores: float
-    """Processor cores that the detectors need; uncoded tags too cheap to measure count 0.0."""
+    """Number of processor cores that the detectors need; uncoded tags too cheap to measure
+    count 0."""
 
 
 def plan_search(

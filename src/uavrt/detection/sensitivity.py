@@ -35,7 +35,8 @@ class SensitivityTuning:
     ks: tuple[float, ...] = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0)
     """Numbers of pulses K for which `gains_db` are given."""
     gains_db: tuple[float, ...] = (0.1, 0.6, 0.45, 0.75, 0.95, 1.15, 1.35, 1.05)
-    """Gain per pulse in experiments from choosing the best of overlapping cells, by K [dB]."""
+    """Gain per pulse, measured in experiments, because the best of overlapping cells is chosen;
+    by K [dB]."""
     bursts: tuple[float, ...] = (1.0, 3.0, 10.0)
     """Numbers of bursts for which `losses_db` are given."""
     losses_db: tuple[float, ...] = (0.2, -0.1, 0.2)
@@ -97,7 +98,7 @@ def detection_probability(
 
 
 def _coded_probability(tag: Tag, enr_db: float, bandwidth_hz: float) -> float:
-    """Probability that a coded tag's K bursts are found: a single one, or three or all."""
+    """Probability that a coded tag is found by one of K bursts, or by a sum of three or all."""
     pulses = len(tag.gaps_s) + 1
 
     def together(bursts: int) -> float:
@@ -158,7 +159,7 @@ def enr_needed_db(
 
 
 def gain_in_words(before: Tag, after: Tag) -> str:
-    """Sentence on the gain in sensitivity by a corrected interval; empty if negligible."""
+    """Sentence on the sensitivity gained by a corrected interval; empty if negligible."""
     if replace(before, frequency_hz=after.frequency_hz) == after:
         return ""
     gained_db = enr_needed_db(before, 0.5) - enr_needed_db(after, 0.5)

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 WIDE = 10_000
 _ROWS = 10_000
-"""Number of an archive's rows converted at once; takes some hundredths of a second."""
+"""Number of an archive's rows converted at once; the conversion takes some hundredths of a
+second."""
 _PLACES = ("latitude_deg", "longitude_deg")
 
 archive = App(

@@ -1,4 +1,4 @@
-"""``uavrt attach``: poses of another program's log for pulses."""
+"""``uavrt attach``: add poses from another program's log to pulses."""
 
 from pathlib import Path
 from typing import Annotated

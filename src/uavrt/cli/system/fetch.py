@@ -118,7 +118,10 @@ async def _list_samples(client: FileClient, flight: str) -> None:
 
 
 async def _wanted(client: FileClient, flight: str, left: tuple[str, ...]) -> list[RemoteEntry]:
-    """List a flight's files, without sample kinds in `left`, small first; "": newest flight."""
+    """List the files of a flight, small ones first, without the kinds of samples in `left`.
+
+    An empty flight name means the newest flight.
+    """
     path = PurePosixPath("/" + flight.strip("/"))
     if not flight:
         names = await drone_flights(client)

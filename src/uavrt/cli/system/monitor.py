@@ -1,4 +1,6 @@
-"""``uavrt monitor``: a terminal view of a running system; start and stop without a ground."""
+"""``uavrt monitor``: show a running system in a terminal; start and stop it without a
+station.
+"""
 
 import time
 from contextlib import suppress

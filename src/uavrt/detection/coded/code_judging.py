@@ -304,7 +304,7 @@ class Overlaps:
         self._sum()
 
     def add(self, *bursts: Burst) -> None:
-        """Add accepted bursts; count each possible burst's pulses that they overlap."""
+        """Add accepted bursts; count the pulses of each possible burst that they overlap."""
         for burst in bursts:
             apart = np.abs(self._columns[:, :, None] - burst.columns)
             hit = (apart <= self._guard).any(axis=2)
@@ -324,7 +324,9 @@ class Overlaps:
         )
 
     def too_few_left(self, claim: int) -> bool:
-        """True if a possible burst, by index, has too few pulses left to be reported."""
+        """True if overlaps leave a possible burst, by its index, too few pulses to report
+        it.
+        """
         alone = self.alone[claim]
         return alone < self._least[claim] and (
             alone < SHAPE.sure_pulses or self.weakest[claim] < SHAPE.sure_energy

@@ -84,7 +84,7 @@ class MeasuredBurst:
 
 @dataclass(slots=True, kw_only=True)
 class Sighting(MeasuredBurst):
-    """A burst detected by itself, not as part of a sum, and the evidence for its sender."""
+    """A burst detected by itself, not by a sum of bursts, with the evidence for its sender."""
 
     tags: tuple[Tag, ...]
     """Tags that may have sent the burst, the likeliest first."""

@@ -21,7 +21,7 @@ def limit(pulses: int, tests_per_hour: float, false_per_hour: float) -> float:
 
 
 def tests_per_hour(tag: Tag, *, bandwidth_hz: float, bursts: int) -> float:
-    """Number of independent sums of several bursts of one code in an hour."""
+    """Number of independent sums over several bursts of one code that are tested in an hour."""
     width_s = tag.pulse_width_s
     cells = 3600.0 / width_s * (bandwidth_hz * width_s + 1.0)
     off_s = 2.0 * (bursts - 1) * tag.interval_uncertainty_s
@@ -31,7 +31,7 @@ def tests_per_hour(tag: Tag, *, bandwidth_hz: float, bursts: int) -> float:
 def sum_limit(
     tag: Tag, *, bandwidth_hz: float, bursts: int, pulses: int, false_per_hour: float
 ) -> float:
-    """Minimum sum of cells that identifies a tag [noise energies]."""
+    """Minimum sum of cell energies that identifies a tag [noise energies]."""
     share = _share(bursts)
     tests = tests_per_hour(tag, bandwidth_hz=bandwidth_hz, bursts=bursts)
     return limit(pulses, tests, share * false_per_hour)
@@ -55,7 +55,7 @@ def _share(bursts: int) -> float:
 
 @lru_cache(maxsize=256)
 def rayleigh_limit(count: int, chance: float) -> float:
-    """Sum of the amplitudes of noise cells that is reached with a given probability."""
+    """Sum of noise amplitudes that is exceeded with a given probability."""
     low, high = 0.02, 8.0
     for _ in range(50):
         middle = 0.5 * (low + high)

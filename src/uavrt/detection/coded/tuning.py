@@ -12,7 +12,8 @@ class CellTuning:
     """Constants for computing and storing the energies of a channel."""
 
     row_spacing: float = 0.3125
-    """Spacing of the searched frequencies [1 / pulse width]: 125 Hz; 0.3 dB lost half-way."""
+    """Spacing of the searched frequencies [1 / pulse width]: 125 Hz. A pulse half-way between
+    two loses 0.3 dB."""
     columns_per_pulse: float = 9.0
     """Number of columns of cells (time steps) per pulse width."""
     noise_pieces: int = 25
@@ -54,7 +55,8 @@ class SumTuning:
     examined_share: float = 0.88
     """Ratio of a sum of bursts to the required sum above which the sum is refined."""
     clear_lead: float = 20.0
-    """Lead of a code's sum of pulses that excludes another code with them [noise energies]."""
+    """Lead of a code's sum at which another code with the same pulses is excluded [noise
+    energies]."""
     box_columns: int = 2048
     """Length of the time ranges in which waiting possible bursts are grouped [columns]."""
     same_columns: int = 10
@@ -100,7 +102,8 @@ class LimitTuning:
     per_refinement: float = 14.0
     """Number of independent sums tried while one sum of bursts is refined."""
     expected_false: float = 1e-6
-    """Probability that noise passes as a known tag's burst, in a cell where one is due."""
+    """Probability that noise is accepted as a known tag's burst, in a cell where a burst is
+    due."""
     expected_log: float = 6.0
     """Log odds of an identified tag's burst at its expected time against any other time."""
     least_energy: float = 0.25
@@ -124,7 +127,7 @@ class LikelihoodTuning:
     sums_tried: float = 20.0
     """Number of independent sums of several bursts that are tried; the best is used."""
     strengths_log: float = 5.0
-    """Log of the ratio of the largest to the smallest possible amplitude of a pulse."""
+    """Log of the ratio of the largest to the smallest amplitude that a pulse may have."""
     alignments: float = 16.0
     """Number of ways to align one of a burst's four pulses with one of four positions."""
     least_log: float = 4.0
@@ -161,7 +164,8 @@ class ShapeTuning:
     the flanks of one code's pulses would otherwise match a code with gaps that differ by 4.5
     ms in total."""
     aside_noise_s: float = 3e-3
-    """Deviation that noise adds to `aside_s`, divided by the pulse's amplitude [s]."""
+    """Deviation that noise adds to `aside_s` at a pulse amplitude of 1 [s]; it falls with the
+    amplitude."""
     flank_amplitude: float = 0.8
     """Maximum amplitude of a flank relative to its pulse; a larger signal is a pulse."""
     guard_s: float = 0.5e-3
@@ -169,7 +173,8 @@ class ShapeTuning:
     clear_log: float = 10.0
     """Minimum log-likelihood lead of a code over all codes with the same pulses."""
     most_swaps: int = 3
-    """Maximum number of rounds that replace bursts by others that explain more pulses."""
+    """Maximum number of rounds in which accepted bursts are replaced by others that explain
+    more pulses."""
     sure_pulses: int = 2
     """Minimum number of undisturbed pulses in a burst reported without identification."""
     sure_energy: float = 12.0
@@ -203,7 +208,8 @@ class IdentityTuning:
     most_missed: int = 8
     """Maximum number of bursts missed before a tag must be identified again."""
     own_error: float = 5e-6
-    """Relative error of a tag's measured interval: its crystal's drift with temperature."""
+    """Relative error of a tag's measured burst interval, because its crystal drifts with
+    temperature."""
     same_burst_s: float = 0.02
     """Maximum difference between the start times in two reports of one burst [s]."""
 

@@ -131,7 +131,7 @@ class AnchorSearch(RateSearch):
 
     @property
     def fresh(self) -> int:
-        """Number of columns not yet searched for anchors."""
+        """Number of new columns in which no anchors were searched yet."""
         return max(0, self.pushed - self.reach - self.columns)
 
     def advance(self, fresh: int) -> int:
@@ -231,7 +231,7 @@ class AnchorSearch(RateSearch):
 
 @dataclass(slots=True)
 class _Due:
-    """Anchors to be tested, sorted by search."""
+    """Anchors to be tested, in the order of their searches."""
 
     columns: list[int] = field(default_factory=list)
     rows: list[int] = field(default_factory=list)

@@ -93,8 +93,8 @@ class Evidence:
     ) -> float:
         """Log-likelihood ratio of a candidate's pulses to noise, summed over nearby parameters.
 
-        `starts` (K,): first samples of the pulses; missing ones count neither way. `level`
-        (K,): noise power of a sample. `strength`: assumed ENR of a pulse.
+        `starts` (K,): first samples of the pulses; a missing pulse does not change the result.
+        `level` (K,): noise power of a sample. `strength`: assumed ENR of a pulse.
         """
         side, step = self._side, self._step
         window, table = self._grid.window, _ratios(round(strength, 2))
@@ -120,7 +120,7 @@ class Evidence:
 
 @lru_cache(maxsize=8)
 def _ratios(strength: float) -> NDArray[np.float64]:
-    """Table of the likelihood ratio of a pulse to noise, by power [`EVIDENCE.table_step`]."""
+    """Table of likelihood ratios of pulse to noise, by power [`EVIDENCE.table_step`]."""
     power = np.arange(0.0, EVIDENCE.power_limit + EVIDENCE.table_step, EVIDENCE.table_step)
     return np.asarray(np.exp(-strength) * np.i0(2.0 * np.sqrt(strength * power)))
 

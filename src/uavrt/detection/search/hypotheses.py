@@ -37,7 +37,7 @@ class Candidate(NamedTuple):
 
 
 def best_first(found: list[Candidate]) -> list[Candidate]:
-    """Sort candidates in place: by score, equal scores by strength."""
+    """Sort candidates in place by score, and those of equal score by strength."""
     if len(found) > 1:
         found.sort(key=lambda one: (-round(one.score, GROUPS.score_digits), -one.strength))
     return found

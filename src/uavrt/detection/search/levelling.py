@@ -330,7 +330,7 @@ class Leveller:
         end: NDArray[np.intp],
         level: NDArray[np.float64],
     ) -> NDArray[np.float32] | None:
-        """(bands, slots) noise level of each band over the common one; None while equal."""
+        """(bands, slots) noise level of each band over the common one; None if all equal."""
         if len(both) < 4:
             return None
         total, sums = _sums(weights), _sums(both * weights)
@@ -556,7 +556,7 @@ def _steady(
     members: NDArray[np.float32],
     bins: float,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Mean noise level of each search's slots, and whether it may be constant; (searches,)."""
+    """(searches,) mean noise level of each search's slots, and True if it may be constant."""
     common = np.matmul(members / members.sum(), both)
     common *= weights
     total = np.maximum(weights.sum(axis=1), np.float32(1.0))

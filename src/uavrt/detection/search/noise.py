@@ -28,7 +28,7 @@ _RISEN = math.exp(-NOISE.excluded_ratio / NOISE.rise_ratio)
 def _truncated(
     power: NDArray[np.float32], noise: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """One iteration of the noise power, a truncated mean; and the share of cells included."""
+    """One iteration of the noise power as a truncated mean; and the share of cells included."""
     kept = (power < (np.float32(NOISE.excluded_ratio) * noise)[..., np.newaxis, :]).astype(
         np.float32
     )
@@ -91,7 +91,7 @@ class RowNoise:
 
     @property
     def ready(self) -> bool:
-        """True once the noise was estimated."""
+        """True once the noise has been estimated."""
         return self._long is not None
 
     @property

@@ -191,7 +191,7 @@ class Refiner:
         return self._buffer.loses(start - near, start + near)
 
     def _weight(self, start: int) -> float:
-        """Factor on a window's power that compensates its lost samples; 0: too many lost."""
+        """Factor on a window's power that compensates for lost samples; 0: too many lost."""
         weights = self._buffer.weights(np.array([start]), self._window)
         return 1.0 if weights is None else float(weights[0])
 
@@ -376,8 +376,8 @@ class Refiner:
     def strongest(self, pulse: Measured) -> tuple[float, float]:
         """Frequency and power of the strongest row in the whole channel at a pulse's time.
 
-        Windows half a pulse earlier and later are included: the leakage of a strong pulse cut
-        by them is as large as that of the whole.
+        Windows half a pulse earlier and later are included, because a window that cuts a strong
+        pulse receives as much leakage as one with the whole pulse.
         """
         window, buffer = self._window, self._buffer
         half = window // 2

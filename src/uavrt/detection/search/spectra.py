@@ -22,7 +22,7 @@ class Workspace:
         self._arrays: dict[str, NDArray[np.float32]] = {}
 
     def take(self, name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
-        """Array of arbitrary content, valid until the same name is requested again."""
+        """Array with arbitrary content, valid until one of the same name is requested again."""
         size = math.prod(shape)
         kept = self._arrays.get(name)
         if kept is None or kept.size < size:

@@ -31,7 +31,8 @@ class NoiseTuning:
     """Power above which a cell does not count as noise [noise powers]; 1.8 % of noise cells
     exceed it."""
     step_gain: float = 1.31
-    """Factor that speeds up the noise power's iteration: 1 / (1 - slope of the iteration)."""
+    """Factor that speeds up the iteration of the noise power: 1 / (1 - slope of the
+    iteration)."""
     long_s: float = 20.0
     """Time constant of the slow estimate of the noise power [s]."""
     short_s: float = 1.0
@@ -60,10 +61,12 @@ class NoiseTuning:
     """Ratio of the spread of the noise levels on one side of an edge to their error, up to
     which that side counts as flat."""
     hum_sigmas: float = 0.5
-    """Excess over the median at which a row's own noise is used between lines of hum [standard
-    deviations]: 3 to 5 % more noise. With the median there were 3.4 times the false groups."""
+    """Excess over the median above which a row's own noise estimate is used, as between lines
+    of hum [standard deviations]. It makes the noise 3 to 5 % larger; with the median there
+    were 3.4 times the false groups."""
     usual_threshold: float = 25.0
-    """Typical threshold of a group's sum, for the effect of uncertain noise [noise powers]."""
+    """Typical threshold of a group's sum, used to compute the effect of uncertain noise [noise
+    powers]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,7 +99,7 @@ class NoiseLevelTuning:
     pulse_sigmas: float = 2.6
     """Excess of three half-pulse slots that marks a weak pulse [standard deviations]."""
     beside_slots: tuple[int, int] = (4, 8)
-    """Distances from a pulse of the slots compared with it [slots of half a pulse]."""
+    """Distances from a pulse at which slots are compared with it [slots of half a pulse]."""
     median_slots: int = 11
     """Number of slots (half pulses) in the running median that limits a band's cells."""
     newest_slots: int = 10
@@ -136,8 +139,9 @@ class GroupTuning:
     anchors_at_once: int = 96
     """Number of strong cells (anchors) tested by one call of NumPy."""
     candidates_at_once: int = 24
-    """Maximum number of candidate groups measured at once: the strongest. Flanks of a neighbour
-    10 dB above the tag fill eight; 36 pulses were once missed next to it."""
+    """Maximum number of candidate groups measured at once; the strongest are taken. The flanks
+    of a neighbour 10 dB above the tag fill eight of these; 36 pulses were once missed next
+    to it."""
     long_from_k: int = 9
     """Minimum K for trying every cell as a group's last pulse, not only strong cells."""
     long_candidates_at_once: int = 8
@@ -203,7 +207,8 @@ class NullTuning:
     eager_gain: float = 0.7
     """Rise of the threshold by the first group counted in new coloured noise [noise powers]."""
     eager_groups: float = 3.0
-    """Number of further groups in coloured noise after which the rise by each is halved."""
+    """Number of further groups counted in coloured noise after which each raises the threshold
+    by half as much."""
     by_chance: float = 0.4
     """Rise of the threshold that counts in white noise make by chance [noise powers]; it is
     subtracted."""
@@ -213,7 +218,8 @@ class NullTuning:
     tolerated_ratio: float = 1.3
     """Ratio of counted groups to those of white noise up to which the threshold stays."""
     tolerated_coloured_ratio: float = 1.0
-    """Tolerated ratio of counted groups to those of white noise, while noise is coloured."""
+    """Ratio of counted groups to those of white noise up to which the threshold stays, while
+    noise is coloured."""
     ks: tuple[float, ...] = (2.0, 3.0, 5.0, 8.0)
     """Numbers of pulses K for which `white_ratios` are given."""
     white_ratios: tuple[float, ...] = (0.92, 1.25, 1.75, 1.56)
@@ -225,7 +231,8 @@ class EvidenceTuning:
     """Constants for testing candidates near the threshold by their likelihood."""
 
     power_limit: float = 16.0
-    """Limit on the power of a cell in a group's likelihood [noise powers]; bounds impulses."""
+    """Limit on the power of a cell in a group's likelihood [noise powers]; it bounds the effect
+    of impulses."""
     table_step: float = 0.02
     """Step in power of the table of likelihood ratios of pulse to noise [noise powers]."""
     steps_per_pulse: int = 25

@@ -13,7 +13,7 @@ from uavrt.detection.signal.tuning import CHANNEL
 
 
 class LongestBlock:
-    """Upper bound of the next block's length: the longest of the last 64 to 128 blocks."""
+    """Upper limit of the next block's length: the longest of the last 64 to 128 blocks."""
 
     def __init__(self) -> None:
         self.length = 0

@@ -42,7 +42,7 @@ class LineCanceller:
         return max(self._length, round(CARRIERS.fit_s * self._rate))
 
     def find(self, before: NDArray[np.complex64], samples: NDArray[np.complex64]) -> None:
-        """Find carriers in the newest samples and in the stored ones `before`."""
+        """Find carriers in the newest samples and in `before`, the stored ones before them."""
         past = before if self._past is None else self._past
         newest = np.concatenate((past, samples))[-self._length :]
         if len(newest) < self._length:
@@ -177,12 +177,12 @@ class _Waves:
         self._used = np.arange(most + 1)[:, np.newaxis] <= degrees
 
     def _sum(self, weights: NDArray[np.complex64]) -> NDArray[np.complex64]:
-        """Sum carriers modelled by weights (polynomials, waves) to samples (count, block)."""
+        """Samples (count, block) of the sum of carriers with weights (polynomials, waves)."""
         levels = np.concatenate((self._values @ weights, self._changes @ weights), axis=1)
         return np.asarray((levels * self._middles) @ self._within.T)
 
     def _shares(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
-        """Project samples on each carrier model separately; the adjoint of `_sum`."""
+        """Project samples on each carrier separately; the adjoint operation of `_sum`."""
         levels = (samples @ self._within.conj()) * self._middles.conj()
         half = levels.shape[1] // 2
         shares = self._values.T @ levels[:, :half] + self._changes.T @ levels[:, half:]

@@ -28,7 +28,7 @@ class Counters:
     samples_lost: int = 0
     """Number of samples missing according to the blocks' times; replaced by zeros."""
     samples_blanked: int = 0
-    """Number of samples blanked as impulses."""
+    """Number of samples set to zero because they were impulses."""
     blocks_stale: int = 0
     """Number of blocks refused because they precede samples already received."""
     restarts: int = 0

@@ -109,13 +109,15 @@ class BurstRateTuning:
     pooled_s: float = 2.0
     """Weight of the whole band's burst rate, as a duration at the track's frequency [s]."""
     similar_db: float = 8.0
-    """Maximum level difference between a pulse and a burst that may be taken for it [dB]."""
+    """Maximum level difference between a pulse and a burst that may be mistaken for it [dB]."""
     near_rows: float = 2.6
-    """Maximum frequency difference of a burst taken for a pulse [spectrogram rows]: 30 Hz."""
+    """Maximum frequency difference between a pulse and a burst that may be mistaken for it
+    [spectrogram rows]: 30 Hz."""
     pair_s: float = 0.012
     """Tolerance in the time between two bursts an interval apart, as in periodic frames [s]."""
     least_phases: int = 3
-    """Minimum number of phases with bursts an interval apart; a tag's pulses have fewer."""
+    """Minimum number of different phases at which bursts repeat after the tag's interval; a
+    tag's own pulses have fewer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,7 +164,8 @@ class FollowTuning:
     first_trust: float = 3.0
     """Log odds that a track just confirmed is a tag; three missing pulses end it."""
     most_trust: float = 15.0
-    """Maximum log odds of a track; ten missing pulses end the track, as `most_missed`."""
+    """Maximum log odds that a track is a tag; from there, ten missing pulses end the track, as
+    many as `most_missed`."""
     trust_lost: float = 1.4
     """Maximum fall of a track's log odds by a missed pulse; one in four is lost to fading."""
     trust_won: float = 4.0
@@ -203,7 +206,8 @@ class FollowTuning:
     sure_power: float = 12.0
     """Minimum power of three pulses, an interval apart, that confirm a track [noise powers]."""
     interval_walk: float = 1.5e-4
-    """Standard deviation of the interval's change from pulse to pulse, as a share of it."""
+    """Standard deviation of the interval's change from pulse to pulse, as a share of the
+    interval."""
     phase_walk_s: float = 0.3e-3
     """Standard deviation of the random shift in a pulse's time from one to the next [s]."""
     most_drift_hz: float = 15.0
