@@ -57,7 +57,8 @@ MAX_WAITING_PULSES = 100_000
 """Largest number of pulses in memory while the disk fails: 84 MB, 3.5 hours at 8 a second."""
 
 MAX_WAITING_OTHERS = 20_000
-"""Largest number of waiting poses and health records: half an hour; pulses carry poses too."""
+"""Largest number of waiting records other than pulses: half an hour of poses and health
+records."""
 
 Writable = Beep | Health | Pose | SearchNote | SearchReport | Tag
 
@@ -277,7 +278,7 @@ class FlightRecorder:
             self.dropped_records += 1
 
     def _failure(self, error: Exception) -> RecordingError:
-        """Roll back, close the file until the next commit, and make the error."""
+        """Roll back, close the file until the next commit, and return the error to raise."""
         if isinstance(error, RecordingError):
             return error
         if is_damage(error):

@@ -101,7 +101,7 @@ class BandDatagramSource(DatagramSource):
 
 
 class ByteJoiner:
-    """Joins bytes to complex64 samples, and stores the position of one gap."""
+    """Joins received bytes to complex64 samples; stores the position of one gap."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
@@ -133,8 +133,9 @@ class ByteJoiner:
     def take(self) -> tuple[NDArray[np.complex64], int, int]:
         """Get the complete samples before the next gap.
 
-        Returns (samples, lost_before, realigned): a copy, shape (n,), with zeros for non-finite
-        values; the number of samples lost before these; the number of realignments so far.
+        Returns (samples, lost_before, realigned). `samples`: a copy (n,), with zeros for
+        non-finite values. `lost_before`: number of samples lost before these. `realigned`:
+        number of realignments so far.
         """
         data = b"".join(self._parts)
         skip = misalignment(data)

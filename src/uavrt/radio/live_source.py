@@ -8,7 +8,8 @@ from uavrt.radio.timing.sample_placing import Placer
 from uavrt.radio.udp_address import listen, parse_udp_address
 
 _MEGAHERTZ = (20.0, 10e3)
-"""Range of numbers that are certainly frequencies in megahertz and not in hertz."""
+"""Range of numbers that cannot be frequencies in hertz and were certainly typed in
+megahertz."""
 RADIO_RATE_REMEDY = (
     "Check the radio's cable and this computer's load, or set [radio] sample_rate_hz to a rate "
     "that the radio takes"

@@ -69,7 +69,7 @@ def open_stream(
     start_time_ns: int | None = None,
     clock: Clock | None = None,
 ) -> StreamSource:
-    """Read live samples from a pipe; raises `FormatError` without rate and frequency."""
+    """Read live samples from a pipe; raises `FormatError` if rate or frequency is not given."""
     name = "cf32" if format_name is None else format_name.lower()
     if name in ("sigmf", "wav"):
         raise FormatError(

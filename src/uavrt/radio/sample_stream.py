@@ -116,7 +116,7 @@ class StreamSource(LiveSource):
             self._given = 0
 
     def _wants_more(self) -> bool:
-        """True if the sample block is not full, or a possible loss is undecided."""
+        """True if the sample block is not full, or if a possible loss is not decided yet."""
         if self._filled < self._wanted:
             return self._filled < len(self._bytes)
         if self._placer.settle() or self._placer.samples_before_cut:
@@ -133,7 +133,7 @@ class StreamSource(LiveSource):
         """Register sample bytes that have arrived, also those in a pipe that is not full.
 
         Bytes waiting in the pipe count as arrived, so that a slow reader does not look like a
-        late radio. A full pipe shows nothing, because the writer is waiting.
+        late radio. A full pipe does not show the sender's rate, because the writer is waiting.
         """
         size = self._format.bytes_per_sample
         lost = self._reported_lost()

@@ -7,7 +7,7 @@ from uavrt.core.messages import IQBlock
 
 FULL_SCALE_POWER = 4.0
 """Mean power of a block above which the data are not a signal. Full scale is 1 in I and in Q,
-so a full-scale square wave has 2; random bytes read as floats have 10⁷⁶."""
+so a full-scale square wave has a power of 2; random bytes read as floats have 10⁷⁶."""
 DEAD_S = 1.0
 """Duration of exact zeros that shows a dead radio [s]; noise is at least one converter step."""
 

@@ -1,6 +1,4 @@
-"""``uavrt monitor``: show a running system in a terminal; start and stop it without a
-station.
-"""
+"""``uavrt monitor``: a running system in a terminal; starts and stops it without a station."""
 
 import time
 from contextlib import suppress

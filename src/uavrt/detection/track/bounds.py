@@ -31,7 +31,7 @@ class Bounds:
         return np.flatnonzero(inside)
 
     def refusal(self, places: list[tuple[int, Measured]], rate: int) -> str | None:
-        """Reason why the measured pulses of a group are not the tag's; None if they may be."""
+        """Reason why the measured pulses of a group cannot be the tag's; None if they can."""
         floor = least_real([pulse.power for _, pulse in places])
         real = [pair for pair in places if pair[1].power >= floor]
         strongest = max((pulse for _, pulse in real), key=lambda pulse: pulse.power)
@@ -48,7 +48,9 @@ class Bounds:
         )
 
     def most_interval_error_s(self, rate: int) -> float:
-        """Maximum deviation from a rate's declared interval, by the samples' clock [s]."""
+        """Maximum deviation from a rate's declared interval, with the sample clock's
+        error [s].
+        """
         nominal_s = self.tag.pulse_intervals_s
         own_s = nominal_s[rate - 1]
         # One crystal determines both rates: the error of the longer interval is larger.
@@ -56,7 +58,7 @@ class Bounds:
         return most_s + BOUNDS.clock_error * own_s
 
     def off_frequency(self, offset_hz: float) -> str | None:
-        """Reason why a frequency is not the tag's; None if it may be."""
+        """Reason why a signal at a frequency cannot be the tag's; None if it can."""
         if any(low <= offset_hz <= high for low, high in self.excluded_hz):
             return "in an excluded frequency range"
         away_hz = abs(apart_hz(offset_hz, self.home_hz, self.sample_rate_hz))

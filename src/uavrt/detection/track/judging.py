@@ -159,7 +159,7 @@ class Judge:
         search: RateSearch,
         noise: NDArray[np.float32],
     ) -> str | None:
-        """Reason why a group's pulses do not have the tag's interval; None if they may."""
+        """Reason why a group's pulses cannot have the tag's interval; None if they can."""
         if (reason := self._bounds.refusal(places, search.rate)) is not None:
             return reason
         if self._is_the_other_rate([pulse for _, pulse in places], search, noise):
@@ -247,9 +247,10 @@ class Judge:
 
 
 def _leak(power: float, apart_bins: float) -> float:
-    """Upper bound of the leakage of a rectangular pulse, or a part of one, at a distance.
+    """Upper limit of the leaked power of a rectangular pulse, at a distance in frequency.
 
-    At most 1 / (pi df tp)^2 of its power; doubled in amplitude as a margin.
+    The leakage is at most 1 / (pi df tp)^2 of the pulse's power; its amplitude is doubled as a
+    margin. The limit also holds for a part of a pulse.
     """
     return power if apart_bins < 2.0 / math.pi else 4.0 * power / (math.pi * apart_bins) ** 2
 
@@ -275,5 +276,5 @@ def _has_gaps(places: list[tuple[int, Measured]]) -> bool:
 
 
 def share_a_pulse(one: list[Measured], two: list[Measured], window: int) -> bool:
-    """True if two groups have a pulse at the same time, at any frequency of its leakage."""
+    """True if two groups have a pulse at the same time, at any frequency (leakage)."""
     return any(abs(a.start - b.start) < 0.75 * window for a in one for b in two)

@@ -201,5 +201,5 @@ class Reporter:
 
 
 def snr_db(pulse: Measured) -> float:
-    """ENR of a pulse [dB]."""
+    """Energy of a pulse over the noise power density (ENR) [dB]."""
     return 10.0 * math.log10(pulse.enr)

@@ -1,4 +1,4 @@
-"""One band of frequencies under search: its spectrogram, its noise, a search for each rate."""
+"""Search one band of frequencies: its spectrogram, its noise, and a search for each rate."""
 
 import itertools
 import math
@@ -205,7 +205,7 @@ class SearchBand:
         return self._bursts
 
     def score(self) -> float:
-        """Highest ratio of a statistic to its threshold since the last call, at most 0.999."""
+        """Highest ratio of a sum to its threshold since the last call, at most 0.999."""
         best = max(search.best for search in self._searches)
         for search in self._searches:
             search.best = 0.0

@@ -212,7 +212,7 @@ class Tracking:
             self._reporter.settle(self.tracks, self._window.bounds.home_hz, self._now_s)
 
     def owner(self) -> Track | None:
-        """The tag's own track; None if it has no confirmed one."""
+        """The track that is the tag's; None if no confirmed track is."""
         if self.senders is None:
             return self._reporter.owner(self.tracks, self._window.bounds.home_hz, self._now_s)
         tags = (t for t in self.tracks if t.confirmed and t.ghost_of is None)

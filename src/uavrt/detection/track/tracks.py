@@ -95,7 +95,8 @@ class Track:
     """Number of expected pulses tested after the group of pulses that began the track."""
     gained: float = 0.0
     sequences: dict[int, int] = field(default_factory=dict)
-    """Sequence number of each reported group, by the number of its pulses divided by K."""
+    """Sequence number of each reported group, by the group's place in the track (pulse number
+    divided by K)."""
     last_accepted_s: float = 0.0
     odds: float = 0.0
     """Log odds that the track is a tag and not a chance series of bursts."""
@@ -103,7 +104,7 @@ class Track:
     in_doubt: bool = False
     """True if the track was ever more likely made of chance bursts than reporting allows."""
     stands_out: bool = False
-    """True if noise alone is unlikely to have caused the track's pulses."""
+    """True if noise alone is unlikely to be the cause of the track's pulses."""
     interval_open: bool = False
     """True if the pulses are too few to distinguish the interval from another train's."""
     trust: float = FOLLOW.most_trust
@@ -111,7 +112,7 @@ class Track:
     at_other_rate: "list[Track]" = field(default_factory=list)
     """Tracks of the transmitter at the tag's other rate, if it has switched (two_rates.py)."""
     settled_s: float = -math.inf
-    """Time of the last pulse up to which the tag's rate is decided for all pulses [s]."""
+    """Time of the last pulse up to which the tag's rate is decided [s]."""
     halves: list[float] = field(default_factory=lambda: [0.0, 0.0])
     """Log odds that the tag sends at even, and at odd, pulse numbers; old evidence decays."""
     certain_s: float = math.inf
@@ -330,7 +331,7 @@ class Track:
         self.halves[half] = FOLLOW.half_kept * self.halves[half] + tag_odds
 
     def _sends_nothing(self, slot: Slot) -> bool:
-        """True if the tag has twice the track's interval and sends nothing at this pulse."""
+        """True if the tag's interval is twice the track's and nothing is sent at this pulse."""
         own, other = self.halves[slot.number % 2], self.halves[1 - slot.number % 2]
         return own < FOLLOW.empty_half and other > FOLLOW.full_half
 
@@ -358,7 +359,7 @@ class Track:
         )
 
     def _weighed(self, slot: Slot) -> float:
-        """Log odds that a detection at the expected time is neither noise nor a burst."""
+        """Log odds that a detection at the expected time is the tag's, not noise or a burst."""
         noise = _against_noise(slot.measured.power, slot.volume)
         empty = log_empty(slot.bursts, width_s=self.tag.pulse_width_s)
         slot.burst_odds = self._odds(slot, self.time_s, self.variance[0])
@@ -448,7 +449,7 @@ def least_real(powers: list[float]) -> float:
     """Minimum power at which a group's pulse counts as received and not as noise.
 
     A pulse far weaker than the others and not certain by itself counts as noise. In a long
-    group most may be noise, so the strongest quarter is the reference.
+    group most detections may be noise, so the strongest quarter is the reference.
     """
     strongest = sorted(powers)[-(len(powers) // 4) :]
     return min(20.0, FOLLOW.weakest_share * sum(strongest) / len(strongest))

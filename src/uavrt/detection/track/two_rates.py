@@ -20,7 +20,8 @@ from uavrt.detection.track.tuning import RATES
 def log_evidence(power: float, strength: float) -> float:
     """Log-likelihood ratio of a pulse of ENR `strength` to none, for a cell's power.
 
-    log I0(2 sqrt(strength × power)) - strength, with the asymptotic form of the function I0.
+    The ratio is log I0(2 sqrt(strength × power)) - strength, with the asymptotic form of the
+    Bessel function I0.
     """
     argument = 2.0 * math.sqrt(strength * max(power, 0.0))
     if argument < 2.0:
@@ -135,9 +136,10 @@ def evidence(slots: Iterable[Slot], enr: float) -> float:
 
 
 def strength(track: Track) -> float:
-    """Mean ENR of the stronger half of the last pulses, at least 8 and at most 30.
+    """Mean ENR of the two strongest of the last four pulses, at least 8 and at most 30.
 
-    Uses the stronger half of the last four: at the longer interval every second is noise.
+    The two strongest of the last four pulses are used, because at the longer interval every
+    second detection is noise.
     """
     recent = [slot.measured.enr for slot in track.received]
     strongest = sorted(recent[-4:])[-2:]

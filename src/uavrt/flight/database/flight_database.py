@@ -93,7 +93,7 @@ class FlightDatabase:
         return self._open is not None and _identity(self._layout.database) != self._file
 
     def write_again(self) -> None:
-        """Copy the open database to its path, after its file was removed or replaced."""
+        """Write the open database to its path again, after the file was removed or replaced."""
         root, old = self._layout.root, self._open
         assert old is not None
         assert self._file is not None

@@ -37,7 +37,8 @@ _INSIDE = fields_of(BurstInside)
 DOUBT_FIELDS = tuple(
     name for name, one in _PULSE.items() if one.defaulted and name not in BURST_FIELDS
 )
-"""Fields of `Pulse` missing in older files; last, as programs read columns by position."""
+"""Fields of `Pulse` that older files lack. They are the last columns, because programs read
+columns by position."""
 FIELDS = PULSE_FIELDS + POSE_FIELDS + DOUBT_FIELDS
 _KINDS = {name: one.kind for name, one in (_PULSE | _POSE).items()}
 

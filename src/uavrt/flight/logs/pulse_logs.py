@@ -1,4 +1,4 @@
-"""Write the text logs of a flight, in step with its database."""
+"""Write the text logs of a flight, with the same pulses as its database."""
 
 import contextlib
 import sqlite3

@@ -52,7 +52,7 @@ def format_line(pulse_pose: PulsePose) -> str:
 
 
 class _Groups:
-    """Numbers each tag's groups: a new group begins when the pulse index does not rise."""
+    """Numbers the groups of each tag; a group begins when the pulse index does not increase."""
 
     def __init__(self) -> None:
         self._last: dict[int, tuple[int, int]] = {}

@@ -27,7 +27,7 @@ _LEVELS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeardTag:
-    """Number of confirmed pulses of one tag in a flight, without artefacts of the receiver."""
+    """Confirmed pulses of one tag in a flight: number and times, without receiver artefacts."""
 
     pulses: int
     first_ns: int

@@ -1,4 +1,4 @@
-"""Noise level of a receiver at rest in past flights, as a reference for the present noise.
+"""Measure the noise of a receiver at rest in past flights, as a reference for present noise.
 
 Receivers are not calibrated in watts, and normal levels differ between drones. So the reference
 is the noise before take-off, with the motors off, or else the lowest tenth of a flight.

@@ -42,7 +42,7 @@ class Segment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """Position of a recording's samples in its file, with rate, frequency and times."""
+    """Describes a recording's file: positions of its samples, rate, frequency and times."""
 
     path: Path
     sample_format: SampleFormat
@@ -54,7 +54,8 @@ class Layout:
     start_from: str = GIVEN_BY_USER
     first_byte: int = 0
     fault_at_end: str | None = None
-    """Reason why the recording is incomplete; raised after the last complete sample."""
+    """Reason why the recording is incomplete; raised as an error after its last complete
+    sample."""
 
 
 class SampleBytes(Protocol):

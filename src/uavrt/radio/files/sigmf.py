@@ -1,7 +1,7 @@
 """Read SigMF recordings: a JSON description and a file of samples.
 
-Fields as in the SigMF specification 1.2 (core namespace). The standard library reads the
-metadata: the ``sigmf`` package reads samples five times slower than ``readv`` and needs a
+The fields are those of the SigMF specification 1.2 (core namespace). The standard library reads
+the metadata: the ``sigmf`` package reads samples five times slower than ``readv`` and needs a
 JSON-schema validator.
 """
 
@@ -143,7 +143,7 @@ def _segments(
 
 
 def _lost(previous: _Capture, capture: _Capture, rate_hz: float) -> int:
-    """Number of samples missing between two captures, by global indices or else by times.
+    """Number of samples missing between two captures, by their indices or else their times.
 
     A smaller index than before means that the radio was opened again.
     """

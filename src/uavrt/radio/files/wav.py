@@ -1,10 +1,10 @@
 """Read WAV recordings with I and Q as left and right channel, as SDR programs write them.
 
-Chunks as in Microsoft's "Multiple Channel Audio Data and WAVE Files"; RF64 and BW64 (files over
-4 GiB) as in EBU Tech 3306, and plain files in which the size has overflowed. The ``auxi`` chunk
-(start time, radio frequency) as written by SDR#, HDSDR and ``airspy_rx -w``, or in XML by SDR
-Console. Python's ``wave`` module refuses float samples, RF64, and files whose writer was killed
-before it could set the size.
+Chunks are read as in Microsoft's "Multiple Channel Audio Data and WAVE Files", and RF64 and
+BW64 (files over 4 GiB) as in EBU Tech 3306. Plain files of that size, in which the size field
+has overflowed, are also read. The ``auxi`` chunk (start time, radio frequency) is read as
+written by SDR#, HDSDR and ``airspy_rx -w``, or in XML by SDR Console. Python's ``wave`` module
+refuses float samples, RF64, and files whose writer was killed before it could set the size.
 """
 
 import re
@@ -87,7 +87,9 @@ class _Header:
 def wav_layout(
     path: Path, *, center_frequency_hz: float | None = None, start_time_ns: int | None = None
 ) -> Layout:
-    """Describe a two-channel WAV file; defaults are from its ``auxi`` chunk, name or date."""
+    """Describe a two-channel WAV file; missing values are from its ``auxi`` chunk, name or
+    date.
+    """
     size = file_size(path)
     with reading(path), path.open("rb") as file:
         header = _read_chunks(file, path, size)

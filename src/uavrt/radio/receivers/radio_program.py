@@ -241,7 +241,7 @@ class ProgramSource(StreamSource):
         return " or ".join(f"{rate:.0f}" for rate in sorted(rates))
 
     def _store_line(self, line: str) -> None:
-        """Store a line of a program's stderr, if among the first or last or naming a cause."""
+        """Store a line of stderr if it is among the first or last ones, or shows a cause."""
         most = _LINES if cause_of(self._program, line) is not None else _FIRST_LINES
         (self._first if len(self._first) < most else self._lines).append(line)
 

@@ -11,7 +11,7 @@ from uavrt.config.settings import RadioSettings
 from uavrt.core.errors import ConfigError
 
 PROGRAMS: dict[str, RadioRow] = {kind: row for kind, row in RADIOS.items() if row.receive}
-"""Radios that are read by a program of their own, by kind."""
+"""Radios that are read by a program made for them, by kind."""
 
 
 def receive_command(settings: RadioSettings, center_frequency_hz: float) -> list[str]:

@@ -40,7 +40,7 @@ class ArrivalRate:
         """Delay of arrivals before the last pause [s]; infinite once the sender caught up."""
 
     def arrived(self, received: int, now_ns: int, *, full: bool = False) -> None:
-        """Add the samples received up to a time; a `full` buffer hides the sender's rate."""
+        """Add the number of samples received up to a time; a `full` buffer hides their rate."""
         if full:
             return
         if self._first_ns is None:

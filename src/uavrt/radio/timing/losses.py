@@ -27,7 +27,8 @@ from typing import Final
 import numpy as np
 
 CELL_S: Final = 0.020
-"""Minimum period of a lateness value of arrivals, a cell [s]; USB transfers last 5 to 65 ms."""
+"""Minimum length of the periods (cells) for which a lateness of arrivals is stored [s]; USB
+transfers last 5 to 65 ms."""
 SLOWEST_RATE: Final = 75e-6
 """Maximum relative error of a radio's clock rate; a greater drift means small losses."""
 _UNSEEN_S: Final = 0.010
@@ -48,7 +49,8 @@ _NEWEST: Final = 4
 _QUIET_S: Final = 1.0
 """Time after a loss in which arrivals may still show a further part of that loss [s]."""
 _EVIDENCE: Final = 14.0
-"""Log-odds of a loss needed to rule out jitter: 1 in 10⁶, 40 mostly dependent tests/s."""
+"""Log odds of a loss needed to rule out jitter: 1 in 10⁶, for 40 mostly dependent tests a
+second."""
 _EVIDENCE_KNOWN: Final = 7.0
 """Log-odds of a loss needed to rule out jitter within `_KNOWN_S` of a known loss."""
 _KNOWN_S: Final = 10.0
@@ -56,14 +58,16 @@ _FLOOR_S: Final = 0.002
 """Minimum lateness of arrivals above jitter that shows a loss [s]; clock drift is smaller."""
 _LEVEL_S: Final = 0.006
 _LEVEL_SLOPE: Final = 0.06
-"""Rise of arrivals' lateness [s/s] above which the radio program falls behind: no loss."""
+"""Rise of the lateness of arrivals above which the radio program is slow and nothing is lost
+[s/s]."""
 _CLIMB_S: Final = 0.35
 _LEVEL_AFTER_CLIMB_S: Final = 1.5
 _SUSPECT_S: Final = 0.008
 """Lateness of arrivals above which a cell may be the first after a loss [s]."""
 _SUSPECT_MAX_S: Final = 0.35
 _SHARP: Final = 0.6
-"""Fraction of the lateness that must arise within `_BEFORE_S` for a step, not a drift."""
+"""Minimum fraction of the lateness that arises within `_BEFORE_S` at a step; with less it is a
+drift."""
 _BEFORE_S: Final = 0.5
 _SURE_SHARE: Final = 0.0008
 """Minimum fraction of samples lost in the last `_SHARE_S` that no clock error can explain (800
@@ -73,7 +77,8 @@ _EARLY_CELLS: Final = 12
 _PACE_BIN_S: Final = 0.25
 """Period for which the smallest delay of arrivals is stored, for a source's speed [s]."""
 _UNSETTLED_BINS: Final = 2
-"""Number of newest periods ignored in a source's speed, as a stall may still be caught up."""
+"""Number of newest periods ignored when a source's speed is measured, because a stall in them
+may still be caught up."""
 _PACE_SPANS: Final = ((5.0, 0.4), (10.0, 0.7))
 """Pairs of a period over which a source's speed is measured [s], and the relative scatter of
 the delays below which they rise evenly. Sources at 0.9 to 0.995 times real time have a
@@ -156,7 +161,7 @@ class SourcePace:
     def _line(self, begin_s: float) -> tuple[float, float]:
         """Fit a line to the smallest delays: rise per second, and relative scatter about it.
 
-        A delay that is made up later is a stall and does not count.
+        A delay that later arrivals make up for is a stall and does not count.
         """
         settled = [point for point in self._delays if point[0] >= begin_s]
         at_s, delay_s = np.array(settled).T
@@ -177,8 +182,8 @@ class SourcePace:
 class LossFinder:
     """Finds losses from the lateness of arrivals: their delay above that of the earliest ones.
 
-    Positions in the stream are nominal seconds: samples, lost ones included, divided by the
-    nominal rate. The caller adds a found loss to later positions.
+    Positions in the stream are in seconds: number of samples, lost ones included, divided by
+    the nominal rate. The caller adds a found loss to later positions.
     """
 
     def __init__(self, *, may_be_slow: bool = False) -> None:

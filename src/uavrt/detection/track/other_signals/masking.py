@@ -24,7 +24,7 @@ def strongest_first(tracks: list[Track]) -> list[Track]:
 
 
 def stronger_tracks(track: Track, tracks: list[Track], *, sample_rate_hz: float) -> list[Track]:
-    """Tracks that may hide a track's pulses: stronger and at another frequency."""
+    """Tracks that may hide a track's pulses: stronger ones at another frequency."""
     if len(tracks) < 2:
         return []
     least = FOLLOW.hiding_ratio * level(track)
@@ -51,7 +51,7 @@ def is_due(others: list[Track], *, earliest_s: float, latest_s: float) -> bool:
 def hiding(
     track: Track, others: list[Track], *, earliest_s: float, latest_s: float
 ) -> list[Measured]:
-    """Pulses of other tracks between two times that are stronger than this track's."""
+    """Pulses of other tracks between two times that are stronger than those of this track."""
     least = FOLLOW.hiding_ratio * level(track)
     return [
         slot.measured

@@ -151,7 +151,7 @@ class Bursts:
     def _on_lattice(
         self, track: Track, found: Measured, time_s: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
-        """True for bursts at times at which the track has, or would have had, pulses."""
+        """True for bursts at times at which pulses of the track were or would be expected."""
         rate_hz = self._grid.sample_rate_hz
         lag_s = self._grid.start(0) / rate_hz
         near_s = self._width_s

@@ -107,7 +107,8 @@ class _Learnt:
     bound: float
     """Relative uncertainty of the tag's measured interval."""
     otherwise_ns: float | None = None
-    """Time at which the tag was first received with another interval [ns]; None: never."""
+    """Time at which the tag was first received with an interval other than the stored one [ns];
+    None: never."""
 
 
 class ConfirmedPulses:
@@ -270,7 +271,7 @@ class Senders(Generic[H]):
     def _assign_trains(
         self, trains: list[Train[H]]
     ) -> list[tuple[Train[H], int, tuple[int, ...], bool]]:
-        """Assign trains; reuse the last assignment while their properties are the same."""
+        """Assign trains; reuse the last assignment while their properties are unchanged."""
         picture = [_properties(train) for train in trains]
         if picture != self._last_properties:
             self._last_properties, self._last_assignment = picture, self._assign_again(trains)

@@ -100,7 +100,7 @@ class Train(Generic[H]):
 
 @dataclass(frozen=True, slots=True)
 class KnownPulse:
-    """A received pulse of a confirmed train, or its next expected one."""
+    """A received pulse of a confirmed train, or the train's next expected pulse."""
 
     time_ns: float
     within_ns: float
