@@ -43,9 +43,7 @@ class IntegratedPart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchedFor:
-    """Tag and settings of a search; without a find, only a tag with these values is
-    excluded.
-    """
+    """Tag and settings of a search; without a find, only such a tag is excluded."""
 
     frequency_hz: float
     """Frequency in the tag list [Hz]; the fields up to `gaps_s` are also from the tag list."""

@@ -29,7 +29,7 @@ _REMEDY = "Its heading is Device;Time;Frequency;Duration;max;avg;std;noise;snr"
 
 
 def read_pyradiotracking(path: str | os.PathLike[str]) -> PulseLog:
-    """Read a signal CSV; raises `FormatError` if unreadable, with a wrong row's number."""
+    """Read a signal CSV; raises `FormatError` if unreadable, with the number of a bad row."""
     heard = parsed_rows(
         path,
         NAMES,

@@ -189,7 +189,7 @@ def _pose(time_ns: int, lat: float, lon: float, alt: float, base_m: float) -> Po
 
 
 def read_detections(path: str | os.PathLike[str]) -> PulseLog:
-    """Read detections, one burst per row; raises `FormatError` with a wrong row's number."""
+    """Read detections, one burst per row; raises `FormatError` with the number of a bad row."""
     names: list[str] | None = None
     found: list[PulsePose] = []
     lines = read_lines(path)

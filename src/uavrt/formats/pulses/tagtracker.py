@@ -123,7 +123,7 @@ _LAYOUTS = [
 
 
 def read_tagtracker(path: str | os.PathLike[str]) -> PulseLog:
-    """Read a pulse CSV of TagTracker; raises `FormatError` with a wrong row's number."""
+    """Read a pulse CSV of TagTracker; raises `FormatError` with the number of a bad row."""
     lines = with_commas(read_lines(path))
     rows = [(number, _cells(line)) for number, line in enumerate(lines, start=1)]
     rows = [(number, cells) for number, cells in rows if cells and not is_heading(cells)]

@@ -37,7 +37,7 @@ class TargetEstimate:
 
 
 def read_ucsd_pings(path: str | os.PathLike[str]) -> PulseLog:
-    """Read a ping CSV; raises `FormatError` with a wrong row's number."""
+    """Read a ping CSV; raises `FormatError` with the number of a bad row."""
     pings = parsed_rows(path, PING_COLUMNS, _ping, _REMEDY)
     tags = tag_numbers([frequency for frequency, _, _, _ in pings])
     found = tuple(
@@ -52,7 +52,7 @@ def read_ucsd_pings(path: str | os.PathLike[str]) -> PulseLog:
 
 
 def read_ucsd_estimates(path: str | os.PathLike[str]) -> tuple[TargetEstimate, ...]:
-    """Read an estimate CSV; raises `FormatError` with a wrong row's number."""
+    """Read an estimate CSV; raises `FormatError` with the number of a bad row."""
     return tuple(parsed_rows(path, ESTIMATE_COLUMNS, _estimate, _REMEDY))
 
 

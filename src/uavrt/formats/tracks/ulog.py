@@ -31,7 +31,8 @@ _DEFINING = frozenset(bytes((letter,)) for letter in b"FIMPBQ")
 _FIELD = re.compile(r"(\w+)(?:\[(\d{1,9})\d*\])? +\w+;")
 _MOST_DEFINITIONS, _MOST_FIELDS, _MOST_DEPTH = 50_000, 2_000, 4
 _MOST_STEPS = 300_000
-"""Maximum damaged bytes, or pieces of 512 bytes, skipped before the file counts as ended."""
+"""Maximum number of damaged bytes, or of pieces of 512 bytes, that are skipped before the file
+counts as ended."""
 _ARMED = 2
 _SANE_UNIX_US = 1_400_000_000_000_000
 
@@ -165,7 +166,7 @@ def _states(
 
 
 def _utc_of_boot_us(topics: dict[str, Any]) -> int | None:
-    """UTC at boot [µs]: smallest GPS time minus boot time, from the message least delayed."""
+    """UTC at boot [µs]: the smallest difference of GPS time and boot time in any message."""
     for name in _GPS:
         data = topics.get(name)
         if data is not None and "time_utc_usec" in data:

@@ -81,9 +81,7 @@ class ChannelDatagramSender:
                 self._complete(block.channel, frame)
 
     def close(self) -> None:
-        """Close the sockets; an incomplete frame is not sent, as by the original
-        channelizer.
-        """
+        """Close the sockets; an incomplete frame is not sent, as in the original system."""
         for sock in self._sockets.values():
             sock.close()
 

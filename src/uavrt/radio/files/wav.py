@@ -87,9 +87,7 @@ class _Header:
 def wav_layout(
     path: Path, *, center_frequency_hz: float | None = None, start_time_ns: int | None = None
 ) -> Layout:
-    """Describe a two-channel WAV file; missing values are from its ``auxi`` chunk, name or
-    date.
-    """
+    """Describe a two-channel WAV file; defaults are from its ``auxi`` chunk, name or date."""
     size = file_size(path)
     with reading(path), path.open("rb") as file:
         header = _read_chunks(file, path, size)

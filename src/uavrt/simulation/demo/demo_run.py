@@ -38,7 +38,8 @@ from uavrt.simulation.scene.world import World
 from uavrt.simulation.vehicle.airframe import Flavour
 
 START_LEAD_S = 2.5
-"""Delay of the simulated world's start after the programs' [s]; these need 1.5 s."""
+"""Time from the start of the programs to that of the simulated world [s]; the programs need 1.5
+s."""
 READY_TIMEOUT_S = 20.0
 DRAIN_TIMEOUT_S = 15.0
 REFRESH_S = 0.25

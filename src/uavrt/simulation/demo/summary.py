@@ -88,7 +88,7 @@ def summarize_tag(
     recorded: Sequence[Pulse],
     received_times_ns: Sequence[int],
 ) -> TagSummary:
-    """Compare the pulses of one tag, recorded and received, with those of all tags sent."""
+    """Compare the recorded and received pulses of one tag with the true pulses of all tags."""
     sent = [pulse for pulse in truth if pulse.tag_id == tag.tag_id]
     if tag.coded:
         sent = true_bursts(sent, 1 + len(tag.gaps_s))

@@ -170,7 +170,9 @@ class DemoView:
         ]
 
     def _process_table(self, *, narrow: bool) -> RenderableType:
-        """Table of the processes; `narrow`: two in a row, and only faulty ones' status."""
+        """Table of the processes; `narrow`: two in each row, with the status of faulty ones
+        only.
+        """
         table = plain_table(*(2 * ("process", "CPU", "MB") if narrow else _PROCESSES))
         known = {one.process: one for one in (self.status.processes if self.status else ())}
         rows: list[list[RenderableType]] = []

@@ -43,9 +43,9 @@ class Fading(ScenarioRecord):
 
     kind: Literal["none", "lognormal", "rician"] = "none"
     sigma_db: Annotated[float, Ge(0), Le(20)] = 2.0
-    """Lognormal fading: standard deviation [dB]."""
+    """Standard deviation of lognormal fading [dB]."""
     k_factor_db: Annotated[float, Ge(-20), Le(40)] = 12.0
-    """Rician fading: ratio of steady to scattered power [dB]."""
+    """Ratio of steady to scattered power in Rician fading [dB]."""
     correlation_time_s: Annotated[float, Gt(0)] = 1.0
     """Time after which the correlation of the underlying normal process is 1/e [s]."""
 

@@ -189,7 +189,7 @@ class Scenario(ScenarioRecord):
         return round((min(frequencies) + max(frequencies)) / 2, -3)
 
     def starting_at(self, start_time_ns: int) -> "Scenario":
-        """The same world, started at another time [ns, UTC]."""
+        """Copy the world with another start time [ns, UTC]."""
         return replace(self, start_time_ns=start_time_ns)
 
     def elapsed_s(self, time_ns: int) -> float:

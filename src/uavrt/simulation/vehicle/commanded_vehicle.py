@@ -85,7 +85,7 @@ class Flown:
         self._writer = None if path is None else PathWriter(path)
 
     def advance(self, now_ns: int) -> bool:
-        """Move the vehicle up to now; True when the mode has changed."""
+        """Move the vehicle up to the present time; return True if the mode has changed."""
         mode = self.vehicle.mode
         changed = mode != self._mode_reported
         self._mode_reported = mode
