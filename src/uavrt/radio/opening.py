@@ -15,7 +15,7 @@ from uavrt.radio.files.recording_source import (
     Layout,
     RecordingSource,
     file_size,
-    name_says,
+    name_note,
     raw_layout,
 )
 from uavrt.radio.files.sigmf import sigmf_layout
@@ -175,11 +175,11 @@ def _layout(
             str(path),
         ),
         start_time_ns=named.start_time_ns if start_time_ns is None else start_time_ns,
-        frequency_from=name_says(named, "frequency")
+        frequency_from=name_note(named, "frequency")
         if center_frequency_hz is None
         else GIVEN_BY_USER,
-        rate_from=name_says(named, "rate") if sample_rate_hz is None else GIVEN_BY_USER,
-        start_from=name_says(named, "time") if start_time_ns is None else GIVEN_BY_USER,
+        rate_from=name_note(named, "rate") if sample_rate_hz is None else GIVEN_BY_USER,
+        start_from=name_note(named, "time") if start_time_ns is None else GIVEN_BY_USER,
     )
 
 

@@ -298,9 +298,7 @@ def _print(line: str) -> None:
 
 
 def main(command_line: Sequence[str]) -> int:
-    """Run the simulated radio program; returns 0 after SIGTERM, SIGINT or -n samples,
-    else 1.
-    """
+    """Run the simulated radio program; 0 after SIGTERM, SIGINT or -n samples, else 1."""
     try:
         arguments = parse_arguments(command_line)
     except ArgumentFault as fault:

@@ -22,7 +22,7 @@ from uavrt.core.messages import (
 )
 from uavrt.core.terminal_tables import plain_table
 from uavrt.core.units import NANOSECONDS_PER_SECOND
-from uavrt.flight.reading.outline import HeardTag
+from uavrt.flight.reading.outline import ReceivedTag
 
 RATE_WINDOW_S = 60.0
 FRESH_S = 5.0
@@ -84,7 +84,7 @@ class MonitorView:
                 for process in record.processes:
                     self._measure(process, record.time_ns)
 
-    def take_recorded(self, heard: Mapping[int, HeardTag], now_s: float) -> None:
+    def take_recorded(self, heard: Mapping[int, ReceivedTag], now_s: float) -> None:
         """Add the pulses that the flight recorded before the monitor started."""
         assert self.status is not None
         for tag_id, one in heard.items():

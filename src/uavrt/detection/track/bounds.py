@@ -48,7 +48,7 @@ class Bounds:
         )
 
     def most_interval_error_s(self, rate: int) -> float:
-        """Maximum deviation from a rate's declared interval, with the sample clock's [s]."""
+        """Maximum deviation from a rate's declared interval, with sample clock error [s]."""
         nominal_s = self.tag.pulse_intervals_s
         own_s = nominal_s[rate - 1]
         # One crystal determines both rates: the error of the longer interval is larger.

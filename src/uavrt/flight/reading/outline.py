@@ -26,7 +26,7 @@ _LEVELS = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HeardTag:
+class ReceivedTag:
     """Confirmed pulses of one tag in a flight: number and times, without receiver artefacts."""
 
     pulses: int
@@ -41,7 +41,7 @@ class FlightOutline:
     info: FlightInfo
     end_time_ns: int
     """Time of the flight's last record [ns]."""
-    heard: dict[int, HeardTag]
+    heard: dict[int, ReceivedTag]
     all_pulses: int
     """Number of pulses of any status, including artefacts made by the receiver."""
     of_ground: bool
@@ -76,7 +76,7 @@ def read_outline(directory: str | os.PathLike[str]) -> FlightOutline:
             raise ValueError("the flight has an invalid time")
         notes = database.execute("SELECT time_ns, text FROM notes ORDER BY time_ns").fetchall()
         heard = {
-            int(tag_id): HeardTag(
+            int(tag_id): ReceivedTag(
                 pulses=int(pulses), first_ns=int(first_ns), last_ns=int(last_ns)
             )
             for tag_id, pulses, first_ns, last_ns, _, _ in of_tags

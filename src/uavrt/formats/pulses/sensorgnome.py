@@ -21,7 +21,7 @@ from dataclasses import replace
 from uavrt.core.messages import Pose, Pulse, PulsePose
 from uavrt.core.units import hz_from_mhz, ns_from_s
 from uavrt.formats.damaged_lines import passed_over
-from uavrt.formats.pulses.pulse_log import PulseLog, heard_pulse
+from uavrt.formats.pulses.pulse_log import PulseLog, ungrouped_pulse
 from uavrt.formats.pulses.ucsd import tag_numbers
 from uavrt.formats.text import (
     cells_of,
@@ -131,7 +131,7 @@ def _pulse(cells: Sequence[str], tuned_hz: float) -> Pulse:
     signal_db, noise_db = number_or_nan(cells[3]), number_or_nan(cells[4])
     if abs(noise_db) > 300.0:
         raise ValueError(f"{cells[4]} is not a level in dB")
-    return heard_pulse(
+    return ungrouped_pulse(
         1,
         tuned_hz + 1e3 * finite(cells[2]),
         start_ns,
@@ -226,7 +226,7 @@ def _detection(row: dict[str, str]) -> PulsePose:
     nominal_mhz = next((number(name) for name in _NOMINAL if row.get(name)), math.nan)
     away_khz = number("freq")
     away_hz = 1e3 * away_khz if math.isfinite(away_khz) else 0.0
-    pulse = heard_pulse(
+    pulse = ungrouped_pulse(
         tag_id,
         1e6 * nominal_mhz + away_hz,
         start_ns,

@@ -32,7 +32,7 @@ from uavrt.core.earth.attitude import Quaternion, euler_deg, from_euler_deg, nor
 from uavrt.core.earth.on_earth import is_attitude
 from uavrt.core.errors import FormatError
 from uavrt.core.messages import DetectionStatus, Pose, Pulse, PulsePose
-from uavrt.formats.pulses.pulse_log import PulseLog, RotationMark, heard_pulse
+from uavrt.formats.pulses.pulse_log import PulseLog, RotationMark, ungrouped_pulse
 from uavrt.formats.text import (
     cells_of,
     finite,
@@ -293,7 +293,7 @@ def _pulse(tag: Sequence[str], start_ns: int, snr: str, states: Sequence[str]) -
     """Make a pulse from a tag's number and frequency, and the row's status numbers."""
     confirmed = whole(states[1]) != 0
     frequency_hz = number_or_nan(tag[1]) or math.nan
-    pulse = heard_pulse(whole(tag[0]), frequency_hz, start_ns, start_ns, _snr(snr))
+    pulse = ungrouped_pulse(whole(tag[0]), frequency_hz, start_ns, start_ns, _snr(snr))
     return replace(pulse, detection_status=_status(states[0], confirmed), confirmed=confirmed)
 
 

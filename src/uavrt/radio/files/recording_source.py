@@ -223,7 +223,7 @@ class RecordingSource:
             filled += got
 
 
-def name_says(facts: NameFacts, about: Literal["rate", "frequency", "time"]) -> str:
+def name_note(facts: NameFacts, about: Literal["rate", "frequency", "time"]) -> str:
     """Text that gives a file's name as the source of a value, with rounding or time zone."""
     said = f"the file's name (as {facts.program} gives)"
     if about == "time" and facts.local_time:

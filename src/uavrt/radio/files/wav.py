@@ -28,7 +28,7 @@ from uavrt.radio.files.recording_source import (
     Segment,
     file_size,
     file_start_ns,
-    name_says,
+    name_note,
     reading,
 )
 from uavrt.radio.formats import CF32, CS16, CU8, SampleFormat
@@ -107,7 +107,7 @@ def wav_layout(
     if frequency_hz is None:
         frequency_hz, frequency_from = header.frequency_hz, HEADER
     if frequency_hz is None:
-        frequency_hz, frequency_from = named.center_frequency_hz, name_says(named, "frequency")
+        frequency_hz, frequency_from = named.center_frequency_hz, name_note(named, "frequency")
     if frequency_hz is None:
         raise FormatError(
             f"{path} does not state its radio frequency", remedy="Give --center-frequency"
@@ -125,7 +125,7 @@ def wav_layout(
     if start_ns is None:
         start_ns, start_from = header.start_ns, HEADER
     if start_ns is None:
-        start_ns, start_from = named.start_time_ns, name_says(named, "time")
+        start_ns, start_from = named.start_time_ns, name_note(named, "time")
     if start_ns is None:
         start_ns, start_from = file_start_ns(path, count, float(header.rate_hz)), FILE_DATE
     return Layout(
