@@ -120,7 +120,7 @@ def export(
     formats
         Any format of uavrt export but geotiff, or geoparquet; by default all.
     flights
-        Only these; by default all that have pulses.
+        Flights to write; by default all that have pulses.
     """
     from uavrt.analysis.archive.exporting import export_archive
 
