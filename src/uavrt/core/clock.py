@@ -82,8 +82,8 @@ def utc_text(time_ns: int) -> str:
 def parse_iso_utc(text: str) -> int:
     """Parse an ISO 8601 time to [ns, UTC]; a time without a zone is UTC.
 
-    Raises `ValueError`: `text` is not an ISO 8601 time, or not one from 1970 to 2261:
-    nanoseconds are kept in 64 bits.
+    Raises `ValueError` if `text` is not an ISO 8601 time from 1970 to 2261; nanoseconds are
+    kept in 64 bits.
 
     >>> parse_iso_utc("2023-11-17T07:16:59.5Z")
     1700205419500000000

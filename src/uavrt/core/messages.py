@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DetectionStatus = Literal["subthreshold", "detected", "confirmed", "integrated"]
-"""Certainty of a pulse: below the threshold (found by a track), above it, or confirmed by a
-track. *integrated*: found after the flight in all its data; never in flight or over radio."""
+"""Certainty of a pulse: below the threshold (found by a track), above the threshold, or
+confirmed by a track. *integrated*: found after the flight by an analysis of all its data;
+never in flight or over radio."""
 
 _SAME_SENDER_HZ = 300.0
 """Maximum frequency difference of two measurements of one sender [Hz]."""
@@ -502,7 +503,7 @@ class ProcessStatus:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StatusText:
-    """A short text for the operator, as MAVLink severity 0 (emergency) to 7 (debug)."""
+    """A short text for the operator, with MAVLink's severity: 0 (emergency) to 7 (debug)."""
 
     severity: int
     text: str
@@ -599,7 +600,7 @@ SurveyPattern = Literal["lines", "around", "points"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeepOut:
-    """An area that must not be flown over, such as a person or a building."""
+    """An area that must not be flown over, such as a building or a place with people."""
 
     places: tuple[tuple[float, float], ...]
     """Latitude and longitude [°] of a polygon's corners, or of a circle's centre."""
@@ -732,7 +733,8 @@ class SoughtTag:
     missed: int
     """Number of expected pulses that were not received."""
     likely: tuple[tuple[float, float, float], ...] = ()
-    """Likeliest squares of an unfound tag: centre's latitude, longitude [°]; probability."""
+    """Most likely squares of a tag not found yet: latitude and longitude of the centre [°], and
+    probability."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
