@@ -71,4 +71,4 @@ def test_a_recording_in_a_pipe_is_told_to_show_no_losses(folder: Path) -> None:
     assert "times count from the first sample" in said
     assert "may be lost" not in said
     told = piped(folder, "--start-time", "2026-05-01T06:00:00Z", seconds=SECONDS)
-    assert "--start-time was given: times count from the first sample" in told
+    assert "--start-time was given: times are counted from the first sample" in told

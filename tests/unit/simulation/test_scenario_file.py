@@ -153,7 +153,7 @@ def test_codes_that_no_tag_file_may_list_are_refused_beforehand(gaps: str, fault
     text = CODED.replace("[0.022, 0.0488, 0.0366]", gaps)
     with pytest.raises(ConfigError) as caught:
         parse_scenario(text)
-    assert "tag[1]: no tag file may list it" in str(caught.value)
+    assert "tag[1]: not valid in a tag file" in str(caught.value)
     assert fault in str(caught.value)
     (neighbour,) = parse_scenario(text + "listed = false\n").tag
     assert neighbour.gaps_s
