@@ -66,10 +66,10 @@ def test_all_faults_are_listed_with_their_places() -> None:
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
-        (TAG + TAG, "tag[2].tag_id: 2 is taken"),
+        (TAG + TAG, "tag[2].tag_id: 2 is used"),
         (TAG.replace("1.3", "0.01"), "not longer than the pulse"),
         (TAG + "rate_switches_s = [5.0]", "two rates need two intervals"),
-        (TAG.replace("1.3", "1.3, 2") + "rate_switches_s = [5.0, 4.0]", "must rise"),
+        (TAG.replace("1.3", "1.3, 2") + "rate_switches_s = [5.0, 4.0]", "must increase"),
         (
             TAG.replace("1.3", "1.3, 2") + "rate_switches_s = [5]\nrate_pattern = [1, 2]",
             "not both",
