@@ -1,4 +1,6 @@
-"""``uavrt doctor --flight``: checklist before a first flight, on the drone's own computer."""
+"""``uavrt doctor --flight``: go through the checklist before a first flight, on the drone's
+computer.
+"""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""``uavrt starter``: an entry for the ground station in the desktop's menu."""
+"""``uavrt starter``: add the ground station to the desktop's menu."""
 
 import sys
 from pathlib import Path

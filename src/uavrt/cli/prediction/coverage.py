@@ -1,4 +1,4 @@
-"""``uavrt coverage``: where a tag would be detected, before or after a flight."""
+"""``uavrt coverage``: map where a tag would be detected, before or after a flight."""
 
 # isort: off
 from uavrt.cli.options.link_budget_options import USUAL_BUDGET, Budget

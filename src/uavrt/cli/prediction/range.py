@@ -1,4 +1,4 @@
-"""``uavrt range``: detection range of a tag, before a flight."""
+"""``uavrt range``: predict the detection range of a tag before a flight."""
 
 from dataclasses import replace
 from pathlib import Path

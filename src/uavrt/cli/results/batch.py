@@ -1,4 +1,4 @@
-"""``uavrt batch``: a whole archive of recordings under one tag list."""
+"""``uavrt batch``: find the pulses of one tag list in a whole archive of recordings."""
 
 # isort: off
 from uavrt.cli.shown.notices import notice

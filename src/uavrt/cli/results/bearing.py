@@ -1,4 +1,4 @@
-"""``uavrt bearing``: directions to the tags of a flight or a pulse log."""
+"""``uavrt bearing``: estimate bearings of the tags of a flight or a pulse log."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated

@@ -1,4 +1,4 @@
-"""``uavrt export``: a flight as files for other tools."""
+"""``uavrt export``: write a flight as files for other tools."""
 
 from pathlib import Path
 from typing import Annotated

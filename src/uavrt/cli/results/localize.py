@@ -1,4 +1,4 @@
-"""``uavrt localize``: positions of a flight's tags."""
+"""``uavrt localize``: estimate positions of a flight's tags."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""``uavrt season``: statistics of a folder of flights."""
+"""``uavrt season``: summarise a folder of flights."""
 
 from dataclasses import asdict, fields
 from pathlib import Path

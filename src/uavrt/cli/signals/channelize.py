@@ -1,4 +1,4 @@
-"""``uavrt channelize``: converts a band to the original's channel datagrams."""
+"""``uavrt channelize``: split a band into the original's channel datagrams."""
 
 # isort: off
 from uavrt.cli.shown.notices import notice

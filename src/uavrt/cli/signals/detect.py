@@ -1,4 +1,4 @@
-"""``uavrt detect``: pulses from a recording or a live stream."""
+"""``uavrt detect``: find pulses in a recording or a live stream."""
 
 # isort: off
 from uavrt.cli.shown.notices import notice

@@ -1,4 +1,4 @@
-"""``uavrt fetch``: flights from the drone, over the MAVLink link."""
+"""``uavrt fetch``: copy flights from the drone over the MAVLink link."""
 
 import asyncio
 from pathlib import Path, PurePosixPath

@@ -1,4 +1,4 @@
-"""``uavrt ground``: the ground station."""
+"""``uavrt ground``: run the ground station."""
 
 import asyncio
 import contextlib

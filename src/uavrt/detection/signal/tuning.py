@@ -16,7 +16,8 @@ class ChannelTuning:
     """Number of recent sample blocks; the longest of them is the expected length of the next
     one."""
     restart_blocks: int = 3
-    """Number of consecutive sample blocks with past times before the stream restarts."""
+    """Number of consecutive sample blocks with times in the past after which the stream
+    restarts."""
     # Shortest run of zeros that counts as lost samples; coarse samples contain shorter ones.
     shortest_loss_s: float = 0.0005
     shortest_loss_samples: int = 4
@@ -123,7 +124,8 @@ class SparkTuning:
     side_s: float = 0.0013
     """Half-length of the filters for the frequencies on both sides of the searched band [s]."""
     smooth_s: float = 0.0011
-    """Half-length of the average of the noise level over time [s]: three values in 1 kHz."""
+    """Half-length of the average of the noise level over time [s]; in a band of 1 kHz it
+    averages three independent values."""
     guard_hz: float = 50.0
     """Distance of the noise filters' bands from the searched band, on both sides [Hz]."""
     least_width_hz: float = 300.0

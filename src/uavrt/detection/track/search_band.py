@@ -142,7 +142,7 @@ class SearchBand:
     def advance(
         self, upto: int, *, last: bool
     ) -> list[tuple[RateSearch, list[Candidate]]] | None:
-        """Search samples up to an index; return candidates by rate, None without noise yet."""
+        """Search samples up to an index; return candidates by rate (None: noise unknown)."""
         power = self._columns(self._spectrogram, upto, last=last)
         was_ready = self._noise.ready
         if was_ready and len(power):

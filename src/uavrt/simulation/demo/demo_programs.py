@@ -113,7 +113,9 @@ def free_ros_domain() -> int:
 
 
 def demo_environment() -> dict[str, str]:
-    """Environment variables of the demo's programs, without the site's ROS 2 network."""
+    """Environment variables of the demo's programs, which keep them off the site's ROS 2
+    network.
+    """
     kept = {name: v for name, v in os.environ.items() if name != "CYCLONEDDS_URI"}
     return kept | blas_environment({}) | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 
