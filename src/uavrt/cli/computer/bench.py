@@ -1,6 +1,4 @@
-"""``uavrt doctor --flight``: go through the checklist before a first flight, on the drone's
-computer.
-"""
+"""``uavrt doctor --flight``: check the drone's own computer before a first flight."""
 
 from pathlib import Path
 

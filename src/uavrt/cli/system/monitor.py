@@ -1,4 +1,4 @@
-"""``uavrt monitor``: a running system in a terminal; starts and stops it without a station."""
+"""``uavrt monitor``: show a running system in a terminal, and start or stop detection."""
 
 import time
 from contextlib import suppress

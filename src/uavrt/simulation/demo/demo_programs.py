@@ -113,9 +113,7 @@ def free_ros_domain() -> int:
 
 
 def demo_environment() -> dict[str, str]:
-    """Environment variables of the demo's programs, which keep them off the site's ROS 2
-    network.
-    """
+    """Environment variables that keep the demo's programs off the site's ROS 2 network."""
     kept = {name: v for name, v in os.environ.items() if name != "CYCLONEDDS_URI"}
     return kept | blas_environment({}) | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 

@@ -80,7 +80,7 @@ def pattern_db(antenna: Antenna, direction_body: geometry.Vector) -> float:
 def transverse_axes(
     direction: geometry.Vector, down: geometry.Vector
 ) -> tuple[geometry.Vector, geometry.Vector]:
-    """Unit vectors perpendicular to a ray, horizontal and upright, for a frame's down axis."""
+    """Horizontal and upright unit vectors perpendicular to a ray; `down`: the down axis."""
     horizontal = geometry.cross(down, direction)
     if geometry.length(horizontal) < 1e-9:
         horizontal = geometry.cross((1.0, 0.0, 0.0), direction)
