@@ -20,7 +20,7 @@ FAULTS = {
     "hangs": "no samples arrive",
     "is killed": "SIGKILL",
     "writes garbage": "not samples",
-    "gives only zeros": "only zeros",
+    "sends only zeros": "only zeros",
     "loses half a sample": "not samples",
     "writes only half a sample": "ended with status 0",
     "talks to stdout": "ended with status 1",
@@ -72,7 +72,7 @@ elif fault == "loses half a sample":
 elif fault == "writes only half a sample":
     os.write(1, b"abc")
     sys.exit(0)
-elif fault == "gives only zeros":
+elif fault == "sends only zeros":
     while True:
         os.write(1, bytes(8 * 16384))
         time.sleep(16384 / 3e6)

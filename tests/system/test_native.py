@@ -27,7 +27,7 @@ def test_the_environment_leaves_the_kernels_aside() -> None:
         "from uavrt.core.runtime import native",
         "print(native.kernels(), native.description())",
     )
-    assert run_python(*lines, pure="1") == "None NumPy alone, as UAVRT_PURE says"
+    assert run_python(*lines, pure="1") == "None NumPy only, because UAVRT_PURE is set"
     there = importlib.util.find_spec("uavrt.core._native") is not None
     assert ("NumPy alone" in run_python(*lines, pure="")) != there
 

@@ -9,7 +9,7 @@ from rich.console import Console
 from uavrt.cli.system.monitor_view import MonitorView
 from uavrt.core.messages import Pulse
 from uavrt.drone.ipc.topics import decode_record, encode_record
-from uavrt.flight.reading.outline import HeardTag
+from uavrt.flight.reading.outline import ReceivedTag
 
 PULSE = made.pulse(
     1_700_000_000_000_000_000,
@@ -58,7 +58,7 @@ def test_what_was_recorded_before_the_monitor_began_counts_and_nothing_counts_tw
     view = MonitorView()
     status = made.system_status(PULSE.start_time_ns, center_frequency_hz=148.7e6, tags=(TAG,))
     view.add("status", replace(status, time_ns=PULSE.start_time_ns + 90_000_000_000), 100.0)
-    heard = HeardTag(pulses=30, first_ns=1, last_ns=PULSE.start_time_ns)
+    heard = ReceivedTag(pulses=30, first_ns=1, last_ns=PULSE.start_time_ns)
     view.take_recorded({2: heard}, 100.0)
     view.add("pulse", PULSE, 100.0)  # recorded already, and still on its way here
     assert view.heard[2].pulses == 30

@@ -14,38 +14,42 @@ from uavrt.cli.shown.terminal_text import guard_terminals, harmless
 from uavrt.core.errors import UavrtError
 
 COMMANDS = {
-    "demo": "The whole system on this machine, with simulated animals.",
-    "run": "The drone side: radio, detectors, autopilot, recorder.",
-    "ground": "The ground station.",
-    "fly": "Move the drone: each motion confirmed by you.",
+    "demo": "Run the whole system on this machine, with simulated animals.",
+    "run": "Run the drone side: radio, detectors, autopilot link, recorder.",
+    "ground": "Run the ground station, as a page in the browser or for scripts.",
+    "fly": "Move the drone; you confirm each motion.",
     "detect": "Find pulses in a recording or a live stream.",
-    "bearing": "Bearings from a flight or a pulse log.",
-    "localize": "Positions from a flight or from bearings.",
+    "bearing": "Estimate bearings from a flight or a pulse log.",
+    "localize": "Estimate positions from a flight or from bearings.",
     "integrate": "Find tags below the noise in a whole flight.",
-    "range": "Detection range of a tag, before a flight.",
-    "coverage": "Where a tag is detected, before a flight and after it.",
-    "batch": "Find pulses in all recordings of an archive, as Parquet.",
-    "archive": "Query and export an archive that batch has searched.",
-    "attach": "Poses from an autopilot's log for pulses without any.",
-    "report": "Write a report of a flight, to read and share.",
+    "range": "Predict the detection range of a tag before a flight.",
+    "coverage": "Map where a tag is detected, before a flight or after it.",
+    "batch": "Find pulses in all recordings of an archive; write Parquet tables.",
+    "archive": "Query and export an archive that uavrt batch has searched.",
+    "attach": "Add poses from an autopilot's log to pulses without poses.",
+    "report": "Write a report on a flight, to read and share.",
     "season": "Summarise a folder of flights: minutes, animals, batteries.",
-    "export": "A flight as files for other programs.",
+    "export": "Write a flight as files for other programs.",
     "fetch": "Copy flights from the drone over the radio link.",
     "tags": "Check, convert and measure tags.",
-    "simulate": "A recording, telemetry and truth of a simulated world.",
-    "channelize": "The channelizer alone.",
+    "simulate": "Record a simulated world: samples, telemetry and truth.",
+    "channelize": "Split a band into channels and send them by UDP.",
     "monitor": "Watch a running system in a terminal.",
     "doctor": "Check this computer for problems, with remedies.",
     "service": "Start the drone side at boot.",
-    "starter": "The ground station in the desktop's menu.",
+    "starter": "Add the ground station to the desktop's menu.",
     "update": "Install another version offline; go back if it fails.",
 }
-"""Summary of each command. The command is the function of this name in the module of this name,
-which is imported when the command is called."""
+"""Summary of each command, by name. A call imports the module with that name and runs the
+function with that name."""
 
 
 def make_app(*, summaries: bool = False, added: bool = False) -> App:
-    """Make the command line; `summaries`: import no command; `added`: with plug-in commands."""
+    """Make the command line.
+
+    `summaries`: use the texts of `COMMANDS` and import no command. `added`: include the
+    commands of other packages.
+    """
     made = App(
         name="uavrt",
         help=uavrt.__doc__,

@@ -19,17 +19,18 @@ _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.ENOSYS)
 
 
 def is_part(path: Path) -> bool:
-    """True if a file is the unfinished copy that `replacing` writes, by its name."""
+    """True if a file's name is that of an unfinished copy written by `replacing`."""
     return _PART_NAME.fullmatch(path.name) is not None
 
 
 @contextmanager
 def replacing(path: Path, *, sync: bool = True) -> Iterator[Path]:
-    """Context with a file to write, which then replaces `path`; the directory is synced.
+    """Context in which a temporary file is written; at its end that file replaces `path`.
 
-    A link's target is replaced, not the link. `path`: in an existing directory. `sync`: False
-    for files that may be lost in a power cut and are written too often to wait for the disk.
-    Raises `OSError` if the disk is full or read-only; the old file is unchanged.
+    A link's target is replaced, not the link. The directory of `path` must exist. `sync`: write
+    file and directory to the disk before going on; False for files that may be lost in a power
+    cut and are written too often to wait for the disk. Raises `OSError` if the disk is full or
+    read-only; the old file is unchanged.
     """
     path = path.resolve()
     part = path.with_name(f".{path.name}.{secrets.token_hex(6)}{PART}")

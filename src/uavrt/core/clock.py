@@ -15,7 +15,7 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 _BEYOND = datetime(2262, 1, 1, tzinfo=UTC)
-"""Times from this on are rejected: 64 bits of nanoseconds since 1970 end in 2262."""
+"""Earliest time that is rejected: 64 bits of nanoseconds since 1970 end in 2262."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,8 +82,8 @@ def utc_text(time_ns: int) -> str:
 def parse_iso_utc(text: str) -> int:
     """Parse an ISO 8601 time to [ns, UTC]; a time without a zone is UTC.
 
-    Raises `ValueError`: `text` is not an ISO 8601 time, or not one from 1970 to 2261:
-    nanoseconds are kept in 64 bits.
+    Raises `ValueError` if `text` is not an ISO 8601 time from 1970 to 2261; nanoseconds are
+    kept in 64 bits.
 
     >>> parse_iso_utc("2023-11-17T07:16:59.5Z")
     1700205419500000000
@@ -114,7 +114,7 @@ def parse_iso_intervals(text: str) -> tuple[tuple[int, int], ...]:
 
 
 def flight_stamp(time_ns: int) -> str:
-    """Start of a flight directory's name: UTC as ``YYYY-mm-dd_HH-MM-SS`` (thesis §4.5)."""
+    """Format a time [ns, UTC] as a flight directory has it: ``YYYY-mm-dd_HH-MM-SS``."""
     return (
         f"{datetime.fromtimestamp(time_ns // NANOSECONDS_PER_SECOND, tz=UTC):%Y-%m-%d_%H-%M-%S}"
     )

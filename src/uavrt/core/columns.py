@@ -1,4 +1,4 @@
-"""Select and join rows of dataclasses whose fields are arrays with one row per item."""
+"""Select and join rows of dataclasses whose array fields have one row for each item."""
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
@@ -10,12 +10,15 @@ R = TypeVar("R")
 
 
 def chosen_rows(record: R, which: Any) -> R:
-    """Copy a dataclass, its arrays indexed along axis 0 by `which`: mask, slice or indices."""
+    """Copy a dataclass of arrays with the rows chosen by `which`: a mask, slice or indices."""
     return replace(record, **{name: one[which] for name, one in _arrays(record)})  # type: ignore[type-var]
 
 
 def joined_rows(records: Sequence[R], axis: int = 0) -> R:
-    """Concatenate the arrays of dataclasses along `axis`; other fields are the first's."""
+    """Concatenate the arrays of several dataclasses along `axis`.
+
+    Fields that are not arrays are copied from the first dataclass.
+    """
     names = [name for name, _ in _arrays(records[0])]
     joined = {
         name: np.concatenate([getattr(one, name) for one in records], axis=axis)

@@ -47,9 +47,8 @@ CommandName = Literal[
 ]
 
 Generation = Literal["G0", "G1", "G2v1", "G2"]
-"""Version of the radio protocol. G0: the thesis (February 2023); G1: the newest without a
-version number (April 2026); G2v1: version 1, whose commands are those of G1; G2: versions 4 to
-7."""
+"""Version of the radio protocol. G0: the thesis (February 2023). G1: the newest without a
+version number (April 2026). G2v1: version 1, with the commands of G1. G2: versions 4 to 7."""
 
 
 class CommandId(IntEnum):
@@ -122,7 +121,7 @@ BETWEEN_FLIGHTS: States = {
 
 
 class PermittedSender(StrEnum):
-    """Who may send a command, if only one station commands (`mission.commanding_station`)."""
+    """Stations that may send a command, if `mission.commanding_station` limits it to one."""
 
     ANYBODY = "anybody"
     """Any station, because the command changes nothing."""
@@ -156,10 +155,12 @@ class CommandField:
     unit: str = ""
     low: float = -inf
     high: float = inf
-    """Largest valid number (`low`: smallest); checked only for the `member` ``"values"``."""
+    """Largest valid number, as `low` is the smallest; both are checked only if `member` is
+    ``"values"``."""
     member: str | None = "values"
-    """Field of `uavrt.core.messages.Command` that holds the number: ``"values"``, or a field of
-    its own, where 0 becomes None. None: the drone ignores the number."""
+    """Field of `uavrt.core.messages.Command` that stores the number: the dictionary
+    ``"values"``, or a field for this number alone, in which 0 becomes None. None: the drone
+    ignores the number."""
     from_g2: bool = False
     """True if the field is missing in the protocol versions before G2."""
 
@@ -208,7 +209,7 @@ _GAIN = CommandField(name="gain", member="gain")
 _ROWS = (
     CommandRow(
         name="start_tags",
-        meaning="forget the tags: others follow",
+        meaning="clear the tag list; new tags follow",
         number=CommandId.START_TAGS,
         lengths={"G0": BARE, "G1": BARE, "G2": (16,)},
         permitted_sender=PermittedSender.COMMANDER,
@@ -223,7 +224,7 @@ _ROWS = (
     ),
     CommandRow(
         name="add_tag",
-        meaning="one tag; while detecting, a correction of one that is searched",
+        meaning="one tag of the list; while detecting, new values for a tag being searched for",
         number=CommandId.TAG,
         lengths={"G0": (48,), "G1": (88,), "G2": (96,)},
         permitted_sender=PermittedSender.COMMANDER,
@@ -237,7 +238,7 @@ _ROWS = (
     ),
     CommandRow(
         name="end_tags",
-        meaning="all tags were sent",
+        meaning="end of the tag list",
         number=CommandId.END_TAGS,
         lengths={"G0": BARE, "G1": BARE, "G2": (16,)},
         permitted_sender=PermittedSender.COMMANDER,
@@ -251,7 +252,7 @@ _ROWS = (
     ),
     CommandRow(
         name="start_detection",
-        meaning="begin a flight: search for the tags",
+        meaning="begin a flight and search for the tags",
         number=CommandId.START_DETECTION,
         lengths={"G0": BARE, "G1": (12, 16, 32, 40), "G2": (48,)},
         fields=(
@@ -308,7 +309,7 @@ _ROWS = (
     ),
     CommandRow(
         name="save_logs",
-        meaning="copy the flights to the drive that is plugged in",
+        meaning="copy the flights to a plugged-in drive",
         number=CommandId.SAVE_LOGS,
         lengths={"G1": BARE, "G2": BARE_G2},
         permitted_sender=PermittedSender.LAST_COMMANDER,
@@ -317,7 +318,7 @@ _ROWS = (
         button=Button(
             action="save_logs",
             label="Save logs",
-            asking="asking to save the flights",
+            asking="requesting to save the flights",
             done="saving",
         ),
     ),
@@ -332,13 +333,13 @@ _ROWS = (
         button=Button(
             action="clean_logs",
             label="Clean logs",
-            asking="asking to remove the flights",
+            asking="requesting to remove the flights",
             done="removing",
         ),
     ),
     CommandRow(
         name="radio_status",
-        meaning="say whether the radio is there",
+        meaning="report whether the radio is connected",
         number=CommandId.AIRSPY_STATUS,
         lengths={"G1": BARE, "G2": BARE_G2},
         permitted_sender=PermittedSender.ANYBODY,
@@ -346,26 +347,26 @@ _ROWS = (
         button=Button(
             action="radio_status",
             label="Radio status",
-            asking="asking the radio",
-            done="the radio is there",
+            asking="checking the radio",
+            done="the radio is connected",
         ),
     ),
     CommandRow(
         name="set_parameter",
-        meaning="change a setting; what is not in force at once waits for the next start",
+        meaning="change a setting; some settings take effect at the next start only",
         permitted_sender=PermittedSender.LAST_COMMANDER,
         states=ALWAYS,
         button=Button(action="parameters", label="Parameters"),
     ),
     CommandRow(
         name="fly",
-        meaning="ask for a motion of the drone",
+        meaning="request a motion of the drone",
         permitted_sender=PermittedSender.LAST_COMMANDER,
         states=ALWAYS,
     ),
     CommandRow(
         name="confirm_motion",
-        meaning="confirm the motion that the drone offers",
+        meaning="confirm the motion that the drone has proposed",
         permitted_sender=PermittedSender.LAST_COMMANDER,
         states=ALWAYS,
     ),

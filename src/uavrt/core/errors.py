@@ -3,7 +3,7 @@
 ::
 
     UavrtError                     catch this to catch them all
-    ├── UsageError                 what the user wrote is wrong; the text names the remedy
+    ├── UsageError                 wrong input by the user; the text names the remedy
     │   ├── ConfigError            uavrt.toml or a command-line option
     │   ├── TagFileError           a tag file; lists all faults, each with its line
     │   ├── FormatError            a recording or log not in the declared format
@@ -12,11 +12,11 @@
     ├── RadioError                 the receiver hardware or its program
     │   ├── RadioMissing           no such program or no device
     │   ├── RadioStopped           the stream ended; holds the exit reason
-    │   ├── RadioStalled           alive but no samples
-    │   └── RadioGarbled           gives something, but not samples
+    │   ├── RadioStalled           runs but sends no samples
+    │   └── RadioGarbled           sends data that cannot be samples
     ├── LinkError                  MAVLink: port in use, no such serial port, broken link
     ├── TunnelError                a tunnel payload that is not valid; holds the payload
-    ├── PoseUnavailable            no pose around that time (yet, or any more)
+    ├── PoseUnavailable            no pose is stored for a time; it may still arrive
     ├── CommandRefused             the supervisor's state does not allow it; holds the reason
     └── RecordingError             a flight directory that cannot be written or read
         └── StoreError             an object store that does not answer, or ends in the middle
@@ -28,7 +28,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 LONGEST_LINE = 400
-"""Maximum length of a line in an error message [characters]; it may quote foreign text."""
+"""Maximum length of a line in an error message [characters]; a line may quote text from a
+file."""
 
 
 def _shown(text: str) -> str:
@@ -45,7 +46,7 @@ def _shown(text: str) -> str:
 
 
 class UavrtError(Exception):
-    """Base class of all deliberate errors.
+    """Base class of the errors that uavrt raises on purpose.
 
     `message`: what is wrong, for the person who can fix it. `remedy`: what to do about it.
     """
@@ -99,7 +100,7 @@ class PlanError(UsageError):
 
 
 class TunerError(UsageError):
-    """No radio frequency receives all the tags."""
+    """No centre frequency of the radio covers all the tags."""
 
 
 class RadioError(UavrtError):
@@ -131,7 +132,7 @@ class LinkError(UavrtError):
 
 
 class TunnelError(UavrtError):
-    """A tunnel payload as received is not valid; `message` says what is wrong."""
+    """A received tunnel payload is invalid; `message` says what is wrong."""
 
     def __init__(self, message: str, payload: bytes) -> None:
         self.payload = bytes(payload)
@@ -139,7 +140,7 @@ class TunnelError(UavrtError):
 
 
 class PoseUnavailable(UavrtError):
-    """No pose is known around a time [ns]; with `retry_later`, one may still arrive."""
+    """No pose is known around a time [ns]; if `retry_later` is true, one may still arrive."""
 
     def __init__(self, time_ns: int, *, retry_later: bool) -> None:
         self.time_ns = time_ns
@@ -179,7 +180,7 @@ def needs_extra(extra: str, what: str, *, otherwise: str = "") -> Iterator[None]
 def os_errors_as(
     kind: type[UavrtError], failed: object, remedy: str | None = None
 ) -> Iterator[None]:
-    """Context that converts `OSError` to `kind`; its text: `failed`, then the reason."""
+    """Context that converts `OSError` to a `kind` of error, with `failed` and the reason."""
     try:
         yield
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Read files and texts from outside, with limits on their size.
+"""Read files and texts that come from users or other programs, with limits on their size.
 
 Every parser of a foreign format uses these functions. They limit bytes, unpacked bytes, nesting
 and number of values; a file beyond its limit is refused with an error of one line. Limits are
@@ -26,16 +26,16 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 CPU_S = 2
-"""Limit of processor time for reading a short file from outside [s]."""
+"""Limit of processor time for reading one short file from another program [s]."""
 MEMORY_BYTES = 200_000_000
-"""Limit of memory for reading one file from outside [bytes]."""
+"""Limit of memory for reading one file from another program [bytes]."""
 MOST_FAULTS = 50
 _REMEDY = "Check the name: another file may be meant"
 _PIECE_BYTES = 1 << 20
 _LARGE_BYTES = 50_000_000
 _ZIP_END_BYTES, _ZIP_ENTRY_BYTES = 66_000, 100
 _PIPES = ("/dev/fd/", "/dev/stdin", "/proc/self/fd/")
-"""Beginnings of the paths by which a shell passes pipes: `uavrt tags check <(…)`."""
+"""Prefixes of the paths by which a shell passes pipes, as in `uavrt tags check <(…)`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,12 +71,12 @@ ARCHIVE_NOTE = Limit(what="a note of an archive", bytes=200_000_000)
 TEXT_LOG = Limit(what="a log", bytes=512 * 1024 * 1024, values=10_000_000)
 """Limits for text logs; lines are counted, not values, because line ends compress well."""
 OWN = Limit(what="a file of uavrt's own", bytes=20_000_000)
-"""Limits for files that uavrt keeps across restarts; a list of 10 000 flights has 8 MB."""
+"""Limits for files that uavrt keeps across restarts; a list of 10 000 flights takes 8 MB."""
 KEYS = Limit(what="a key or certificate", bytes=200_000)
 REQUEST = Limit(what="a request", bytes=500_000, values=60_000, depth=16)
 """Limits for requests to the ground station, which decodes them in at most 20 ms."""
 UPLOADED_FILE = Limit(what="a file in a request", bytes=4_000_000, values=500_000, depth=16)
-"""Limits for uploaded files; commas in their text count as values."""
+"""Limits for uploaded files; each comma in their text counts as a value."""
 MAP_PART = Limit(what="a part of a map", bytes=1_500_000, values=50_000)
 """Limits for a directory or the description of a PMTiles map, compressed and unpacked."""
 ZIPPED_TILE = Limit(what="a packed tile of heights", bytes=30_000_000, values=1_000)
@@ -85,7 +85,7 @@ TRACK = Limit(what="an autopilot's log", bytes=2_000_000_000)
 
 
 def read_file(path: str | os.PathLike[str], limit: Limit) -> bytes:
-    """Read a whole file from outside; refuses sparse, endless and too large ones."""
+    """Read a whole file from outside; sparse, endless and too large files are refused."""
     handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_NONBLOCK", 0))
     with os.fdopen(handle, "rb") as file:
         about = os.fstat(handle)
@@ -153,7 +153,7 @@ _GZIP_BITS = 31
 
 
 def unpack(pieces: Iterable[bytes], most: int) -> bytes:
-    """Unpack gzip data; stops soon after `most` bytes, so a zip bomb does no harm."""
+    """Unpack gzip data; stops soon after `most` bytes, so that a zip bomb does no harm."""
     content = bytearray()
     unpacker = zlib.decompressobj(_GZIP_BITS)
     for piece in pieces:
@@ -247,15 +247,15 @@ _TOML_QUIET = re.compile(
     r'|"(?:[^"\\\n]|\\[^\n])*(?:"|(?=\n)|\Z)' + r"|'[^'\n]*(?:'|(?=\n)|\Z)|#[^\n]*",
     re.S,
 )
-"""Pattern of strings and comments in TOML, where brackets and points have no meaning."""
+"""Pattern of strings and comments in TOML; brackets and dots within them are not syntax."""
 _TOML_MARK = re.compile(r"[\[\]{}=]|[\w-]+(?:[ \t]*\.[ \t]*[\w-]+)*")
 
 
 def check_toml(text: str, limit: Limit) -> None:
     """Raise `ValueError` for TOML text that `tomllib` would take minutes to parse.
 
-    The parser's time increases with the square of the parts of a dotted key, its stack with
-    each level of brackets.
+    The parser's time grows with the square of the number of parts in a dotted key, and its
+    stack with each level of brackets.
     """
     if len(text) > limit.bytes:
         raise ValueError(f"{len(text):,} characters are too many for {limit.what}")
@@ -278,7 +278,7 @@ def check_toml(text: str, limit: Limit) -> None:
 
 
 def shortened(faults: list[str]) -> list[str]:
-    """First faults of a file, and a last line with the number of the others."""
+    """Keep the first faults of a list, and add a line with the number of those left out."""
     if len(faults) <= MOST_FAULTS:
         return faults
     return [*faults[:MOST_FAULTS], f"and {len(faults) - MOST_FAULTS} more"]

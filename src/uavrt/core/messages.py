@@ -1,4 +1,4 @@
-"""Records that are passed between stages and processes.
+"""Define the records that are passed between stages and processes.
 
 All are immutable; unknown values are ``None``; times are integer nanoseconds UTC; names contain
 the units. Records travel between processes as JSON (``uavrt.drone.ipc``); sample blocks use
@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DetectionStatus = Literal["subthreshold", "detected", "confirmed", "integrated"]
-"""Certainty of a pulse: below the threshold (found by a track), above it, or confirmed by a
-track. *integrated*: found after the flight in all its data; never in flight or over radio."""
+"""Certainty of a pulse: below the threshold (found by a track), above the threshold, or
+confirmed by a track. *integrated*: found after the flight by an analysis of all its data;
+never in flight or over radio."""
 
 _SAME_SENDER_HZ = 300.0
 """Maximum frequency difference of two measurements of one sender [Hz]."""
@@ -31,7 +32,7 @@ _SAME_RATE = 0.01
 _KILOHERTZ_FROM_HZ = 995.0
 
 DEFAULT_FALSE_ALARM_PROBABILITY = 0.01
-"""False-alarm probability of a tag whose entry in the tag list has none."""
+"""False-alarm probability of a tag if its entry in the tag list has none."""
 WHOLE_FLIGHT_FALSE_ALARM = 0.01
 """Probability that a search of a whole flight without the tag reports the tag."""
 
@@ -57,12 +58,12 @@ class Tag:
     name: str | None = None
     gaps_s: tuple[float, ...] = ()
     """Times from pulse start to pulse start within a coded tag's burst [s]; empty for a beeping
-    tag. Its interval is then that between bursts, and `k` the largest number of summed bursts.
-    """
+    tag. A coded tag's `pulse_intervals_s` are the times between bursts, and its `k` is the
+    largest number of summed bursts."""
 
     @property
     def coded(self) -> bool:
-        """True for a coded tag, which sends bursts whose gaps identify the tag."""
+        """True for a coded tag, which sends bursts with gaps that identify the tag."""
         return bool(self.gaps_s)
 
     @property
@@ -96,7 +97,8 @@ class Pulse:
     detection_status: DetectionStatus
     confirmed: bool
     rate: int
-    """Pulse interval in use: 1 or 2, the first or second of `Tag.pulse_intervals_s`."""
+    """Number of the pulse interval in use: 1 or 2, the first or second of
+    `Tag.pulse_intervals_s`."""
     predicted_next_start_ns: int | None
     predicted_next_end_ns: int | None
     also_possible_tag_ids: tuple[int, ...] = ()
@@ -108,8 +110,8 @@ class Pulse:
     clipped: bool = False
     """True if the receiver's converter was at its limits; `snr_db` is then a lower bound."""
     burst_starts_ns: tuple[int, ...] = ()
-    """Measured starts of the pulses in a coded tag's burst [ns, UTC], which is one record.
-    Overlapped and lost pulses are not included; empty for a beep."""
+    """Measured start times of the pulses in a coded tag's burst [ns, UTC]; the burst is one
+    record. Overlapped and lost pulses are not included; empty for a beep."""
     burst_snrs_db: tuple[float, ...] = ()
     """SNR of each pulse in `burst_starts_ns` [dB]; `snr_db` is their linear mean."""
 
@@ -140,7 +142,7 @@ class BurstInside:
         return self.tag_id, self.start_time_ns
 
     def put_into(self, pulse: Pulse) -> Pulse:
-        """Copy a burst's record and add the times and SNR of the pulses within it."""
+        """Copy a burst's record; add its pulses' times and SNR, and other possible tags."""
         return replace(
             pulse,
             burst_starts_ns=self.burst_starts_ns,
@@ -179,12 +181,13 @@ class Pose:
     quaternion_wxyz: tuple[float, float, float, float]
     """Unit quaternion, antenna body frame (forward, right, down) to north-east-down."""
     extrapolated: bool = False
-    """True if the pose is extrapolated, or the autopilot's clock was unknown for 10 s."""
+    """True if the pose is extrapolated, or if the autopilot's clock has been unknown for
+    10 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AttitudeSample:
-    """Attitude of the vehicle as reported by the autopilot, in the time of our clock."""
+    """Attitude of the vehicle as the autopilot reports it, timed by this computer's clock."""
 
     time_ns: int
     quaternion_wxyz: tuple[float, float, float, float]
@@ -193,7 +196,7 @@ class AttitudeSample:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionSample:
-    """Position of the vehicle as reported by the autopilot, in the time of our clock."""
+    """Position of the vehicle as the autopilot reports it, timed by this computer's clock."""
 
     time_ns: int
     latitude_deg: float
@@ -211,10 +214,10 @@ class PulsePose:
 
 
 class BeepKind(StrEnum):
-    """Kinds of received senders of pulses, in comparison with the list of tags."""
+    """Result of comparing a received sender of pulses with the list of tags."""
 
     LISTED = "listed"
-    """A sender that agrees with a listed tag's entry."""
+    """A sender that has the frequency and interval of a listed tag."""
     OFF_LABEL = "off label"
     """A sender with a listed tag's interval at another frequency."""
     OTHER_RATE = "other rate"
@@ -233,7 +236,7 @@ _OF_A_TAG = (BeepKind.OFF_LABEL, BeepKind.OTHER_RATE, BeepKind.MIRRORED)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Beep:
-    """A sender of pulses found by the search for unlisted senders, and the tags it may be."""
+    """A sender found by the search for unlisted senders, and the listed tags that it may be."""
 
     kind: BeepKind
     time_ns: int
@@ -252,7 +255,7 @@ class Beep:
     image_of_hz: float | None = None
     reason: str = ""
     """Reason why the sender may not be an animal, or another cause of its pulses; empty if
-    none."""
+    there is none."""
 
     def __post_init__(self) -> None:
         """Raise `ValueError` for impossible values; they may come from radio or files."""
@@ -268,15 +271,17 @@ class Beep:
 
     @property
     def away_hz(self) -> float | None:
-        """Sender's frequency minus that of the likeliest listed tag [Hz]; None without one."""
+        """Sender's frequency minus that of the likeliest listed tag [Hz]; None without a
+        tag.
+        """
         return self.offsets_hz[0] if self.offsets_hz else None
 
     def same_as(self, other: "Beep") -> bool:
-        """True if this and another measurement are of the same sender."""
+        """True if two measurements are of the same sender."""
         return self._near(other) and self.kind is other.kind
 
     def replaced_by(self, other: "Beep") -> bool:
-        """True if another measurement is of this sender and only one assumes swapped I/Q."""
+        """True if `other` is of this sender and exactly one of the two assumes swapped I/Q."""
         mirrored = self.kind is BeepKind.MIRRORED
         decided = mirrored is not (other.kind is BeepKind.MIRRORED)
         at_one_rate = abs(self.interval_s - other.interval_s) < _SAME_RATE * self.interval_s
@@ -287,7 +292,7 @@ class Beep:
 
     @property
     def odd(self) -> bool:
-        """True if the sender differs from its entry in the tag list."""
+        """True unless the sender is a listed tag, or doubtful without a likely tag."""
         if self.kind is BeepKind.DOUBTFUL:
             return bool(self.tag_ids)
         return self.kind is not BeepKind.LISTED
@@ -366,9 +371,10 @@ def _distance(hz: float) -> str:
 
 
 def keep_beep(known: list[Beep], new: Beep) -> bool:
-    """Store a measurement of a sender, drop older ones; return whether the sender is new.
+    """Store a sender's measurement in place of an older one; return True if the sender is new.
 
-    If a second tag shows that I and Q are swapped, this replaces the ambiguous measurements.
+    If a second tag shows that I and Q are swapped, the new measurement replaces the ambiguous
+    ones.
     """
     replaced = [one for one in known if one.replaced_by(new)]
     if replaced and new.ambiguous:
@@ -387,7 +393,9 @@ MOST_BEEPS = 32
 
 
 def drop_beeps(known: list[Beep]) -> int:
-    """Drop excess senders, unlisted ones with few pulses first; return the number dropped."""
+    """Drop senders beyond the maximum, unlisted ones with few pulses first; return their
+    number.
+    """
     excess = max(0, len(known) - MOST_BEEPS)
     for one in sorted(known, key=lambda one: (bool(one.tag_ids), one.pulses))[:excess]:
         known.remove(one)
@@ -420,7 +428,7 @@ class LiveBearing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Delivered:
-    """Report on pulses that a ground station has stored, or that were sent without receipt."""
+    """Report of pulses stored by a ground station, or sent to stations without receipts."""
 
     time_ns: int
     store: int
@@ -438,7 +446,7 @@ class Recorded:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordsHandled:
-    """Report of how many records a process has handled; the rest is sent to its next run."""
+    """Number of records that a process has handled; after a restart it gets the others."""
 
     records: int
     """Number of records received since the start that are on disk or need no storage. The first
@@ -483,7 +491,8 @@ class ProcessStatus:
     ok: bool
     restarts: int
     cpu_s: float
-    """CPU time of all runs since the supervisor started, with child processes [s]."""
+    """CPU time of the process and its children, over all restarts, since the supervisor started
+    [s]."""
     memory_mb: float
     counters: dict[str, float] = field(default_factory=dict)
     reason: str = ""
@@ -494,7 +503,7 @@ class ProcessStatus:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StatusText:
-    """A short text for the operator, as MAVLink severity 0 (emergency) to 7 (debug)."""
+    """A short text for the operator, with MAVLink's severity: 0 (emergency) to 7 (debug)."""
 
     severity: int
     text: str
@@ -515,7 +524,7 @@ class SystemStatus:
     ending: bool = False
     """True from the stop command until the last pulses are recorded."""
     faults: tuple[StatusText, ...] = ()
-    """Lasting faults of the computer, such as a full disk, which are reported repeatedly."""
+    """Lasting faults of the computer, such as a full disk; each status contains them again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -591,7 +600,7 @@ SurveyPattern = Literal["lines", "around", "points"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeepOut:
-    """An area that must not be flown over, such as a person or a building."""
+    """An area that must not be flown over, such as a building or a place with people."""
 
     places: tuple[tuple[float, float], ...]
     """Latitude and longitude [°] of a polygon's corners, or of a circle's centre."""
@@ -632,7 +641,8 @@ class Motion:
     radius_m: float | None = None
     """Radius of a search around the drone [m]; None: the search has an outline."""
     wish_m: float = 25.0
-    """Target accuracy [m]: radius around the estimate that contains the tag with 95 %."""
+    """Target accuracy [m]: radius around the estimate that contains the tag with 95 %
+    probability."""
     keep_out: tuple[KeepOut, ...] = ()
     """Areas that must not be flown over, in addition to those of the settings."""
 
@@ -669,18 +679,20 @@ class Course:
     """Latitude and longitude [°] of the drone."""
     altitude_amsl_m: float
     goal: tuple[float, float]
-    """Latitude and longitude [°] of the end of the present leg; of the drone if it stays."""
+    """Latitude and longitude [°] of the end of the present leg; the drone's own position if it
+    stays."""
     searching: bool = False
     """True if this drone has a confirmed search order."""
     returning: bool = False
     flown: int = 0
-    """Number of the leg that the ground assigned and the drone is flying; 0: none."""
+    """Number of the leg that the ground station assigned and the drone is flying; 0: none."""
     asked: int = 0
     """Number of the leg that the drone requests; 0: none."""
     requested_leg: tuple[tuple[float, float], ...] = ()
     """Start and end of the requested leg, as latitude and longitude [°]; empty: none."""
     given: tuple[tuple[int, int], ...] = ()
-    """Ids of the other drones, each with the version of its leg that this request considers."""
+    """Ids of the other drones, each with the version of its leg that the requested leg takes
+    into account."""
     held: tuple[int, ...] = ()
     """Ids of the tags that the drone is searching for at present."""
     found: tuple[FoundTag, ...] = ()
@@ -721,7 +733,8 @@ class SoughtTag:
     missed: int
     """Number of expected pulses that were not received."""
     likely: tuple[tuple[float, float, float], ...] = ()
-    """Likeliest squares of an unfound tag: centre's latitude, longitude [°]; probability."""
+    """Most likely squares of a tag not found yet: latitude and longitude of the centre [°], and
+    probability."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -733,7 +746,7 @@ class SearchNote:
     event: Literal["begun", "decision", "found", "ended"]
     text: str
     reason: str
-    """Reason of the logged event or decision, with numbers."""
+    """Reason for the logged event or decision, with numbers."""
     elapsed_s: float
     latitude_deg: float
     longitude_deg: float
@@ -744,7 +757,7 @@ class SearchNote:
     tag_id: int | None = None
     """Id of the tag that was found; None for other events."""
     goal: tuple[float, float] | None = None
-    """Latitude and longitude [°] of the destination; None without one."""
+    """Latitude and longitude [°] of the destination; None if there is none."""
     area: tuple[tuple[float, float], ...] = ()
     """Corners of the search area, as latitude and longitude [°]; empty except at the start."""
 
@@ -769,7 +782,7 @@ class MotionOffer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleStatus:
-    """State of the vehicle and its response to our commands, as the autopilot reports it."""
+    """State of the vehicle and its response to uavrt's commands, as the autopilot reports."""
 
     latitude_deg: float
     longitude_deg: float
@@ -780,7 +793,7 @@ class VehicleStatus:
     home: tuple[float, float]
     battery_percent: float | None
     obeyed: bool
-    """True if the autopilot's reports show that it carries out our last command."""
+    """True if the autopilot's reports show that it carries out uavrt's last command."""
     requests_sent: int
     requests_refused: int
     turned_deg: float
@@ -793,17 +806,18 @@ class VehicleStatus:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleReport:
-    """State of the vehicle and of our control over it, reported ten times a second."""
+    """State of the vehicle and of uavrt's control over it, reported ten times a second."""
 
     autopilot: str | None
-    """Kind of autopilot: ``"px4"``, ``"ardupilot"``; None: not received, or another kind."""
+    """Kind of autopilot, ``"px4"`` or ``"ardupilot"``; None if it is not received or of another
+    kind."""
     fault: str | None
     """Reason why no motion can be confirmed now, with a remedy; None if possible."""
     takeoff_fault: str | None = field(kw_only=True, default=None)
     """Reason why no take-off can be confirmed now, with a remedy; None if possible."""
     standing: str = "out"
-    """Our control: ``"out"`` (nothing may be sent), ``"confirmed"`` by the operator but no
-    command sent yet, or ``"in command"`` (commands were sent)."""
+    """State of uavrt's control: ``"out"`` (nothing may be sent), ``"confirmed"`` by the
+    operator but no command sent yet, or ``"in command"`` (commands were sent)."""
     reason: str = ""
     """Reason why nothing may be sent, if `standing` is ``"out"``."""
     order_id: int | None = None
@@ -833,11 +847,11 @@ class TurnInPlace(msgspec.Struct, frozen=True, kw_only=True, tag=True):
 
 
 class GoHome(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """Return in the autopilot's own mode, which lands as configured; ends the order."""
+    """Fly home in the autopilot's return mode, which lands as configured; ends the order."""
 
 
 class TakeMode(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """Set the mode in which motions are flown, on the ground before a take-off in that mode."""
+    """Set the flight mode for motions, on the ground before a take-off in that mode."""
 
 
 class TakeOff(msgspec.Struct, frozen=True, kw_only=True, tag=True):
@@ -852,7 +866,7 @@ Manoeuvre = FlyThere | TurnInPlace | GoHome | TakeMode | TakeOff
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleRequest:
-    """Request of a motion, which `uavrt.guidance.control` permits or refuses."""
+    """A requested motion, which `uavrt.guidance.control` permits or refuses."""
 
     order_id: int | None
     manoeuvre: Manoeuvre | None = None
@@ -881,7 +895,7 @@ class IQBlock:
     lost_before: int = 0
     """Number of samples missing between the previous block and this one."""
     unsure_before: int = 0
-    """Number of samples in `lost_before` that may be a clock error instead of a loss."""
+    """Number of samples in `lost_before` that may be due to a clock error instead of a loss."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -904,7 +918,8 @@ class ChannelBlock:
     clipped_ns: tuple[tuple[int, int], ...] = ()
     """Start and end of time spans since the last block in which the radio clipped [ns, UTC]."""
     carriers_hz: tuple[float, ...] = ()
-    """Frequencies of strong steady carriers in the radio's band [Hz]; cause of false pulses."""
+    """Frequencies of strong steady carriers in the radio's band [Hz]; they may cause false
+    pulses."""
 
 
 @dataclass(frozen=True, slots=True)

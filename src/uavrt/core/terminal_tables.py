@@ -6,7 +6,7 @@ from rich.table import Table
 
 
 def table_of(*titles: str, left: tuple[str, ...] = ("tag", "name"), **style: Any) -> Table:
-    """Create an empty table; columns whose title is in `left` are aligned left."""
+    """Create an empty table; columns with a title in `left` are aligned left."""
     table = Table(**style)
     for title in titles:
         table.add_column(title, justify="left" if title in left else "right")

@@ -19,12 +19,12 @@ SPEED_OF_LIGHT_M_S = 299_792_458.0
 
 
 def db_from_power(ratio: float) -> float:
-    """Convert a power ratio to decibel; a ratio of zero gives minus infinity."""
+    """Convert a power ratio to decibels; a ratio of zero gives minus infinity."""
     return 10.0 * math.log10(ratio) if ratio > 0.0 else -math.inf
 
 
 def power_from_db(level_db: float) -> float:
-    """Convert decibel to a power ratio."""
+    """Convert decibels to a power ratio."""
     return float(10.0 ** (level_db / 10.0))
 
 
@@ -39,7 +39,7 @@ def s_from_ns(nanoseconds: int) -> float:
 
 
 def number_in(text: str) -> float:
-    """Read a plain decimal number as a person types it; NaN where the text is anything else.
+    """Read a plain decimal number as a person types it; NaN for any other text.
 
     >>> number_in(" -148.705 "), number_in("1_5"), number_in("inf")
     (-148.705, nan, nan)
@@ -52,7 +52,7 @@ def number_in(text: str) -> float:
 
 
 def rough_duration(seconds: float) -> str:
-    """Format a duration [s] for people, without its sign: "40 s", "12 min", "3 days"."""
+    """Format the absolute value of a duration [s] for people: "40 s", "12 min", "3 days"."""
     length_s = abs(seconds)
     for unit, unit_s, most in (("s", 1.0, 120.0), ("min", 60.0, 120.0), ("h", 3600.0, 48.0)):
         if length_s < most * unit_s:

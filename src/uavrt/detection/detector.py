@@ -28,9 +28,10 @@ from uavrt.detection.track.tracks import Track
 
 BATCH_S = 0.44
 """Maximum time for which samples are collected before the search continues [s]. Five blocks of
-87.4 ms are 0.437 s; a pulse is reported at least 0.04 s after its end."""
+87.4 ms take 0.437 s. A pulse is reported 0.04 s after its end at the earliest."""
 _FIRST_STEP = 0.7639
-"""Longest wait for the first search, as a share of `BATCH_S`; three blocks give the noise."""
+"""Longest wait for the first search, as a share of `BATCH_S`; three blocks suffice to estimate
+the noise."""
 
 
 class PulseDetector:
@@ -196,9 +197,9 @@ class PulseDetector:
         return len(samples) if outcome == "taken" else 0
 
     def next_step(self, length: int) -> int | None:
-        """Index up to which to search after a block of `length`; None: wait for more samples.
+        """Index up to which to search after a block of `length` samples; None: wait for more.
 
-        It is not None if another block of the usual length would make the search late.
+        The search must not wait for another block if that would make it late.
         """
         fresh = self._buffer.end - self._clean - self._cleaner.margin
         if not length or fresh <= self._patience - self._longest.length:
@@ -209,9 +210,8 @@ class PulseDetector:
         return self._clean + fresh
 
     def samples_to_wait(self) -> int:
-        """Number of samples that can be added before blocks must be checked on arrival.
-
-        0: the next block must be checked.
+        """Number of samples that may be added until a search can be due; 0: check each
+        block.
         """
         if self._intake.stale_blocks or self._buffer.empty or self._buffer.holes:
             return 0
@@ -270,7 +270,7 @@ class PulseDetector:
         return min(self.frequency_window_hz, self.sample_rate_hz / 2.0)
 
     def absolute_hz(self, track: Track) -> float:
-        """Absolute frequency of a track: the alias nearest to the tag's frequency [Hz]."""
+        """Absolute frequency of a track [Hz]; of its aliases, the one nearest to the tag's."""
         away_hz = apart_hz(track.offset_hz, self._nominal_hz, self.sample_rate_hz)
         return self.tag.frequency_hz + away_hz
 
@@ -284,11 +284,11 @@ class PulseDetector:
         return self._window.follower.epoch_ns + NANOSECONDS_PER_SECOND * time_s
 
     def report(self, track: Track) -> None:
-        """Report a track's pulses, unless it is doubtful or another track is the tag's."""
+        """Report a track's pulses, unless the track is doubtful or another one is the tag's."""
         self._reporter.report(track)
 
     def other_signals(self) -> list[Track]:
-        """Confirmed tracks with the tag's interval that are not taken for the tag."""
+        """Confirmed tracks that have the tag's interval but are not taken for the tag."""
         return [t for t in self.tracks if t.confirmed and t.held]
 
     def _advance(self, upto: int, *, last: bool = False) -> None:

@@ -13,8 +13,9 @@ class OperatingMode(StrEnum):
     """Mode that defines how the search follows a found frequency."""
 
     SEARCH_HARD_LOCK = "freqSearchHardLock"
-    """Search the window; once two groups are received, search only ± 100 Hz around their
-    frequency, with the lower threshold that this allows, until `reset`. A drift is followed."""
+    """Search the window. Once two groups are received, search only ± 100 Hz around their
+    frequency until `reset`, with the lower threshold that the narrow band allows. A drift is
+    followed."""
     SEARCH_SOFT_LOCK = "freqSearchSoftLock"
     """Always search the window. A tag is followed at its frequency while it is received; after
     that, anything in the window may be the tag."""
@@ -22,4 +23,4 @@ class OperatingMode(StrEnum):
     """Always search only ± 100 Hz around the tag's nominal frequency, from the start on."""
     ALL_NEVER_LOCK = "freqAllNeverLock"
     """Always search the whole channel, without tracks: each group must reach the threshold by
-    itself. Groups of all frequencies are reported under the tag's id."""
+    itself. Groups at any frequency are reported under the tag's id."""

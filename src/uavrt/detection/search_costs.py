@@ -24,9 +24,11 @@ class CostTuning:
     """Constants for estimating and measuring the cost of a search."""
 
     cheap_tags: int = 50
-    """Estimated cost up to which tags are not measured [typical tags]: a fifth of a core."""
+    """Estimated cost up to which tags are not measured [costs of a typical tag]; it is a fifth
+    of a core."""
     typical_weight: float = 3**2 * 0.06 * 1000.0
-    """Cost of a typical tag: K² = 9, times ± 60 ms in seconds, times ± 500 Hz in hertz."""
+    """Cost of a typical tag: K² = 9, times the interval's ± 60 ms in seconds, times the
+    window's ± 500 Hz in hertz."""
     least_uncertainty_s: float = 0.003
     """Minimum uncertainty of a pulse interval used in the estimated search cost [s]."""
     rate_hz: float = 7500.0
@@ -36,15 +38,17 @@ class CostTuning:
     measured_s: float = 3.0
     """Length of the signal on which search costs are measured [s]."""
     together: int = 4
-    """Number of equal detectors whose search cost is measured together."""
+    """Number of equal detectors that run together while their search cost is measured."""
     dear_weight: float = 10.0
     """Minimum cost of a tag that is measured separately [multiples of a typical tag's cost]."""
     received_enr: float = 40.0
     """Energy of the simulated tag's pulses over the noise density (ENR), not in decibels."""
     code_share: float = 2e-4
-    """Share of a processor core for each coded tag; 500 take less than a tenth."""
+    """Share of a processor core needed for each coded tag; 500 tags take less than a tenth of a
+    core."""
     most_cpu_s: float = 2.0
-    """Maximum measuring time [s of CPU]; other tags then cost as much as the last measured."""
+    """Maximum CPU time for measuring [s]; further tags are assumed to cost as much as the last
+    measured."""
 
 
 COSTS = CostTuning()
@@ -56,7 +60,7 @@ def search_cost(
     *,
     settings: DetectionSettings | None = None,
 ) -> float:
-    """Measure the cores needed to search for tags; cheap uncoded tags count 0.0."""
+    """Measure how many cores the search for tags needs; cheap uncoded tags count as 0.0."""
     codes = sum(tag.coded for tag in tags)
     tags = [tag for tag in tags if not tag.coded]
     settings = DetectionSettings() if settings is None else settings
@@ -90,7 +94,7 @@ def _weight(tag: Tag, settings: DetectionSettings) -> float:
 def _measure(
     tag: Tag, settings: DetectionSettings, cpu_s: Callable[[], float], *, heard: bool
 ) -> float:
-    """Measure the cores used by each detector on noise, or on a tag's pulses if `heard`."""
+    """Measure the cores used by each detector, on noise or, if `heard`, on a tag's pulses."""
     rng = np.random.default_rng(1)
     together = 1 if heard or _weight(tag, settings) > COSTS.dear_weight else COSTS.together
     group = DetectorGroup()

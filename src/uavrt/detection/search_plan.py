@@ -17,7 +17,8 @@ from uavrt.dsp.plan import UNDECIMATED_FRACTION, BandPlan, plan_band
 from uavrt.dsp.tuner import tune
 
 _SPANNED = (OperatingMode.ALL_NEVER_LOCK.value, OperatingMode.KNOWN_HARD_LOCK.value)
-"""Modes whose band does not depend on the search window: whole channel, or ± 100 Hz."""
+"""Modes with a band that does not depend on the search window: the whole channel, or ±
+100 Hz."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,7 +30,8 @@ class SearchPlan:
     warnings: tuple[str, ...]
     """Unavoidable limitations of the search for these tags, as sentences for the operator."""
     cores: float
-    """Processor cores that the detectors need; uncoded tags too cheap to measure count 0.0."""
+    """Number of processor cores that the detectors need; uncoded tags too cheap to measure
+    count 0."""
 
 
 def plan_search(
@@ -41,7 +43,7 @@ def plan_search(
     center_frequency_hz: float | None = None,
     spare_cores: float = math.inf,
 ) -> SearchPlan:
-    """Choose the radio's frequency for a list of tags, and refuse what cannot be searched.
+    """Choose the radio's frequency for a list of tags; refuse lists that cannot be searched.
 
     With `center_frequency_hz`, tags out of its range are left out. `cpu_s` returns processor
     time used so far [s], to measure the cost of a long list.

@@ -1,9 +1,9 @@
 """Compute the pulse strength needed for the search to find a group.
 
-Noncoherent square law (Marcum 1960, IRE Trans. IT-6): the power of a pulse's cell over the
-noise is half a noncentral chi-square of two degrees of freedom. A group is the sum of one such
-cell and K - 1 maxima, each of a pulse's cell and the noise cells within the jitter. The
-threshold is the search's own, with all its hypotheses.
+The model is a noncoherent square-law detector (Marcum 1960, IRE Trans. IT-6): the power of a
+pulse's cell over the noise is half a noncentral chi-square of two degrees of freedom. A group
+is the sum of one such cell and K - 1 maxima, each of a pulse's cell and the noise cells within
+the jitter. The threshold is the search's own, with all its hypotheses.
 """
 
 import math
@@ -35,7 +35,8 @@ class SensitivityTuning:
     ks: tuple[float, ...] = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0)
     """Numbers of pulses K for which `gains_db` are given."""
     gains_db: tuple[float, ...] = (0.1, 0.6, 0.45, 0.75, 0.95, 1.15, 1.35, 1.05)
-    """Gain per pulse in experiments from choosing the best of overlapping cells, by K [dB]."""
+    """Gain per pulse, measured in experiments, because the best of overlapping cells is chosen;
+    by K [dB]."""
     bursts: tuple[float, ...] = (1.0, 3.0, 10.0)
     """Numbers of bursts for which `losses_db` are given."""
     losses_db: tuple[float, ...] = (0.2, -0.1, 0.2)
@@ -81,7 +82,7 @@ def detection_probability(
     enr_db : float
         Energy of a pulse over the noise density [dB].
     frequency_window_hz, sample_rate_hz : float
-        As of `group_threshold`.
+        As in `group_threshold`.
     """
     if tag.coded:
         bandwidth_hz = min(2.0 * frequency_window_hz, sample_rate_hz)
@@ -97,7 +98,7 @@ def detection_probability(
 
 
 def _coded_probability(tag: Tag, enr_db: float, bandwidth_hz: float) -> float:
-    """Probability that a coded tag's K bursts are found: a single one, or three or all."""
+    """Probability that a coded tag is found by one of K bursts, or by a sum of three or all."""
     pulses = len(tag.gaps_s) + 1
 
     def together(bursts: int) -> float:
@@ -120,9 +121,10 @@ def _coded_probability(tag: Tag, enr_db: float, bandwidth_hz: float) -> float:
 
 @lru_cache(maxsize=4096)
 def _passes(k: int, others: float, enr_db: float, limit: float) -> float:
-    """Probability that the powers of a group of K pulses add up to `limit` [noise powers].
+    """Probability that the powers of a group of K pulses reach the sum `limit` [noise powers].
 
-    The first is a pulse's; each other is the maximum of a pulse and `others` noise cells.
+    The first power is that of a pulse's cell. Each other is the maximum of a pulse's cell and
+    `others` noise cells.
     """
     energy = math.pow(10.0, enr_db / 10.0)
     if k == 1:
@@ -157,7 +159,7 @@ def enr_needed_db(
 
 
 def gain_in_words(before: Tag, after: Tag) -> str:
-    """Sentence on the gain in sensitivity by a corrected interval; empty if negligible."""
+    """Sentence on the sensitivity gained by a corrected interval; empty if negligible."""
     if replace(before, frequency_hz=after.frequency_hz) == after:
         return ""
     gained_db = enr_needed_db(before, 0.5) - enr_needed_db(after, 0.5)

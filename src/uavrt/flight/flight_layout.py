@@ -1,6 +1,6 @@
-"""Paths of all files in a flight directory: the thesis's layout (§4.5) plus a database.
+"""Define the paths of all files of a flight: the thesis's layout (§4.5) and a database.
 
-docs/reference/flight-directory.md shows the whole tree. ``flight.sqlite`` has all records.
+docs/reference/flight-directory.md shows the whole tree. ``flight.sqlite`` contains all records.
 """
 
 import os

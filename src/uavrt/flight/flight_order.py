@@ -3,8 +3,8 @@
 A flight is named after the clock, which may be in 1970 without a battery. The newest flight
 would then count as the oldest and be removed first. So a file in the flights' folder lists each
 flight as it begins, one name per line. Unlisted flights are older than the file, and are sorted
-by name. Copies of a flight lie next to it: NAME_ground as received by the page on the drone's
-own computer, NAME_drone as downloaded. Copies count as old as the flight.
+by name. Copies of a flight are stored next to it: NAME_ground as received by the page on the
+drone's own computer, NAME_drone as downloaded. A copy is as old as its flight.
 """
 
 import itertools

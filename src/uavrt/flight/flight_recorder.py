@@ -1,11 +1,11 @@
 """Write a flight so that no recorded pulse is ever lost.
 
 A pulse is *recorded* when `FlightRecorder.commit` returns. SQLite in WAL mode keeps every
-committed record through ``kill -9``. In a flight that is received or flown, each commit also
-reaches the disk (``synchronous=FULL``, one fsync). The write-ahead log is then checkpointed at
-a size of `WAL_BYTES`. Other flights reach the disk by a checkpoint every `CHECKPOINT_S`. The
-text log is a second copy. While the disk is full or read-only, records wait in memory, and
-every commit tries again.
+committed record through ``kill -9``. With `durable`, each commit also waits for the disk
+(``synchronous=FULL``, one fsync), and the write-ahead log is checkpointed at a size of
+`WAL_BYTES`. Other flights reach the disk by a checkpoint every `CHECKPOINT_S`. The text log is
+a second copy. While the disk is full or read-only, records wait in memory, and every commit
+tries again.
 """
 
 import itertools
@@ -57,7 +57,8 @@ MAX_WAITING_PULSES = 100_000
 """Largest number of pulses in memory while the disk fails: 84 MB, 3.5 hours at 8 a second."""
 
 MAX_WAITING_OTHERS = 20_000
-"""Largest number of waiting poses and health records: half an hour; pulses carry poses too."""
+"""Largest number of waiting records other than pulses: half an hour of poses and health
+records."""
 
 Writable = Beep | Health | Pose | SearchNote | SearchReport | Tag
 
@@ -144,7 +145,7 @@ class FlightRecorder:
         self._add(self._pulses, pulses, MAX_WAITING_PULSES)
 
     def write_inside(self, burst: BurstInside) -> None:
-        """Add the single pulses of a recorded burst; committed with the pulses."""
+        """Add the single pulses of an added burst; the next commit records burst and pulses."""
         self._add(self._urgent, [(schema.UPDATE_INSIDE, schema.inside_row(burst))])
 
     def write(self, *records: Writable) -> None:
@@ -277,7 +278,7 @@ class FlightRecorder:
             self.dropped_records += 1
 
     def _failure(self, error: Exception) -> RecordingError:
-        """Roll back, close the file until the next commit, and make the error."""
+        """Roll back, close the file until the next commit, and return the error to raise."""
         if isinstance(error, RecordingError):
             return error
         if is_damage(error):

@@ -43,7 +43,7 @@ class IntegratedPart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchedFor:
-    """Tag and settings of a search; finding nothing excludes only a tag with these values."""
+    """Tag and settings of a search; without a find, only such a tag is excluded."""
 
     frequency_hz: float
     """Frequency in the tag list [Hz]; the fields up to `gaps_s` are also from the tag list."""
@@ -72,7 +72,8 @@ class SilentAround:
     probability: float
     """Probability with which the tag would have been found in the area."""
     within_m: float | None
-    """Distance from the flight up to which the tag would have been found [m]; None: nowhere."""
+    """Distance from the flight up to which the tag would have been found [m]; None: it would
+    have been found nowhere."""
     whole_flight: bool
     """True if the whole flight was combined; False if groups of pulses were searched."""
 
@@ -104,16 +105,17 @@ class IntegratedVerdict:
     flights: int = 1
     """Number of flights analysed together; `bearing_deg` is then from the middle of all."""
     heard_live: int = 0
-    """Number of the found train's pulses that were already detected during the flight."""
+    """Number of pulses of the found train that were already detected during the flight."""
     remarks: str = ""
-    """Limitations of the figures, such as missing terrain heights."""
+    """Limitations of the results, such as missing terrain heights."""
     ambiguous: bool = False
-    """True if another pulse train on this frequency may be the tag's: the ratio of both
-    intervals is simple, such as 3/2."""
+    """True if another pulse train on this frequency may be the tag's, because the ratio of the
+    two intervals is simple, such as 3/2."""
     listened: str = ""
     """Time spans with samples of the tag's channel, as ISO 8601 intervals; empty if unknown."""
     parts: tuple[IntegratedPart, ...] = field(default=(), metadata=_NO_COLUMN)
-    """Possible positions, most likely first; `latitude_deg` etc. give their middle."""
+    """Possible positions, most likely first; the fields `latitude_deg` and `longitude_deg` give
+    their middle."""
     region50: tuple[Ring, ...] = field(default=(), metadata=_NO_COLUMN)
     """Smallest region that contains the tag with a probability of 50 %."""
     region95: tuple[Ring, ...] = field(default=(), metadata=_NO_COLUMN)

@@ -2,5 +2,5 @@
 
 `pulses` are pulse logs of other systems, `tracks` autopilot logs and receiver tracks; `nmea`
 and `gpsd` read receivers, `bearings_csv` and `positions_csv` tables of results. Readers that
-depend on another package are in that package: recordings in radio, terrain in localization.
+need another package of uavrt are in that package: recordings in radio, terrain in localization.
 """

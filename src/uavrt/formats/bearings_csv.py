@@ -1,15 +1,17 @@
 """Read and write the original system's ``bearings.csv``, and read bearings noted by hand.
 
-No heading, ten columns, and our eleventh, the standard deviation, which the original's readers
-ignore::
+The file has no heading. It has ten columns, and uavrt adds an eleventh, the standard deviation,
+which the original's readers ignore::
 
     tag_id,parent_file,bearing_deg,tau,lat,lon,alt_agl,alt_asl,t_start,t_end[,sigma_deg]
 
-Bearings noted by hand have a heading, with columns in any order; the first four are required::
+A file of bearings noted by hand has a heading, and columns in any order; these are the names,
+of which the first four are required::
 
     tag_id,latitude_deg,longitude_deg,bearing_deg[,sigma_deg][,time_utc][,observer]
 
-A test trial, of a tag at a known place, has two more: true_latitude_deg, true_longitude_deg.
+A test trial with a tag at a known place has two more columns: true_latitude_deg,
+true_longitude_deg.
 """
 
 import math
@@ -34,7 +36,7 @@ from uavrt.formats.whole_file import require_plain_name, write_whole
 
 _COLUMNS = 10
 _NOTED = frozenset(("tag_id", "latitude_deg", "longitude_deg", "bearing_deg"))
-"""Required column names of a file of bearings noted by hand."""
+"""Required column names in a file of bearings noted by hand."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +103,7 @@ def _row(cells: list[str]) -> BearingRow:
 
 
 def is_noted(heading: Iterable[str]) -> bool:
-    """True if a heading is that of bearings noted by hand."""
+    """True if a CSV heading is that of a file of bearings noted by hand."""
     return set(heading) >= _NOTED
 
 
@@ -141,7 +143,7 @@ def _sigma_deg(cell: str) -> float | None:
 
 
 def write_bearing_file(path: str | os.PathLike[str], rows: Iterable[BearingRow]) -> None:
-    """Replace the lines of the written tags and parent files in a bearings.csv."""
+    """Write bearings to a bearings.csv, in place of those of the same tags and parent files."""
     new = list(rows)
     for row in new:
         require_plain_name(row.parent_file)
@@ -152,7 +154,7 @@ def write_bearing_file(path: str | os.PathLike[str], rows: Iterable[BearingRow])
 
 
 def bearing_line(row: BearingRow) -> str:
-    """Format one line with its newline; unknown values are ``NaN``."""
+    """Format one line of a bearings.csv, with its newline; unknown values are ``NaN``."""
     cells = [
         *(str(row.tag_id), row.parent_file, f"{row.bearing_deg:.6f}"),
         _number(row.confidence, 6),

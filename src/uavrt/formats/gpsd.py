@@ -39,7 +39,7 @@ class GpsdReport:
     """Latitude and longitude of gpsd's position [°]; None without a fix."""
     altitude_amsl_m: float | None
     heading_deg: float | None
-    """True heading from gpsd's compass [°]; None without one."""
+    """True heading from gpsd's compass [°]; None if there is no compass."""
 
 
 class GpsdParser:

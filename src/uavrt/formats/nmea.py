@@ -45,7 +45,7 @@ class Sentence:
 
     @property
     def altitude_amsl_m(self) -> float | None:
-        """Altitude above mean sea level in a GGA sentence [m]; None without one."""
+        """Altitude above mean sea level in a GGA sentence [m]; None in other sentences."""
         if self.fields[0][-3:] != "GGA" or self.place is None:
             return None
         return _number(self.fields[9:10], -1000.0, 20_000.0)

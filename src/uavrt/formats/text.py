@@ -52,7 +52,7 @@ def _line_count(content: bytes) -> int:
 def wrong_line(
     path: str | os.PathLike[str], number: int, why: object, remedy: str
 ) -> FormatError:
-    """Make the error for one line; a remedy given by `why` replaces `remedy`."""
+    """Make the error for one line of a file; if `why` has its own remedy, that is used."""
     reason, known = reason_of(why)
     return FormatError(f"{os.fspath(path)} line {number}: {reason}", remedy=known or remedy)
 
@@ -70,7 +70,7 @@ def _parted(line: str) -> list[str]:
 
 
 def lower_names(heading: Sequence[str]) -> list[str]:
-    """Column names of a heading, in lower case."""
+    """Column names of a CSV heading, in lower case."""
     return [name.lower() for name in heading]
 
 

@@ -1,13 +1,13 @@
 """Receive the samples of a frequency band as UDP datagrams of any size.
 
 The thesis pipes ``airspy_rx | csdr fir_decimate_cc 8 … | netcat -u localhost 10000``. netcat
-sends what it happens to read, so datagrams are pieces of one stream of bytes and often end
-within a sample. The original reads a fixed 2039 samples of each and drops the rest; here bytes
-are joined to complete samples.
+sends the bytes of each of its reads, so a datagram often ends within a sample. The original
+reads 2039 samples of each datagram and drops the rest; here bytes are joined to complete
+samples.
 
-Datagrams dropped by the system, as counted by SO_RXQ_OVFL, become gaps of the last datagram's
-size, which keeps the alignment of samples. Without the count, a step in the arrival times shows
-a loss, and the exponents of the floats show the alignment.
+Each datagram dropped by the system, as counted by SO_RXQ_OVFL, becomes a gap of the last
+datagram's size, which keeps the alignment of samples. Where the system does not count, a step
+in the arrival times shows a loss, and the exponents of the floats show the alignment.
 """
 
 import socket
@@ -32,7 +32,7 @@ log = get_logger()
 
 
 class BandDatagramSource(DatagramSource):
-    """Complex64 samples from a UDP port, in datagrams of any size; a `SampleSource`.
+    """Receives complex64 samples at a UDP port, in datagrams of any size; a `SampleSource`.
 
     `address`: ``udp://localhost:10000``. `start_time_ns`: time of the first sample [ns, UTC];
     times then follow from the nominal rate. Raises `RadioError` if the port is in use,
@@ -64,7 +64,7 @@ class BandDatagramSource(DatagramSource):
                 log.debug("the system does not count dropped datagrams")
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block, shorter if the sender pauses; None after `timeout_s`."""
+        """Get the next block of samples, short if the sender pauses; None after `timeout_s`."""
         deadline_s = None if timeout_s is None else monotonic_s() + timeout_s
         while True:
             before = self._joiner.filled
@@ -101,7 +101,7 @@ class BandDatagramSource(DatagramSource):
 
 
 class ByteJoiner:
-    """Joins bytes to complex64 samples, and stores the position of one gap."""
+    """Joins received bytes to complex64 samples; stores the position of one gap."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
@@ -133,8 +133,9 @@ class ByteJoiner:
     def take(self) -> tuple[NDArray[np.complex64], int, int]:
         """Get the complete samples before the next gap.
 
-        Returns (samples, lost_before, realigned): a copy, shape (n,), with zeros for non-finite
-        values; the number of samples lost before these; the number of realignments so far.
+        Returns (samples, lost_before, realigned). `samples`: a copy (n,), with zeros for
+        non-finite values. `lost_before`: number of samples lost before these. `realigned`:
+        number of realignments so far.
         """
         data = b"".join(self._parts)
         skip = misalignment(data)
@@ -173,7 +174,7 @@ class ByteJoiner:
 
 
 def misalignment(data: bytes) -> int:
-    """Number of bytes to skip to the next float, 0 to 3; 0 if the bytes do not show the number.
+    """Number of bytes to skip to the next float, 0 to 3; 0 if it cannot be determined.
 
     The fourth byte of a little-endian float32 holds the sign and most of the exponent: 0x30 to
     0x46 for radio samples of 1e-9 to 1e4, or zero. At any other alignment most values fall

@@ -20,7 +20,7 @@ _ABSURD_POWER = 1e20
 """Mean square above which data are not float32 samples; 32-bit integers read as floats give
 5e18 and more."""
 _INVALID_SHARE = 0.01
-"""Fraction of non-finite values above which samples are in another format than declared."""
+"""Fraction of non-finite values above which samples have another format than declared."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +42,7 @@ class SampleFormat:
 
     @property
     def in_place(self) -> bool:
-        """True if the stored bytes are complex64 already."""
+        """True if the stored bytes are complex64 and need no conversion."""
         return self.dtype == np.dtype("<f4") and self.zero == 0.0 and self.full_scale == 1.0
 
     def buffers(self, samples: int) -> tuple[NDArray[np.complex64], NDArray[np.uint8]]:
@@ -135,8 +135,8 @@ def look_like_floats(data: bytes) -> bool:
     """True if bytes declared as integers are in fact float32 samples.
 
     The last byte of a little-endian float32 holds the sign and most of the exponent. It is 0x30
-    to 0x46 for values of 1e-9 to 1e4, and 0xb0 to 0xc6 for negative ones. Integers also have
-    values between these ranges.
+    to 0x46 for values of 1e-9 to 1e4, and 0xb0 to 0xc6 for negative ones. The bytes of integers
+    also have other values.
     """
     high = np.frombuffer(data, np.uint8)[3::4]
     if high.size < 1024:
@@ -147,7 +147,7 @@ def look_like_floats(data: bytes) -> bool:
 
 
 def clean(samples: NDArray[np.complex64], what: str) -> int:
-    """Replace non-finite values by zero, in place; return their number.
+    """Replace non-finite samples by zero, in place; return the number of replaced values.
 
     A single NaN would spoil a detector's noise level permanently. One dot product detects them:
     for 87 ms at 3 MS/s 0.03 ms in a warm cache, 0.2 ms in a cold one. Raises `FormatError` if

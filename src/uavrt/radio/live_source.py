@@ -8,12 +8,14 @@ from uavrt.radio.timing.sample_placing import Placer
 from uavrt.radio.udp_address import listen, parse_udp_address
 
 _MEGAHERTZ = (20.0, 10e3)
-"""Range of numbers that are certainly frequencies in megahertz and not in hertz."""
+"""Range of numbers that cannot be frequencies in hertz and were certainly typed in
+megahertz."""
 RADIO_RATE_REMEDY = (
     "Check the radio's cable and this computer's load, or set [radio] sample_rate_hz to a rate "
     "that the radio takes"
 )
-"""Remedy in errors for a wrong sample rate or steady losses, from cable or computer."""
+"""Remedy in errors about a wrong sample rate or steady losses: check cable, power and
+computer."""
 
 
 def check_rates(sample_rate_hz: float, center_frequency_hz: float) -> None:
@@ -44,7 +46,8 @@ class LiveSource:
     """
 
     MAY_BE_SLOW: ClassVar[bool] = False
-    """True if the sender may be slower than real time; missing samples are then not lost."""
+    """True if the sender may be slower than real time; samples that come late are then not
+    lost."""
     RATE_REMEDY: ClassVar[str] = "Set the sample rate to the one that the sender uses"
     """Remedy in the error text when samples arrive at a wrong rate."""
 
@@ -84,7 +87,7 @@ class LiveSource:
 
     @property
     def unseen_losses(self) -> str | None:
-        """Reason why arrival times are not used for times and losses; None if they are."""
+        """Reason why arrival times cannot be used to find losses; None if they can."""
         return self._placer.unseen
 
     @property

@@ -15,7 +15,7 @@ from uavrt.radio.files.recording_source import (
     Layout,
     RecordingSource,
     file_size,
-    name_says,
+    name_note,
     raw_layout,
 )
 from uavrt.radio.files.sigmf import sigmf_layout
@@ -31,8 +31,8 @@ RadioOpener = Callable[[RadioSettings, float, Clock | None], SampleSource]
 
 
 OPENERS: Registry[RadioOpener] = Registry(RADIO_GROUP, {"soapy": SoapySource})
-"""Radios read by a driver, uavrt's own or a package's. Each is opened with the settings, the
-frequency to tune to [Hz] and the system's clock."""
+"""Functions that open a radio by a driver, uavrt's own or one of another package, by kind of
+radio. Arguments: the settings, the frequency to tune to [Hz] and the system's clock."""
 
 _SUFFIXES: dict[str, str] = {
     ".cf32": "cf32",
@@ -69,7 +69,7 @@ def open_stream(
     start_time_ns: int | None = None,
     clock: Clock | None = None,
 ) -> StreamSource:
-    """Read live samples from a pipe; raises `FormatError` without rate and frequency."""
+    """Read live samples from a pipe; raises `FormatError` if rate or frequency is not given."""
     name = "cf32" if format_name is None else format_name.lower()
     if name in ("sigmf", "wav"):
         raise FormatError(
@@ -92,7 +92,7 @@ def open_stream(
 def open_channel(
     address: str, *, sample_rate_hz: float | None, center_frequency_hz: float | None
 ) -> ChannelDatagramSource:
-    """Receive one channel by UDP from the original channelizer, or from ours."""
+    """Receive one channel by UDP from the original channelizer, or from uavrt's."""
     return ChannelDatagramSource(
         address,
         sample_rate_hz=3750.0 if sample_rate_hz is None else sample_rate_hz,
@@ -126,8 +126,8 @@ def open_recording(
     )
     if sample_rate_hz is not None and sample_rate_hz != layout.sample_rate_hz:
         raise FormatError(
-            f"{path} says {layout.sample_rate_hz:.0f} samples a second, and --sample-rate "
-            f"says {sample_rate_hz:.0f}",
+            f"{path} states {layout.sample_rate_hz:.0f} samples a second, but "
+            f"--sample-rate is {sample_rate_hz:.0f}",
             remedy="Omit --sample-rate",
         )
     return RecordingSource(layout)
@@ -175,11 +175,11 @@ def _layout(
             str(path),
         ),
         start_time_ns=named.start_time_ns if start_time_ns is None else start_time_ns,
-        frequency_from=name_says(named, "frequency")
+        frequency_from=name_note(named, "frequency")
         if center_frequency_hz is None
         else GIVEN_BY_USER,
-        rate_from=name_says(named, "rate") if sample_rate_hz is None else GIVEN_BY_USER,
-        start_from=name_says(named, "time") if start_time_ns is None else GIVEN_BY_USER,
+        rate_from=name_note(named, "rate") if sample_rate_hz is None else GIVEN_BY_USER,
+        start_from=name_note(named, "time") if start_time_ns is None else GIVEN_BY_USER,
     )
 
 

@@ -2,7 +2,8 @@
 
 Measured on the reference machine: ``readv`` into a preallocated block of 87 ms from a pipe of 1
 MiB costs 0.5 % of a core at 24 MB/s; Python bytes, threads or asyncio cost up to three times
-that. A pipe of 1 MiB gives 44 ms instead of 2.7 ms before the radio's program has to wait.
+that. With a pipe of 1 MiB, the reader may pause for 44 ms instead of 2.7 ms before the radio's
+program has to wait.
 """
 
 import errno
@@ -26,7 +27,8 @@ _WRITE: Final = 16384
 """Unit of the writes of radio programs [samples]; airspy_rx writes 65 536. A block that is a
 multiple of it needs no extra read: 262 144 at 3 MS/s."""
 PIPE_BYTES: Final = 1 << 20
-"""Largest pipe that Linux allows without privilege (/proc/sys/fs/pipe-max-size) [bytes]."""
+"""Size of the largest pipe that Linux allows without privileges [bytes]
+(/proc/sys/fs/pipe-max-size)."""
 _PIPE_SIZES: Final = (PIPE_BYTES, PIPE_BYTES // 2, PIPE_BYTES // 4)
 
 log = get_logger()
@@ -39,7 +41,7 @@ def block_length(sample_rate_hz: float, block_s: float = BLOCK_S) -> int:
 
 
 class StreamSource(LiveSource):
-    """Live samples from a file descriptor, which `close` leaves open."""
+    """Reads live samples from a file descriptor, which `close` leaves open."""
 
     MAY_BE_SLOW = True
     RATE_REMEDY = "Check --sample-rate, and what slows the program before the pipe down"
@@ -114,7 +116,7 @@ class StreamSource(LiveSource):
             self._given = 0
 
     def _wants_more(self) -> bool:
-        """True if the sample block is not full, or a possible loss is undecided."""
+        """True if the sample block is not full, or if a possible loss is not decided yet."""
         if self._filled < self._wanted:
             return self._filled < len(self._bytes)
         if self._placer.settle() or self._placer.samples_before_cut:
@@ -131,7 +133,7 @@ class StreamSource(LiveSource):
         """Register sample bytes that have arrived, also those in a pipe that is not full.
 
         Bytes waiting in the pipe count as arrived, so that a slow reader does not look like a
-        late radio. A full pipe shows nothing, because the writer is waiting.
+        late radio. A full pipe does not show the sender's rate, because the writer is waiting.
         """
         size = self._format.bytes_per_sample
         lost = self._reported_lost()

@@ -7,7 +7,7 @@ from uavrt.core.messages import IQBlock
 
 FULL_SCALE_POWER = 4.0
 """Mean power of a block above which the data are not a signal. Full scale is 1 in I and in Q,
-so a full-scale square wave has 2; random bytes read as floats have 10⁷⁶."""
+so a full-scale square wave has a power of 2; random bytes read as floats have 10⁷⁶."""
 DEAD_S = 1.0
 """Duration of exact zeros that shows a dead radio [s]; noise is at least one converter step."""
 
@@ -28,11 +28,11 @@ class SampleCheck:
             power = 2.0 * float(np.dot(values, values)) / values.size
         if not power <= FULL_SCALE_POWER:  # also NaN
             raise RadioGarbled(
-                f"{self._name} gives values that are not samples",
+                f"{self._name} sends values that are not samples",
                 remedy="Plug the radio in again; check radio.program and its sample format",
             )
         self._dead_s = 0.0 if power else self._dead_s + values.size / 2 / block.sample_rate_hz
         if self._dead_s > DEAD_S:
             raise RadioStalled(
-                f"{self._name} gives only zeros", remedy="Plug the radio in again"
+                f"{self._name} sends only zeros", remedy="Plug the radio in again"
             )

@@ -89,6 +89,8 @@ def send_socket(host: str) -> socket.socket:
 
 
 def _host_addresses(host: str, port: int) -> list[tuple[socket.AddressFamily, Any]]:
-    with os_errors_as(RadioError, f"no address {host}", "Check the name, or write numbers"):
+    with os_errors_as(
+        RadioError, f"no address {host}", "Check the name, or give the IP address"
+    ):
         found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
     return [(family, address) for family, _, _, _, address in found]

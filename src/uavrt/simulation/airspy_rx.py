@@ -1,4 +1,4 @@
-"""Substitute for ``airspy_rx`` with the same arguments and output, in real time.
+"""Simulate ``airspy_rx`` in real time, with the same arguments and output.
 
 ``python -m uavrt.simulation.airspy_rx --world SCENARIO.toml -f 148.68 -r - -a 3000000 -t 0``
 
@@ -181,7 +181,7 @@ def _gain(given: dict[str, str]) -> int:
 
 
 class Transmission:
-    """The stream of samples from the simulated receiver to the reader."""
+    """The stream of samples from the simulated radio to the program that reads it."""
 
     def __init__(
         self,
@@ -209,7 +209,7 @@ class Transmission:
         self._stop.set()
 
     def run(self, samples: int | None = None) -> None:
-        """Stream until stopped, the reader has gone or `samples` are sent."""
+        """Stream until stopped, until the reader has gone, or until `samples` are sent."""
         index = self._synthesizer.index_at(self._clock.now_ns())
         end = None if samples is None else index + samples
         writer = threading.Thread(target=self._drain, name="writer", daemon=True)
@@ -247,10 +247,10 @@ class Transmission:
         return index + lost
 
     def _enqueue(self, block: bytes) -> bool:
-        """Queue a buffer; False if the reader made no room for the duration of the queue.
+        """Queue a buffer; False if the reader made no room in the time that the queue covers.
 
-        The wait also covers a pause of this program, which must not lose samples: a real
-        radio's buffers would have been read one by one meanwhile.
+        So a pause of this program loses no samples: the buffers of a real radio would have been
+        read during the pause.
         """
         try:
             self._buffers.put(block, timeout=self._buffers_s)
@@ -298,7 +298,7 @@ def _print(line: str) -> None:
 
 
 def main(command_line: Sequence[str]) -> int:
-    """Run the substitute; the exit code is 0 after SIGTERM, SIGINT or -n samples, else 1."""
+    """Run the simulated radio program; 0 after SIGTERM, SIGINT or -n samples, else 1."""
     try:
         arguments = parse_arguments(command_line)
     except ArgumentFault as fault:

@@ -59,10 +59,20 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--ground-loss", type=float, default=0.0)
     each = {"type": _parameter, "action": "append", "default": [], "metavar": "NAME=VALUE"}
     parser.add_argument("--parameter", dest="parameters", **each)  # type: ignore[arg-type]
-    parser.add_argument("--flies", action="store_true", help="fly what is commanded")
-    parser.add_argument("--on-ground", action="store_true", help="with --flies: disarmed below")
-    parser.add_argument("--path", type=Path, help="with --flies: file of where it was")
-    parser.add_argument("--sticks", action="store_true", help="with a remote control")
+    parser.add_argument(
+        "--flies",
+        action="store_true",
+        help="obey commands instead of flying the scenario's flight",
+    )
+    parser.add_argument(
+        "--on-ground", action="store_true", help="with --flies: start disarmed on the ground"
+    )
+    parser.add_argument(
+        "--path", type=Path, help="with --flies: file to which the flown path is written"
+    )
+    parser.add_argument(
+        "--sticks", action="store_true", help="simulate a remote control that is switched on"
+    )
     parser.add_argument("--seed", type=int, default=1)
     return parser
 

@@ -59,7 +59,7 @@ def simulate_to_directory(
     sample_rate_hz: float | None = None,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> SimulatedRecording:
-    """Record a scenario from its start into an empty directory, which is made.
+    """Record a scenario from its start in a directory, which is created or empty.
 
     `on_progress` gets the number of samples written and their total.
     """
@@ -77,7 +77,7 @@ def simulate_to_directory(
     with os_errors_as(
         RecordingError,
         f"the simulation cannot be written to {base}",
-        "Choose a directory that can be written and has space",
+        "Choose a writable directory with enough space",
     ):
         _prepare(base, total * _SAMPLE_BYTES[sample_format])
         return _record(synthesizer, base, total, sample_format, on_progress)

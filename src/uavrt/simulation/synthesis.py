@@ -1,4 +1,4 @@
-"""Samples of the simulated radio: thermal noise, pulses, interferers, faults of the radio.
+"""Compute the samples of the simulated radio: thermal noise, pulses, interferers and faults.
 
 Samples are created in chunks on a fixed grid of the absolute sample index, each with its own
 random generator. So any block at any time is reproducible bit by bit.
@@ -26,7 +26,7 @@ SampleFormat = Literal["cf32", "cs16"]
 
 
 class IQSynthesizer:
-    """Complex samples of a scenario from a radio tuned to some frequency."""
+    """Computes the complex samples of a scenario, as a radio tuned to a frequency has them."""
 
     def __init__(
         self,

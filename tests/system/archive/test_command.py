@@ -95,7 +95,7 @@ def test_a_batch_that_is_stopped_and_killed_gives_the_same_in_the_end(
             break
         shutil.rmtree(output)  # a busy test came when all was done
     assert (program.returncode, again.returncode) == (130, -signal.SIGKILL)
-    assert "goes on from here" in said
+    assert "continues from here" in said
     assert "Traceback" not in said
 
     sought = read_tag_source(archive / "tags.txt")

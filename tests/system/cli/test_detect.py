@@ -68,7 +68,7 @@ def test_a_recording_in_a_pipe_is_told_to_show_no_losses(folder: Path) -> None:
     # So long that a busy machine, too, takes it sooner than a radio would give it.
     said = piped(folder, seconds=6.0 * SECONDS)
     assert "came faster than a radio takes them" in said
-    assert "times count from the first sample" in said
+    assert "times are counted from the first sample" in said
     assert "may be lost" not in said
     told = piped(folder, "--start-time", "2026-05-01T06:00:00Z", seconds=SECONDS)
-    assert "--start-time was given: times count from the first sample" in told
+    assert "--start-time was given: times are counted from the first sample" in told

@@ -12,5 +12,5 @@ def test_doctor_says_it(plug: Plug) -> None:
     plug(HACKRF, "b2")
     finding = check_radio(Settings(radio=settings), None)
     assert not finding.ok
-    assert finding.text == "2 radios HackRF, and none is chosen"
+    assert finding.text == "2 HackRF radios are plugged in, and none is selected"
     assert finding.remedy == 'Set [radio] serial to "a1" or "b2"'

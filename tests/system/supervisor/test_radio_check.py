@@ -1,4 +1,4 @@
-"""The question whether the radio is there, with real programs."""
+"""The question whether the radio is connected, with real programs."""
 
 import asyncio
 import os

@@ -103,7 +103,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("doctor --flight --mavlink udpin://127.0.0.1:1", "--flight"),
         ("simulate nowhere -o world", "No such file"),
         ("simulate junk.toml -o world", "UTF-8"),
-        ("simulate demo -o tags.txt --duration 1", "Choose a directory"),
+        ("simulate demo -o tags.txt --duration 1", "Choose a writable directory"),
         ("fetch ../../etc/passwd", ".."),
         ("fetch --timeout nan", "--timeout"),
         ("fetch --signing-key nowhere", "No such file"),

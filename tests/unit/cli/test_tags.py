@@ -137,7 +137,7 @@ def test_intervals_at_a_small_ratio_are_warned_of(
     )
     assert uavrt("tags", "check", "TagInfo.txt") == 0
     said = capsys.readouterr()
-    assert ("tags 2 and 4 may be as 2 to 1" in said.out + said.err) == told
+    assert ("tags 2 and 4 may have the ratio 2 to 1" in said.out + said.err) == told
 
 
 @pytest.mark.parametrize(

@@ -72,7 +72,7 @@ def test_of_several_flights_the_median_noise_counts_and_each_is_named(
     told = " ".join(capsys.readouterr().out.split())
     for name, rise in (("a", "3.0"), ("b", "6.0"), ("c", "20.0")):
         assert f"in flight_log_{name}: +{rise} dB in the air over the noise before" in told
-    assert "their median counts: +6.0 dB" in told
+    assert "their median is used: +6.0 dB" in told
 
 
 def test_each_row_has_its_budget_in_words(capsys: pytest.CaptureFixture[str]) -> None:

@@ -60,7 +60,7 @@ def test_random_bytes_never_raise_anything_else(content: bytes) -> None:
 @pytest.mark.parametrize("seed", range(5))
 def test_a_block_of_random_bytes_is_refused(seed: int) -> None:
     content = np.random.default_rng(seed).bytes(8 * 32_768)
-    with pytest.raises(RadioGarbled, match="the radio gives values that are not samples"):
+    with pytest.raises(RadioGarbled, match="the radio sends values that are not samples"):
         SampleCheck("the radio").check(block(np.frombuffer(content, np.complex64)))
 
 

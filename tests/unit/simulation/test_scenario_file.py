@@ -66,10 +66,10 @@ def test_all_faults_are_listed_with_their_places() -> None:
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
-        (TAG + TAG, "tag[2].tag_id: 2 is taken"),
+        (TAG + TAG, "tag[2].tag_id: 2 is used"),
         (TAG.replace("1.3", "0.01"), "not longer than the pulse"),
         (TAG + "rate_switches_s = [5.0]", "two rates need two intervals"),
-        (TAG.replace("1.3", "1.3, 2") + "rate_switches_s = [5.0, 4.0]", "must rise"),
+        (TAG.replace("1.3", "1.3, 2") + "rate_switches_s = [5.0, 4.0]", "must increase"),
         (
             TAG.replace("1.3", "1.3, 2") + "rate_switches_s = [5]\nrate_pattern = [1, 2]",
             "not both",
@@ -153,7 +153,7 @@ def test_codes_that_no_tag_file_may_list_are_refused_beforehand(gaps: str, fault
     text = CODED.replace("[0.022, 0.0488, 0.0366]", gaps)
     with pytest.raises(ConfigError) as caught:
         parse_scenario(text)
-    assert "tag[1]: no tag file may list it" in str(caught.value)
+    assert "tag[1]: not valid in a tag file" in str(caught.value)
     assert fault in str(caught.value)
     (neighbour,) = parse_scenario(text + "listed = false\n").tag
     assert neighbour.gaps_s

@@ -1,4 +1,4 @@
-"""``uavrt doctor --flight``: checklist before a first flight, on the drone's own computer."""
+"""``uavrt doctor --flight``: check the drone's own computer before a first flight."""
 
 from pathlib import Path
 

@@ -99,7 +99,7 @@ def autopilot_findings(
     mavlink: str | None,
     fix: bool,
 ) -> Iterable[Finding]:
-    """Check the autopilot's parameters, and correct them if `fix`, unless the link is used."""
+    """Check the autopilot's parameters, and correct them if `fix`; fails while uavrt runs."""
     address = mavlink or settings.mavlink.address
     if not address:
         raise UsageError("no autopilot is configured", remedy="Give its link with --mavlink")

@@ -1,4 +1,4 @@
-"""``uavrt service``: start at boot."""
+"""``uavrt service``: start the drone side at boot."""
 
 import getpass
 import os

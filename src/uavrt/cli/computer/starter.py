@@ -1,4 +1,4 @@
-"""``uavrt starter``: the ground station in the desktop's menu."""
+"""``uavrt starter``: add the ground station to the desktop's menu."""
 
 import sys
 from pathlib import Path
@@ -9,18 +9,18 @@ from uavrt.cli.examples import examples
 from uavrt.core.errors import UsageError
 from uavrt.drone.computer.starter import data_home, install_starter, remove_starter
 
-starter = App(name="starter", help="Put the ground station into the desktop's menu (Linux).")
+starter = App(name="starter", help="Add the ground station to the desktop's menu (Linux).")
 
 
 @starter.command(help_epilogue=examples("starter install"))
 def install(*, directory: Path | None = None) -> None:
-    """Write a starter that opens the ground station, for this user, without sudo.
+    """Add an entry to the desktop's menu that opens the ground station. Needs no sudo.
 
     Parameters
     ----------
     directory
-        Data directory of the desktop, $XDG_DATA_HOME or ~/.local/share; for all users
-        /usr/local/share (with sudo).
+        The data directory of the desktop; by default $XDG_DATA_HOME or ~/.local/share, for this
+        user. For all users: /usr/local/share, with sudo.
     """
     if not sys.platform.startswith("linux"):
         raise UsageError(
@@ -34,7 +34,7 @@ def install(*, directory: Path | None = None) -> None:
 
 @starter.command
 def remove(*, directory: Path | None = None) -> None:
-    """Remove the starter; settings and flights stay.
+    """Remove the entry from the desktop's menu; settings and flights stay.
 
     Parameters
     ----------

@@ -57,15 +57,15 @@ def update(
     config
         Settings file of the service.
     bench
-        Require only the data received at present: no poses under a roof.
+        Require only those data that are received before the update, such as no poses indoors.
     downgrade
         Also install a version that is not newer.
     check
         Only check whether the file could be installed.
     resume
-        End a trial that was interrupted; the service does that at boot.
+        Complete an interrupted trial of a version; the service does so at boot.
     prefix
-        Directory of all versions; by default that of this program.
+        Directory with all installed versions; by default that of this program.
     restart
         Command that restarts the service.
     hold_s

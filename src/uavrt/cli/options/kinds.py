@@ -13,7 +13,7 @@ from cyclopts import Parameter
 
 @dataclass(frozen=True, slots=True)
 class Between:
-    """Validator of finite numbers within limits; `above` must be exceeded."""
+    """Validator of finite numbers within limits; a number must be greater than `above`."""
 
     least: float | None = None
     most: float | None = None
@@ -54,8 +54,8 @@ Count = Annotated[int, Parameter(validator=Between(least=1))]
 """Type of an option for a whole number of at least 1."""
 Counts = tuple[Count, ...]
 GroupPulses = Annotated[int, Parameter(validator=Between(least=1, most=100))]
-"""Number of pulses summed for one decision (K), with the limits of tag files. The detector has
-no thresholds for longer groups."""
+"""Type of an option for the number of pulses summed for one decision (K), with the limits of
+tag files. The detector has no thresholds for longer groups."""
 Tally = Annotated[int, Parameter(validator=Between(least=0))]
 """Type of an option for a whole number of at least 0."""
 Seconds = Annotated[float, Parameter(validator=Between(above=0, unit="s"))]
@@ -64,13 +64,16 @@ SecondsApart = Annotated[float, Parameter(validator=Between(least=-1e9, most=1e9
 Minutes = Annotated[float, Parameter(validator=Between(above=0, unit="min"))]
 Hertz = Annotated[float, Parameter(validator=Between(above=0, unit="Hz"))]
 TagFrequency = Annotated[float, Parameter(validator=Between(least=20e6, most=1e9, unit="Hz"))]
-"""Tag frequency [Hz], with the limits of tag files; rejects megahertz typed by mistake."""
+"""Type of an option for a tag's frequency [Hz], with the limits of tag files; megahertz typed
+by mistake are rejected."""
 PulseWidth = Annotated[float, Parameter(validator=Between(least=1e-3, most=1, unit="s"))]
-"""Pulse width [s] within the limits of tag files; rejects milliseconds given by mistake."""
+"""Type of an option for a pulse width [s], with the limits of tag files; milliseconds typed by
+mistake are rejected."""
 Interval = Annotated[float, Parameter(validator=Between(above=0, most=60, unit="s"))]
-"""Interval between a tag's pulses [s], with the limits of tag files."""
+"""Type of an option for the interval between a tag's pulses [s], with the limits of tag
+files."""
 HertzOrZero = Annotated[float, Parameter(validator=Between(least=0, unit="Hz"))]
-"""Carrier frequency [Hz]; 0 for samples whose carrier is unknown."""
+"""Type of an option for a carrier frequency [Hz]; 0 for samples with an unknown carrier."""
 Degrees = Annotated[float, Parameter(validator=Between(least=-360, most=360, unit="degrees"))]
 DegreesOfError = Annotated[float, Parameter(validator=Between(least=0, unit="degrees"))]
 Metres = Annotated[float, Parameter(validator=Between(above=0, most=20_000, unit="m"))]
@@ -79,14 +82,15 @@ Heights = tuple[
 ]
 Side = Annotated[float, Parameter(validator=Between(least=0.5, most=1000, unit="m"))]
 Reach = Annotated[float, Parameter(validator=Between(least=0, most=100_000, unit="m"))]
-"""Type of an option for a distance over ground [m], zero included."""
+"""Type of an option for a distance over ground [m]; zero is allowed."""
 Speed = Annotated[float, Parameter(validator=Between(above=0, most=100, unit="m/s"))]
 Power = Annotated[float, Parameter(validator=Between(least=-100, most=40, unit="dBm"))]
 DecibelsOfError = Annotated[float, Parameter(validator=Between(least=0, most=40, unit="dB"))]
 Decibels = Annotated[float, Parameter(validator=Between(least=-200, most=200, unit="dB"))]
 NoiseFigure = Annotated[float, Parameter(validator=Between(least=0, most=60, unit="dB"))]
-"""Receiver noise above the thermal noise [dB], zero included."""
+"""Type of an option for the receiver's noise above the thermal noise [dB]; zero is allowed."""
 MetresOfError = Annotated[float, Parameter(validator=Between(least=0, unit="m"))]
 TagIds = tuple[Annotated[int, Parameter(validator=Between(least=1, most=0xFFFF_FFFF))], ...]
-"""Ids of tags, limited to the four bytes that the radio protocol has for one."""
+"""Type of an option for ids of tags, up to the four bytes that the radio protocol has for an
+id."""
 Share = Annotated[float, Parameter(validator=Between(least=0, most=1))]

@@ -26,8 +26,8 @@ class Budget:
     mismatch
         Loss by polarization, cables and pointing [dB].
     noise_figure
-        Noise that receiver, drone and sky add to the thermal noise [dB]. What a flight measured
-        above its quietest noise is added.
+        Noise that receiver, drone and sky add to the thermal noise [dB]. For a past flight, the
+        rise of its noise above the quietest level is added.
     free_space
         Ignore the ray reflected by the ground.
     """

@@ -1,4 +1,4 @@
-"""Warning about codes in a tag list that are easily confused."""
+"""Warn about codes in a tag list that are easily confused."""
 
 from collections.abc import Sequence
 

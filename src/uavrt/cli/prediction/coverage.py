@@ -1,4 +1,4 @@
-"""``uavrt coverage``: where a tag would be detected, before or after a flight."""
+"""``uavrt coverage``: map where a tag would be detected, before or after a flight."""
 
 # isort: off
 from uavrt.cli.options.link_budget_options import USUAL_BUDGET, Budget
@@ -84,7 +84,7 @@ def coverage(
     sea
         Treat ground that no elevation file covers as water at height 0.
     area
-        Outline (GeoJSON, KML, .plan) of the area whose probability is computed.
+        Outline (GeoJSON, KML, .plan) of an area, for the probability that the tag is in it.
     prior
         For a past flight: probability before it that the tag was in --area; by default all
         places on the map are equally probable.

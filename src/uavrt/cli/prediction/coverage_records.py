@@ -42,7 +42,7 @@ class MappedTag:
     coverage: "Coverage"
     best: bool = True
     in_area: float | None = None
-    """Mean detection probability in the outline given by --area; None without one."""
+    """Mean detection probability within the outline of --area; None if no area is given."""
     absence: "Absence | None" = None
     heard: int = 0
     antenna: str

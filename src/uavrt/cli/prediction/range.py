@@ -1,4 +1,4 @@
-"""``uavrt range``: detection range of a tag, before a flight."""
+"""``uavrt range``: predict the detection range of a tag before a flight."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -203,7 +203,7 @@ def _print(
 
     console = Console()
     titles = ("tag", "K", "ENR for Pd .5", "for Pd .9", "range, Pd .5", "Pd .9")
-    height = f"Heard from {budget.drone_height_m:g} m above the ground"
+    height = f"Detection range from {budget.drone_height_m:g} m above the ground"
     table = table_of(*titles, left=(), title=height)
     for row in rows:
         table.add_row(
@@ -228,7 +228,7 @@ def _print(
         text = f"noise of the drone in {one['flight']}: +{one['rise_db']:.1f} dB in the air"
         console.print(f"{text} over {one['over']}", highlight=False, soft_wrap=True)
     if len(noise) > 1:
-        console.print(f"their median counts: +{budget.drone_noise_db:.1f} dB", highlight=False)
+        console.print(f"their median is used: +{budget.drone_noise_db:.1f} dB", highlight=False)
 
 
 def _far(distance_m: float | None) -> str:

@@ -18,12 +18,13 @@ if TYPE_CHECKING:
 
 WIDE = 10_000
 _ROWS = 10_000
-"""Number of an archive's rows converted at once; takes some hundredths of a second."""
+"""Number of an archive's rows converted at once; the conversion takes some hundredths of a
+second."""
 _PLACES = ("latitude_deg", "longitude_deg")
 
 archive = App(
     name="archive",
-    help="Questions over all recordings that uavrt batch has searched. Needs uavrt[batch].",
+    help="Query all recordings that uavrt batch has searched. Needs uavrt[batch].",
 )
 AsJson = Annotated[bool, Parameter(name="--json", negative="")]
 
@@ -77,7 +78,8 @@ def query(
     if output is not None:
         if output.suffix not in (".parquet", ".csv"):
             raise ConfigError(
-                f"{output} is neither .parquet nor .csv", remedy="End it in .parquet or .csv"
+                f"{output} is neither .parquet nor .csv",
+                remedy="Choose a name that ends in .parquet or .csv",
             )
         check_place(output, overwrite=overwrite)
     from uavrt.analysis.archive.parquet.questions import ask
@@ -118,7 +120,7 @@ def export(
     formats
         Any format of uavrt export but geotiff, or geoparquet; by default all.
     flights
-        Only these; by default all that have pulses.
+        Flights to write; by default all that have pulses.
     """
     from uavrt.analysis.archive.exporting import export_archive
 

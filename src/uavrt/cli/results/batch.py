@@ -1,4 +1,4 @@
-"""``uavrt batch``: a whole archive of recordings under one tag list."""
+"""``uavrt batch``: find the pulses of one tag list in a whole archive of recordings."""
 
 # isort: off
 from uavrt.cli.shown.notices import notice
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from uavrt.analysis.archive.steps.batch_settings import BatchSummary
 
 Stretch = Annotated[float, Parameter(validator=Between(least=60, most=1e6, unit="s"))]
-_STOPPED = "stopped: the same command goes on from here"
+_STOPPED = "stopped; the same command continues from here"
 _END_S = 0.5
 """Time to end cleanly after Ctrl-C; after twice this time the process is ended [s]."""
 LeadIn = Annotated[float, Parameter(validator=Between(least=0, most=3600, unit="s"))]
@@ -52,13 +52,12 @@ def batch(
 ) -> None:
     """Find the pulses of tags in all recordings of an archive, and where the tags were.
 
-    Detects in all recordings; gives pulses the poses of the flight that the recording lies in,
-    or of a track with the same name; estimates bearings and positions as uavrt localize does. A
-    flight without a recording gives its pulses as detected in flight. Writes Parquet tables for
-    uavrt archive and for any program that reads Parquet. A run that was stopped or killed
-    continues where it was; only new or changed recordings, tags and settings are computed
-    again. Damaged files are reported and skipped, and the exit status is then 1. Needs the
-    extra uavrt[batch].
+    Detects in all recordings; adds poses from the flight that contains the recording, or from a
+    track with the same name; estimates bearings and positions as uavrt localize does. A flight
+    without a recording gives its pulses as detected in flight. Writes Parquet tables for uavrt
+    archive and for any program that reads Parquet. A run that was stopped or killed continues
+    where it was; only new or changed recordings, tags and settings are computed again. Damaged
+    files are reported and skipped, and the exit status is then 1. Needs the extra uavrt[batch].
 
     Parameters
     ----------
@@ -87,12 +86,12 @@ def batch(
     lead_in
         Seconds before each cell that are read again to settle the noise estimate.
     steps
-        Only these of detect, attach, bearing, localize, integrate; by default all but the last.
-        Integrate searches each flight with recorded channels for tags below the noise, and
-        takes some seconds and 0.7 GB of memory for each flight. Without detect, the pulses
-        detected earlier are used.
+        Steps to run: detect, attach, bearing, localize, integrate; by default all but
+        integrate. Integrate searches each flight with recorded channels for tags below the
+        noise, and takes some seconds and 0.7 GB of memory for each flight. Without detect, the
+        pulses detected earlier are used.
     method
-        How bearings become positions: {position_methods}.
+        Method for positions from bearings: {position_methods}.
     verify
         Read all that was written before, and make damaged files again. Without it a file is
         checked by its size and time.

@@ -1,4 +1,4 @@
-"""``uavrt bearing``: directions to the tags of a flight or a pulse log."""
+"""``uavrt bearing``: estimate bearings of the tags of a flight or a pulse log."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -66,7 +66,7 @@ def bearing(
 
         antenna = antenna or recorded.turning()
         pattern = learnt_antenna(recorded, antenna, antenna_offset)
-        write_antenna(pattern, learn, f"{antenna} as {pulses.resolve().name} showed it")
+        write_antenna(pattern, learn, f"{antenna}, corrected by {pulses.resolve().name}")
         antenna = antenna_named(str(learn))
     if recording is not None:
         found = switched_bearings(
@@ -83,7 +83,7 @@ def bearing(
     for one in found:
         print(_sentence(one))
     if not found:
-        print(f"{pulses}: no turn in place with pulses")
+        print(f"{pulses}: no pulses during a turn in place")
 
 
 def _sentence(one: "TagBearing") -> str:

@@ -1,4 +1,4 @@
-"""``uavrt export``: a flight as files for other tools."""
+"""``uavrt export``: write a flight as files for other tools."""
 
 from pathlib import Path
 from typing import Annotated
@@ -32,16 +32,16 @@ def export(
         positions.csv and pulse CSV; kml: without pictures; geotiff: heat maps; motus: bursts of
         coded tags and beeps, as SensorGnome and find_tags write them.
     mcap
-        As a ROS 2 recording for `ros2 bag play` and Foxglove: pulses, poses, commands and log
-        with the messages of the live topics; tags, start and stop go under /recorded, so that
-        playback commands no drone. Needs the extra uavrt[analysis]. Writes other formats only
-        if --format is given too.
+        Write a ROS 2 recording for `ros2 bag play` and Foxglove: pulses, poses, commands and
+        log with the messages of the live topics; tags, start and stop go under /recorded, so
+        that playback commands no drone. Needs the extra uavrt[analysis]. Writes other formats
+        only if --format is given too.
     as_sent
         With --mcap: keep the live topic names for commands. Play such a recording only where no
         drone listens.
     output
-        Directory to create; by default "export" in the flight directory or the log's folder,
-        or "bag" in the flight directory for --mcap.
+        Directory to create; by default "export" in the flight directory or the log's folder, or
+        "bag" in the flight directory for --mcap.
     """
     if mcap:
         from uavrt.analysis.measure.bag import export_bag

@@ -75,8 +75,8 @@ def integrate(
         detect. By default the channels that the flight recorded (iq/channels), or its recording
         of the band.
     track
-        Where the drone was while --recording was made: PX4's .ulg, ArduPilot's .BIN or .tlog,
-        NMEA sentences, GPX, or a telemetry.csv of uavrt simulate. Nothing is saved.
+        The drone's path while --recording was made: PX4's .ulg, ArduPilot's .BIN or .tlog, NMEA
+        sentences, GPX, or a telemetry.csv of uavrt simulate. Nothing is saved.
     clock_offset
         Seconds by which the recording's clock is ahead of the track's; 0 by default.
     yaw_offset
@@ -92,7 +92,7 @@ def integrate(
     frequency_window
         Half-width of the search around each tag's nominal frequency, in hertz.
     false_alarm
-        Probability with which noise alone shows a tag, for a whole flight and each tag.
+        Probability that noise alone is taken for a tag, for each tag in a whole flight.
     drift
         Largest relative change of a tag's interval over the flight, up or down: 0.01 is 1 %.
         Takes longer, and costs some tenths of a decibel.
@@ -102,11 +102,12 @@ def integrate(
     sea
         Treat ground that no elevation file covers as water at height 0.
     moves
-        Of several flights: the tag may be elsewhere in each. By default it rests.
+        With several flights: the tag may be at another place in each. By default it stays at
+        one.
     tag_power
-        Power that the tags radiate [dBm], antenna and animal included; collars: -30 to -10.
-        For tags that are not found, the map of uavrt coverage for that power shows where they
-        are not.
+        Power that the tags radiate [dBm], antenna and animal included; collars: -30 to -10. For
+        tags that are not found, the map of uavrt coverage for that power shows where they are
+        not.
     plot
         Directory for a picture of each tag: the flight folded at the interval found; and for
         the maps of where tags are not. Needs the extra uavrt[analysis].
@@ -299,7 +300,10 @@ def _together(
     listed: "Sequence[Tag] | None",
     ids: tuple[int, ...],
 ) -> tuple[bool, _Results]:
-    """Search several flights together, tag by tag to save memory; True if any was found."""
+    """Search several flights together, one tag at a time to save memory.
+
+    Returns True if any tag was found, and the results.
+    """
     from uavrt.analysis.whole_flights.several_flights import (
         common_tags,
         judge_together,
@@ -381,12 +385,12 @@ def _check_unused_options(opened: dict[str, Any]) -> None:
 def _silent(
     asked: _Options, flight: "Flight", results: "list[IntegratedTag]"
 ) -> "dict[int, SilentMap]":
-    """Map, by tag id, where each tag not found would have been detected; print any problem."""
+    """Map of where each tag not found would have been detected, by tag id; prints problems."""
     from uavrt.analysis.covered.silence import silent_maps
     from uavrt.analysis.integrated.hindsight import verdict_of
 
     try:
-        with progress_bar("mapping where it is not") as on_pulse:
+        with progress_bar("mapping areas without the tag") as on_pulse:
             return silent_maps(
                 flight,
                 [one.tag for one in results],
@@ -396,7 +400,7 @@ def _silent(
                 on_pulse=on_pulse,
             )
     except (UsageError, RecordingError, FormatError) as error:
-        warn(f"no map of where it is not: {error}")
+        warn(f"no map of areas without the tag: {error}")
         return {}
 
 

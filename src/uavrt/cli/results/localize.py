@@ -1,4 +1,4 @@
-"""``uavrt localize``: positions of a flight's tags."""
+"""``uavrt localize``: estimate positions of a flight's tags."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -47,12 +47,12 @@ def localize(
         rested; mle, rmr and mest compute as the original system does; rmr_ahead and mest_lenth
         as they were intended.
     displacement
-        Standard deviation of a shift that all bearings of a tag share, as a share of the
-        distance, as trials with known places show it. Bearings taken by hand may agree within
-        4° and miss the animal by 20°: 0.25.
+        Standard deviation of the error that shifts all bearings of a tag together, as a share
+        of the distance; trials with tags at known places show it. Use 0.25 for bearings by
+        hand, which may agree within 4° and yet miss the animal by 20°.
     observers
-        File that keeps the errors of people who take bearings by hand, as test trials in the
-        tables show them. By default, an observers.json next to a table is used.
+        File with the bearing errors of each observer, which test trials in the tables show. By
+        default, an observers.json next to a table is used.
     tags
         Tag file with the tags' names (tags.toml), for logs; a flight has its own.
     as_json

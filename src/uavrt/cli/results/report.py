@@ -1,4 +1,4 @@
-"""``uavrt report``: results of a flight to read, print and share."""
+"""``uavrt report``: write the results of a flight to read, print and share."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""``uavrt season``: statistics of a folder of flights."""
+"""``uavrt season``: summarise a folder of flights."""
 
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -72,8 +72,8 @@ def _show(found: "Season") -> None:
         f"{_day(found.first_ns)} to {_day(found.last_ns)}",
         f"{found.animals_heard} of {len(found.animals)} animals detected"
         + ("" if per_animal is None else f", {per_animal:.1f} minutes of flight per detection"),
-        f"{counted(found.batteries, 'battery', 'batteries')} flown with, "
-        f"{found.batteries_used:.1f} full charges used"
+        f"{counted(found.batteries, 'battery', 'batteries')} used, "
+        f"{found.batteries_used:.1f} full charges in total"
         if found.batteries
         else "no flight has battery data",
     ]

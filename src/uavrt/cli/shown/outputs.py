@@ -49,7 +49,7 @@ def check_place(output: Path, *, overwrite: bool = False) -> None:
 def make_directory(path: Path, option: str) -> None:
     """Make an output directory before the work; raises `ConfigError`, naming `option`."""
     with os_errors_as(
-        ConfigError, f"{path} cannot be made", f"Give {option} a directory that can be written"
+        ConfigError, f"{path} cannot be made", f"Choose a writable directory for {option}"
     ):
         path.mkdir(parents=True, exist_ok=True)
     if not os.access(path, os.W_OK):

@@ -34,7 +34,7 @@ class TerminalLines:
         """True once the program that reads the printed lines has closed the pipe."""
 
     def __call__(self, line: str) -> None:
-        """Queue a line for printing."""
+        """Queue a line to be printed."""
         try:
             self._lines.put_nowait(line)
         except queue.Full:

@@ -1,4 +1,4 @@
-"""``uavrt attach``: poses of another program's log for pulses."""
+"""``uavrt attach``: add poses from another program's log to pulses."""
 
 from pathlib import Path
 from typing import Annotated
@@ -83,7 +83,7 @@ def attach(
             writer.write(one)
     text = f"{placed} of {len(attached)} pulses have a pose now"
     if placed < len(attached):
-        text += f", {len(attached) - placed} are where the track has none"
+        text += f"; the track has no pose for {len(attached) - placed}"
     offset = f"clock offset {found.offset_s:+.2f} s"
     if found.sigma_s is not None:
         offset += f" ± {found.sigma_s:.2f} s, {found.heading_sigma_deg:.1f}° in a turn"

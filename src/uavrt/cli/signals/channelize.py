@@ -1,4 +1,4 @@
-"""``uavrt channelize``: converts a band to the original's channel datagrams."""
+"""``uavrt channelize``: split a band into the original's channel datagrams."""
 
 # isort: off
 from uavrt.cli.shown.notices import notice
@@ -136,6 +136,6 @@ def _numbers(text: str) -> list[int]:
 def _sentence(summary: ChannelizeSummary) -> str:
     return (
         f"{summary.samples} samples, {summary.samples_lost} lost; {summary.datagrams} datagrams"
-        f" sent, {summary.unheard} without a listener, {summary.dropped} not sent for want "
-        "of room"
+        f" sent, {summary.unheard} without a receiver, {summary.dropped} dropped because "
+        "the buffer was full"
     )

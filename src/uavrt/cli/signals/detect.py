@@ -1,4 +1,4 @@
-"""``uavrt detect``: pulses from a recording or a live stream."""
+"""``uavrt detect``: find pulses in a recording or a live stream."""
 
 # isort: off
 from uavrt.cli.shown.notices import notice
@@ -288,7 +288,7 @@ def _finish(listeners: "Sequence[Listener]") -> None:
 
 
 def _call_each(listeners: "Sequence[Listener]", name: str) -> Callable[[Any], None] | None:
-    """Function that calls a method on all receivers; None without receivers."""
+    """Function that calls a method on all receivers; None if there are none."""
     methods: list[Callable[[Any], None]] = [getattr(one, name) for one in listeners]
 
     def call_each(argument: Any) -> None:
@@ -414,7 +414,7 @@ def _report(
     ]
     lines += [
         f"tag {tag.tag_id}: {count} of its confirmed pulses may be of another tag "
-        "(also_possible_tag_ids; `uavrt tags check` says how to distinguish them)"
+        "(also_possible_tag_ids; `uavrt tags check` shows how to distinguish them)"
         for tag in tags
         if (count := summary.ambiguous.get(tag.tag_id, 0))
     ]
@@ -448,7 +448,7 @@ def _may_be_lost(summary: DetectionSummary, source: SampleSource) -> str:
     """Sentence on samples that a live stream may have lost without counting them."""
     why = getattr(source, "unseen_losses", None)
     if why is not None:
-        return f"{why}: times count from the first sample, and losses do not show"
+        return f"{why}: times are counted from the first sample, and losses are not detected"
     most = most_lost(
         summary.samples_unsure,
         samples=summary.samples,

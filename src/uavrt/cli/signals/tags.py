@@ -108,7 +108,10 @@ def convert(source: Path, target: Path, *, overwrite: bool = False) -> None:
     if named and target.suffix.lower() != ".toml":
         print(f"{counted(named, 'name')} left out: TagInfo.txt has no column for names")
     if known.operating_modes:
-        print("Channel, operating mode and excluded ranges are left out: tag files lack them")
+        print(
+            "Channel, operating mode and excluded ranges are left out: tag files have no "
+            "fields for them"
+        )
     _warn_of_unselected(source)
 
 
@@ -264,7 +267,7 @@ def measure(
     Parameters
     ----------
     recording
-        A file with at least ten pulses or so of a nearby tag.
+        A file with about ten pulses or more of a nearby tag.
     frequency
         Approximate frequency in hertz; by default the whole band is searched.
     window
@@ -447,7 +450,7 @@ def _similar_tags_warnings(found: "Sequence[Tag]") -> Iterator[str]:
             )
             if parting.pulses is None or parting.uncertainty_s == 0.0:
                 parts = "nothing but the frequency" if apart_hz > 0.0 else "nothing"
-                yield f"{begin}; tags drift by more, so {parts} parts them"
+                yield f"{begin}; tags drift by more, so {parts} distinguishes them"
                 continue
             yield (
                 f"{begin} if only one is received. With ± {1e3 * parting.uncertainty_s:.3g} ms "
@@ -462,10 +465,10 @@ def _at_a_ratio(one: "Tag", two: "Tag", ratio: tuple[int, int]) -> str:
         slow, fast = two, one
     more, fewer = ratio
     return (
-        f"the intervals of tags {slow.tag_id} and {fast.tag_id} may be as {more} to {fewer}: "
-        f"while many pulses of tag {fast.tag_id} fade, the others may pass for tag "
-        f"{slow.tag_id}'s, and where both begin together one hides the other. Intervals "
-        "further from such ratios, or 1 kHz between the tags, avoid it"
+        f"the intervals of tags {slow.tag_id} and {fast.tag_id} may have the ratio {more} to "
+        f"{fewer}. When many pulses of tag {fast.tag_id} fade, the others may be reported as "
+        f"tag {slow.tag_id}'s; when the pulses of both coincide, one tag hides the other. To "
+        "avoid this, choose intervals further from such a ratio, or frequencies 1 kHz apart"
     )
 
 

@@ -1,4 +1,4 @@
-"""``uavrt demo``: the whole system on this machine."""
+"""``uavrt demo``: run the whole system on this machine, with a simulated world."""
 
 import sys
 import webbrowser

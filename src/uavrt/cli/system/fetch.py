@@ -1,4 +1,4 @@
-"""``uavrt fetch``: flights from the drone, over the MAVLink link."""
+"""``uavrt fetch``: copy flights from the drone over the MAVLink link."""
 
 import asyncio
 from pathlib import Path, PurePosixPath
@@ -74,7 +74,7 @@ def fetch(
     """
     if ".." in PurePosixPath(flight).parts:
         raise ConfigError(
-            f"{flight!r} points outside the flights directory", remedy="Leave out the .."
+            f"{flight!r} points outside the flights directory", remedy="Give a path without .."
         )
     key = None if signing_key is None else read_signing_key(signing_key)
     files = DroneFiles(Clock.start().now_ns, signing_key=key)
@@ -118,7 +118,10 @@ async def _list_samples(client: FileClient, flight: str) -> None:
 
 
 async def _wanted(client: FileClient, flight: str, left: tuple[str, ...]) -> list[RemoteEntry]:
-    """List a flight's files, without sample kinds in `left`, small first; "": newest flight."""
+    """List the files of a flight, small ones first, without the kinds of samples in `left`.
+
+    An empty flight name means the newest flight.
+    """
     path = PurePosixPath("/" + flight.strip("/"))
     if not flight:
         names = await drone_flights(client)
@@ -182,4 +185,4 @@ async def _fetch_all(client: FileClient, entries: list[RemoteEntry], output: Pat
                 progress.update(task, completed=done, total=size)
 
             fetched += await fetch_file(client, entry, output / name, show)
-    notice(f"{fetched} files fetched, {len(entries) - fetched} were here")
+    notice(f"{fetched} files fetched, {len(entries) - fetched} were already present")

@@ -126,7 +126,7 @@ def fly(
     minutes
         Longest duration of a search: the drone returns then, or once all tags are found.
     sticks_unseen
-        Confirm that you know: the drone has no RC link.
+        Confirm that you know that the drone has no RC link.
     save
         Write a survey as a .plan for QGroundControl instead, which a pilot uploads and starts;
         no drone is needed. With "fence": write the fence to this file.
@@ -136,7 +136,7 @@ def fly(
         uploaded. Fence and home are read first: a survey that leaves the fence, or whose
         return would leave it, is refused.
     farthest
-        Greatest distance from the vehicle's home of a survey to upload [m].
+        Greatest distance from home that a survey to upload may reach [m].
     mavlink
         Link to the vehicle, as for `uavrt ground`.
     command_key
@@ -294,7 +294,7 @@ async def _upload(
     async with _connected(address, keys) as link:
         done = await link.missions.upload_survey(order, limits)
     text = (
-        f"the vehicle has the survey: {done.items} items, read back. It keeps to the "
+        f"the vehicle has the survey: {done.items} items, read back. It stays within the "
         f"vehicle's fence; not checked: {NOT_CHECKED_ABOARD}. A pilot starts it when the drone "
         "hovers; uavrt does not watch over that flight"
     )

@@ -1,4 +1,4 @@
-"""``uavrt ground``: the ground station."""
+"""``uavrt ground``: run the ground station."""
 
 import asyncio
 import contextlib
@@ -301,12 +301,16 @@ def _text_of(event: dict[str, Any]) -> str | None:
         case {"event": "drone", "system": system}:
             return f"drone found: system {system}"
         case {"event": "already detecting"}:
-            return "the drone detects these tags already: listening. Ctrl-C stops the search"
+            return (
+                "the drone detects these tags already; receiving their pulses. "
+                "Ctrl-C stops the search"
+            )
         case {"event": "others detected", "reason": reason}:
             return (
-                f"other tags are searched ({reason.removesuffix(': send stop first')}).\n"
-                "Listening to them. To listen only, leave --tags and --start out; to search\n"
-                "for yours, let whoever searches for these end it, then run this again."
+                f"other tags are searched for ({reason.removesuffix(': send stop first')}).\n"
+                "Receiving their pulses. To receive only, leave out --tags and --start. To\n"
+                "search for yours, stop this search at the station that started it, and run\n"
+                "this again."
             )
         case {"event": "stopped", "pulses": pulses}:
             return f"stopped; {pulses} pulses received"

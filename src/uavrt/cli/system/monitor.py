@@ -1,4 +1,4 @@
-"""``uavrt monitor``: a terminal view of a running system; start and stop without a ground."""
+"""``uavrt monitor``: show a running system in a terminal, and start or stop detection."""
 
 import time
 from contextlib import suppress

@@ -22,7 +22,7 @@ from uavrt.core.messages import (
 )
 from uavrt.core.terminal_tables import plain_table
 from uavrt.core.units import NANOSECONDS_PER_SECOND
-from uavrt.flight.reading.outline import HeardTag
+from uavrt.flight.reading.outline import ReceivedTag
 
 RATE_WINDOW_S = 60.0
 FRESH_S = 5.0
@@ -84,7 +84,7 @@ class MonitorView:
                 for process in record.processes:
                     self._measure(process, record.time_ns)
 
-    def take_recorded(self, heard: Mapping[int, HeardTag], now_s: float) -> None:
+    def take_recorded(self, heard: Mapping[int, ReceivedTag], now_s: float) -> None:
         """Add the pulses that the flight recorded before the monitor started."""
         assert self.status is not None
         for tag_id, one in heard.items():
@@ -212,7 +212,7 @@ def _number(tag_id: int, last: Pulse | None) -> str:
 
 
 def _usable(searched: SearchReport | None) -> str:
-    """Text: usable share of the time, and energy-to-noise ratio found with Pd 0.9 [dB]."""
+    """Text with the usable share of the time, and the weakest pulses found with Pd 0.9 [dB]."""
     if searched is None or searched.usable_share is None:
         return "–"
     weakest_db = searched.weakest_enr_db

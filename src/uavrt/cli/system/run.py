@@ -1,4 +1,4 @@
-"""``uavrt run``: the drone side."""
+"""``uavrt run``: run the drone side."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""``uavrt run --ground``: drone side and page on one computer, for its own screen."""
+"""``uavrt run --ground``: run drone side and page on one computer, for its own screen."""
 
 import signal
 import socket

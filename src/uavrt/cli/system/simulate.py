@@ -1,4 +1,4 @@
-"""``uavrt simulate``: a scenario as a recording with its true pulses."""
+"""``uavrt simulate``: record a scenario, with its true pulses."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -2,7 +2,7 @@
 
 A quaternion rotates vectors from the body frame (forward, right, down) to north, east, down.
 Tuples are faster than arrays for single attitudes; for many headings at once see
-`uavrt.localization.headings`. Double precision throughout; the thesis's was single.
+`uavrt.localization.headings`. All values are double precision.
 """
 
 import math

@@ -101,7 +101,7 @@ def distance_m(
     other_latitude_deg: float,
     other_longitude_deg: float,
 ) -> float:
-    """Distance of two nearby positions [m], by the ellipsoid's radii of curvature."""
+    """Distance between two nearby positions [m], by the ellipsoid's radii of curvature."""
     middle_rad = math.radians(0.5 * (latitude_deg + other_latitude_deg))
     flattening = 1.0 - ECCENTRICITY2 * math.sin(middle_rad) ** 2
     prime_vertical_m = SEMI_MAJOR_M / math.sqrt(flattening)

@@ -1,11 +1,12 @@
-"""Check latitudes and longitudes in logs; errors name a likely cause."""
+"""Check latitudes and longitudes read from logs; errors name a likely cause."""
 
 import math
 
 from uavrt.core.earth.attitude import Quaternion, normalised
 
 _SCALED = 1e5
-"""Absolute value of a latitude or longitude above which it is in 10⁻⁷ degrees (MAVLink)."""
+"""Absolute value above which a latitude or longitude is probably in 10⁻⁷ degrees, as in
+MAVLink."""
 
 
 class OffEarthError(ValueError):

@@ -1,4 +1,4 @@
-"""Times when a vehicle stood on the ground, from reports of arming and landing."""
+"""Find the times when a vehicle stood on the ground, from reports of arming and landing."""
 
 from collections.abc import Iterable
 
@@ -9,17 +9,17 @@ ARMED, LANDED = "autopilot_armed", "autopilot_landed"
 GROUND_STATION = "ground station"
 """Process name in the ground station's own health reports."""
 EVER_NS = 2**62
-"""End of a time span on the ground that no later report has ended [ns]."""
+"""Time used as the end of a stay on the ground that no later report has ended [ns]."""
 
 Reports = Iterable[tuple[int, bool]]
-"""Pairs of a report's time [ns] and its state: True if armed, or if landed."""
+"""Pairs of a report's time [ns] and a state, armed or landed: True or False."""
 
 
 def spans_on_ground(armed: Reports, landed: Reports) -> tuple[tuple[int, int], ...]:
-    """Start and end of each time span on the ground [ns]: disarmed, or landed.
+    """Start and end of each time span in which a vehicle was disarmed or landed [ns].
 
-    Empty without a report of flying, as in a test on a turntable. A state is valid until the
-    next report.
+    The result is empty if no report shows the vehicle flying, as in a test on a turntable. A
+    state is valid until the next report.
     """
     reports = [(time, "armed", state) for time, state in armed]
     reports += [(time, "landed", state) for time, state in landed]

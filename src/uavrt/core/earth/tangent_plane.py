@@ -1,4 +1,4 @@
-"""East and north in metres around a point, and back to degrees; WGS84, no map projection."""
+"""Convert latitude and longitude to metres east and north of a point, and back (WGS 84)."""
 
 from dataclasses import dataclass
 

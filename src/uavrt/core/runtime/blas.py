@@ -1,7 +1,7 @@
 """Environment variables for NumPy's linear algebra, set before NumPy is imported.
 
-Sample blocks are small. A second thread saves nothing. It spins while it waits for the next
-product, which costs more than all of detection (161 % of a core instead of 99 %).
+Sample blocks are small. A second thread saves no time, and while it waits for the next product
+it uses the processor: 161 % of a core instead of 99 %.
 
 OpenBLAS runs its kernels for Haswell, with vectors of 256 bits, on AMD processors that have
 512. With the wider kernels, the products of detectors and decimator take half as long.
@@ -18,7 +18,7 @@ _SKYLAKE = {"avx512f", "avx512cd", "avx512bw", "avx512dq", "avx512vl"}
 def blas_environment(
     given: Mapping[str, str] = os.environ, cpuinfo: Path = Path("/proc/cpuinfo")
 ) -> dict[str, str]:
-    """Environment variables to add to `given`, except those already set there."""
+    """Environment variables to add to `given`; variables already in `given` are left out."""
     wanted = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL")}
     try:
         with cpuinfo.open(encoding="ascii", errors="replace") as lines:

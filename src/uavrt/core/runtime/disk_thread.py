@@ -28,7 +28,7 @@ class Disk(Protocol):
     """Interface for disk jobs, with or without a thread."""
 
     def __call__(self, job: Callable[[], T], then: Callable[[T], None]) -> bool:
-        """Run `job`, then `then` with its result; False if too many jobs wait."""
+        """Run `job`, then call `then` with its result; False if too many jobs wait."""
 
 
 def at_once(job: Callable[[], T], then: Callable[[T], None]) -> bool:
@@ -62,7 +62,10 @@ class DiskThread:
         threading.Thread(target=self._work, name="disk", daemon=True).start()
 
     def __call__(self, job: Callable[[], T], then: Callable[[T], None]) -> bool:
-        """Run `job` in the thread, `then` with its result in the loop; False: too many wait."""
+        """Run `job` in the thread, then `then` with its result in the loop.
+
+        Returns False, without running the job, if too many jobs wait.
+        """
         if self._early and self._loop is None:
             return at_once(job, then)
         if len(self._jobs) >= self._most:
@@ -90,7 +93,7 @@ class DiskThread:
         return await result
 
     async def finish(self, within_s: float = FINISH_S) -> None:
-        """Wait until the queued jobs are done, but not longer than `within_s` [s]."""
+        """Wait until the queued jobs are done, for at most `within_s` [s]."""
         for _ in range(round(within_s / FINISH_TURN_S)):
             if not self._jobs and self._since_s is None:
                 return
@@ -102,7 +105,7 @@ class DiskThread:
         return len(self._jobs)
 
     def stalled_s(self, now_s: float) -> float:
-        """Duration of the present job so far [s]; 0 without one, or up to `SLOW_S`."""
+        """Duration of the present job so far [s]; 0 below `SLOW_S`, or without a job."""
         since_s = self._since_s
         return 0.0 if since_s is None or now_s - since_s < SLOW_S else now_s - since_s
 
@@ -148,7 +151,7 @@ class DiskBatches(Generic[T, R]):
         self.write()
 
     def write(self) -> None:
-        """Submit the waiting items, even if none; a batch being written ends first."""
+        """Submit the waiting items, or none, when the batch being written has ended."""
         self._again = self.handed_s is not None
         if self._again:
             return

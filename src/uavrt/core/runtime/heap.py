@@ -15,15 +15,16 @@ _POOL_BYTES, _STEP_BYTES, _LARGEST_BYTES = 16_384, 16, 512
 share a pool; larger ones use malloc (``Objects/obmalloc.c`` of CPython 3.11 and later; with
 other values less is filled)."""
 _MOST_BLOCKS = 40_000
-"""Maximum number of objects that fill gaps in memory pools; 4000 are usual after a flight's
-imports."""
+"""Maximum number of objects used to fill gaps in memory pools; after a flight's imports, 4000
+are usual."""
 
 
 def fill_pools() -> list[object]:
-    """Fill the gaps in Python's memory pools, before a process is forked; takes 10 ms, 0.4 MB.
+    """Fill the gaps in Python's memory pools before a process is forked, which saves memory.
 
-    Otherwise objects created in the gaps make inherited memory pages private, ten a minute.
-    Returns the filling objects; the gaps stay filled only while these are referenced.
+    A forked process shares its parent's memory pages until it writes to them. Objects created
+    in the gaps would make ten pages a minute private. The call takes 10 ms and 0.4 MB. It
+    returns the filling objects; the gaps stay filled only while these are referenced.
     """
     kept: list[object] = [None] * _MOST_BLOCKS  # allocated whole: growing uses free slots
     used = 0
@@ -45,8 +46,8 @@ def fill_pools() -> list[object]:
 def heap_as_it_grows() -> None:
     """Let a Dask worker reuse freed memory, up to 64 MB (mallopt(3)).
 
-    Dask sets MALLOC_TRIM_THRESHOLD_, by which freed memory is returned at once. Each temporary
-    array then maps its pages again, which is 1.7 times slower.
+    Dask sets MALLOC_TRIM_THRESHOLD_, which makes a worker return freed memory at once. Each
+    temporary array then maps its pages again, and the work takes 1.7 times as long.
     """
     if "MALLOC_TRIM_THRESHOLD_" in os.environ and _mallopt is not None:
         _mallopt(_M_MMAP_THRESHOLD, 32 << 20)
@@ -91,8 +92,7 @@ class HeapKeeper:
 
     A busy moment leaves holes in the heap that glibc keeps unless they lie at its end. Python
     also keeps up to 2000 unused tuples of each length, which only a full collection frees.
-    Receiver and detector grew by 2 MB each in half an hour. A generator converted to a tuple
-    four times a second uses 160 kB in eight minutes.
+    Without trims, receiver and detector grew by 2 MB each in half an hour.
     """
 
     def __init__(self, now_s: float, *, period_s: float = TRIM_PERIOD_S) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 
 def lazily(package: str, where: Mapping[str, str]) -> tuple[list[str], Callable[[str], Any]]:
-    """Create ``__all__`` and ``__getattr__`` of a package; `where`: module of each name."""
+    """Create ``__all__`` and ``__getattr__`` of a package; `where`: names by their module."""
     module_of = {name: module for module, names in where.items() for name in names.split()}
 
     def get(name: str) -> Any:

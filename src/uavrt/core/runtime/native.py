@@ -16,16 +16,16 @@ INTERFACE = 7
 
 def _load() -> tuple[Any, str]:
     if os.environ.get("UAVRT_PURE", "0") not in ("", "0"):
-        return None, "NumPy alone, as UAVRT_PURE says"
+        return None, "NumPy only, because UAVRT_PURE is set"
     try:
         module = importlib.import_module("uavrt.core._native")
     except ImportError as error:
         if isinstance(error, ModuleNotFoundError):
-            return None, "NumPy alone (this installation has no compiled kernels)"
-        return None, f"NumPy alone (compiled kernels cannot be loaded: {error})"
+            return None, "NumPy only (this installation has no compiled kernels)"
+        return None, f"NumPy only (compiled kernels cannot be loaded: {error})"
     found = getattr(module, "INTERFACE", None)
     if found != INTERFACE:
-        return None, f"NumPy alone (compiled kernels of another version: {found})"
+        return None, f"NumPy only (compiled kernels of another version: {found})"
     return module, f"compiled kernels for {module.BUILT}, {module.choose('avx512')}"
 
 

@@ -1,9 +1,10 @@
 """Find the intervals in a set of pulse times, and the pulses that follow each interval.
 
-Every pair of pulses votes for its distance. A tag with interval T makes votes at T, 2 T, 3 T …;
-the first strong one is its interval. A chain may run on through the tag's other rate, since
-1333 ms meets every second pulse of 2000 ms; it is cut there. Explained pulses are removed, and
-the rest may hold another chain: the tag's second rate, or another tag.
+Each pair of pulses votes for the time between them. A tag with interval T causes votes at T, 2
+T, 3 T …; the first strong one is its interval. A chain of pulses at one interval may also
+contain pulses sent at the tag's other interval, since 1333 ms meets every second pulse of 2000
+ms; the chain is cut there. Explained pulses are removed. Those left may contain another chain:
+the tag's second rate, or another tag.
 """
 
 from collections.abc import Iterable
@@ -91,9 +92,10 @@ def _at_one_rate(
 def _without_strays(
     times_s: NDArray[np.float64], members: NDArray[np.intp], interval_s: float
 ) -> NDArray[np.intp]:
-    """Remove end pulses of a chain that are beyond a gap with other pulses in the gap.
+    """Remove end pulses of a chain after a gap in which there are other pulses.
 
-    If the first pulse after a change of rate is lost, the chain meets the other rate later.
+    Such end pulses were sent at another rate: if the first pulse after a change of rate is
+    lost, the chain meets a later one by chance.
     """
     low, high = 0, members.size
 
@@ -125,7 +127,7 @@ def _sure(beat: Beat, bursts: int, span_s: float) -> bool:
 
 
 def _jitter_s(beat: Beat) -> float:
-    """Scatter of a beat's pulse times about a curve that follows the temperature [s]."""
+    """Scatter of a beat's pulse times about a curve that follows temperature drift [s]."""
     degree = min(beat.numbers.size // 20, INTERVALS.most_bends)
     if not degree:
         return beat.scatter_s
@@ -142,7 +144,7 @@ def _merit(beat: Beat) -> float:
 
 
 def _candidates(times_s: NDArray[np.float64]) -> list[float]:
-    """Intervals to try: differences of many pulse times, the most frequent first [s]."""
+    """Intervals to try [s]: the most frequent time differences between pulses, best first."""
     step_s = 0.25 * INTERVALS.tolerance_s
     votes = np.zeros(int((INTERVALS.longest_s + 1.0) / step_s), dtype=np.float64)
     for shift in range(1, min(times_s.size, 200)):
@@ -171,7 +173,7 @@ def _candidates(times_s: NDArray[np.float64]) -> list[float]:
 
 
 def _chance(beat: Beat, bursts: int, span_s: float) -> float:
-    """Expected number of chains as good as this one among `bursts` random pulses.
+    """Expected number of chains as good as this one among `bursts` random pulse times.
 
     Two pulses set the interval; each later expected time has a pulse with the probability
     density × tolerance. This is multiplied by the number of ways to choose the first two pulses

@@ -1,8 +1,9 @@
 """Find strong pulses at any frequency in a band, without a list of tags.
 
-A cell of the spectrogram is a point if it stands above three levels: that of its frequency at
-other times (carriers), that of other frequencies at its time (impulses, voice), and that 0.6 to
-1.1 kHz away (spectrum of a strong pulse's keying).
+A cell of the spectrogram counts as a pulse (point) if its power exceeds three levels. The level
+at the same frequency and other times excludes carriers. The level at other frequencies and the
+same time excludes impulses and voice. The level 0.6 to 1.1 kHz away excludes the wide spectrum
+of a strong pulse's edges.
 """
 
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from uavrt.dsp.sliding_medians import medians
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Points:
-    """Detected pulses, in order of time."""
+    """Detected pulses of any sender, in order of time."""
 
     times_s: NDArray[np.float64]
     """(n,) time of each pulse's middle, relative to the first sample [s], within about 2 ms."""
@@ -33,7 +34,7 @@ class Points:
         return self.times_s.size
 
     def take(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "Points":
-        """Select pulses by a mask or by indices."""
+        """Select pulses by a mask or by indices, as a new record."""
         return Points(
             self.times_s[chosen],
             self.frequencies_hz[chosen],
@@ -174,7 +175,11 @@ class PointSearch:
     def _candidates(
         self, levels: "_Levels", first: int, until: int
     ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]]:
-        """Frame, bin, and level over the segment's median of cells that may be pulses."""
+        """Frame, bin and relative level of each cell that may be a pulse.
+
+        The level is the ratio to the median of the adjacent frequencies at the same time, where
+        that exceeds the usual level.
+        """
         bins = levels.power.shape[1]
         segments = max(1, bins // POINTS.segment_bins)
         places = []

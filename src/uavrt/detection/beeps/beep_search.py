@@ -20,7 +20,7 @@ from uavrt.dsp.block_times import BlockTimes
 
 
 class _Band:
-    """Searches a band periodically, for a part of the time.
+    """Searches a band of frequencies for senders during a part of each period.
 
     `turns` [s]: time searched when the stream begins, time searched per period, the period.
     """
@@ -73,8 +73,9 @@ class _Band:
         return 0 if self._search is None else self._search.dropped
 
     def trains(self, receiver: Receiver, *, ended: bool) -> list[Train]:
-        """Return the trains found so far, at absolute frequencies; in a live stream, only
-        recent ones.
+        """Return the trains of pulses found so far, at absolute frequencies.
+
+        In a live stream only recent pulses are searched.
         """
         if self._search is None or not self.received:
             return []
@@ -123,18 +124,18 @@ class BeepSearch:
         self._known: list[Beep] = []
 
     def add(self, block: IQBlock, band: IQBlock) -> None:
-        """Add the radio's next block, at the radio's rate and at the rate of the tags' band."""
+        """Add the radio's next block, as received and as decimated to the tags' band."""
         self.take(*self.due(block, band))
 
     def due(self, block: IQBlock, band: IQBlock) -> tuple[IQBlock | None, IQBlock | None]:
-        """Choose which of the two blocks is searched now, and count their time."""
+        """Choose whether the whole band or the tags' band is searched now; count the time."""
         decimated = band is not block
         near = band.samples.size > 0 and self._near.due(band)
         whole = decimated and self._whole.due(block)
         return block if whole else None, band if near else None
 
     def take(self, block: IQBlock | None, band: IQBlock | None) -> None:
-        """Search the blocks that `due` has chosen."""
+        """Search the blocks chosen by `due`."""
         center_hz, rate_hz = self._receiver.center_frequency_hz, self._receiver.sample_rate_hz
         if band is not None:
             decimated = band.sample_rate_hz < 0.99 * rate_hz
@@ -148,7 +149,7 @@ class BeepSearch:
         return [one for one in found if keep_beep(self._known, one)]
 
     def news(self, now_ns: int) -> list[Beep]:
-        """Return senders in a live stream that are new or have twice the reported pulses."""
+        """Return senders that are new, or have twice as many pulses as when last reported."""
         if self._next_ns is None:
             self._next_ns = now_ns + ns_from_s(LISTENING.report_every_s)
         received = (self._near.received, self._whole.received)

@@ -20,19 +20,21 @@ from uavrt.detection.beeps.tuning import INTERVALS, LISTENING, TRAINS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Train:
-    """Pulses of one sender."""
+    """Pulses of one sender, with its frequency and intervals."""
 
     points: Points
     beats: tuple[FoundBeat, ...]
-    """An interval for each stretch of the train; members are indices of pulses in `points`."""
+    """An interval for each stretch of the train; the members of each are indices of pulses in
+    `points`."""
     frequency_hz: float
     level_db: float
     doubt: str | None = None
-    """Reason why the train may not be from a tag; None without doubt."""
+    """Reason why the train may not be from a tag; None if there is none."""
     image_of_hz: float | None = None
     """Frequency of the stronger train with simultaneous pulses [Hz]; None: not an image."""
     together: int = 1
-    """Number of frequencies, including this one, with equally strong simultaneous pulses."""
+    """Number of frequencies, including this train's, with equally strong simultaneous
+    pulses."""
 
     def moved(self, center_hz: float) -> "Train":
         """Copy of the train at absolute frequencies."""
@@ -67,7 +69,7 @@ class Train:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Searched:
-    """Trains at one frequency of a live stream, kept until enough further pulses arrive."""
+    """Search result for one frequency of a live stream, valid until enough pulses follow."""
 
     frequency_hz: float
     until_s: float
@@ -76,13 +78,14 @@ class Searched:
     """Number of pulses at this frequency that were searched for trains."""
     trains: list[Train]
     burst: tuple[float, float] | None
-    """Share of these pulses that are in bursts, and their frequency [Hz]; None: no bursts."""
+    """Share of the pulses at this frequency that are in bursts, and the bursts' frequency [Hz];
+    None: no bursts."""
 
     def holds(self, times_s: NDArray[np.float64]) -> bool:
-        """True if the pulses at this frequency now, `times_s`, need no new search.
+        """True if the present pulses at this frequency, `times_s`, need no new search.
 
-        New pulses that continue the trains need one only when they are several times as many
-        as the old pulses. A few pulses outside the trains need one at once.
+        New pulses that continue known trains require a search only when they are several times
+        as many as the old pulses. A few pulses outside the trains require one at once.
         """
         new_s = times_s[times_s > self.until_s].tolist()
         ends_s = [
@@ -111,10 +114,10 @@ def find_trains(
     """Find all trains among detected pulses.
 
     `receiver`: the radio's centre, on the scale of the points' frequencies, and its rate.
-    `searched`: results of the last call for the same live stream, replaced by those of this
-    call; None for a whole recording.
-    Returns (trains, bursts_hz): the strongest first, images with `Train.image_of_hz`;
-    frequencies with bursts of pulses, as from a coded tag, the purest first.
+    `searched`: results of the last call for the same live stream, which this call replaces;
+    None for a whole recording. Returns (trains, bursts_hz). The strongest train is first;
+    images have `Train.image_of_hz`. `bursts_hz`: frequencies with bursts of pulses, as from
+    coded tags; that with the largest share of bursts is first.
     """
     free = np.ones(len(points), dtype=bool)
     by_frequency = np.argsort(points.frequencies_hz, kind="stable")

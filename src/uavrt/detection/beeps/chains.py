@@ -1,4 +1,4 @@
-"""Follow the pulses of one sender, at one interval or at two in turn."""
+"""Follow the pulses of one sender, at one interval or alternating between two."""
 
 from itertools import pairwise
 
@@ -24,9 +24,9 @@ def chain_with_switches(
 ) -> tuple[float, list[tuple[int, NDArray[np.intp]]]]:
     """Follow a tag that switches between two intervals.
 
-    A chain at one interval can run on through pulses sent at another: one of 1333 ms meets
-    every second pulse of 2000 ms. With both intervals, the chain switches where that explains
-    more pulses.
+    A chain at one interval can continue among pulses sent at another: 1333 ms meets every
+    second pulse of 2000 ms. With both intervals known, the chain switches between them where
+    that explains more pulses.
 
     `times_s` (n,): pulses, ascending. Returns (merit, stretches): number of pulses less the
     cost of missing ones and switches; the interval (0 or 1) and the pulses of each stretch, in

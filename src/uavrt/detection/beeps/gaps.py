@@ -1,4 +1,4 @@
-"""Recognise tags whose pulses arrive early by varying amounts, because samples are missing."""
+"""Recognise tags by pulses that come early by varying amounts, because samples are missing."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ from uavrt.detection.beeps.tuning import NAMING
 def gapped_tags(
     points: Points, tags: Sequence[Tag], frequency_window_hz: float, start_ns: int
 ) -> list[Beep]:
-    """Find tags whose strong pulses come early at irregular intervals.
+    """Find tags by strong pulses that come early by varying times, as when samples are lost.
 
     `points`: at absolute frequencies, in order of time. `tags`: those without a train.
     """

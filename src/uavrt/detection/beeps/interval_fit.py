@@ -10,7 +10,7 @@ from uavrt.detection.beeps.tuning import INTERVALS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Beat:
-    """Straight line through pulse times, ``t = first + interval · number``."""
+    """Straight line fitted to pulse times: ``t = first + interval · number``."""
 
     interval_s: float
     sigma_s: float
@@ -29,11 +29,11 @@ class Beat:
 
 
 def number_pulses(times_s: NDArray[np.float64], interval_s: float) -> NDArray[np.int64]:
-    """Number pulses in intervals, counting missing ones.
+    """Number the pulses of a train by intervals, so that missing pulses count.
 
-    The running interval follows the recent pulses: this allows for an error of the first guess
-    of up to a fifth, and slow drift. `times_s` (n,): ascending. Returns (n,), from zero; two
-    pulses closer than half an interval have equal numbers.
+    The interval in use follows the recent pulses, which allows for an error of the first guess
+    of up to a fifth, and for slow drift. `times_s` (n,): ascending. Returns (n,), from zero;
+    two pulses closer than half an interval have equal numbers.
     """
     numbers = np.zeros(times_s.size, dtype=np.int64)
     current = interval_s

@@ -86,7 +86,11 @@ def _name(train: Train, tags: Sequence[Tag], window_hz: float, start_ns: int) ->
 
 
 def _finished(one: Beep, listed_ids: set[int], named: Sequence[Beep]) -> Beep:
-    """Drop possible tags found at their own frequency; give an image the tags of its source."""
+    """Complete a result by the results for all trains.
+
+    A tag that was also found at its own frequency is dropped from the possible tags of a train.
+    An image gets the tags of its source.
+    """
     if one.kind is BeepKind.IMAGE:
         for other in named:
             if other.frequency_hz == one.image_of_hz:
@@ -111,10 +115,11 @@ def _with_mirrored(
 ) -> list[Beep]:
     """Recognise tags at the mirror frequency about the radio's centre (I and Q swapped).
 
-    I and Q are not swapped if a tag beeps at its own frequency, or if tags share an error of
-    the receiver, unless these trains may be of mirrored tags, too; nor if many tags are off
-    their labels, since some mirror frequencies then fit by chance. A train that may also be of
-    a tag off its label, or at another rate, needs a second one to be certain.
+    I and Q are not swapped if a tag is received at its own frequency, or if several tags are
+    off by the same error of the receiver, unless those trains may also be of mirrored tags. Nor
+    are they if many tags are off their labels, since some mirror frequencies then fit by
+    chance. If a train may also be of a tag off its label, or at another rate, a second mirrored
+    train is required.
     """
     there = [
         _mirrored_tags(one, train, tags, window_hz, center_hz)
@@ -191,7 +196,7 @@ def _fits(interval_s: float, tag: Tag, train: Train, ratios: Sequence[float] = (
 
 
 def _rates(train: Train) -> Iterator[float]:
-    """Reliably measured pulse intervals of a train [s], the one with most pulses first."""
+    """Reliably measured pulse intervals of a train [s]; that of most pulses comes first."""
     yield train.interval_s
     for one in train.beats:
         places = int(one.beat.numbers[-1]) + 1

@@ -8,21 +8,25 @@ class PointTuning:
     """Constants for finding single pulses in a band."""
 
     window_s: float = 0.016
-    """Length of the Hann window [s]; pulses of 2.5, 20 and 30 ms lose 3 to 5 dB by it."""
+    """Length of the Hann window [s]; with it, pulses of 2.5, 20 and 30 ms lose 3 to 5 dB."""
     hop_s: float = 0.008
     """Time from the start of one window of the spectrogram to the next [s]."""
     batch_s: float = 2.0
-    """Duration whose median power gives the usual noise level of a frequency [s]."""
+    """Duration over which the median power at a frequency is taken as its usual noise level
+    [s]."""
     most_cells: int = 12_500_000
     """Maximum number of spectrogram cells searched at once: 48 MiB, 2 s at 3 MS/s."""
     false_per_s: float = 3.0
-    """Noise cells accepted as pulses per second in `false_band_hz`; more in wider bands."""
+    """Number of noise cells that may be accepted as pulses per second, in bands of up to
+    `false_band_hz`; in wider bands it grows with the width."""
     false_band_hz: float = 100e3
-    """Maximum bandwidth in which at most `false_per_s` noise cells are accepted [Hz]."""
+    """Bandwidth above which the accepted number of noise cells grows with the width [Hz]."""
     segment_bins: int = 64
-    """Number of adjacent frequency bins, 4 kHz, whose common rise in power is not a pulse."""
+    """Number of adjacent frequency bins, 4 kHz; a rise in power that they have in common is not
+    a pulse."""
     flank_bins: tuple[int, int] = (10, 17)
-    """Distances in frequency at which the spectrum of any pulse has decayed [bins]."""
+    """Distances in frequency from a pulse at which the spectrum of any pulse has decayed
+    [bins]."""
     flank_ratio: float = 10.0
     """Minimum ratio of a pulse's peak power to the mean power at `flank_bins`."""
     around_frames: int = 13
@@ -51,7 +55,8 @@ class IntervalTuning:
     fewest_at_other_rate: int = 6
     """Minimum number of pulses at a second interval for a chain of pulses to be cut there."""
     most_bends: int = 6
-    """Maximum degree of the polynomial that fits a tag's interval drift with temperature."""
+    """Maximum degree of the polynomial that models the drift of a tag's interval with
+    temperature."""
     most_false: float = 1e-4
     """Maximum expected number of equally good pulse chains from noise in the recording."""
     tolerance_s: float = 0.022
@@ -62,11 +67,12 @@ class IntervalTuning:
     # second pulse missing counts as another rate from five or six pulses on at an end of the
     # recording, and from eight or nine in its middle.
     missing_cost: float = 0.3
-    """Cost of a missing pulse in a chain, if the tag has one rate [found pulses]."""
+    """Cost of a missing pulse in a chain, in received pulses, if the tag has one rate."""
     missing_or_switch_cost: float = 0.5
-    """Cost of a missing pulse in a chain, if the tag may have changed rate [found pulses]."""
+    """Cost of a missing pulse in a chain, in received pulses, if the tag may have changed its
+    rate."""
     switch_cost: float = 2.0
-    """Cost of a change of interval in a chain of a tag's pulses [found pulses]."""
+    """Cost of a change of interval in a chain of a tag's pulses, in received pulses."""
     recent_pulses: int = 40
     """Number of recent pulses of a train over which its interval is averaged."""
 
@@ -89,11 +95,14 @@ class TrainTuning:
     most_intervals: int = 8
     """Maximum number of intervals found among the pulses of one frequency."""
     strays: int = 2
-    """Maximum number of pulses at one interval during another interval of the same sender."""
+    """Maximum number of pulses at one interval while the same sender sends at another
+    interval."""
     most_scatter_hz: float = 30.0
-    """Maximum scatter of a train's frequencies about a line [Hz]; chance gives 87 Hz."""
+    """Maximum scatter of a train's frequencies about a line [Hz]; unrelated pulses have
+    87 Hz."""
     least_explained: float = 0.5
-    """Minimum share of pulses at a frequency that belong to trains; fewer: doubtful trains."""
+    """Minimum share of the pulses at a frequency that belong to trains; with less, the trains
+    are doubtful."""
     same_time_s: float = 0.012
     """Maximum time between simultaneous pulses of two trains [s]."""
     image_share: float = 0.8
@@ -105,9 +114,10 @@ class TrainTuning:
     """Minimum level of a signal over a simultaneous weaker train, for that train to be an image
     at a frequency where the receiver is not known to make images [dB]."""
     one_device_db: float = 10.0
-    """Maximum level difference between trains of one device, such as a data sender [dB]."""
+    """Maximum level difference between trains sent by one device, such as a data transmitter
+    [dB]."""
     one_device_s: float = 0.001
-    """Maximum difference between the intervals of trains of one device [s]."""
+    """Maximum difference between the intervals of trains sent by one device [s]."""
     flank_hz: float = 20_000.0
     """Distance from its source signal below which an image is not reported [Hz]."""
     burst_gap_s: float = 0.25
@@ -127,7 +137,8 @@ class NamingTuning:
     """Constants for comparing trains with the listed tags."""
 
     reach_ppm: float = 70.0
-    """Maximum frequency error of a dongle without temperature-compensated crystal [ppm]."""
+    """Maximum frequency error of a radio dongle without temperature-compensated crystal
+    [ppm]."""
     edge_hz: float = 30.0
     """Tolerance for a train's frequency at the edge of a tag's search window [Hz]."""
     code_hz: float = 1000.0
@@ -138,14 +149,15 @@ class NamingTuning:
     least_mirrored: float = 0.75
     """Minimum share of mirrored tags among all tags received off their label's frequency."""
     interval_ratios: tuple[float, ...] = (2.0, 1 / 2, 1 / 3)
-    """Possible ratios of the listed to the measured interval: twice for a mortality signal at
-    double rate, a half or a third if every second pulse, or two of three, are missed."""
+    """Possible ratios of the listed to the measured interval: twice, if a mortality signal has
+    double rate; a half or a third, if every second pulse or two of three are missed."""
     timing_s: float = 0.001
     """Error of a measured pulse interval due to the errors of the pulses' times [s]."""
     least_pulses: int = 8
     """Minimum number of pulses in a part of a train for it to have its own interval."""
     least_present: float = 0.7
-    """Minimum share of expected pulses received in a part of a train; else another rate."""
+    """Minimum share of the expected pulses that are received in a part of a train; with fewer,
+    the part has another rate."""
     most_names: int = 3
     """Maximum number of listed tags reported as possible senders of a train."""
     gap_level_db: float = 12.0
@@ -153,11 +165,13 @@ class NamingTuning:
     gap_pulses: int = 10
     """Minimum number of pulses for missing samples to be detected."""
     gap_share: float = 0.7
-    """Minimum share of pulse-to-pulse times below the interval that shows missing samples."""
+    """Minimum share of times from pulse to pulse that are shorter than the interval, for
+    samples to be missing."""
     most_missing_share: float = 0.4
     """Maximum share of a pulse interval that may be missing samples."""
     least_gap_spread_s: float = 0.02
-    """Minimum scatter of shortened pulse-to-pulse times [s]; less means a separate train."""
+    """Minimum scatter of the shortened times from pulse to pulse [s]; with less, the pulses are
+    a separate train."""
     late_s: float = 0.025
     """Maximum delay of a pulse after its expected time, if samples are missing [s]."""
 
@@ -167,18 +181,24 @@ class ListeningTuning:
     """Times and limits for searching a stream for unlisted senders."""
 
     tags_band_s: tuple[float, float, float] = (60.0, 20.0, 90.0)
-    """Search times in a recording's tag band: at first, per period; period length [s]."""
+    """Time for which a recording's tag band is searched: at the start, and in each period; and
+    the length of the period [s]."""
     tags_band_live_s: tuple[float, float, float] = (60.0, 90.0, 90.0)
-    """Search times in a live stream's tag band: at first, per period; period length [s]."""
+    """Time for which a live stream's tag band is searched: at the start, and in each period;
+    and the length of the period [s]."""
     wide_hz: float = 800e3
-    """Sample rate above which the tags' band is too expensive to be searched always [Hz]."""
+    """Sample rate above which searching the tags' band all the time would cost too much
+    [Hz]."""
     wide_live_s: float = 30.0
-    """Maximum time searched per period in the tags' band, where it is wide [s]."""
+    """Maximum time searched per period in the tags' band, if its sample rate is above `wide_hz`
+    [s]."""
     whole_band_s: tuple[float, float, float] = (20.0, 20.0, 300.0)
-    """Search times in the radio's wider band: at first, per period; period length [s]."""
+    """Time for which the radio's whole band is searched in a recording: at the start, and in
+    each period; and the length of the period [s]."""
     whole_band_live_s: tuple[float, float, float] = (40.0, 20.0, 540.0)
-    """Time searched in the wider band of a live stream, at first and per period; period [s].
-    In 40 s of pulses of 15 dB every 2 s, at least `live_pulses` are found."""
+    """Time for which the radio's whole band is searched in a live stream: at the start, and in
+    each period; and the length of the period [s]. In 40 s of pulses of 15 dB every 2 s, at
+    least `live_pulses` are found."""
     live_cells: int = 4_000_000
     """Maximum spectrogram cells searched at once in flight: 0.7 s at 3 MS/s, in 15 MiB."""
     recent_s: float = 300.0

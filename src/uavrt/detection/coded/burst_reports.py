@@ -17,7 +17,7 @@ from uavrt.detection.signal.sample_buffer import Counters
 
 
 class BurstReporter:
-    """Makes one record for each burst of a tag; confirmed ones are added to `tracks`."""
+    """Makes one record for each burst of a coded tag; adds confirmed bursts to `tracks`."""
 
     def __init__(
         self,
@@ -149,9 +149,10 @@ def sighting_of(
 
 
 def _offsets(cells: Cells, row: int, columns: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Time from the column of a pulse's largest cell to the true peak, per pulse [columns].
+    """Time from the column of a pulse's largest cell to the pulse's true peak [columns].
 
-    The filter of a rectangular pulse decays linearly: amplitudes on both sides give the offset.
+    The filter's response to a rectangular pulse falls linearly on both sides of the peak, so
+    the amplitudes on both sides give the offset.
     """
     at = columns - cells.recent_from
     reach = max(1, cells.pulse // 3)

@@ -1,8 +1,8 @@
 """Compute the evidence that the pulses at the positions of a listed code are that code's.
 
-The listed code, whose pulses are equally strong, is compared with noise. It is also compared
-with an unlisted code that has pulses at some of these positions by chance, each with a small
-probability, but never at all of them: the listed code needs a pulse at each, the last one too.
+The pulses of a burst are equally strong. The listed code is compared with noise. It is also
+compared with an unlisted code, which has a pulse at each of these positions with a small
+probability, but never at all of them. The listed code must have a pulse at every position.
 """
 
 import math
@@ -16,7 +16,7 @@ from uavrt.detection.coded.tuning import LIKELIHOOD
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """Log-likelihood ratios of the listed code against other explanations."""
+    """Log-likelihood ratios of the listed code to other explanations of the pulses."""
 
     over_noise: NDArray[np.float64]
     """(n,) log-likelihood ratio of the code's pulses to noise."""
@@ -40,7 +40,10 @@ def evidence(
     foreign_per_hour: float,
     bursts: int = 1,
 ) -> Evidence:
-    """Compare the listed code with noise and unlisted codes, by energies (n, pulses)."""
+    """Compare the listed code with noise and with unlisted codes.
+
+    `energies` (n, pulses): pulse energies of the n possible bursts.
+    """
     x = np.sqrt(np.maximum(energies.astype(np.float64), 0.25))
     noise = math.log(2.0) - math.lgamma(bursts) + (2 * bursts - 1) * np.log(x) - x * x
     hit = min(0.1, LIKELIHOOD.least_hit + 4.0 * foreign_per_hour / 3600.0 * LIKELIHOOD.place_s)
@@ -84,7 +87,9 @@ def evidence(
 
 
 def evidence_in_step(alone: NDArray[np.float64], usable: NDArray[np.bool_]) -> float:
-    """Log-likelihood ratio of a listed code to an unlisted one, for bursts in its rhythm."""
+    """Log-likelihood ratio of a listed to an unlisted code, for bursts at the burst
+    interval.
+    """
     places = alone.sum(axis=0)[usable.any(axis=0)]
     return float(places.min()) - (len(places) - 1) * math.log(LIKELIHOOD.coincidence)
 

@@ -1,7 +1,8 @@
-"""Sum several bursts of a code to find those too weak to find singly.
+"""Sum several bursts of a code, to find bursts too weak to be found one by one.
 
 A seed is a single burst slightly above the noise. It waits until the following bursts have
-arrived. Then the best sums of three bursts and of K bursts that include the seed are examined.
+arrived. Then the best sums of three bursts, and of K bursts, that include the seed are
+examined.
 """
 
 import math
@@ -120,7 +121,7 @@ class Folds:
             waiting.add(own, ends)
 
     def complete(self, whole: int, *, foreign_per_hour: float, last: bool) -> list[Found]:
-        """Compute the sums around seeds whose later bursts arrived before column `whole`."""
+        """Compute the sums around seeds, where all bursts came before column `whole`."""
         hits: list[Found] = []
         for bursts, waiting in self._waiting.items():
             seeds = waiting.due(math.inf if last else whole)
@@ -212,7 +213,7 @@ class Folds:
         return bool(limited.sum() >= 0.965 * sums.sum() / max(one.score, 1.0))
 
     def _apart(self, hits: list[Found]) -> list[Found]:
-        """Keep the best of the results that share pulses; add tags of nearly equal ones."""
+        """Of sums that share pulses, keep the best; note the tags of nearly equal ones."""
         chosen: list[Found] = []
         for one in sorted(hits, key=lambda hit: -hit.score):
             shared = [

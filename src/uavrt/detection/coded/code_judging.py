@@ -1,8 +1,9 @@
 """Decide if a sum of cells is a burst, and which of several codes sent it.
 
-The pulses of a burst come from one tag within a quarter of a second. So they are equally strong
-(`evidence`), each is as short as a pulse, and each is where its cell is largest. A stronger
-burst explains all signals within it. Pulses that two codes do not share distinguish the codes.
+All pulses of a burst come from one tag within a quarter of a second. So they must be equally
+strong (`evidence`), and each must be as short as a pulse and at the maximum of its signal. A
+stronger burst explains all signals during its pulses. Pulses that two codes do not share
+distinguish the codes.
 """
 
 from dataclasses import dataclass, field, replace
@@ -23,8 +24,9 @@ class Burst:
     """A possible burst of one code.
 
     `column`: approximate column of the first pulse. `offsets` (pulses,): columns of the pulses
-    from there, by the code. `columns` (pulses,): where the pulses' cells are largest. `good`
-    (pulses,): pulses that are undisturbed and equally strong. `likelihood`: log, against noise.
+    after it, by the code. `columns` (pulses,): columns in which the pulses' cells are largest.
+    `good` (pulses,): True for pulses that are undisturbed and equally strong. `likelihood`:
+    log-likelihood ratio of the burst to noise.
     """
 
     book: CodeBook
@@ -40,19 +42,19 @@ class Burst:
     unlisted: float = 0.0
     """Log-likelihood ratio of the listed code to unlisted codes."""
     alone: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    """(pulses,) log-likelihood ratio of each pulse to noise or a pulse of another burst."""
+    """(pulses,) log-likelihood ratio of each pulse to noise or to a pulse of another burst."""
     prior: float = 0.0
-    """Log odds that the burst is sent now, relative to any other time."""
+    """Log odds that the tag sends a burst at this time, relative to any other time."""
     score: float = 0.0
     """Ratio of the summed energy of the burst's pulses to the sum required for a detection."""
     also_possible: list[int] = field(default_factory=list)
     """Ids of other tags that may have sent the burst."""
     hit_by: list[int] = field(default_factory=list)
-    """Ids of tags whose bursts overlap too many pulses of this burst."""
+    """Ids of tags with bursts that overlap too many pulses of this burst."""
 
     @property
     def tag_id(self) -> int:
-        """Id of the tag with this burst's code."""
+        """Id of the tag that has this burst's code."""
         return self.book.tags[self.code].tag_id
 
 
@@ -135,7 +137,7 @@ def measure(
 
 
 def _centred(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Move each strong possible burst to the start and gap stretch with most amplitude."""
+    """Move each strong possible burst to the start and stretch of gaps with the largest sum."""
     offsets = book.offsets[seeds[:, 0]]
     last = cells.recent.shape[1] - 1
     at = seeds[:, 3] - cells.recent_from
@@ -164,7 +166,7 @@ def _centred(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[
 
 
 def _finely(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[np.int32]:
-    """(n, pulses) offsets of pulses from the burst's start with the most energy [columns]."""
+    """(n, pulses) offsets from a burst's start at which the pulses are strongest [columns]."""
     shifts = np.array([0, -1, 1], np.int32)
     tried = book.fine[seeds[:, 0], seeds[:, 2]][:, None] + shifts[:, None, None]
     tried = tried.reshape(len(seeds), -1, book.pulses)
@@ -178,10 +180,10 @@ def _finely(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[n
 def _off_place(
     cells: Cells, rows: NDArray[np.int32], at: NDArray[np.intp]
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
-    """(n, pulses) True for pulses displaced relative to the others; and their energies.
+    """(n, pulses) True for pulses shifted against the others of their burst; and energies.
 
-    The energies are maxima within a pulse width and at near frequencies: only the strongest
-    row shows the true position.
+    An energy is the maximum within a pulse width and over adjacent frequencies, because only
+    the strongest row shows the true position.
     """
     around = cells.recent.copy()
     for apart in range(1, cells.rows_of_a_bin + 1):
@@ -224,7 +226,7 @@ def _median(values: NDArray[np.floating[Any]], of: NDArray[np.bool_]) -> NDArray
 def weigh(
     bursts: list[Burst], limits: dict[int, float], foreign_per_hour: float
 ) -> list[Burst]:
-    """Score bursts of equal pulse numbers; drop those below the required sum or evidence."""
+    """Score bursts with equal numbers of pulses; drop those of too small sum or evidence."""
     if not bursts:
         return []
     energies = np.stack([one.energies for one in bursts])
@@ -254,7 +256,7 @@ def scores_of(
 
 
 def may_suffice(energies: NDArray[np.float32], limits: dict[int, float]) -> NDArray[np.bool_]:
-    """(n,) True for seeds whose pulses, all or some, may reach the required sum."""
+    """(n,) True for seeds with enough energy, in all or some pulses, for the required sum."""
     pulses = energies.shape[1]
     ordered = -np.sort(-energies.astype(np.float64), axis=1)
     able = np.zeros(len(energies), np.bool_)
@@ -302,7 +304,7 @@ class Overlaps:
         self._sum()
 
     def add(self, *bursts: Burst) -> None:
-        """Add accepted bursts; count each possible burst's pulses that they overlap."""
+        """Add accepted bursts; count the pulses of each possible burst that they overlap."""
         for burst in bursts:
             apart = np.abs(self._columns[:, :, None] - burst.columns)
             hit = (apart <= self._guard).any(axis=2)
@@ -322,7 +324,9 @@ class Overlaps:
         )
 
     def too_few_left(self, claim: int) -> bool:
-        """True if a possible burst, by index, has too few pulses left to be reported."""
+        """True if overlaps leave a possible burst, by its index, too few pulses to report
+        it.
+        """
         alone = self.alone[claim]
         return alone < self._least[claim] and (
             alone < SHAPE.sure_pulses or self.weakest[claim] < SHAPE.sure_energy
@@ -333,7 +337,7 @@ class Overlaps:
         return [burst for burst, hit in self._by if hit[claim]]
 
     def is_sending(self, burst: Burst) -> bool:
-        """True if the tag of a burst already has an accepted burst at that time."""
+        """True if the tag of a burst already has an accepted burst at the same time."""
         own = self._accepted.get(burst.tag_id)
         if own is None:
             return False
@@ -351,9 +355,9 @@ def decide(
 ) -> tuple[list[Burst], int]:
     """Choose the bursts that together explain the pulses best; count those lost by overlap.
 
-    The likeliest comes first; then each is removed on trial to see whether the others explain
-    more: a third code may share pulses with two interleaved bursts. Only losses before column
-    `before` are counted.
+    The likeliest burst is accepted first. Then each accepted burst is removed on trial, to see
+    if others explain more: a third code may share pulses with two interleaved bursts. Only
+    losses before column `before` are counted.
     """
     without: frozenset[int] = frozenset()
     best, lost = _greedy(claims, accepted_bursts, limits, before, foreign_per_hour, without)

@@ -10,7 +10,7 @@ from uavrt.detection.coded.tuning import IDENTITY
 
 @dataclass(slots=True)
 class BurstTrack:
-    """Prediction of an identified tag's bursts; `row` is its frequency in the cells."""
+    """Prediction of an identified tag's bursts; `row`: its frequency, as a row of the cells."""
 
     tag: Tag
     time_ns: int
@@ -64,7 +64,7 @@ class Tracks:
         return track
 
     def drop_silent(self, now_ns: int) -> None:
-        """Drop tags without a burst for too long."""
+        """Drop the predictions of tags that have sent no burst for too long."""
         self.alive = {
             tag_id: track
             for tag_id, track in self.alive.items()

@@ -12,7 +12,10 @@ from uavrt.detection.coded.tuning import FOREIGN
 
 
 class Foreign:
-    """Counts bursts that no listed code explains; `span`: longest listed burst [columns]."""
+    """Counts bursts that no listed code explains.
+
+    `span`: length of the longest burst of a listed code [columns].
+    """
 
     def __init__(self, cells: Cells, span: int, guard: int) -> None:
         self._cells, self._span, self._guard = cells, span, guard
@@ -29,7 +32,7 @@ class Foreign:
         return FOREIGN.least_per_hour + 3600.0 * self._count / received_s
 
     def note(self, explained: Sequence[Burst], upto: int) -> None:
-        """Find the foreign pulses among the recent cells; count their bursts before `upto`."""
+        """Find pulses of unknown senders in the recent cells; count bursts before `upto`."""
         cells = self._cells
         loudest = cells.recent.max(axis=0)
         reach = 2 * cells.pulse
@@ -56,7 +59,7 @@ class Foreign:
         return int((near & (np.abs(self._rows - row) <= FOREIGN.rows)).sum()) >= 3
 
     def about(self, burst: Burst) -> float:
-        """Rate of foreign bursts around a burst [1/h]; above average if one is in its span."""
+        """Rate of foreign bursts near a burst [1/h]; above average if one overlaps it."""
         near = self._columns >= burst.columns[0] - self._span
         near &= self._columns <= burst.columns[-1] + self._span
         near &= np.abs(self._rows - burst.row) <= self._cells.rows_of_a_bin

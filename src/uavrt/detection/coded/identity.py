@@ -18,7 +18,7 @@ from uavrt.detection.coded.code_evidence import evidence_in_step
 from uavrt.detection.coded.tuning import IDENTITY
 
 _TRIED = math.log(IDENTITY.steps)
-"""Log of the number of compared time ranges; subtracted from the best log-likelihood."""
+"""Log of the number of compared time ranges; it is subtracted from the best log-likelihood."""
 
 
 def in_step(
@@ -53,7 +53,7 @@ def likeliest(
     searched_s: tuple[float, float],
     timing_s: float,
 ) -> list[int]:
-    """Indices of the tags whose burst interval best fits a burst at `at_s`, best first."""
+    """Indices of the tags with a burst interval that fits a burst at `at_s`, best first."""
     scores = []
     for tag, times_s in zip(tags, others_s, strict=True):
         expected_s, gains, _ = in_step(at_s, times_s, tag, timing_s)
@@ -84,12 +84,12 @@ class MeasuredBurst:
 
 @dataclass(slots=True, kw_only=True)
 class Sighting(MeasuredBurst):
-    """A burst detected by itself, not as part of a sum, and the evidence for its sender."""
+    """A burst detected by itself, not by a sum of bursts, with the evidence for its sender."""
 
     tags: tuple[Tag, ...]
     """Tags that may have sent the burst, the likeliest first."""
     hit: tuple[int, ...]
-    """Ids of tags whose bursts overlap too many pulses of this burst."""
+    """Ids of tags with bursts that overlap too many pulses of this burst."""
     alone: NDArray[np.float64]
     """Log-likelihood ratio of each pulse of the code to noise or another burst's pulse."""
     good: NDArray[np.bool_]

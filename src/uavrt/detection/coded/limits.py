@@ -1,8 +1,9 @@
-"""Required sums for a given number of false identifications per hour and code.
+"""Compute the sums required for a given number of false identifications per hour and code.
 
-The sum of n cells of noise has Erlang's distribution. Only some of the sums tried in an
-hour are independent; their number was measured (docs/explanation/coded-tags.md). Several bursts
-are tested by their sum of Rayleigh amplitudes, with the tail by Lugannani and Rice (1980).
+The sum of n cells of noise has Erlang's distribution. Only some of the sums tried in an hour
+are independent; their number was measured (docs/explanation/coded-tags.md). Several bursts are
+tested by the sum of their Rayleigh amplitudes; the tail of its distribution is computed by
+Lugannani and Rice (1980).
 """
 
 import math
@@ -20,7 +21,7 @@ def limit(pulses: int, tests_per_hour: float, false_per_hour: float) -> float:
 
 
 def tests_per_hour(tag: Tag, *, bandwidth_hz: float, bursts: int) -> float:
-    """Number of independent sums of several bursts of one code in an hour."""
+    """Number of independent sums over several bursts of one code that are tested in an hour."""
     width_s = tag.pulse_width_s
     cells = 3600.0 / width_s * (bandwidth_hz * width_s + 1.0)
     off_s = 2.0 * (bursts - 1) * tag.interval_uncertainty_s
@@ -30,7 +31,7 @@ def tests_per_hour(tag: Tag, *, bandwidth_hz: float, bursts: int) -> float:
 def sum_limit(
     tag: Tag, *, bandwidth_hz: float, bursts: int, pulses: int, false_per_hour: float
 ) -> float:
-    """Minimum sum of cells that identifies a tag [noise energies]."""
+    """Minimum sum of cell energies that identifies a tag [noise energies]."""
     share = _share(bursts)
     tests = tests_per_hour(tag, bandwidth_hz=bandwidth_hz, bursts=bursts)
     return limit(pulses, tests, share * false_per_hour)
@@ -54,7 +55,7 @@ def _share(bursts: int) -> float:
 
 @lru_cache(maxsize=256)
 def rayleigh_limit(count: int, chance: float) -> float:
-    """Sum of the amplitudes of noise cells that is reached with a given probability."""
+    """Sum of noise amplitudes that is exceeded with a given probability."""
     low, high = 0.02, 8.0
     for _ in range(50):
         middle = 0.5 * (low + high)
@@ -83,5 +84,5 @@ def _rayleigh_tail(count: int, s: float) -> tuple[float, float]:
 
 
 def longest(tag: Tag, kept_s: float) -> int:
-    """Maximum number of bursts in a sum: K at most, within the stored cells."""
+    """Maximum number of bursts in a sum: K, or fewer if the stored cells are shorter."""
     return max(1, min(tag.k, 1 + math.floor(0.5 * kept_s / tag.pulse_intervals_s[0])))

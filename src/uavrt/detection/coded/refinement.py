@@ -1,7 +1,8 @@
-"""Refine bursts whose sum is nearly sufficient, on the samples instead of the cells.
+"""Refine sums of bursts that nearly suffice, on the samples instead of the cells.
 
 Cells are 0.27 ms and 125 Hz apart, and a sum of ten bursts loses 0.4 dB between them. Finer
-cells would be needed for all codes; this is done only for the nearly sufficient ones.
+cells would have to be computed for all codes; a refinement is needed only for sums that nearly
+suffice.
 """
 
 from dataclasses import dataclass

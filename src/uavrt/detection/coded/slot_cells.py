@@ -1,4 +1,4 @@
-"""Pulse energy at every instant and frequency of a channel, relative to the noise.
+"""Compute the pulse energy at every instant and frequency of a channel, relative to the noise.
 
 The matched filter of a rectangular pulse is a sum over its samples, at several frequencies; all
 codes share it. Past cells are stored in one byte each.

@@ -1,8 +1,9 @@
-"""Sum cells at the gaps of many codes to search all codes of a channel.
+"""Add the cells of pulses at the gaps of many codes, to search for all codes of a channel.
 
-A burst is the noncoherent sum of the cells of its pulses at the gaps of its code. The tag's
-crystal stretches all gaps alike, so a few stretches are tried. Several bursts are summed at the
-burst interval around a seed: a burst whose sum stands out, as one of three nearly always does.
+A burst is found by the sum of the energies of its pulses, at the gaps of its code. An error of
+the tag's crystal stretches all gaps by the same factor, so a few factors are tried. Sums of
+several bursts are computed around a seed, at multiples of the burst interval. A seed is a burst
+whose own sum is above usual noise, as that of one burst in three nearly always is.
 """
 
 from dataclasses import dataclass
@@ -22,10 +23,11 @@ FIELDS = 5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CodeBook:
-    """Codes with equal numbers of pulses, in columns of cells.
+    """Codes with equal numbers of pulses; all times are in columns of cells.
 
-    `offsets` (codes, stretches, pulses): columns of the pulses from the first. `fine` (codes,
-    stretches, 3, pulses): a bit shorter, exact, a bit longer. `intervals` (codes,): columns.
+    `offsets` (codes, stretches, pulses): columns of the pulses after the first. `fine` (codes,
+    stretches, 3, pulses): the same for a slightly smaller, the exact and a slightly larger
+    stretch. `intervals` (codes,): burst intervals.
     """
 
     tags: tuple[Tag, ...]
@@ -45,7 +47,7 @@ class CodeBook:
 
 
 def make_code_book(tags: tuple[Tag, ...], column_s: float) -> CodeBook:
-    """Make the code book of tags whose codes have equal numbers of gaps."""
+    """Make the code book of tags that have codes with equal numbers of gaps."""
     gaps_s = np.array([tag.gaps_s for tag in tags])
     starts_s = np.concatenate((np.zeros((len(tags), 1)), np.cumsum(gaps_s, axis=1)), axis=1)
     stretches = np.add.outer(np.array(SUMS.stretches), (-0.25, 0.0, 0.25))
@@ -62,7 +64,7 @@ def make_code_book(tags: tuple[Tag, ...], column_s: float) -> CodeBook:
 def find_seeds(
     cells: Cells, book: CodeBook, first: int, count: int, *, clip: int, level: int
 ) -> NDArray[np.int32]:
-    """Find sums of cells of `level` or more: (n, 5) code, row, stretch, column, sum."""
+    """Find sums of cells of at least `level`: (n, 5) code, row, stretch, column, sum."""
     at = first - cells.base
     if at < SUMS.apart_columns:
         count, at = count - (SUMS.apart_columns - at), SUMS.apart_columns

@@ -12,13 +12,14 @@ class CellTuning:
     """Constants for computing and storing the energies of a channel."""
 
     row_spacing: float = 0.3125
-    """Spacing of the searched frequencies [1 / pulse width]: 125 Hz; 0.3 dB lost half-way."""
+    """Spacing of the searched frequencies [1 / pulse width]: 125 Hz. A pulse half-way between
+    two loses 0.3 dB."""
     columns_per_pulse: float = 9.0
-    """Number of spectrogram columns (time steps) per pulse width."""
+    """Number of columns of cells (time steps) per pulse width."""
     noise_pieces: int = 25
-    """Number of stretches of samples, 10 s in all, whose median powers give the noise level."""
+    """Number of stretches of samples, 10 s in all; their median powers give the noise level."""
     least_rise: float = 0.85
-    """Minimum noise level, as a share of the newest estimate; with it, a rise of the noise is
+    """Minimum noise level, as a share of the newest estimate, so that a rise of the noise is
     not taken for a burst."""
     kept_s: float = 130.0
     """Duration for which spectrogram cells are stored, to sum several bursts [s]."""
@@ -54,7 +55,8 @@ class SumTuning:
     examined_share: float = 0.88
     """Ratio of a sum of bursts to the required sum above which the sum is refined."""
     clear_lead: float = 20.0
-    """Lead of a code's sum of pulses that excludes another code with them [noise energies]."""
+    """Lead of a code's sum at which another code with the same pulses is excluded [noise
+    energies]."""
     box_columns: int = 2048
     """Length of the time ranges in which waiting possible bursts are grouped [columns]."""
     same_columns: int = 10
@@ -78,7 +80,8 @@ class RefineTuning:
     hidden_energy: float = 0.25 * math.pi
     """Energy assumed for a hidden pulse [noise energies]: (mean amplitude)² of noise."""
     margin_columns: int = 6
-    """Number of columns on each side of a pulse whose samples are read to refine it."""
+    """Number of columns on each side of a pulse for which samples are read to refine the
+    pulse."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,13 +94,16 @@ class LimitTuning:
     share_of_one: float = 0.4
     share_of_three: float = 0.2
     per_cell: float = 60.0
-    """Number of independent sums per time-frequency cell of a pulse width by its inverse."""
+    """Number of independent sums for each time-frequency area of one pulse width times its
+    inverse."""
     per_interval: float = 1.0
-    """Number of independent intervals tried per pulse width of the last burst's time error."""
+    """Number of independent burst intervals tried for each pulse width by which the time of the
+    last burst is uncertain."""
     per_refinement: float = 14.0
-    """Number of independent sums that the refinement of one sum of bursts tries."""
+    """Number of independent sums tried while one sum of bursts is refined."""
     expected_false: float = 1e-6
-    """Probability that noise passes as a known tag's burst, in a cell where one is due."""
+    """Probability that noise is accepted as a known tag's burst, in a cell where a burst is
+    due."""
     expected_log: float = 6.0
     """Log odds of an identified tag's burst at its expected time against any other time."""
     least_energy: float = 0.25
@@ -106,7 +112,7 @@ class LimitTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LikelihoodTuning:
-    """Assumptions of the evidence that pulses are those of a listed code."""
+    """Assumptions for the evidence that pulses are those of a listed code."""
 
     fading: float = 0.12
     """Relative standard deviation of pulse amplitudes within a burst, without noise."""
@@ -121,7 +127,7 @@ class LikelihoodTuning:
     sums_tried: float = 20.0
     """Number of independent sums of several bursts that are tried; the best is used."""
     strengths_log: float = 5.0
-    """Log of the ratio of the largest to the smallest possible amplitude of a pulse."""
+    """Log of the ratio of the largest to the smallest amplitude that a pulse may have."""
     alignments: float = 16.0
     """Number of ways to align one of a burst's four pulses with one of four positions."""
     least_log: float = 4.0
@@ -135,27 +141,31 @@ class ShapeTuning:
     pool_columns: int = 1
     """Distance from a pulse's expected column within which its peak counts [columns]."""
     leak_amplitude: float = 0.35
-    """Maximum amplitude that may be leakage, relative to the strongest at any frequency."""
+    """Maximum amplitude of a signal that may be leakage, relative to the strongest simultaneous
+    signal."""
     loud_energy: float = 20.0
-    """Minimum energy of a signal whose leakage is considered [noise energies]."""
+    """Minimum energy of a signal for its leakage to be considered [noise energies]."""
     rounded: float = 1.0 - 1e-6
     """Share of the required sum below which a possible burst is dropped; just below 1, so that
     a rounding error drops none."""
     least_amplitude: float = 0.33
     """Minimum amplitude of a pulse relative to another of the same burst."""
     hit_amplitude: float = 0.5
-    """Minimum amplitude of a signal that hides a pulse, over the burst's usual amplitude."""
+    """Minimum amplitude of a signal that hides a pulse, relative to the usual amplitude in the
+    burst."""
     higher_amplitude: float = 2.3
     """Excess that noise may add to a cell close to a pulse's cell [noise amplitudes]."""
     beside_amplitude: float = 0.6
-    """Maximum amplitude next to a pulse's end, relative to the pulse, without noise."""
+    """Maximum amplitude just outside a pulse, relative to the pulse, without noise."""
     end_widths: tuple[float, float] = (1.2, 3.2)
     """Two distances from a pulse; its energy must have ended at one of them [pulse widths]."""
     aside_s: float = 0.75e-3
-    """Maximum deviation of a strong pulse from its expected time in the burst [s]. At 20 dB the
-    flanks of one code's pulses matched a code with gaps that differ by 4.5 ms in total."""
+    """Maximum deviation of a strong pulse from its expected time in the burst [s]. At 20 dB,
+    the flanks of one code's pulses would otherwise match a code with gaps that differ by 4.5
+    ms in total."""
     aside_noise_s: float = 3e-3
-    """Deviation that noise adds to `aside_s`, divided by the pulse's amplitude [s]."""
+    """Deviation that noise adds to `aside_s` at a pulse amplitude of 1 [s]; it falls with the
+    amplitude."""
     flank_amplitude: float = 0.8
     """Maximum amplitude of a flank relative to its pulse; a larger signal is a pulse."""
     guard_s: float = 0.5e-3
@@ -163,13 +173,14 @@ class ShapeTuning:
     clear_log: float = 10.0
     """Minimum log-likelihood lead of a code over all codes with the same pulses."""
     most_swaps: int = 3
-    """Maximum number of rounds that replace bursts by others that explain more pulses."""
+    """Maximum number of rounds in which accepted bursts are replaced by others that explain
+    more pulses."""
     sure_pulses: int = 2
     """Minimum number of undisturbed pulses in a burst reported without identification."""
     sure_energy: float = 12.0
     """Minimum pulse energy of a burst reported without identification [noise energies]."""
     nowhere: int = -(2**40)
-    """Number of the spectrogram column used for a missing pulse."""
+    """Column number that stands for a missing pulse."""
     saturated_energy: float = 12.0
     """Energy at which stored cells no longer show a pulse's maximum [noise energies]."""
 
@@ -181,7 +192,8 @@ class IdentityTuning:
     steps: int = 8
     """Number of burst intervals, before and after, over which bursts are compared."""
     missed_log: float = 1.0
-    """Log-likelihood lost by an interval for a missing burst; most bursts are detected."""
+    """Log-likelihood lost by a tag's burst interval where a burst is missing; most bursts are
+    detected."""
     clear_log: float = 3.0
     """Minimum log-likelihood lead of one tag's burst interval over the others'."""
     timing_s: float = 1e-3
@@ -189,13 +201,15 @@ class IdentityTuning:
     wait_intervals: float = 2.2
     """Time for which an ambiguous burst waits for later ones [burst intervals]."""
     doubt_log: float = math.log(100.0)
-    """Maximum shortfall of evidence for a burst to be reported as unconfirmed [log]."""
+    """Maximum shortfall of the log-likelihood ratio at which a burst is still reported, as
+    unconfirmed."""
     rows: int = 1
     """Maximum frequency difference between bursts of one tag [frequency rows]."""
     most_missed: int = 8
     """Maximum number of bursts missed before a tag must be identified again."""
     own_error: float = 5e-6
-    """Relative error of a tag's measured interval: its crystal's drift with temperature."""
+    """Relative error of a tag's measured burst interval, because its crystal drifts with
+    temperature."""
     same_burst_s: float = 0.02
     """Maximum difference between the start times in two reports of one burst [s]."""
 
@@ -209,13 +223,15 @@ class ForeignTuning:
     memory_s: float = 300.0
     """Time over which the rate of unknown senders' bursts is averaged [s]."""
     start_s: float = 10.0
-    """Time added to the time since the start [s]: one early burst is then not a high rate."""
+    """Time added to the time since the start [s], so that one early burst does not give a high
+    rate."""
     weakest_energy: float = 10.0
     """Minimum energy of each of three pulses of an unknown sender's burst [noise energies]."""
     sure_energy: float = 14.0
     """Minimum energy of a single pulse of an unknown sender [noise energies]."""
     beside_share: float = 0.25
-    """Minimum energy of an extra pulse that contradicts a burst, over the burst's mean."""
+    """Minimum energy of an extra pulse that contradicts a burst, relative to the burst's mean
+    pulse energy."""
     rows: int = 2
     """Maximum frequency difference between pulses of one unknown sender [frequency rows]."""
 

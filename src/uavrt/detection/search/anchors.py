@@ -1,7 +1,7 @@
 """Search for groups from anchors: cells strong enough to be a pulse of a group.
 
-Several tags are searched together: their cells and hypotheses form one long array, because a
-NumPy call costs more than the work of a single tag.
+Several tags are searched together, with their cells and hypotheses in one long array, because a
+call of NumPy takes longer than its work for a single tag.
 """
 
 import bisect
@@ -58,7 +58,7 @@ class AnchorSearch(RateSearch):
         """(K,) number of strong cells tested as each of a group's K pulses."""
 
     def count_null(self, expected_per_column: float, interval: float) -> None:
-        """Count groups at intervals that no tag has; an excess raises the threshold."""
+        """Count groups at intervals that no tag has; many of them raise the threshold."""
         if self.k > 1:
             self.null = NullLattices(
                 lows=self.lows,
@@ -70,13 +70,13 @@ class AnchorSearch(RateSearch):
 
     @property
     def margin(self) -> float:
-        """Factor on the threshold for the present noise."""
+        """Factor on the threshold that accounts for the present noise."""
         if self.null is None:
             return self.own_margin
         return self.own_margin * self.null.factor(self.threshold)
 
     def begin_at(self, column: int) -> None:
-        """Begin in mid-stream; `column` is the number of the first column."""
+        """Begin in the middle of a stream; `column` is the number of the first column."""
         super().begin_at(column)
         self.pushed = column
 
@@ -84,11 +84,11 @@ class AnchorSearch(RateSearch):
         return search_together([self], power[np.newaxis], noise[np.newaxis])[0]
 
     def open_anchors(self) -> Anchors:
-        """Return the anchors that are not tested completely."""
+        """Return the anchors with hypotheses that are still to be tested."""
         return self.anchor_columns, self.anchor_rows, self.anchor_powers
 
     def kind(self) -> tuple[int, ...]:
-        """Constant properties that searches in one call of `search_together` must share."""
+        """Settings that searches must share to be run in one call of `search_together`."""
         return self.rows, self.k, self.reach, len(self.intervals)
 
     @property
@@ -97,9 +97,10 @@ class AnchorSearch(RateSearch):
         return self.rows * self.width
 
     def move_to(self, memory: NDArray[np.float32], base: int, *, empty: bool = False) -> None:
-        """Move the ring buffer to item `base` of `memory`; `empty`: without zeroing it.
+        """Move the ring buffer to index `base` of `memory`; `empty`: without setting it to 0.
 
-        Its beginning is repeated behind its end, to make every stretch of a row contiguous.
+        The beginning of the buffer is repeated after its end, so that every stretch of a row is
+        contiguous.
         """
         cells = memory[base : base + self.size].reshape(self.rows, self.width)
         if len(self.cells):
@@ -130,7 +131,7 @@ class AnchorSearch(RateSearch):
 
     @property
     def fresh(self) -> int:
-        """Number of columns not yet searched for anchors."""
+        """Number of new columns in which no anchors were searched yet."""
         return max(0, self.pushed - self.reach - self.columns)
 
     def advance(self, fresh: int) -> int:
@@ -148,7 +149,7 @@ class AnchorSearch(RateSearch):
         self.anchor_powers += powers
 
     def take_due(self, due: "_Due", member: int) -> None:
-        """Append anchors with complete groups to `due`; `member`: index of this search."""
+        """Append the anchors with complete groups to `due`; `member`: number of this search."""
         columns, tested = self.anchor_columns, self.tested
         if not columns:
             return
@@ -173,7 +174,7 @@ class AnchorSearch(RateSearch):
     def collect(
         self, tested: "_Tested", part: slice, least: float, shorter: int = 0
     ) -> list[Candidate]:
-        """Make candidates of the tested anchors in `part` with a sum of `least` or more."""
+        """Make candidates of the tested anchors in `part` with a sum of at least `least`."""
         best, level = tested.best[part], tested.level[part]
         cells, power = tested.cells[part], tested.power[part]
         hits = np.flatnonzero(best >= least)
@@ -230,7 +231,7 @@ class AnchorSearch(RateSearch):
 
 @dataclass(slots=True)
 class _Due:
-    """Anchors to be tested, sorted by search."""
+    """Anchors to be tested, in the order of their searches."""
 
     columns: list[int] = field(default_factory=list)
     rows: list[int] = field(default_factory=list)
@@ -241,7 +242,7 @@ class _Due:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Tested:
-    """Powers and sums of the groups tested for anchors (first axis), not divided by noise."""
+    """Powers and sums of the groups tested for each anchor, before division by the noise."""
 
     column: NDArray[np.intp]
     row: NDArray[np.intp]
@@ -249,9 +250,11 @@ class _Tested:
     power: NDArray[np.float32]
     level: NDArray[np.float32]
     cells: NDArray[np.float32]
-    """(anchors, k - 1, intervals): largest power within the jitter of each other pulse."""
+    """(anchors, k - 1, intervals) largest power near the expected time of each further pulse of
+    the group, within the jitter."""
     totals: NDArray[np.float32]
-    """(anchors, intervals): sums of a group's powers, each limited as for one cell."""
+    """(anchors, intervals) sums of the powers of a group, each limited to the maximum for one
+    cell."""
     best: NDArray[np.float32]
     """(anchors,) largest sum of powers over the intervals, for each anchor [noise powers]."""
 

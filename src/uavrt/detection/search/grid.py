@@ -1,11 +1,12 @@
 """The time-frequency grid of the search: a spectrogram of windows one pulse long.
 
-For a rectangular pulse the matched filter bank is the discrete-time Fourier transform of each
-window. At any sample rate the hop is an eighth of a pulse, and rows are a quarter of a bin
-apart. Hops of half a pulse and rows half a bin apart, as in the original detector, cost 1 dB.
+For a rectangular pulse, the bank of matched filters is the discrete-time Fourier transform of
+each window. At any sample rate, windows begin an eighth of a pulse apart, and rows are a
+quarter of a bin apart. Hops of half a pulse and rows half a bin apart, as in the original
+detector, cost 1 dB.
 
-The columns of a row are contiguous in memory, because an anchor reads about fifty of them.
-Shifted maxima are taken over all rows as one long row, without the margins.
+The columns of a row are contiguous in memory, because about fifty of them are read for each
+anchor.
 """
 
 import cmath
@@ -75,13 +76,13 @@ class Grid:
         return column * self.hop - (self.decimation - 1) / 2.0
 
     def column(self, start: float) -> float:
-        """Column whose window starts at a channel sample; the inverse of `start`."""
+        """Column with a window that starts at a channel sample; the inverse of `start`."""
         return (start + (self.decimation - 1) / 2.0) / self.hop
 
     def power(self, samples: NDArray[np.complex64]) -> NDArray[np.float32]:
-        """Power of every cell of the columns in the `samples`, shape (columns, rows).
+        """Power of all cells in the columns that the `samples` contain, (columns, rows).
 
-        In noise the mean power is that of one channel sample; for a pulse it is ENR + 1 times
+        In noise the mean power is that of one channel sample. With a pulse it is ENR + 1 times
         as much.
         """
         hop = self.hop // self.decimation
@@ -104,7 +105,7 @@ class Grid:
 
     @property
     def for_kernel(self) -> bool:
-        """True if the compiled kernel can compute the power of the cells."""
+        """True if the compiled kernel can compute the power of this grid's cells."""
         small = self.halves is not None and self.length <= GRID.kernel_window
         return small and kernels() is not None
 
@@ -115,7 +116,7 @@ class Grid:
         first: int,
         columns: int,
     ) -> None:
-        """Write the power of columns, (rows, columns), into `power` from item `first` on."""
+        """Write the power of columns, (rows, columns), into `power` from index `first` on."""
         assert self.halves is not None
         hop = self.hop // self.decimation
         work = np.empty(2 * hop * (columns + self.length // hop + 32), np.float32)
@@ -144,7 +145,7 @@ def power_by_halves(
     first: int,
     take: Callable[[str, tuple[int, ...]], NDArray[np.float32]],
 ) -> None:
-    """Write the power of rows at ± f together, by a quarter of the multiplications, all real.
+    """Write the power of rows at ± f together, with a quarter of the multiplications, all real.
 
     Around a window's middle, let e(n) = x(n) + x(-n) and o(n) = x(n) - x(-n). The transform at
     ± f is A ∓ jB, with A the sum of e cos and B that of o sin.
@@ -184,7 +185,7 @@ def power_by_halves(
 
 
 class Spectrogram:
-    """Computes each column of a stream of channel samples once."""
+    """Computes the spectrogram of a stream of channel samples, each column once."""
 
     def __init__(self, grid: Grid) -> None:
         self.grid = grid
@@ -204,7 +205,7 @@ class Spectrogram:
         return self.consumed * self.grid.decimation - self.grid.reach
 
     def push(self, samples: NDArray[np.complex64]) -> NDArray[np.float32]:
-        """Add channel samples from index `needed` on; return new columns, (columns, rows)."""
+        """Add channel samples from index `needed` on; return new columns (columns, rows)."""
         grid = self.grid
         block = self.lengthened(samples)
         power = grid.power(block)
@@ -229,7 +230,7 @@ class Spectrogram:
         return block
 
     def decimate(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
-        """Filter and decimate, in whole rows of `OUTPUTS_PER_ROW` outputs."""
+        """Filter and decimate channel samples, in whole rows of `OUTPUTS_PER_ROW` outputs."""
         grid = self.grid
         if grid.filter is None:
             self.consumed += len(samples)
@@ -352,7 +353,7 @@ def half_transforms(
 def _band_filter(
     *, sample_rate_hz: float, decimation: int, offset_hz: float, pass_hz: float
 ) -> NDArray[np.complex128]:
-    """Taps of a band-pass around the tag with aliases outside of ± `pass_hz`, shape (odd,).
+    """Taps (an odd number) of a band-pass around the tag; aliases are outside ± `pass_hz`.
 
     Kaiser window by Kaiser's formulas. The samples stay at their frequency, folded by the
     decimation; the rows of the transform are folded alike.
@@ -381,7 +382,7 @@ def _windows(
 
 
 def sliding_maximum(power: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
-    """Maximum over ± `reach` columns; the result lacks `reach` columns at each end.
+    """Maximum over `reach` columns on each side; the result lacks `reach` columns at each end.
 
     The work grows with the logarithm of `reach`.
     """

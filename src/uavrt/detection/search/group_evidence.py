@@ -1,4 +1,4 @@
-"""Compute the likelihood ratio of a candidate, summed over its unknown parameters.
+"""Compute the likelihood ratio of a candidate group, summed over its unknown parameters.
 
 For speed the search takes the best cell for each pulse, but the best cells do not give the best
 sum. In noise of known power a cell of power P is exp(-E) I0(2 sqrt(E P)) times as likely with a
@@ -25,9 +25,9 @@ from uavrt.detection.search.tuning import EVIDENCE, THRESHOLDS
 def gate(tag: Tag) -> float:
     """Minimum score of a tag's candidates, as a share of the search's threshold.
 
-    It is below 1 for tags whose candidates are also tested by their likelihood: those with
-    `EVIDENCE.tested_k` pulses and a jitter of few pulse widths. With more jitter, the number of
-    lattices to sum, and their memory, would have no limit.
+    It is below 1 for tags with `EVIDENCE.tested_k` pulses and a jitter of few pulse widths,
+    because their candidates are also tested by their likelihood. With more jitter, the number
+    of lattices to sum, and their memory, would have no limit.
     """
     most_jitter_s = EVIDENCE.most_jitter_widths * tag.pulse_width_s
     tested = tag.k == EVIDENCE.tested_k and tag.interval_jitter_s <= most_jitter_s
@@ -35,7 +35,7 @@ def gate(tag: Tag) -> float:
 
 
 class Evidence:
-    """Tests candidates near the threshold by their likelihood, for tags of a `gate` below 1."""
+    """Tests candidates near the threshold by their likelihood, for tags with `gate` below 1."""
 
     def __init__(self, tag: Tag, *, grid: Grid, refiner: Refiner) -> None:
         self._tag = tag
@@ -56,7 +56,7 @@ class Evidence:
     def suffices(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> bool:
-        """True if noise causes such a candidate less often than the tag's false-alarm rate."""
+        """True if noise makes such a candidate less often than the false-alarm rate allows."""
         if candidate.score >= EVIDENCE.sure_score:
             return True
         steady, first = self._bounds[candidate.rate - 1]
@@ -70,7 +70,7 @@ class Evidence:
         return self.weigh(starts, offset, level, strength) >= bound
 
     def _bounds_of(self, rate: int) -> tuple[float, float]:
-        """Minimum log-likelihood ratio of a group at later decisions, and at the first."""
+        """Minimum log-likelihood ratios of a group: at later decisions, and at the first."""
         tag, grid = self._tag, self._grid
         width_s = tag.pulse_width_s
         usual_s = decision_interval_s(tag, rate)
@@ -93,8 +93,8 @@ class Evidence:
     ) -> float:
         """Log-likelihood ratio of a candidate's pulses to noise, summed over nearby parameters.
 
-        `starts` (K,): first samples of the pulses; missing ones count neither way. `level`
-        (K,): noise power of a sample. `strength`: assumed ENR of a pulse.
+        `starts` (K,): first samples of the pulses; a missing pulse does not change the result.
+        `level` (K,): noise power of a sample. `strength`: assumed ENR of a pulse.
         """
         side, step = self._side, self._step
         window, table = self._grid.window, _ratios(round(strength, 2))
@@ -120,7 +120,7 @@ class Evidence:
 
 @lru_cache(maxsize=8)
 def _ratios(strength: float) -> NDArray[np.float64]:
-    """Table of the likelihood ratio of a pulse to noise, by power [`EVIDENCE.table_step`]."""
+    """Table of likelihood ratios of pulse to noise, by power [`EVIDENCE.table_step`]."""
     power = np.arange(0.0, EVIDENCE.power_limit + EVIDENCE.table_step, EVIDENCE.table_step)
     return np.asarray(np.exp(-strength) * np.i0(2.0 * np.sqrt(strength * power)))
 
@@ -137,7 +137,7 @@ def _kernel(side: int, sigma: float) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=8)
 def _lattices(k: int, side: int) -> NDArray[np.intp]:
-    """Index of the start of each pulse in each trial around the candidate, (K, trials).
+    """Start of each pulse in each lattice tried around the candidate [steps], (K, lattices).
 
     Each lattice is shifted as a whole, and its two ends are shifted against each other.
     """

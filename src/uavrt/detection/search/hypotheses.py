@@ -28,7 +28,8 @@ class Candidate(NamedTuple):
     score: float
     """Ratio of the candidate's sum of powers to the detection threshold."""
     strength: float
-    """Sum of powers, without limit on a cell [noise powers]; decides between equal scores."""
+    """Sum of powers without the limit on each cell [noise powers]; decides between equal
+    scores."""
     rate: int
     row: int
     columns: tuple[float, ...]
@@ -36,17 +37,17 @@ class Candidate(NamedTuple):
 
 
 def best_first(found: list[Candidate]) -> list[Candidate]:
-    """Sort candidates in place: by score, equal scores by strength."""
+    """Sort candidates in place by score, and those of equal score by strength."""
     if len(found) > 1:
         found.sort(key=lambda one: (-round(one.score, GROUPS.score_digits), -one.strength))
     return found
 
 
 class RateSearch(ABC):
-    """Base of the searches for groups of one rate, in columns as they arrive.
+    """Base class of searches for groups of one rate, in spectrogram columns as they arrive.
 
-    `first_threshold` holds in the first `first_columns`; as few groups begin in them, it may
-    be lower.
+    In the first `first_columns`, the threshold is `first_threshold`. It may be lower than the
+    later one, because few groups begin there.
     """
 
     def __init__(
@@ -101,12 +102,12 @@ class RateSearch(ABC):
         """Callback for strong cells that the search has finished: columns, rows, powers."""
 
     def open_anchors(self) -> Anchors:
-        """Return the strong cells whose groups may still grow by later columns."""
+        """Return the strong cells with groups that later columns may complete."""
         return [], [], []
 
     @property
     def margin(self) -> float:
-        """Factor on the threshold for the present noise."""
+        """Factor on the threshold that accounts for the present noise."""
         return self.own_margin
 
     @property
@@ -115,12 +116,12 @@ class RateSearch(ABC):
         return self.threshold == self._steady_threshold
 
     def begin_at(self, column: int) -> None:
-        """Begin in mid-stream; `column` is the number of the first column."""
+        """Begin in the middle of a stream; `column` is the number of the first column."""
         self.columns = column + self.reach
         self._first_columns = 0
 
     def push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
-        """Add new columns, test every hypothesis that they complete; returns the best first."""
+        """Add new columns; return the candidates that they complete, best first."""
         found: list[Candidate] = []
         for first in range(0, len(power), self.piece):
             found += self._push(power[first : first + self.piece].T, noise)
@@ -135,14 +136,15 @@ class RateSearch(ABC):
 
     @abstractmethod
     def _push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
-        """Add new columns of powers (rows, columns) and their noise; at most `piece`."""
+        """Add at most `piece` new columns of powers (rows, columns), with their noise."""
 
 
 def jitter_reach(jitter_s: float, hop_s: float) -> int:
     """Number of columns searched on either side of a pulse: 0.7 of the jitter's bound.
 
-    Two pulses both off by the full bound are rare, and a pulse a little beyond still shows by
-    its flank: 0.7 of the bound loses less than the smaller search gains.
+    Two pulses that both deviate by the full bound are rare, and a pulse slightly outside the
+    searched columns is still seen by its flank. So less sensitivity is lost than a smaller
+    search gains.
     """
     return max(1, math.ceil(0.7 * jitter_s / hop_s - 0.25))
 
@@ -150,7 +152,10 @@ def jitter_reach(jitter_s: float, hop_s: float) -> int:
 def interval_grid(
     *, interval_s: float, uncertainty_s: float, hop_s: float, k: int, reach: int
 ) -> NDArray[np.float64]:
-    """Intervals to try [columns]; a step moves the last pulse by at most 2 or `reach`."""
+    """Intervals to try [columns].
+
+    From one to the next, the last pulse moves by at most 2 columns, or `reach` columns.
+    """
     middle = interval_s / hop_s
     if k == 1:
         return np.array([middle])

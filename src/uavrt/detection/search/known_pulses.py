@@ -1,4 +1,4 @@
-"""Find the search candidates that already known pulses explain."""
+"""Find the candidates of the search that are explained by pulses already known."""
 
 import math
 
@@ -25,7 +25,7 @@ class KnownPulses:
         *,
         reach: int,
     ) -> NDArray[np.bool_]:
-        """(n,) True for candidates that contain a known pulse or its leakage."""
+        """(n,) True for candidates with a pulse that is a known pulse or leakage of one."""
         grid = self._grid
         bin_hz = grid.sample_rate_hz / grid.window
         near = (reach + 1) * grid.hop + 0.75 * grid.window

@@ -3,10 +3,11 @@
 A rise common to many rows is detected within a tenth of a second. Cells are divided by the
 level before any sum, so that pulses in weak and in strong noise get their proper weight.
 
-A slot of time is half a pulse, a band of frequency one bin. A level is a mean over the longest
-stretch of slots that agrees with all shorter ones (the intersection of confidence intervals:
-Goldenshluger and Nemirovski, Mathematical Methods of Statistics 6, 1997), backward and forward
-separately. Where they disagree there is a step, and the higher one is used.
+Levels are estimated in slots of half a pulse and in bands of one frequency bin. A level is a
+mean over the longest stretch of slots that agrees with all shorter ones (the intersection of
+confidence intervals: Goldenshluger and Nemirovski, Mathematical Methods of Statistics 6, 1997),
+backward and forward separately. Where they disagree there is a step, and the higher one is
+used.
 """
 
 import math
@@ -23,7 +24,8 @@ from uavrt.detection.search.tuning import LEVEL
 SLOT = HOPS_PER_PULSE // 2
 """Number of spectrogram columns in a slot, the time step of the noise level."""
 _MEAN = 1.0 - math.exp(-LEVEL.most_power)
-"""Mean power of noise cells, one on average, when limited to `LEVEL.most_power`."""
+"""Mean power of noise cells after each is limited to `LEVEL.most_power`; without the limit it
+is 1."""
 
 
 @dataclass(slots=True)
@@ -38,7 +40,7 @@ class _Stretch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Followed:
-    """Changing noise levels: one to divide cells by, another to measure pulses."""
+    """Noise levels that change with time: one that divides cells, one for measuring pulses."""
 
     divisor: NDArray[np.float32]
     """(new slots,) common noise level that divides cells, raised by its possible error."""
@@ -55,7 +57,7 @@ class _Levels:
 
     common: NDArray[np.float32]
     margin: NDArray[np.float32]
-    """(slots,) factor on `common` for the search, because the noise level is uncertain."""
+    """(slots,) factor on `common` in the search, to allow for the error of the noise level."""
     bands: NDArray[np.float32] | None
     """(bands, new slots) noise level of each band over `common`; None if all are equal."""
 
@@ -99,8 +101,8 @@ class _LevelRecord:
 class Leveller:
     """Tracks the noise level shared by the rows of one search.
 
-    `keep`: number of columns whose levels are stored. `steepness`: threshold of the search over
-    K; sets the margin for a level's error. `circular`: the last row is next to the first.
+    `keep`: number of columns for which levels are stored. `steepness`: threshold of the search
+    over K; sets the margin for a level's error. `circular`: the last row is next to the first.
     """
 
     def __init__(
@@ -140,7 +142,7 @@ class Leveller:
         first: int,
         whole: NDArray[np.bool_] | None = None,
     ) -> None:
-        """Divide new columns (rows, columns) by their noise in place; `first`: their index."""
+        """Divide new columns by their noise, in place; `first`: number of the first column."""
         level_together([self], power[np.newaxis], [noise], [first], [whole])
 
     def _keep_steady(
@@ -210,7 +212,7 @@ class Leveller:
         self._average()
 
     def _nearly_steady(self, both: NDArray[np.float32]) -> bool:
-        """True if noise levels are so near the newest that cells need no new limits."""
+        """True if noise levels are so near the newest one that cells need no new limits."""
         pieces = both.shape[1] // LEVEL.piece_slots
         some = both[:, both.shape[1] - pieces * LEVEL.piece_slots :]
         common = self._common(some).reshape(pieces, LEVEL.piece_slots).mean(axis=1)
@@ -328,7 +330,7 @@ class Leveller:
         end: NDArray[np.intp],
         level: NDArray[np.float64],
     ) -> NDArray[np.float32] | None:
-        """(bands, slots) noise level of each band over the common one; None while equal."""
+        """(bands, slots) noise level of each band over the common one; None if all equal."""
         if len(both) < 4:
             return None
         total, sums = _sums(weights), _sums(both * weights)
@@ -341,7 +343,7 @@ class Leveller:
 def _take_out_bursts(
     common: NDArray[np.float32], weights: NDArray[np.float32], bins: float
 ) -> NDArray[np.bool_]:
-    """Set the weights of strong pulses' slots to zero; mark new slots that may have pulses."""
+    """Give slots with strong pulses the weight zero; mark new slots that may have pulses."""
     near, far = LEVEL.beside_slots
     width = far - near + 1
     # Later slots are unknown; before the first slot assume the same level.
@@ -370,7 +372,7 @@ def _sums(values: NDArray[np.float32]) -> NDArray[np.float64]:
 def _longest(
     common: NDArray[np.float32], weights: NDArray[np.float32], scale: float
 ) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]:
-    """Longest stretch of consistent noise up to each slot: its mean, start, and lower bound."""
+    """Mean, start and lower bound of the longest stretch of equal noise up to each slot."""
     sums, total = _sums(common * weights), _sums(weights)
     end = np.arange(1, len(common) + 1)
     mean, first = np.asarray(common, np.float64), end - 1
@@ -401,7 +403,11 @@ def _agreed(
     scale: float,
     total: NDArray[np.float64],
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Slots averaged for each slot: on both sides if the levels agree, else the higher side."""
+    """First and last slot averaged for each slot.
+
+    If the levels before and after the slot agree, both sides are averaged; otherwise the side
+    of the higher level.
+    """
     at = np.arange(len(back))
     seen, coming = total[at + 1] - total[begin], total[end] - total[at]
     error = np.sqrt(1.0 / np.maximum(seen, 1e-9) + 1.0 / np.maximum(coming, 1e-9))
@@ -458,7 +464,7 @@ def level_together(
     first: Sequence[int],
     whole: Sequence[NDArray[np.bool_] | None],
 ) -> None:
-    """Run `Leveller.level` for several searches; `power` (searches, rows, columns)."""
+    """Run `Leveller.level` for several searches; `power`: (searches, rows, columns)."""
     if not power.shape[2]:
         return
     # The noise level stays unchanged where samples were lost.
@@ -550,7 +556,7 @@ def _steady(
     members: NDArray[np.float32],
     bins: float,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Mean noise level of each search's slots, and whether it may be constant; (searches,)."""
+    """(searches,) mean noise level of each search's slots, and True if it may be constant."""
     common = np.matmul(members / members.sum(), both)
     common *= weights
     total = np.maximum(weights.sum(axis=1), np.float32(1.0))

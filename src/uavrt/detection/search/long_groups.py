@@ -29,7 +29,7 @@ class LongSearch(RateSearch):
         self._searched = 0
 
     def begin_at(self, column: int) -> None:
-        """Begin in mid-stream; `column` is the number of the first column."""
+        """Begin in the middle of a stream; `column` is the number of the first column."""
         super().begin_at(column)
         self._searched = self.columns
 
@@ -59,7 +59,7 @@ class LongSearch(RateSearch):
         return self._search_dense(noise)
 
     def _pass_on(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> None:
-        """Pass new strong cells to `pass_on`, if they are maxima over time in their rows."""
+        """Pass new strong cells to `pass_on`, if each is the largest of its time in its row."""
         row, column = np.nonzero(power >= THRESHOLDS.least_power * noise[:, np.newaxis])
         if not len(row):
             return
@@ -121,7 +121,7 @@ class LongSearch(RateSearch):
     def _totals(
         self, done: int, upto: int, noise: NDArray[np.float32], limit: float
     ) -> list[NDArray[np.float32]]:
-        """Sum of a group's powers per interval, (upto - done, rows), by last pulse's column."""
+        """Sums of group powers per interval, (upto - done, rows) by the last pulse's column."""
         count = upto - done
         weight = (1.0 / noise).astype(np.float32)
         common = np.zeros((count, self.rows), np.float32)
@@ -144,7 +144,7 @@ class LongSearch(RateSearch):
 
 
 def _tops(strength: NDArray[np.float32]) -> list[int]:
-    """Strongest rows within a frequency bin to either side; a few at most."""
+    """Rows stronger than all rows within one frequency bin; only the strongest few."""
     padded = np.pad(strength, ROWS_PER_BIN)
     around = np.lib.stride_tricks.sliding_window_view(padded, 2 * ROWS_PER_BIN + 1)
     tops = np.flatnonzero((strength > 0.0) & (strength >= around.max(axis=1)))

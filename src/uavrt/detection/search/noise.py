@@ -19,7 +19,8 @@ from uavrt.dsp.sliding_medians import medians
 _KEPT = 1.0 - math.exp(-NOISE.excluded_ratio)
 """Share of noise cells below `NOISE.excluded_ratio` times the mean noise power."""
 _KAPPA = 1.0 - NOISE.excluded_ratio * math.exp(-NOISE.excluded_ratio) / _KEPT
-"""Mean power of the noise cells below `NOISE.excluded_ratio`: 0.925 of the noise power."""
+"""Mean power of the noise cells below `NOISE.excluded_ratio`, as a share of the noise power:
+0.925."""
 _RISEN = math.exp(-NOISE.excluded_ratio / NOISE.rise_ratio)
 """Share of noise cells above `NOISE.excluded_ratio` after a rise by `NOISE.rise_ratio`."""
 
@@ -27,7 +28,7 @@ _RISEN = math.exp(-NOISE.excluded_ratio / NOISE.rise_ratio)
 def _truncated(
     power: NDArray[np.float32], noise: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """One iteration of the noise power, a truncated mean; and the share of cells included."""
+    """One iteration of the noise power as a truncated mean; and the share of cells included."""
     kept = (power < (np.float32(NOISE.excluded_ratio) * noise)[..., np.newaxis, :]).astype(
         np.float32
     )
@@ -53,7 +54,8 @@ def _noise_near_edge(
 
     At an edge the median of both sides is too low and gives 2 to 3.5 times the nominal false
     alarms. If one side is flat and includes the row, the median of that side is used; on a
-    slope, that of the nearest rows. `around` (steep, 2 × reach + 1): the rows on both sides.
+    slope, that of the nearest rows. `around` (steep rows, 2 × reach + 1): numbers of the rows
+    on both sides of each.
     """
     windows = noise[around]
     reach = windows.shape[1] // 2
@@ -71,7 +73,7 @@ def _noise_near_edge(
 
 
 class RowNoise:
-    """Tracks the noise power of each row, of `independent_per_s` independent cells [1/s]."""
+    """Tracks the noise power of each row, from `independent_per_s` independent cells [1/s]."""
 
     def __init__(self, *, column_s: float, independent_per_s: float, circular: bool) -> None:
         self._column_s = column_s
@@ -89,7 +91,7 @@ class RowNoise:
 
     @property
     def ready(self) -> bool:
-        """True once the noise was estimated."""
+        """True once the noise has been estimated."""
         return self._long is not None
 
     @property
@@ -118,7 +120,7 @@ class RowNoise:
         self._settle()
 
     def take_over(self, other: "RowNoise", level: NDArray[np.float32]) -> None:
-        """Continue from the estimate of another band, which has `level` at these rows."""
+        """Continue from another band's noise estimate; `level`: its noise at these rows."""
         self._long, self._level = level, level.copy()
         self._exceeding = np.full_like(level, math.exp(-NOISE.excluded_ratio))
         self._seen_s, self._settled_s = other._seen_s, other._settled_s
@@ -153,7 +155,7 @@ class RowNoise:
         return False
 
     def _settle(self) -> None:
-        """Replace each row's noise by the median around it unless they differ too much."""
+        """Replace each row's noise by the median of rows around it, unless they differ much."""
         assert self._long is not None
         reach = self._reach(len(self._long))
         windows = self._long.take(_neighbours(len(self._long), reach, self._mode))
@@ -205,7 +207,7 @@ class RowNoise:
         return smooth
 
     def _straight(self, smooth: NDArray[np.float32], reach: int) -> NDArray[np.float32] | None:
-        """Fit a line in decibels to the noise of all rows; None if the medians deviate."""
+        """Fit a line in decibels to the noise of all rows; None if the rows do not fit it."""
         assert self._long is not None
         rows = np.arange(len(smooth), dtype=np.float64)
         # At the ends of a channel the medians include rows across the edge.

@@ -1,8 +1,9 @@
-"""Count the groups that the present noise forms at intervals that no tag has.
+"""Count groups at intervals that no tag has, to adapt the threshold to the present noise.
 
 Thresholds are computed for white noise. Other noise (mains bursts, a keyed transmitter, hum)
-makes more groups. The excess is counted at intervals shorter than the tag's by more than its
-uncertainty. The only assumption is that the noise is not related to the tag's interval.
+makes more groups. Their excess is counted at intervals that are shorter than the tag's by more
+than the interval's uncertainty. The only assumption is that the noise is not related to the
+tag's interval.
 """
 
 import math
@@ -15,16 +16,18 @@ from uavrt.detection.search.tuning import GROUPS, NULL
 
 _WHITE_K = np.log(NULL.ks)
 Test = Callable[[NDArray[np.intp], int], bool]
-"""Callable that tests if present strong cells form a group at a shorter interval: `lows` of the
-other pulses, and reduction of the tag's interval [columns]."""
+"""Function that tests if the present strong cells form a group at an interval shorter than the
+tag's. Arguments: `lows`, the first columns of the ranges of the group's other pulses, and
+the reduction of the interval [columns]."""
 
 
 class NullLattices:
     """Counts the groups of one search at intervals that no tag has.
 
-    `lows` (places, k - 1): columns from an anchor, as each of the K pulses, to the range of
-    each other pulse. `expected_per_column`: groups of white noise at one interval and
-    `NULL.counted_share` of the threshold. `threshold`, `limit`: of a sum, of a cell in it.
+    `lows` (places, k - 1): columns from an anchor to the range of each other pulse, for the
+    anchor in each place of the group. `expected_per_column`: number of groups in white noise,
+    at one interval and at `NULL.counted_share` of the threshold. `threshold`: of a sum.
+    `limit`: of a cell in a sum.
     """
 
     def __init__(
@@ -54,7 +57,7 @@ class NullLattices:
         """Rise of the threshold by counted groups [noise powers], including that by chance."""
 
     def count(self, columns: int, test: Test | None) -> None:
-        """Count the groups that new columns complete, and adjust the threshold."""
+        """Count the groups completed by new columns, and adjust the threshold."""
         seen = 0 if test is None else sum(test(*lattice) for lattice in self._lattices)
         tolerated = NULL.tolerated_coloured_ratio if self.coloured else NULL.tolerated_ratio
         awaited = tolerated * NULL.lattices * columns * self._white_per_column
@@ -68,7 +71,7 @@ class NullLattices:
         self._more = min(max(0.0, more), self._most + NULL.by_chance)
 
     def factor(self, threshold: float) -> float:
-        """Factor on a threshold that gives as many false groups as white noise."""
+        """Factor on a threshold with which the noise makes as many groups as white noise."""
         return 1.0 + max(0.0, self._more - NULL.by_chance) / threshold
 
     def least(self, threshold: float) -> float:
@@ -81,10 +84,10 @@ class NullLattices:
 
 
 def counted_cell_limit(k: int, threshold: float) -> float:
-    """Limit on each cell's power in groups of K pulses at null intervals [noise powers].
+    """Limit on a cell's power in the groups counted at null intervals [noise powers].
 
     It is lower than the limit in the search. Otherwise a single pulse of a weak tag would form
-    such groups together with noise, and raise the threshold of its own tag.
+    such groups together with noise, and raise the threshold for its own tag.
     """
     share = NULL.cell_share + (1.0 - NULL.cell_share) / k
     return min(GROUPS.cell_limit, share * threshold)

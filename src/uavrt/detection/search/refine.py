@@ -2,7 +2,8 @@
 
 For a rectangular pulse of unknown phase in white noise the likelihood is the squared magnitude
 of the matched filter. It is evaluated at every sample and, around the best, at a continuous
-frequency (Newton). Bound of the frequency (Cramér–Rao): 1.95 Hz for 20 ms at 20 dB.
+frequency (Newton). The Cramér–Rao bound of the frequency's standard deviation is 1.95 Hz for a
+pulse of 20 ms at 20 dB.
 """
 
 import math
@@ -35,11 +36,11 @@ class Measured:
     contrast: float
     """Power of the pulse over the mean power of the windows 1.5 to 3 pulse widths away."""
     received: float = 1.0
-    """Share of the pulse's samples that were not lost; `power` refers to these."""
+    """Share of the pulse's samples that were not lost; `power` is computed for these."""
 
     @property
     def enr(self) -> float:
-        """Energy of the whole pulse without noise, over the noise density; at least 0.1."""
+        """Energy of the pulse over the noise power density, not in decibels; at least 0.1."""
         return max((self.power - 1.0) / self.received, 0.1)
 
 
@@ -93,9 +94,10 @@ class Refiner:
         climb: bool = False,
         spread: float = math.inf,
     ) -> list[Measured] | None:
-        """Find pulses of one frequency near expected starts; None: samples are not stored.
+        """Find pulses of one frequency near expected starts; None if samples are not stored.
 
-        `climb`: search beyond a peak at the edge. `spread`: sigma of the starts [samples].
+        `climb`: search further if the peak is at the edge of the searched range. `spread`:
+        standard deviation of the starts [samples].
         """
         window, buffer = self._window, self._buffer
         lead = math.ceil(half_width)
@@ -147,7 +149,7 @@ class Refiner:
         *,
         spread: float,
     ) -> Measured | None:
-        """Find a pulse with missing samples in its middle, where its phase breaks.
+        """Find a pulse that lost samples in its middle, where its phase is broken.
 
         Parameters as in `search`.
         """
@@ -189,7 +191,7 @@ class Refiner:
         return self._buffer.loses(start - near, start + near)
 
     def _weight(self, start: int) -> float:
-        """Factor on a window's power that compensates its lost samples; 0: too many lost."""
+        """Factor on a window's power that compensates for lost samples; 0: too many lost."""
         weights = self._buffer.weights(np.array([start]), self._window)
         return 1.0 if weights is None else float(weights[0])
 
@@ -201,11 +203,10 @@ class Refiner:
         half_band_hz: float,
         frequencies: int,
     ) -> tuple[NDArray[np.float64] | None, NDArray[np.int64]]:
-        """Matched-filter power (pulses, frequencies, starts), and by how much each `first` was
-        shifted.
+        """Matched-filter power (pulses, frequencies, starts), and the shift of each `first`.
 
-        The starts are shifted into the stored samples; the power is None if these are too
-        short.
+        The starts are shifted so that all samples are stored. The power is None if too few
+        samples are stored.
         """
         length = self._window + count - 1
         latest = self.upto - length
@@ -286,8 +287,9 @@ class Refiner:
     def without(self, pulses: Sequence[Measured]) -> Iterator[None]:
         """Context in which known pulses, as best fitted, are removed from the samples.
 
-        Each is subtracted with the best-fitting amplitude at its time and frequency. A start
-        off by half a sample leaves 4e-5 of a 20 ms pulse at 3750 S/s.
+        Each is subtracted with the best-fitting amplitude at its time and frequency. With an
+        error of the start of half a sample, 4e-5 of the energy of a 20 ms pulse remains at 3750
+        S/s.
         """
         buffer = self._buffer
         before = []
@@ -325,14 +327,14 @@ class Refiner:
         return pulse.power / max(mean, 0.05)
 
     def is_impulse(self, pulse: Measured, floor: float) -> bool:
-        """True if a pulse's energy is in a quarter of its window, or in many rows."""
+        """True if a quarter of a pulse's window has most energy, or many rows have some."""
         if not self._looks_like_impulse(pulse, floor):
             return False
         around = self._floor_around(pulse)
         return around <= floor or self._looks_like_impulse(pulse, around)
 
     def _floor_around(self, pulse: Measured) -> float:
-        """Noise power per sample at a pulse, limited to the levels before and after it."""
+        """Noise power per sample at a pulse, limited to the range of the levels around it."""
         window, buffer, start = self._window, self._buffer, round(pulse.start)
         sides = []
         for near, far in ((-MEASURE.around_widths, -0.5), (1.5, 1.0 + MEASURE.around_widths)):
@@ -374,8 +376,8 @@ class Refiner:
     def strongest(self, pulse: Measured) -> tuple[float, float]:
         """Frequency and power of the strongest row in the whole channel at a pulse's time.
 
-        Windows half a pulse earlier and later are included: the leakage of a strong pulse cut
-        by them is as large as that of the whole.
+        Windows half a pulse earlier and later are included, because a window that cuts a strong
+        pulse receives as much leakage as one with the whole pulse.
         """
         window, buffer = self._window, self._buffer
         half = window // 2
@@ -405,6 +407,6 @@ def _turns(
 
 @lru_cache(maxsize=8)
 def _moments(window: int) -> NDArray[np.complex128]:
-    """Powers 0 to 2 of the samples' distances from the window's middle, shape (3, window)."""
+    """Powers 0 to 2 of the samples' distances from the window's middle, (3, window)."""
     n = np.arange(window) - (window - 1) / 2.0
     return np.stack((np.ones_like(n), n, n * n)).astype(np.complex128)

@@ -1,8 +1,8 @@
-"""Compute spectrograms of several tags at once.
+"""Compute the spectrograms of several tags at once.
 
-Tags with equal pulse width and search window share the transform, since their narrow bands are
-shifted to put each tag at zero. Where rows are not symmetric, at a channel's edge or for the
-whole channel, each tag has its own.
+Tags with equal pulse width and search window share the transform, because their narrow bands
+are shifted to put each tag at 0 Hz. If the rows are not symmetric around the tag, as at a
+channel's edge or for the whole channel, each tag has its own transform.
 """
 
 import math
@@ -16,13 +16,13 @@ from uavrt.detection.search.tuning import GRID
 
 
 class Workspace:
-    """Reusable arrays: new ones of this size cost a page fault per 4 kB."""
+    """Reusable arrays; to allocate a new array of this size costs a page fault per 4 kB."""
 
     def __init__(self) -> None:
         self._arrays: dict[str, NDArray[np.float32]] = {}
 
     def take(self, name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
-        """Array of arbitrary content, valid until the same name is requested again."""
+        """Array with arbitrary content, valid until one of the same name is requested again."""
         size = math.prod(shape)
         kept = self._arrays.get(name)
         if kept is None or kept.size < size:
@@ -31,7 +31,7 @@ class Workspace:
 
 
 def columns_ahead(spectrogram: Spectrogram, samples: int) -> int:
-    """Number of columns that a number of channel samples from `needed` on complete."""
+    """Number of columns that further channel samples, from index `needed` on, complete."""
     grid = spectrogram.grid
     assert grid.filter is not None
     stride = OUTPUTS_PER_ROW * grid.decimation
@@ -45,7 +45,7 @@ def push_together(
     stretches: Sequence[NDArray[np.complex64]],
     workspace: Workspace,
 ) -> NDArray[np.float32]:
-    """Add samples to spectrograms; return new power (spectrograms, rows, columns)."""
+    """Add samples to spectrograms; return the new power (spectrograms, rows, columns)."""
     grid = spectrograms[0].grid
     count = columns_ahead(spectrograms[0], len(stretches[0]))
     used = count * (grid.hop // grid.decimation)

@@ -1,4 +1,4 @@
-"""Compute thresholds from a formula with a calibrated factor; valid from the first sample on.
+"""Compute thresholds by a formula with one calibrated factor, valid from the first sample on.
 
 The expected number of false groups in a decision interval is the number of effective hypotheses
 times the chance that one of them passes. The chance is the tail of a sum of one exponential
@@ -44,8 +44,8 @@ def decision_span_s(tag: Tag, rate: int = 1) -> float:
 def begun_within_s(tag: Tag, rate: int = 1) -> float:
     """Duration in which a group of the first decision can begin [s].
 
-    The original detector's steps are whole columns, which for tags with small uncertainties
-    round away up to a millisecond per pulse; from K = 60 on nothing would be left.
+    The original detector's steps are whole columns. For tags with small uncertainties, this
+    rounding takes up to a millisecond per pulse; for K of 60 or more, no time would be left.
     """
     interval_s = tag.pulse_intervals_s[rate - 1]
     begun_s = decision_span_s(tag, rate) - (tag.k - 1) * interval_s
@@ -93,7 +93,7 @@ def group_tail(
 
 _FACTOR_K = np.log(THRESHOLDS.ks)
 _FACTOR_LOG = np.log(THRESHOLDS.hypotheses)
-"""Log of the calibrated number of hypotheses per independent cell and interval, by K."""
+"""Log of the calibrated number of hypotheses per independent cell and interval, for each K."""
 
 
 def effective_hypotheses(
@@ -105,7 +105,7 @@ def effective_hypotheses(
     uncertainty_s: float,
     reach_s: float,
 ) -> float:
-    """Effective number of independent hypotheses, for an anchor within band and time."""
+    """Effective number of independent hypotheses with an anchor in a band and a time span."""
     cells = max(1.0, (bandwidth_hz + 1.0 / pulse_width_s) * time_s)
     width_s = pulse_width_s / 2.0 + reach_s
     intervals = 1.0 + (k - 1) * uncertainty_s / width_s if k > 1 else 1.0
@@ -115,7 +115,7 @@ def effective_hypotheses(
 
 
 def spread(*, reach_s: float, pulse_width_s: float) -> float:
-    """Number of independent exponentials equivalent to a maximum over the jitter."""
+    """Number of independent exponential variables like a maximum over the jitter."""
     return 1.0 + 2.5 * 2.0 * reach_s / pulse_width_s
 
 
@@ -135,16 +135,16 @@ def threshold(*, k: int, hypotheses: float, spread: float, expected_false: float
 def young_margin(threshold: float, noise_error: float) -> float:
     """Factor on a threshold while the noise estimate is less accurate than usual.
 
-    The tail of noise falls as exp(-T). So an error s of its scale multiplies the false alarms
-    by exp((T s)^2 / 2), and the factor 1 + T s^2 / 2 compensates for this. The tables include
-    the usual error.
+    The tail of noise falls as exp(-T), where T is the threshold. So a relative error s of the
+    noise level multiplies the false alarms by exp((T s)^2 / 2), and the factor 1 + T s^2 / 2
+    compensates for this. The tables of thresholds include the usual error.
     """
     more = max(0.0, noise_error**2 - THRESHOLDS.noise_error**2)
     return 1.0 + 0.5 * threshold * more
 
 
 def weakest_enr_db(k: int, threshold: float) -> float:
-    """ENR of K equal pulses whose sum reaches a threshold in nine groups of ten [dB].
+    """ENR of K equal pulses with a sum that reaches a threshold in nine groups of ten [dB].
 
     A pulse's cell has mean 1 + E and variance 1 + 2 E; their sum is approximated as normal.
     """

@@ -11,7 +11,8 @@ class SpectrogramTuning:
     """Constants of the spectrogram of a narrow band."""
 
     blas_product: int = 200_000
-    """Maximum multiplications in a product for one OpenBLAS thread; two may take 50 times."""
+    """Maximum number of multiplications in a matrix product that OpenBLAS computes in one
+    thread; with two threads it may take 50 times as long."""
     least_window: int = 24
     """Minimum length of a pulse after decimation [samples]; below it the hop is too coarse."""
     stopband_db: float = 55.0
@@ -27,21 +28,25 @@ class NoiseTuning:
     """Constants for estimating the noise of each row of the grid."""
 
     excluded_ratio: float = 4.0
-    """Power above which a cell does not count as noise [noise powers]: 1.8 % of noise cells."""
+    """Power above which a cell does not count as noise [noise powers]; 1.8 % of noise cells
+    exceed it."""
     step_gain: float = 1.31
-    """Factor that speeds up the noise power's iteration: 1 / (1 - slope of the iteration)."""
+    """Factor that speeds up the iteration of the noise power: 1 / (1 - slope of the
+    iteration)."""
     long_s: float = 20.0
     """Time constant of the slow estimate of the noise power [s]."""
     short_s: float = 1.0
     """Time constant of the fast noise average, which shows a rise of the noise [s]."""
     rise_ratio: float = 2.2
-    """Ratio of fast to slow noise average above which the fast is used; pulses give 1.3."""
+    """Ratio of fast to slow noise average above which the fast one is used; pulses cause a
+    ratio of 1.3."""
     settle_s: float = 2.0
     """Time between two comparisons of a row's noise power with its neighbours' [s]."""
     young_s: float = 8.0
     """Duration at the start in which the noise is averaged over `young_reach` rows [s]."""
     young_reach: int = 24
-    """Number of rows averaged on each side at first; 5 % error doubles the false alarms."""
+    """Number of rows averaged on each side at first; an error of 5 % doubles the false
+    alarms."""
     reach: int = 8
     """Number of rows on each side, two bins, used to estimate a row's broadband noise."""
     flat_ratio: float = 1.2
@@ -56,10 +61,12 @@ class NoiseTuning:
     """Ratio of the spread of the noise levels on one side of an edge to their error, up to
     which that side counts as flat."""
     hum_sigmas: float = 0.5
-    """Excess over the median at which a row's own noise is used between lines of hum [standard
-    deviations]: 3 to 5 % more noise. With the median there were 3.4 times the false groups."""
+    """Excess over the median above which a row's own noise estimate is used, as between lines
+    of hum [standard deviations]. It makes the noise 3 to 5 % larger; with the median there
+    were 3.4 times the false groups."""
     usual_threshold: float = 25.0
-    """Typical threshold of a group's sum, for the effect of uncertain noise [noise powers]."""
+    """Typical threshold of a group's sum, used to compute the effect of uncertain noise [noise
+    powers]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,13 +99,14 @@ class NoiseLevelTuning:
     pulse_sigmas: float = 2.6
     """Excess of three half-pulse slots that marks a weak pulse [standard deviations]."""
     beside_slots: tuple[int, int] = (4, 8)
-    """Distances from a pulse of the slots compared with it [slots of half a pulse]."""
+    """Distances from a pulse at which slots are compared with it [slots of half a pulse]."""
     median_slots: int = 11
     """Number of slots (half pulses) in the running median that limits a band's cells."""
     newest_slots: int = 10
-    """Number of newest half-pulse slots with at least the lower bound of recent noise means."""
+    """Number of newest half-pulse slots in which the noise level is at least the lower bound of
+    recent means."""
     most_margin: float = 0.3
-    """Maximum share added to an uncertain noise level for the search."""
+    """Maximum fraction added to an uncertain noise level for the search."""
     same_share: float = 0.12
     """Relative difference below which two noise levels count as the same."""
     most_averaged: int = 40
@@ -116,11 +124,12 @@ class GroupTuning:
     """Constants for summing cells to groups, and choosing candidates."""
 
     cell_limit: float = 14.0
-    """Limit on the power of a cell in a group's sum of several [noise powers]: half of the
-    threshold at K = 3. It keeps one impulse from carrying a group, and costs no sensitivity,
-    since it lowers sums of noise as much (measured: docs/explanation/detection.md)."""
+    """Limit on the power of a cell in the sum of a group [noise powers]: half of the threshold
+    at K = 3. So no single impulse makes a group. The limit costs no sensitivity, since it
+    lowers sums of noise as much (measured: docs/explanation/detection.md)."""
     piece_s: float = 0.46
-    """Longest piece of spectrogram columns searched at once [s]; a detector's are of 0.44 s."""
+    """Longest piece of spectrogram columns searched at once [s]; a detector passes pieces of
+    0.44 s."""
     measured_columns: int = 4
     """Number of columns, half a pulse width, that must follow the last pulse of a group. The
     flank of a strong pulse reaches the cell limit before the pulse's maximum."""
@@ -130,8 +139,9 @@ class GroupTuning:
     anchors_at_once: int = 96
     """Number of strong cells (anchors) tested by one call of NumPy."""
     candidates_at_once: int = 24
-    """Maximum number of candidate groups measured at once: the strongest. Flanks of a neighbour
-    10 dB above the tag fill eight; 36 pulses were once missed next to it."""
+    """Maximum number of candidate groups measured at once; the strongest are taken. The flanks
+    of a neighbour 10 dB above the tag fill eight of these; 36 pulses were once missed next
+    to it."""
     long_from_k: int = 9
     """Minimum K for trying every cell as a group's last pulse, not only strong cells."""
     long_candidates_at_once: int = 8
@@ -151,15 +161,18 @@ class ThresholdTuning:
     tail_step: float = 0.01
     """Resolution of the calculated distribution of a group's sum of powers [noise powers]."""
     original_rate_hz: float = 3750.0
-    """Sample rate of the original detector, whose decisions define false-alarm rates [Hz]."""
+    """Sample rate of the original detector [Hz]; false-alarm rates are defined by the
+    original's decisions."""
     nine_of_ten: float = 1.2816
-    """Quantile 0.9 of the normal distribution [standard deviations], for p = 0.9."""
+    """Quantile of the normal distribution for a probability of 0.9 [standard deviations]."""
     least_begun: float = 0.25
-    """Minimum time in which a group may begin [decision intervals]; more up to K = 40."""
+    """Minimum time in which a group may begin [decision intervals]; for K up to 40 it is
+    longer."""
     first_share: float = 0.8
-    """Share of groups that lie within the samples of the first decision, calibrated."""
+    """Calibrated share of groups that lie within the samples of the first decision."""
     noise_error: float = 0.033
-    """Relative error of the noise after 2.5 s, with which threshold tables were calibrated."""
+    """Relative error of the noise estimate after 2.5 s, with which the threshold tables were
+    calibrated."""
     ks: tuple[float, ...] = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0)
     """Numbers of pulses K for which `hypotheses` and `interval_powers` are given."""
     hypotheses: tuple[float, ...] = (19.5, 36.0, 40.0, 46.0, 94.0, 94.0, 56.0, 139.0)
@@ -184,7 +197,7 @@ class NullTuning:
     shortest_share: float = 0.58
     longest_share: float = 0.86
     lattices: int = 12
-    """Number of intervals, not the tag's, at which groups are counted."""
+    """Number of intervals, all different from the tag's, at which groups are counted."""
     gain: float = 0.08
     """Rise of the threshold by each group counted at another interval [noise powers]."""
     # Soon after coloured noise begins, a counted group adds `eager_gain` / (`eager_groups` +
@@ -194,16 +207,19 @@ class NullTuning:
     eager_gain: float = 0.7
     """Rise of the threshold by the first group counted in new coloured noise [noise powers]."""
     eager_groups: float = 3.0
-    """Number of further groups in coloured noise after which the rise by each is halved."""
+    """Number of further groups counted in coloured noise after which each raises the threshold
+    by half as much."""
     by_chance: float = 0.4
-    """Rise of the threshold that white noise makes by chance [noise powers]; subtracted."""
+    """Rise of the threshold that counts in white noise make by chance [noise powers]; it is
+    subtracted."""
     most_share: float = 0.85
-    """Highest threshold over the largest possible sum of K cells at their limit. Strong pulses
-    of other transmitters are counted, too, and must not hide a strong tag."""
+    """Maximum of the raised threshold, as a share of the largest possible sum of K cells.
+    Strong pulses of other transmitters are counted, too, and must not hide a strong tag."""
     tolerated_ratio: float = 1.3
     """Ratio of counted groups to those of white noise up to which the threshold stays."""
     tolerated_coloured_ratio: float = 1.0
-    """Tolerated ratio of counted groups to those of white noise, while noise is coloured."""
+    """Ratio of counted groups to those of white noise up to which the threshold stays, while
+    noise is coloured."""
     ks: tuple[float, ...] = (2.0, 3.0, 5.0, 8.0)
     """Numbers of pulses K for which `white_ratios` are given."""
     white_ratios: tuple[float, ...] = (0.92, 1.25, 1.75, 1.56)
@@ -215,11 +231,13 @@ class EvidenceTuning:
     """Constants for testing candidates near the threshold by their likelihood."""
 
     power_limit: float = 16.0
-    """Limit on the power of a cell in a group's likelihood [noise powers]; bounds impulses."""
+    """Limit on the power of a cell in a group's likelihood [noise powers]; it bounds the effect
+    of impulses."""
     table_step: float = 0.02
     """Step in power of the table of likelihood ratios of pulse to noise [noise powers]."""
     steps_per_pulse: int = 25
-    """Number of start times tried per pulse width; power falls by a twelfth between two."""
+    """Number of start times tried per pulse width; between two of them, a pulse's power falls
+    by a twelfth."""
     row_bins: float = 0.125
     """Step of the frequencies tried around the candidate's, for its likelihood [bins]."""
     frequencies: int = 5
@@ -227,14 +245,16 @@ class EvidenceTuning:
     jitter_share: float = 0.4
     """Standard deviation of a pulse's jitter, as a share of the tag's declared jitter."""
     gate: float = 0.9
-    """Minimum score of a candidate whose likelihood is tested, as a share of the threshold."""
+    """Minimum score of a candidate for its likelihood to be tested, as a share of the
+    threshold."""
     sure_score: float = 1.2
-    """Score above which no likelihood is tested: two cells at the limit, one above noise."""
+    """Score above which the likelihood is not tested: two cells at the limit and one above the
+    noise."""
     tested_k: int = 3
-    """Number of pulses K of the groups whose likelihood is tested."""
+    """Number of pulses K in the groups that are tested by their likelihood."""
     most_jitter_widths: float = 6.0
-    """Largest jitter of a tag whose groups' likelihood is tested [pulse widths]; at this limit
-    45 000 lattices are summed in a millisecond."""
+    """Largest jitter of a tag for its groups to be tested by their likelihood [pulse widths];
+    at this limit 45 000 lattices are summed in a millisecond."""
     factor_log: float = -3.7
     """Constant of the minimum log-likelihood ratio, from noise groups counted at K = 3."""
     slope: float = 1.2
@@ -262,7 +282,8 @@ class MeasureTuning:
     break_places: tuple[float, ...] = (0.25, 0.5, 0.75)
     """Positions in a pulse at which its phase may break, as shares of its width."""
     break_gain: float = 3.5
-    """Power that noise gains by a phase break placed at will [noise powers]; subtracted."""
+    """Power that noise gains if the position of the phase break is chosen freely [noise
+    powers]; it is subtracted."""
     losing_s: float = 0.3
     """Time from lost samples within which a pulse may have a break of phase [s]."""
 

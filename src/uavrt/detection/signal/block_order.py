@@ -1,4 +1,4 @@
-"""Put the blocks of a stream in order: late, early, duplicate, or after a gap."""
+"""Put the blocks of a stream in order: late, early and duplicate ones, and those after gaps."""
 
 import math
 from typing import Literal
@@ -13,7 +13,7 @@ from uavrt.detection.signal.tuning import CHANNEL
 
 
 class LongestBlock:
-    """Upper bound of the next block's length: the longest of the last 64 to 128 blocks."""
+    """Upper limit of the next block's length: the longest of the last 64 to 128 blocks."""
 
     def __init__(self) -> None:
         self.length = 0
@@ -64,8 +64,10 @@ class Intake:
     def admit(
         self, samples: NDArray[np.complex64], time_ns: int, *, after: int
     ) -> Literal["taken", "refused", "later", "earlier"]:
-        """Add a block at the position given by its time; after a jump of time, add none and
-        return ``later`` or ``earlier``.
+        """Add a block at the position given by its time.
+
+        Returns ``taken`` or ``refused``. After a jump of time the block is not added, and the
+        result is ``later`` or ``earlier``.
         """
         buffer, counters = self.buffer, self._counters
         if not buffer.empty:

@@ -1,7 +1,7 @@
 """Remove carriers from the samples before the search.
 
-By the side lobes of a window one pulse long, a carrier of 60 dB hides a tag 100 Hz away. A
-transform 25 times as long finds carriers; they are subtracted with slowly varying amplitudes,
+In windows one pulse long, the side lobes of a carrier of 60 dB hide a tag 100 Hz away. Carriers
+are found in a transform 25 times as long. They are subtracted with slowly varying amplitudes,
 fitted jointly by least squares. A tag exactly on a carrier loses a part of its energy.
 """
 
@@ -42,7 +42,7 @@ class LineCanceller:
         return max(self._length, round(CARRIERS.fit_s * self._rate))
 
     def find(self, before: NDArray[np.complex64], samples: NDArray[np.complex64]) -> None:
-        """Find carriers in the newest samples and in the stored ones `before`."""
+        """Find carriers in the newest samples and in `before`, the stored ones before them."""
         past = before if self._past is None else self._past
         newest = np.concatenate((past, samples))[-self._length :]
         if len(newest) < self._length:
@@ -111,7 +111,10 @@ class LineCanceller:
     def _steady(
         self, samples: NDArray[np.complex64], frequencies: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
-        """True where the median power of 20 ms pieces is near their mean, unlike for pulses."""
+        """True for frequencies with steady power, as carriers have and pulses do not.
+
+        There the median power of pieces of 20 ms is near their mean.
+        """
         length = round(0.02 * self._rate)
         pieces = samples[: len(samples) // length * length].reshape(-1, length)
         turns = np.exp((-2j * np.pi / self._rate) * np.outer(np.arange(length), frequencies))
@@ -148,10 +151,10 @@ class LineCanceller:
 
 
 class _Waves:
-    """Sinusoids at given frequencies whose amplitudes follow polynomials, fitted jointly.
+    """Sinusoids at given frequencies with amplitudes that follow polynomials, fitted jointly.
 
-    All are fitted together by conjugate gradients, since neighbours share a part of their
-    power: a few products of small matrices. Within a block an amplitude is linear.
+    All are fitted together by conjugate gradients, because neighbours share a part of their
+    power. Within a block an amplitude is taken as linear.
     """
 
     def __init__(
@@ -174,12 +177,12 @@ class _Waves:
         self._used = np.arange(most + 1)[:, np.newaxis] <= degrees
 
     def _sum(self, weights: NDArray[np.complex64]) -> NDArray[np.complex64]:
-        """Sum carriers modelled by weights (polynomials, waves) to samples (count, block)."""
+        """Samples (count, block) of the sum of carriers with weights (polynomials, waves)."""
         levels = np.concatenate((self._values @ weights, self._changes @ weights), axis=1)
         return np.asarray((levels * self._middles) @ self._within.T)
 
     def _shares(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
-        """Project samples on each carrier model separately; the adjoint of `_sum`."""
+        """Project samples on each carrier separately; the adjoint operation of `_sum`."""
         levels = (samples @ self._within.conj()) * self._middles.conj()
         half = levels.shape[1] // 2
         shares = self._values.T @ levels[:, :half] + self._changes.T @ levels[:, half:]

@@ -1,4 +1,4 @@
-"""Store unfiltered samples that a filter applied in place needs as neighbours."""
+"""Store unfiltered samples for filters that replace samples and need their neighbours."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,16 +14,16 @@ class Surroundings:
         """Newest samples before they were filtered; None: the filter has not changed them."""
 
     def of(self, before: Samples, samples: Samples, after: Samples, reach: int) -> Samples:
-        """Join new samples with `reach` unfiltered neighbours on each side, (n + 2 reach,)."""
+        """Extend new samples by `reach` unfiltered samples on each side, (n + 2 reach,)."""
         zeros = np.zeros(2 * reach, np.complex64)
         past = before if self._past is None else self._past
         past = np.concatenate((zeros, past))[len(past) + reach :]
         return np.concatenate((past, samples, np.concatenate((after, zeros))[:reach]))
 
     def filtered(self, whole: Samples, reach: int) -> None:
-        """Store the end of `whole`, unfiltered, for the next call of `of`."""
+        """Store the end of `whole`, which is unfiltered, for the next call of `of`."""
         self._past = whole[-2 * reach : -reach].copy()
 
     def unfiltered(self) -> None:
-        """Record that the samples of this call stay unfiltered."""
+        """Record that the filter does not change the samples of this call."""
         self._past = None

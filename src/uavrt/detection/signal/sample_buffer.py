@@ -2,7 +2,7 @@
 
 Times are those of the blocks; a difference between blocks' times and sample counts is either a
 slow clock (followed) or lost samples (filled with zeros). Runs of zeros count as lost samples,
-whoever inserted them: they have no weight in any statistic.
+also if the sender inserted them. Lost samples have no weight in any statistic.
 """
 
 import bisect
@@ -28,7 +28,7 @@ class Counters:
     samples_lost: int = 0
     """Number of samples missing according to the blocks' times; replaced by zeros."""
     samples_blanked: int = 0
-    """Number of samples blanked as impulses."""
+    """Number of samples set to zero because they were impulses."""
     blocks_stale: int = 0
     """Number of blocks refused because they precede samples already received."""
     restarts: int = 0
@@ -93,7 +93,7 @@ class SampleBuffer:
         return (time_ns - self._stamp_ns[-1]) - ahead * self._ns_per_sample
 
     def time_ns(self, index: float) -> int:
-        """Time of a sample at the antenna [ns]; valid between samples, and slightly beyond."""
+        """Time of a sample at the antenna [ns]; the index may be fractional or just beyond."""
         at = max(0, bisect.bisect_right(self._stamp_index, index) - 1)
         return self._stamp_ns[at] + round((index - self._stamp_index[at]) * self._ns_per_sample)
 
@@ -201,9 +201,10 @@ class SampleBuffer:
         return any(low < last and first < high for low, high in self.lost)
 
     def weights(self, first: NDArray[Any], window: int) -> NDArray[np.float64] | None:
-        """Factors on the power of windows that compensate their lost samples; None: no loss.
+        """Factors on the power of windows that compensate for lost samples; None: none lost.
 
-        One over each received share; 0 below `CHANNEL.least_received`.
+        A factor is the inverse of the share of received samples; 0 below
+        `CHANNEL.least_received`.
         """
         if not self.lost or not first.size or not self.loses(first.min(), first.max() + window):
             return None
@@ -255,12 +256,12 @@ def blank_impulses(
     first: int,
     last: int,
 ) -> list[tuple[int, int]]:
-    """Zero bursts too short for a pulse, in place.
+    """Set bursts that are too short for a pulse to zero, in place.
 
-    A burst is a stretch whose power over `short` samples is 12 times the floor and 4 times the
-    power a `flank` before *and* after it. Inside a pulse at least one flank is as strong as the
-    middle, however strong the pulse.
-    Impulses of up to two flanks are blanked; of 1 ms, they made a false group in every segment.
+    A burst is a stretch with a power, averaged over `short` samples, of 12 times the noise
+    floor and 4 times the power at a distance of `flank` both before *and* after it. Inside a
+    pulse, however strong, at least one of these is as strong as the middle. Bursts of up to two
+    flanks are blanked. Without this, impulses of 1 ms made a false group in every segment.
     """
     if not len(samples):
         return []

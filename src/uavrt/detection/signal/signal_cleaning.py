@@ -1,4 +1,4 @@
-"""Remove carriers and impulses from new samples, in place."""
+"""Remove carriers and impulses from new samples, and whiten the noise, in place."""
 
 import math
 
@@ -61,13 +61,13 @@ class Cleaner:
 
     @property
     def margin(self) -> int:
-        """Number of samples after a stretch that the cleaning of the stretch requires."""
+        """Number of samples that must follow a stretch before the stretch can be cleaned."""
         ahead = self._whitener.reach if self._whitener is not None and self.whitening else 0
         return self._beyond + self._ahead + ahead
 
     @property
     def _beyond(self) -> int:
-        """Number of samples after a stretch that the search for impulses requires."""
+        """Number of samples that must follow a stretch before impulses in it can be found."""
         return self.flank + self._short
 
     @property

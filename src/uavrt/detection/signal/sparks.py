@@ -1,11 +1,11 @@
 """Divide the samples by the noise level at their time if the noise comes in bursts.
 
 Power lines spark at twice the mains frequency: noise for one to five milliseconds of each ten.
-This noise makes several times the false groups of steady noise. In noise whose power changes
-the matched filter weighs each sample by its noise.
+This noise makes several times the false groups of steady noise. In noise of varying power, a
+matched filter must weight each sample by the inverse of its noise power.
 
-The level of an instant is the harmonic mean of the levels on both sides of the searched band.
-So neither a tag's pulse nor a neighbour on one side counts as a burst.
+The noise level at an instant is the harmonic mean of the levels on both sides of the searched
+band. So neither a tag's pulse nor a neighbour on one side counts as a burst.
 """
 
 import numpy as np

@@ -13,16 +13,19 @@ class ChannelTuning:
     reorder_s: float = 0.1
     """Longest wait for a sample block that one later block has overtaken [s]."""
     recent_blocks: int = 64
-    """Number of recent sample blocks whose maximum length is expected for the next block."""
+    """Number of recent sample blocks; the longest of them is the expected length of the next
+    one."""
     restart_blocks: int = 3
-    """Number of consecutive sample blocks with past times before the stream restarts."""
+    """Number of consecutive sample blocks with times in the past after which the stream
+    restarts."""
     # Shortest run of zeros that counts as lost samples; coarse samples contain shorter ones.
     shortest_loss_s: float = 0.0005
     shortest_loss_samples: int = 4
     least_received: float = 0.45
     """Minimum share of a window's samples that were received, for it to be evaluated."""
     floor_stride: int = 4
-    """Step between the samples whose median power gives the noise floor [samples]."""
+    """Step between the samples used for the median power, which gives the noise floor
+    [samples]."""
     usual_error_hz: float = 500.0
     """Maximum usual error of a tag's frequency [Hz]."""
     edge_hz: float = 2.0
@@ -52,8 +55,8 @@ class CarrierTuning:
     group_bins: int = 16
     """Number of neighbouring frequency bins used to estimate their noise power."""
     floor_rank: int = 4
-    """Rank, by power, of the bin whose power represents a group's noise. The frame of 60 ms of
-    an idle transmitter has a line every 16.7 Hz, which takes half of the bins."""
+    """Rank, by power, of the bin that represents the noise of a group. The frame of 60 ms of an
+    idle transmitter has a line every 16.7 Hz, which takes half of the bins."""
     floor_scale: float = 2.0
     """Ratio of the median power of a group of noise bins to that of its bin of `floor_rank`."""
     most_lines: int = 240
@@ -95,8 +98,9 @@ class WhiteningTuning:
     rise_ratio: float = 2.2
     """Ratio of newest median to average noise density above which the average restarts."""
     suppressed_ratio: float = 10.0
-    """Ratio of a noise density to the tag band's above which the filter divides by its square
-    root. A neighbour at this ratio has the inverse ratio after the filter."""
+    """Ratio of a noise density to that of the tag's band above which the filter divides by the
+    square root of the excess only. A neighbour at this ratio has the inverse ratio after the
+    filter."""
     smoothed_bins: int = 5
     """Number of frequency bins over which the noise density is averaged."""
     coloured_ratio: float = 3.0
@@ -110,7 +114,7 @@ class WhiteningTuning:
     check_every: int = 4
     """Number of search steps between checks for white noise, or between new filters."""
     fewest_windows: int = 12
-    """Minimum number of windows whose median can show a rise of the noise density."""
+    """Minimum number of windows required to see a rise of the noise density in their median."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,7 +124,8 @@ class SparkTuning:
     side_s: float = 0.0013
     """Half-length of the filters for the frequencies on both sides of the searched band [s]."""
     smooth_s: float = 0.0011
-    """Half-length of the average of the noise level over time [s]: three values in 1 kHz."""
+    """Half-length of the average of the noise level over time [s]; in a band of 1 kHz it
+    averages three independent values."""
     guard_hz: float = 50.0
     """Distance of the noise filters' bands from the searched band, on both sides [Hz]."""
     least_width_hz: float = 300.0
@@ -133,11 +138,13 @@ class SparkTuning:
     """Ratio of a burst's level to the quiet quantile. Steady noise exceeds it in 0.8 % of the
     time, edges of 60 dB pulses in 1.3 %, and sparks of 3 dB mean power in 16 % or more."""
     sparking_share: float = 0.135
-    """Share of high noise levels at which limiting begins; ten 5 ms bursts/s give 0.1."""
+    """Share of high noise levels at which limiting of the samples begins; ten bursts of 5 ms a
+    second give 0.1."""
     steady_share: float = 0.11
     """Share of high noise levels below which limiting of the samples ends."""
     check_every: int = 8
-    """Number of steps between checks in steady noise: a check takes a third of a step."""
+    """Number of steps between checks for bursts while the noise is steady; a check takes a
+    third of a step."""
     share_gain: float = 0.2
     """Weight of the newest share of high noise levels in its running average."""
 
@@ -151,11 +158,12 @@ class OccupancyTuning:
     rise_s: float = 120.0
     """Time constant with which the quiet noise level may rise [s]."""
     loud_ratio: float = 24.0
-    """Ratio of an occupied instant's power to the quiet level. The lowest quartile of a minute
-    is about 0.3 of the mean noise, which hardly ever reaches this."""
+    """Minimum ratio of an instant's power to the quiet level for the instant to count as
+    occupied. The lowest quartile of a minute is about 0.3 of the mean noise, which hardly
+    ever reaches this."""
     above_channel: float = 4.0
-    """Maximum ratio of the quiet level to that of the channel's quietest frequencies, as noise
-    at its edges is lower. A higher ratio means a steady signal."""
+    """Maximum ratio of the quiet level of a tag's frequency to that of the channel's quietest
+    frequencies, where noise is lower. A higher ratio means a steady signal."""
     channel_every: int = 4
     """Number of updates between two measurements of the channel's quietest frequencies."""
     group_bins: int = 8

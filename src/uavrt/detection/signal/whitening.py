@@ -104,7 +104,7 @@ class Whitener:
         self._taps = self._filter(lags)
 
     def _filter(self, lags: NDArray[np.complex128]) -> NDArray[np.complex64]:
-        """Make the filter from an autocorrelation: its predictor, correlated with itself."""
+        """Make the filter from an autocorrelation: the predictor, correlated with itself."""
         order = self.reach
         order = min(order, len(lags) // 2 - 1)
         index = np.arange(order)

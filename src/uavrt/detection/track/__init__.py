@@ -1,4 +1,4 @@
-"""From candidates to reported pulses: test, track, assign to a tag, report.
+"""Turn candidates into reported pulses: test them, track them, assign them to a tag, report.
 
 `search_band` searches the band of one tag; `judging` accepts or rejects a candidate group;
 `tracks` and `following` track it. `other_signals/other_bursts`, `chance` and

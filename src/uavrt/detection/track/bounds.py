@@ -1,4 +1,4 @@
-"""Limits on a tag's signal: the searched frequencies, and the tag's interval."""
+"""Define the limits on a tag's signal: the searched frequencies, and the tag's interval."""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from uavrt.detection.track.tuning import BOUNDS, FOLLOW
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bounds:
-    """Limits of frequency and time within which groups and tracks may be of one tag."""
+    """Limits of frequency and time within which groups and tracks may be those of one tag."""
 
     tag: Tag
     home_hz: float
@@ -24,14 +24,14 @@ class Bounds:
     excluded_hz: tuple[tuple[float, float], ...] = ()
 
     def excluded_rows(self, offsets_hz: NDArray[np.float64]) -> NDArray[np.intp]:
-        """Indices of the rows in an excluded band, limits included."""
+        """Indices of the spectrogram rows in an excluded band, limits included."""
         inside = np.zeros(len(offsets_hz), np.bool_)
         for low, high in self.excluded_hz:
             inside |= (offsets_hz >= low) & (offsets_hz <= high)
         return np.flatnonzero(inside)
 
     def refusal(self, places: list[tuple[int, Measured]], rate: int) -> str | None:
-        """Reason why the measured pulses of a group are not the tag's; None if they may be."""
+        """Reason why the measured pulses of a group cannot be the tag's; None if they can."""
         floor = least_real([pulse.power for _, pulse in places])
         real = [pair for pair in places if pair[1].power >= floor]
         strongest = max((pulse for _, pulse in real), key=lambda pulse: pulse.power)
@@ -48,7 +48,7 @@ class Bounds:
         )
 
     def most_interval_error_s(self, rate: int) -> float:
-        """Maximum deviation from a rate's declared interval, by the samples' clock [s]."""
+        """Maximum deviation from a rate's declared interval, with sample clock error [s]."""
         nominal_s = self.tag.pulse_intervals_s
         own_s = nominal_s[rate - 1]
         # One crystal determines both rates: the error of the longer interval is larger.
@@ -56,9 +56,9 @@ class Bounds:
         return most_s + BOUNDS.clock_error * own_s
 
     def off_frequency(self, offset_hz: float) -> str | None:
-        """Reason why a frequency is not the tag's; None if it may be."""
+        """Reason why a signal at a frequency cannot be the tag's; None if it can."""
         if any(low <= offset_hz <= high for low, high in self.excluded_hz):
-            return "in an excluded stretch"
+            return "in an excluded frequency range"
         away_hz = abs(apart_hz(offset_hz, self.home_hz, self.sample_rate_hz))
         if away_hz > self.half_width_hz + BOUNDS.edge_bins / self.tag.pulse_width_s:
             return "outside the frequencies searched"
@@ -74,7 +74,7 @@ class Bounds:
         return own
 
     def _off_interval(self, pulses: list[tuple[int, float, float]], rate: int) -> bool:
-        """True if pulses (number among the K, time_s, power) cannot be at a rate's interval."""
+        """True if pulses (number among the K, time_s, power) do not fit a rate's interval."""
         if len(pulses) < 2:
             return False
         (first, begin_s, weak), (last, end_s, power) = pulses[0], pulses[-1]
@@ -91,9 +91,10 @@ class Bounds:
         return abs(interval_s - own_s) > most_s + BOUNDS.line_sigmas * error_s
 
     def leaves_open(self, track: Track) -> bool:
-        """True if a long group's interval is uncertain enough to be another train's.
+        """True if a long group's interval is so uncertain that it may be another train's.
 
-        Of a train that began before the stream, the last pulses may fit a lattice 2 ms off.
+        The last pulses of a train that began before the stream may fit an interval that is 2 ms
+        off.
         """
         if self.tag.k <= FOLLOW.most_alone:
             return False

@@ -1,9 +1,9 @@
-"""Compute log-likelihood ratios for a track: a tag's pulses against bursts by chance.
+"""Compute log-likelihood ratios for a track: pulses of a tag against bursts that fit by chance.
 
-A track of bursts is one of many that could have begun; each of its expected pulses was a burst
-by chance. The product of the likelihood ratios exceeds A with a chance of at most 1/A (Ville's
-inequality; J. Ville, Étude critique de la notion de collectif, 1939). The bound is therefore
-the number of expected tracks over the number of false ones allowed.
+A track of bursts is one of many that could have begun, and at each expected pulse a burst was
+received by chance. The product of the likelihood ratios exceeds A with a probability of at most
+1/A (Ville's inequality; J. Ville, Étude critique de la notion de collectif, 1939). The bound is
+therefore the number of expected tracks over the number of false ones allowed.
 """
 
 import math
@@ -21,21 +21,24 @@ class BurstRates:
     hiding_per_s: float
     """Rate of bursts of at least half a detection's power, at the track's frequency [1/s]."""
     begin_per_s: float
-    """Rate of bursts of similar power in the whole band; each may begin a group [1/s]."""
+    """Rate of bursts of similar power in the whole band [1/s]; each may begin a false group."""
 
 
 QUIET = BurstRates(alike_per_s=0.0, hiding_per_s=0.0, begin_per_s=0.0)
 
 
 def log_begin(per_s: float) -> float:
-    """Log odds that a track of one pulse is a tag; `per_s`: bursts that may begin one [1/s]."""
+    """Log odds that a track of one pulse is a tag's.
+
+    `per_s`: rate of other transmitters' bursts, each of which may begin a track [1/s].
+    """
     return math.log(
         CHANCE.confirmed_falsely / (CHANCE.period_s * max(per_s, 10.0 * CHANCE.quiet_per_s))
     )
 
 
 def log_doubt(allowed: float, decision_s: float) -> float:
-    """Log odds below which bursts form more tracks than `allowed` in `decision_s`."""
+    """Log odds below which chance bursts make more tracks than `allowed` in `decision_s`."""
     return -math.log(
         max(1.0, allowed * CHANCE.period_s / (CHANCE.confirmed_falsely * decision_s))
     )
@@ -50,9 +53,9 @@ def log_odds(
     beside_hz: float,
     above_db: float,
 ) -> float:
-    """Log-likelihood ratio of a detection at an expected time: a tag's pulse to a burst.
+    """Log-likelihood ratio of a detection at an expected time: pulse of the tag to burst.
 
-    `late_s`, `beside_hz`, `above_db`: the detection relative to the expected pulse;
+    `late_s`, `beside_hz`, `above_db`: deviations of the detection from the expected pulse.
     `spread_s`: standard deviation of the pulse's time.
     """
     seen = _seen(rates, width_s)
@@ -68,7 +71,7 @@ def log_odds(
 
 
 def log_empty(rates: BurstRates, *, width_s: float) -> float:
-    """Log-likelihood ratio of a tag to a series of bursts, if its pulse is not received."""
+    """Log-likelihood ratio of a tag to chance bursts, where no pulse was received."""
     return math.log(1.0 - _seen(rates, width_s))
 
 

@@ -24,7 +24,7 @@ from uavrt.detection.track.two_rates import change_rate, decide_rate, lags, star
 
 
 def _quiet(_track: Track, _found: Measured) -> BurstRates:
-    """Return zero burst rates; a module-level function because detectors are pickled."""
+    """Return burst rates of zero; a function of the module, because detectors are pickled."""
     return QUIET
 
 
@@ -58,7 +58,10 @@ class Follower:
         floor: float,
         around: Callable[[Track, Measured], BurstRates],
     ) -> None:
-        """Follow tracks up to sample `upto`; drop ended ones. Call `settle` after each."""
+        """Follow tracks up to sample `upto`, and drop those that have ended.
+
+        `settle` is called after each pulse.
+        """
         self._tracks = tracks
         self._around = around
         if not tracks:
@@ -73,9 +76,9 @@ class Follower:
         tracks[:] = [t for t in tracks if not t.dead]
 
     def carried(self, tracks: list[Track]) -> tuple[Track, ...]:
-        """Tracks that continue after a jump of the clock; they must be confirmed again.
+        """Confirmed tracks that continue after a jump of the clock.
 
-        If samples are missing, they find nothing and end.
+        They must be confirmed again. If samples are missing, they receive no pulse and end.
         """
         end_s = self.seconds(self._buffer.end)
         kept = tuple(track for track in tracks if track.confirmed and not track.held)
@@ -173,7 +176,7 @@ class Follower:
         found: Measured,
         noise: NDArray[np.float32],
     ) -> Measured:
-        """Return the stronger measurement of a pulse near losses: with phase break or not."""
+        """Stronger of two measurements of a pulse near losses: with and without phase break."""
         if found.power < FOLLOW.whole_power:
             spread = track.spread_s() * self._grid.sample_rate_hz
             offset_hz, band_hz = track.offset_hz, MEASURE.track_band_hz

@@ -1,8 +1,8 @@
-"""Measure a candidate on the samples and decide if it is a group of the tag.
+"""Measure a candidate on the samples, and decide if it is a group of the tag.
 
-If a window's energy is six standard deviations above the noise, one row must have 0.35 of the
-energy: that of the pulse or of a stronger signal. Otherwise the candidate is an impulse.
-Blanking longer bursts instead would blank pulses, too, and miss pairs of impulses.
+If the energy in a pulse's window is six standard deviations above the noise, one row must have
+0.35 of it, from the pulse or a stronger signal. Otherwise the candidate is an impulse. Blanking
+longer bursts in the samples instead would also blank pulses, and miss pairs of impulses.
 """
 
 import math
@@ -44,7 +44,7 @@ class Judge:
     def suffices(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> bool:
-        """True if noise causes such a candidate less often than the tag's false-alarm rate."""
+        """True if noise makes such a candidate less often than the false-alarm rate allows."""
         return self._evidence is None or self._evidence.suffices(candidate, search, noise)
 
     def known(self, tracks: list[Track]) -> KnownPulses | None:
@@ -77,7 +77,7 @@ class Judge:
     def measure(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> list[tuple[int, Measured]] | None:
-        """Measure a candidate's pulses, each with its number among the K; or None."""
+        """Measure a candidate's pulses, each with its number among the K; None without any."""
         grid = self._grid
         starts = np.array([grid.start(column) for column in candidate.columns])
         half = (search.reach + 1) * grid.hop
@@ -123,10 +123,10 @@ class Judge:
         noise: NDArray[np.float32],
         floor: float,
     ) -> tuple[list[tuple[int, Measured]], str | None]:
-        """Pulses of a group that are the tag's, and None; or none, and why it is rejected.
+        """Pulses of a group that are the tag's; or none, and the reason for its rejection.
 
-        Among many weak pulses there is always one near which noise, an impulse or another
-        signal is stronger: it is excluded, and the group must suffice without it.
+        In a long group of weak pulses, there is always one near which noise, an impulse or
+        another signal is stronger. That pulse is excluded, and the others must suffice.
         """
         reason = self._other_train(places, candidate, search, noise)
         if reason is not None:
@@ -159,7 +159,7 @@ class Judge:
         search: RateSearch,
         noise: NDArray[np.float32],
     ) -> str | None:
-        """Reason why a group's pulses do not have the tag's interval; None if they may."""
+        """Reason why a group's pulses cannot have the tag's interval; None if they can."""
         if (reason := self._bounds.refusal(places, search.rate)) is not None:
             return reason
         if self._is_the_other_rate([pulse for _, pulse in places], search, noise):
@@ -181,9 +181,10 @@ class Judge:
         return None
 
     def _stronger_cause(self, pulse: Measured, floor: float) -> tuple[str | None, float]:
-        """Stronger signal that explains a pulse, in words, or None; and its excess power.
+        """Name of a stronger signal that explains a pulse, or None; and its excess power.
 
-        The second value: power beyond that allowed near the pulse [noise powers]; else 0.
+        The excess is the power above that allowed near the pulse [noise powers], and 0 without
+        such power.
         """
         rate_hz = self._grid.sample_rate_hz
         bin_hz = rate_hz / self._grid.window
@@ -194,7 +195,7 @@ class Judge:
             return "flank of a stronger pulse", power - allowed
         if pulse.power > JUDGE.weak_power and _leak(power, apart / bin_hz) > pulse.power:
             if self._bounds.off_frequency(offset) and power > JUDGE.flank_ratio * pulse.power:
-                return "side lobe of a signal outside", 0.0
+                return "side lobe of a signal outside the searched band", 0.0
             if apart > bin_hz and power > JUDGE.lobe_ratio * pulse.power:
                 return "side lobe of a stronger signal", 0.0
         if pulse.power > JUDGE.loud_power and self._refiner.is_impulse(pulse, floor):
@@ -204,9 +205,9 @@ class Judge:
     def _is_the_other_rate(
         self, group: list[Measured], search: RateSearch, noise: NDArray[np.float32]
     ) -> bool:
-        """True if the pulses between those of a group show the tag's other rate.
+        """True if there are pulses between those of a group that show the tag's other rate.
 
-        Every second pulse of a rate is a train of twice the interval.
+        Every second pulse sent at one rate makes a train of twice the interval.
         """
         if len(self._tag.pulse_intervals_s) < 2 or len(group) < 2:
             return False
@@ -246,9 +247,10 @@ class Judge:
 
 
 def _leak(power: float, apart_bins: float) -> float:
-    """Upper bound of the leakage of a rectangular pulse, or a part of one, at a distance.
+    """Upper limit of the leaked power of a rectangular pulse, at a distance in frequency.
 
-    At most 1 / (pi df tp)^2 of its power; doubled in amplitude as a margin.
+    The leakage is at most 1 / (pi df tp)^2 of the pulse's power; its amplitude is doubled as a
+    margin. The limit also holds for a part of a pulse.
     """
     return power if apart_bins < 2.0 / math.pi else 4.0 * power / (math.pi * apart_bins) ** 2
 
@@ -256,8 +258,9 @@ def _leak(power: float, apart_bins: float) -> float:
 def _has_gaps(places: list[tuple[int, Measured]]) -> bool:
     """True if pulses of a group are missing, such as every second one at the other rate.
 
-    Of few pulses each is compared with the strongest. Of many weak pulses some are always low:
-    then all second slots are tested together, a pulse of the same strength against none.
+    In a short group, each pulse is compared with the strongest. In a long group of weak pulses,
+    some are always low; there, all second slots are tested together, for a pulse of the same
+    strength against none.
     """
     powers = [pulse.power for _, pulse in places]
     if len(places) <= JUDGE.few_pulses:
@@ -273,5 +276,5 @@ def _has_gaps(places: list[tuple[int, Measured]]) -> bool:
 
 
 def share_a_pulse(one: list[Measured], two: list[Measured], window: int) -> bool:
-    """True if two groups have a pulse at the same time, at any frequency of its leakage."""
+    """True if two groups have a pulse at the same time, at any frequency (leakage)."""
     return any(abs(a.start - b.start) < 0.75 * window for a in one for b in two)

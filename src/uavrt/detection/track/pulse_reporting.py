@@ -1,4 +1,4 @@
-"""Make records of tracks: determine the tag's track, and report each pulse once."""
+"""Make records of tracks: find the track that is the tag's, and report each pulse once."""
 
 import math
 
@@ -49,9 +49,10 @@ class Reporter:
         return reports
 
     def owner(self, tracks: list[Track], nominal_hz: float, now_s: float) -> Track | None:
-        """Find the active track nearest to the tag's nominal frequency; ties: the newest.
+        """Find the track that is the tag's: the active one nearest to its nominal frequency.
 
-        Strength does not matter; of tracks at one frequency, the last to receive a pulse.
+        The strength does not matter. Among tracks of nearly equal frequency, the one that
+        received a pulse last is chosen.
         """
         alive = [
             t
@@ -70,7 +71,7 @@ class Reporter:
         return max(close, key=lambda t: (not t.held, t.last_accepted_s))
 
     def settle(self, tracks: list[Track], nominal_hz: float, now_s: float) -> None:
-        """Determine the track of the tag and report its pulses."""
+        """Find the track that is the tag's, and report its pulses."""
         owner = self.owner(tracks, nominal_hz, now_s)
         for track in tracks:
             if owner is not None:
@@ -79,7 +80,7 @@ class Reporter:
                 self.report(track)
 
     def report(self, track: Track, *, last: bool = False) -> None:
-        """Make records of a track's accepted pulses, and of weak unconfirmed ones."""
+        """Make records of a track's accepted pulses, also of weak ones as unconfirmed."""
         if self.doubts(track, last=last) or track.held:
             return
         oldest_open = track.number - self._tag.k + 1
@@ -100,9 +101,9 @@ class Reporter:
                     slot.state = "missed"
 
     def doubts(self, track: Track, *, last: bool = False) -> bool:
-        """True if bursts alone form such tracks more often than the false-alarm rate allows.
+        """True if chance bursts make such tracks more often than the false-alarm rate allows.
 
-        A track once in doubt waits for confirmation; then all its pulses are reported.
+        The pulses of a track in doubt are reported only when the track is confirmed.
         """
         if track.confirmed:
             return False
@@ -114,7 +115,7 @@ class Reporter:
     def searched(
         self, time_ns: int, band: SearchBand, occupancy: Occupancy | None = None
     ) -> None:
-        """Record what a band has searched; about once a second it becomes a report."""
+        """Record what a band has searched; makes a search report about once a second."""
         if self._reported_ns is None:
             self._reported_ns = time_ns
         if time_ns - self._reported_ns < _REPORT_EVERY_NS:
@@ -135,7 +136,7 @@ class Reporter:
         del self._reports[:-3600]
 
     def _place(self, track: Track) -> None:
-        """Choose a track's frequency among its aliases; again after it crosses an edge."""
+        """Choose a track's frequency among its aliases, and again when it crosses an edge."""
         place_hz = in_channel_hz(
             track.steady_hz,
             nominal_hz=self._tag.frequency_hz - self._center_hz,
@@ -200,5 +201,5 @@ class Reporter:
 
 
 def snr_db(pulse: Measured) -> float:
-    """ENR of a pulse [dB]."""
+    """Energy of a pulse over the noise power density (ENR) [dB]."""
     return 10.0 * math.log10(pulse.enr)

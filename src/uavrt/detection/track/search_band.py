@@ -1,4 +1,4 @@
-"""One band of frequencies under search: its spectrogram, its noise, a search for each rate."""
+"""Search one band of frequencies: its spectrogram, its noise, and a search for each rate."""
 
 import itertools
 import math
@@ -25,7 +25,7 @@ from uavrt.detection.track.other_signals.other_bursts import Bursts, Known
 from uavrt.detection.track.tuning import BAND
 
 NOISE_STRIDE = SLOT
-"""Distance between columns used for the noise estimate [columns]; a pulse has eight."""
+"""Step between the columns used to estimate the noise [columns]; a pulse has eight columns."""
 
 
 class _LostColumns:
@@ -49,7 +49,7 @@ class _LostColumns:
             power *= weights.astype(np.float32)[:, np.newaxis]
 
     def whole(self, begin: int, count: int) -> NDArray[np.bool_]:
-        """True for the columns from `begin` on that are used for the noise."""
+        """True for columns from `begin` on that have enough samples to show the noise."""
         weights = self._weights(begin, count)
         received = np.ones(count, np.bool_) if weights is None else weights > 0.0
         # A window with 7 ms removed has a third less noise: five such in a second gave 3 % too
@@ -61,7 +61,7 @@ class _LostColumns:
     def _without(
         self, stretches: list[tuple[int, int]], begin: int, count: int
     ) -> NDArray[np.bool_]:
-        """(count,) True for spectrogram columns without samples of the given stretches."""
+        """(count,) True for spectrogram columns with no sample of the given stretches."""
         grid = self._grid
         whole = np.ones(count, np.bool_)
         for low, high in reversed(stretches):
@@ -73,7 +73,7 @@ class _LostColumns:
 
 
 class SearchBand:
-    """Search of one stream in one band of frequencies, in pieces of at most `batch_s`."""
+    """Searches one band of frequencies in a stream, in pieces of at most `batch_s`."""
 
     def __init__(
         self, *, grid: Grid, buffer: SampleBuffer, bounds: Bounds, batch_s: float
@@ -142,7 +142,7 @@ class SearchBand:
     def advance(
         self, upto: int, *, last: bool
     ) -> list[tuple[RateSearch, list[Candidate]]] | None:
-        """Search samples up to an index: candidates by rate; None while noise is unknown."""
+        """Search samples up to an index; return candidates by rate (None: noise unknown)."""
         power = self._columns(self._spectrogram, upto, last=last)
         was_ready = self._noise.ready
         if was_ready and len(power):
@@ -166,7 +166,10 @@ class SearchBand:
         return results
 
     def batch_key(self, upto: int) -> tuple[int, ...] | None:
-        """Properties that bands in one call of `advance_together` must share; None: alone."""
+        """Properties that bands must share to be run in one call of `advance_together`.
+
+        None: the band is searched alone.
+        """
         spectrogram = self._spectrogram
         first = spectrogram.needed()
         if first < 0 or not self._noise.ready or self._kind is None:
@@ -180,7 +183,7 @@ class SearchBand:
         return (*key, *self._kind)
 
     def suppress(self, pulses: KnownPulses | None) -> None:
-        """Suppress the candidates that known pulses explain, from the next step on."""
+        """From the next step on, suppress the candidates that known pulses explain."""
         for search in self._searches:
             search.known = pulses
 
@@ -190,7 +193,7 @@ class SearchBand:
             self._learn(power, begin, last=last)
 
     def bursts(self, known: Sequence[Known]) -> Bursts:
-        """Bursts of other transmitters up to the present, without `known` tags' pulses."""
+        """Bursts of other transmitters so far; pulses in `known` are excluded."""
         search = self._searches[0]
         self._bursts.update(
             search.open_anchors(),
@@ -202,7 +205,7 @@ class SearchBand:
         return self._bursts
 
     def score(self) -> float:
-        """Highest ratio of a statistic to its threshold since the last call, at most 0.999."""
+        """Highest ratio of a sum to its threshold since the last call, at most 0.999."""
         best = max(search.best for search in self._searches)
         for search in self._searches:
             search.best = 0.0
@@ -214,7 +217,7 @@ class SearchBand:
         return weakest_enr_db(search.k, search.threshold * search.margin / self._gate)
 
     def take_over(self, other: "SearchBand", upto: int) -> None:
-        """Begin at an index in mid-stream with the noise estimate of a wider band."""
+        """Begin in the middle of a stream with the noise estimate of a wider band."""
         grid = self._grid
         column = 8 * math.ceil((upto + grid.reach) / grid.hop / 8.0)
         self._column = self._begun = column
@@ -229,7 +232,7 @@ class SearchBand:
     def _columns(
         self, spectrogram: Spectrogram, upto: int, *, last: bool
     ) -> NDArray[np.float32]:
-        """Next spectrogram columns up to a sample index; zeros follow the last sample."""
+        """Next spectrogram columns up to a sample index; zeros follow after the last sample."""
         first = spectrogram.needed()
         if first >= upto:
             return np.zeros((0, self._grid.rows), np.float32)
@@ -243,7 +246,10 @@ class SearchBand:
         return power
 
     def _from_the_start(self, upto: int, *, last: bool) -> Iterator[NDArray[np.float32]]:
-        """All spectrogram columns so far, recomputed: saves 0.3 MB until the noise is known."""
+        """Compute all spectrogram columns from stored samples, once the noise can be known.
+
+        Until then no columns are stored, which saves 0.3 MB.
+        """
         grid, at = self._grid, self._buffer.start
         spectrogram = Spectrogram(grid)
         if at:
@@ -283,7 +289,7 @@ class SearchBand:
                 self._learnt.clear()
 
     def _trust_noise(self, *, always: bool = False) -> None:
-        """Raise the threshold by the noise estimate's error while that is larger than usual."""
+        """Raise the threshold as long as the noise estimate is less accurate than usual."""
         if not (self._unsure or always):
             return
         error = self._noise.relative_error
@@ -364,7 +370,7 @@ def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> 
 def _needed_noise_s(tag: Tag, searches: list[RateSearch]) -> float:
     """Earliest time at which a group can reach a threshold and the noise is needed [s].
 
-    A cell adds at most the limit, so a threshold needs several pulses.
+    A cell adds at most the limit to a sum, so several pulses are needed to reach the threshold.
     """
     soonest_s = min(
         (math.ceil(search.threshold / search.limit) - 1)

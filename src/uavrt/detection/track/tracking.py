@@ -23,7 +23,7 @@ from uavrt.detection.track.unlocked import drop_old, join_group
 
 
 class SearchWindow:
-    """Search around one frequency: its band, test of candidates, following of tracks."""
+    """Search around one frequency: its band, the test of candidates, and the tracks in it."""
 
     def __init__(self, bounds: Bounds, buffer: SampleBuffer, batch_s: float) -> None:
         self.bounds, self._buffer, self._batch_s = bounds, buffer, batch_s
@@ -38,7 +38,7 @@ class SearchWindow:
         self.follower = Follower(bounds, grid=grid, buffer=buffer, refiner=refiner)
 
     def restart(self) -> None:
-        """Begin with a new band, without noise estimate."""
+        """Begin again with a new band, without a noise estimate."""
         self.band = SearchBand(
             grid=self.grid, buffer=self._buffer, bounds=self.bounds, batch_s=self._batch_s
         )
@@ -66,7 +66,7 @@ class Tracking:
         self.restart(window)
 
     def restart(self, window: SearchWindow, tracks: Sequence[Track] = ()) -> None:
-        """Begin again with the given tracks in a window."""
+        """Begin again in a window, with the given tracks."""
         self._window, self.tracks = window, list(tracks)
         self._bursts: Bursts | None = None
         self._suppresses = False
@@ -212,7 +212,7 @@ class Tracking:
             self._reporter.settle(self.tracks, self._window.bounds.home_hz, self._now_s)
 
     def owner(self) -> Track | None:
-        """The tag's own track; None if it has no confirmed one."""
+        """The track that is the tag's; None if no confirmed track is."""
         if self.senders is None:
             return self._reporter.owner(self.tracks, self._window.bounds.home_hz, self._now_s)
         tags = (t for t in self.tracks if t.confirmed and t.ghost_of is None)

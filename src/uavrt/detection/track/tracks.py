@@ -1,8 +1,8 @@
 """Track a tag from pulse to pulse, also through missed pulses.
 
-A track holds the phase and the interval (Kalman filter), the frequency, and the last
-expected pulses. The next pulse is expected within narrow limits of time and frequency, so
-its threshold is far below that of the search: 1.3 dB or more at K = 3.
+A track estimates the phase and the interval of the pulses by a Kalman filter, and their
+frequency. The next pulse is expected within narrow limits of time and frequency, so its
+threshold is lower than that of the search, by 1.3 dB or more at K = 3.
 """
 
 import math
@@ -24,7 +24,7 @@ Around = Callable[["Track", Measured], BurstRates]
 
 @dataclass(slots=True)
 class Slot:
-    """One expected pulse of a track and the detection there."""
+    """One expected pulse of a track, and the detection at its time."""
 
     number: int
     """Number of the expected pulse in its track, from 0 at the first pulse."""
@@ -39,9 +39,11 @@ class Slot:
     bursts: BurstRates = QUIET
     """Rates of other transmitters' bursts around the time and frequency of the pulse."""
     burst_odds: float = 0.0
-    """Log odds that the detection at the expected time is the tag's pulse and not a burst."""
+    """Log odds that the detection at the expected time is the tag's pulse and not another
+    transmitter's burst."""
     tag_odds: float = 0.0
-    """Log odds that the detection is the tag's pulse, and neither noise nor a burst."""
+    """Log odds that the detection is the tag's pulse, and neither noise nor another
+    transmitter's burst."""
 
     @property
     def received(self) -> bool:
@@ -51,7 +53,7 @@ class Slot:
 
 @dataclass(slots=True)
 class Track:
-    """A tag at one rate and frequency; times are seconds since the detector's epoch."""
+    """A tag followed at one rate and frequency; times are seconds from the detector's epoch."""
 
     tag: Tag
     rate: int
@@ -72,33 +74,37 @@ class Track:
     slots: list[Slot] = field(default_factory=list)
     """Recent expected pulses of the track with their detections, oldest first."""
     past_ns: list[int] = field(default_factory=list)
-    """Times of accepted pulses before those in `slots` [ns], for tracks of longer intervals."""
+    """Times of accepted pulses that are no longer in `slots` [ns], for comparison with tracks
+    of longer intervals."""
     confirmed: bool = False
     held: bool = False
-    """True if reports wait for confirmation, because another track is the tag's."""
+    """True if pulses are not reported before confirmation, because another track is the
+    tag's."""
     clashing: bool = False
     """True if the track began with a pulse that belongs to another track."""
     alternatives: tuple[int, ...] = ()
-    """Ids of other listed tags that may send the track's pulses (train_senders.py)."""
+    """Ids of other listed tags that may have sent the track's pulses (train_senders.py)."""
     confirmed_at_assignment: bool = False
     """True if the track was confirmed when it was last assigned to a tag."""
     ghost_of: int | None = None
-    """Id of the stronger tag of which this track is a false image (ghosts.py); else None."""
+    """Id of the stronger tag if the track is a false image of it (ghosts.py); None
+    otherwise."""
     dead: bool = False
     since_accepted: int = 0
     tested: int = 0
-    """Number of expected pulses tested since the group of pulses that began the track."""
+    """Number of expected pulses tested after the group of pulses that began the track."""
     gained: float = 0.0
     sequences: dict[int, int] = field(default_factory=dict)
-    """Sequence number of each reported group, by the number of its pulses divided by K."""
+    """Sequence number of each reported group, by the group's place in the track (pulse number
+    divided by K)."""
     last_accepted_s: float = 0.0
     odds: float = 0.0
     """Log odds that the track is a tag and not a chance series of bursts."""
     best_odds: float = 0.0
     in_doubt: bool = False
-    """True if chance bursts were ever a likelier cause of the track than reporting allows."""
+    """True if the track was ever more likely made of chance bursts than reporting allows."""
     stands_out: bool = False
-    """True if noise alone is unlikely to have caused the track's pulses."""
+    """True if noise alone is unlikely to be the cause of the track's pulses."""
     interval_open: bool = False
     """True if the pulses are too few to distinguish the interval from another train's."""
     trust: float = FOLLOW.most_trust
@@ -106,7 +112,7 @@ class Track:
     at_other_rate: "list[Track]" = field(default_factory=list)
     """Tracks of the transmitter at the tag's other rate, if it has switched (two_rates.py)."""
     settled_s: float = -math.inf
-    """Time of the last pulse up to which the tag's rate is decided for all pulses [s]."""
+    """Time of the last pulse up to which the tag's rate is decided [s]."""
     halves: list[float] = field(default_factory=lambda: [0.0, 0.0])
     """Log odds that the tag sends at even, and at odd, pulse numbers; old evidence decays."""
     certain_s: float = math.inf
@@ -115,7 +121,7 @@ class Track:
     def begin(
         self, pulses: list[tuple[int, float, int, Measured]], around: Around = lambda *_: QUIET
     ) -> None:
-        """Start from a detected group of pulses, each with its number among the K."""
+        """Start a track from a detected group of pulses, each with its number among the K."""
         tag = self.tag
         nominal = tag.pulse_intervals_s[self.rate - 1]
         self.interval_s = nominal
@@ -159,7 +165,7 @@ class Track:
         self.trust = min(FOLLOW.most_trust, FOLLOW.first_trust + max(0.0, self.odds))
 
     def continue_from(self, slot: Slot, *, interval_s: float, share: float) -> None:
-        """Begin at a known tag's pulse, uncertain by `share` of the declared interval error."""
+        """Start at a known pulse, with `share` of the interval's declared error."""
         self.interval_s = interval_s
         self._reset_phase(slot.measured.power, share)
         self.slots = [replace(slot, number=0, state="reported")]
@@ -173,7 +179,7 @@ class Track:
         base: int,
         around: Around = lambda *_: QUIET,
     ) -> None:
-        """Add the new pulses of a group; `base`: pulse number in the track of its first one."""
+        """Add the new pulses of a group; `base`: number of its first pulse in the track."""
         width_s = self.tag.pulse_width_s
         floor = least_real([measured.power for *_, measured in pulses])
         for place, time_s, time_ns, measured in pulses:
@@ -202,16 +208,16 @@ class Track:
 
     @property
     def received(self) -> list[Slot]:
-        """Recent slots whose detections are accepted as the tag's pulses, oldest first."""
+        """Recent slots with detections that are accepted as the tag's pulses, oldest first."""
         return [slot for slot in self.slots if slot.received]
 
     @property
     def sure(self) -> bool:
-        """True if the pulses of the track are certainly no bursts."""
+        """True if the pulses of the track are certainly not other transmitters' bursts."""
         return self.confirmed and not self.dead and self.trust > FOLLOW.sure_trust
 
     def expected(self) -> tuple[float, float]:
-        """Time of the next pulse and the half-width of the window around it [s]."""
+        """Time of the next pulse, and half the width of the window searched around it [s]."""
         phase, cross, interval = self.variance
         variance = max(0.0, phase + 2.0 * cross + interval)  # rounding
         half = 2.5 * math.sqrt(variance) + self.tag.interval_jitter_s
@@ -224,7 +230,7 @@ class Track:
         return math.sqrt(max(0.0, phase + 2.0 * cross + interval) + own)
 
     def step(self, slot: Slot) -> None:
-        """Process the search result for the next expected pulse."""
+        """Update the track with the search result for the next expected pulse."""
         self._predict()
         self.number += 1
         self.offset_hz += self.drift_hz
@@ -263,7 +269,7 @@ class Track:
             self.dead = True
 
     def doubt(self, since_s: float) -> None:
-        """Require a new confirmation, and move the zero of the track's times to `since_s`."""
+        """Require a new confirmation; `since_s` becomes the zero of the track's times."""
         self.confirmed = False
         self.tested = self.since_accepted = 0
         self.gained, self.trust = 0.0, FOLLOW.most_trust
@@ -325,12 +331,12 @@ class Track:
         self.halves[half] = FOLLOW.half_kept * self.halves[half] + tag_odds
 
     def _sends_nothing(self, slot: Slot) -> bool:
-        """True if the tag has twice the track's interval and sends nothing at this pulse."""
+        """True if the tag's interval is twice the track's and nothing is sent at this pulse."""
         own, other = self.halves[slot.number % 2], self.halves[1 - slot.number % 2]
         return own < FOLLOW.empty_half and other > FOLLOW.full_half
 
     def against_bursts(self, slot: Slot) -> float:
-        """Log odds that a detection at the next expected time is the tag's, not a burst."""
+        """Log odds that a detection at the next expected time is the tag's, and not a burst."""
         phase, cross, interval = self.variance
         phase += 2.0 * cross + interval
         return self._odds(slot, self.time_s + self.interval_s, phase)
@@ -353,7 +359,7 @@ class Track:
         )
 
     def _weighed(self, slot: Slot) -> float:
-        """Log odds that a detection at the expected time is neither noise nor a burst."""
+        """Log odds that a detection at the expected time is the tag's, not noise or a burst."""
         noise = _against_noise(slot.measured.power, slot.volume)
         empty = log_empty(slot.bursts, width_s=self.tag.pulse_width_s)
         slot.burst_odds = self._odds(slot, self.time_s, self.variance[0])
@@ -410,7 +416,7 @@ class Track:
         return noise_s**2 + (self.tag.interval_jitter_s / 2.0) ** 2
 
     def _reset_phase(self, power: float, share: float = 1.0) -> None:
-        """Covariance of one pulse's timing error and `share` of the interval's uncertainty."""
+        """Covariance from a pulse's timing error and `share` of the interval's uncertainty."""
         spread_s = share * self.tag.interval_uncertainty_s / math.sqrt(3.0)
         interval = spread_s**2 + (BOUNDS.clock_error * self.interval_s) ** 2
         self.variance = [self._timing_variance(power), 0.0, interval]
@@ -443,7 +449,7 @@ def least_real(powers: list[float]) -> float:
     """Minimum power at which a group's pulse counts as received and not as noise.
 
     A pulse far weaker than the others and not certain by itself counts as noise. In a long
-    group most may be noise, so the strongest quarter is the reference.
+    group most detections may be noise, so the strongest quarter is the reference.
     """
     strongest = sorted(powers)[-(len(powers) // 4) :]
     return min(20.0, FOLLOW.weakest_share * sum(strongest) / len(strongest))

@@ -17,7 +17,7 @@ class BandTuning:
     """Minimum duration of samples used to estimate the noise [s]."""
     least_clean: float = 0.2
     """Minimum share of columns without impulses for the noise to be estimated from these alone.
-    With denser impulses nearly all columns contain some, and are about equal."""
+    If fewer are without impulses, all columns are used."""
     delay_s: float = 0.07
     """Delay of the newest spectrogram columns behind the samples [s]: a window and a filter."""
     kept_s: float = 4.0
@@ -28,7 +28,8 @@ class BandTuning:
     """Factor on a threshold while many carriers are removed: their residuals vary over the
     channel, which gave 1.6 times the nominal false groups."""
     most_tracks: int = 12
-    """Maximum number of tracks of one detector; beyond it the least certain is dropped."""
+    """Maximum number of tracks of one detector; above it, the least certain track is
+    dropped."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,13 +58,14 @@ class JudgeTuning:
     pulses_per_foreign: int = 4
     """Minimum number of a group's pulses for each pulse that may be another sender's."""
     flank_bins: float = 1.9
-    """Distance within which a strong pulse's maximum is searched [bins]: cells at their limit
-    hide it. One group in twenty of 50 dB was measured on the flank, 6 dB low."""
+    """Distance in frequency within which a strong pulse's maximum is searched [bins]. Because
+    cells are limited, one group of 50 dB in twenty was measured on the flank, 6 dB too low."""
     crossing_widths: float = 0.5
     """Excess over the tag's interval bound up to which intervals are tried [pulse widths]."""
     crossing_lead: float = 10.0
-    """Lead in power at which another interval is accepted [noise powers]. A tag at its bound
-    stays below: an interval 0.375 ms beyond loses more power than noise adds."""
+    """Lead in power at which another interval is accepted [noise powers]. A tag with its
+    interval at the bound stays below: an interval 0.375 ms beyond loses more power than
+    noise adds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +79,8 @@ class BoundTuning:
     timing_sigmas: float = 2.5
     """Tolerance for a pulse's timing error due to noise [standard deviations]."""
     line_sigmas: float = 3.0
-    """Tolerance for the interval from a line through pulse times [standard deviations]."""
+    """Tolerance for an interval measured by a line through pulse times [standard
+    deviations]."""
     known_share: float = 0.5
     """Maximum error of a long group's interval at its confirmation, as a share of its bound."""
     same_transmitter_hz: float = 40.0
@@ -93,7 +96,8 @@ class BurstRateTuning:
     """Constants for counting bursts of other transmitters."""
 
     noise_sigmas: float = 3.0
-    """Excess of bursts over noise above which they are counted [standard deviations]."""
+    """Excess of the number of bursts over that expected in noise, above which they count
+    [standard deviations]."""
     memory_s: float = 30.0
     """Time for which others' bursts are stored [s]; radio calls last some seconds."""
     most_kept: int = 3000
@@ -101,25 +105,27 @@ class BurstRateTuning:
     most_pending: int = 6000
     """Maximum number of strong cells stored between two updates of the burst rate."""
     windows_s: tuple[float, float, float] = (4.0, 10.0, 30.0)
-    """Durations over which the rate of bursts is measured; the highest counts [s]."""
+    """Durations over which the rate of bursts is measured [s]; the highest rate is used."""
     pooled_s: float = 2.0
     """Weight of the whole band's burst rate, as a duration at the track's frequency [s]."""
     similar_db: float = 8.0
-    """Maximum level difference between a pulse and a burst that may be taken for it [dB]."""
+    """Maximum level difference between a pulse and a burst that may be mistaken for it [dB]."""
     near_rows: float = 2.6
-    """Maximum frequency difference of a burst taken for a pulse [spectrogram rows]: 30 Hz."""
+    """Maximum frequency difference between a pulse and a burst that may be mistaken for it
+    [spectrogram rows]: 30 Hz."""
     pair_s: float = 0.012
     """Tolerance in the time between two bursts an interval apart, as in periodic frames [s]."""
     least_phases: int = 3
-    """Minimum number of phases with bursts an interval apart; a tag's pulses have fewer."""
+    """Minimum number of different phases at which bursts repeat after the tag's interval; a
+    tag's own pulses have fewer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChanceTuning:
-    """Assumptions for the odds that a track is a tag and no chance series of bursts."""
+    """Assumptions for the odds that a track is a tag and not a chance series of bursts."""
 
     received_share: float = 0.75
-    """Share of a tag's pulses that are detected: one in four is faded."""
+    """Share of a tag's pulses that are detected; one in four is lost to fading."""
     period_s: float = 200.0
     """Time to which the allowed number of false tracks from bursts refers [s]."""
     confirmed_falsely: float = 1e-3
@@ -140,11 +146,13 @@ class FollowTuning:
     """Constants for confirming, following and ending a track."""
 
     confirm_false: float = 0.0005
-    """Probability that noise confirms a tentative track, per test: 0.2 to 0.6 % in all."""
+    """Probability per test that noise confirms a tentative track; over all tests, 0.2 to
+    0.6 %."""
     confirm_long_false: float = 0.002
-    """Probability that noise confirms a track with K above `most_alone`, per test."""
+    """Probability per test that noise confirms a tentative track with K above `most_alone`."""
     more_tests: int = 2
-    """Number of tests of a new track beyond K: at 9 dB they confirm 3 tracks of 4, not 2."""
+    """Number of tests of a new track beyond K; at 9 dB they raise the confirmed tracks from 2
+    in 4 to 3 in 4."""
     follow_false: float = 0.01
     """Probability that noise is accepted as a confirmed track's pulse, per K intervals."""
     most_tests: int = 40
@@ -156,15 +164,16 @@ class FollowTuning:
     first_trust: float = 3.0
     """Log odds that a track just confirmed is a tag; three missing pulses end it."""
     most_trust: float = 15.0
-    """Maximum log odds of a track; ten missing pulses end the track, as `most_missed`."""
+    """Maximum log odds that a track is a tag; from there, ten missing pulses end the track, as
+    many as `most_missed`."""
     trust_lost: float = 1.4
     """Maximum fall of a track's log odds by a missed pulse; one in four is lost to fading."""
     trust_won: float = 4.0
     """Maximum gain of a track's log odds of being a tag by a received pulse."""
     joint_trust: float = 6.0
     """Log odds of being a tag above which a track's weak pulse is accepted by its sum with
-    others. Below, the sum includes the pulses that began the track: chosen as the largest of
-    many, they let a third of noise pass."""
+    others. Below, the sum would include the pulses that began the track. They were chosen as
+    the largest of many, so a third of noise would be accepted."""
     sure_trust: float = 10.0
     """Log odds of being a tag above which a track's pulses are certainly no bursts."""
     most_alone: int = 8
@@ -181,7 +190,8 @@ class FollowTuning:
     weakest_share: float = 0.35
     """Minimum power of a group's pulse, as a share of the strongest; less may be noise."""
     joint_ratio: float = 2.0
-    """Limit on the power of a pulse that supports a weak one, relative to the weak one's."""
+    """Maximum power of a pulse in such a sum, relative to that of the weak pulse that it
+    supports."""
     joint_share: float = 0.2
     """Minimum power of a weak pulse as a share of the strongest of its group."""
     # Log odds at every second place and at the others that mean twice the interval, with noise
@@ -189,19 +199,22 @@ class FollowTuning:
     empty_half: float = -2.5
     full_half: float = 4.0
     half_kept: float = 0.85
-    """Share of the log odds of sending at even, or odd, pulses that each new pulse keeps."""
+    """Share by which each new pulse keeps the earlier log odds that the tag sends at even, or
+    at odd, pulse numbers."""
     half_false: float = 0.01
     """Factor on the allowed number of false pulses at numbers where the tag does not send."""
     sure_power: float = 12.0
     """Minimum power of three pulses, an interval apart, that confirm a track [noise powers]."""
     interval_walk: float = 1.5e-4
-    """Standard deviation of the interval's change from pulse to pulse, as a share of it."""
+    """Standard deviation of the interval's change from pulse to pulse, as a share of the
+    interval."""
     phase_walk_s: float = 0.3e-3
     """Standard deviation of the random shift in a pulse's time from one to the next [s]."""
     most_drift_hz: float = 15.0
     """Maximum change of frequency from pulse to pulse [Hz]; a warming crystal has less."""
     steady_gain: float = 0.1
-    """Gain of a track's slow frequency average, which scatters a quarter as much as pulses."""
+    """Gain of the slow average of a track's frequency, which scatters a quarter as much as
+    single pulses."""
     past_pulses: int = 24
     """Number of past pulse times stored: more than three times a track's six slots."""
     whole_power: float = 20.0
@@ -220,9 +233,11 @@ class RateTuning:
     """Constants for recognizing a tag's change between its two rates."""
 
     decisive_log: float = 8.0
-    """Lead in log-likelihood that decides for a rate; one clear pulse at one rate gives it."""
+    """Lead in log-likelihood at which a tag's rate is decided; one clear pulse at one rate
+    gives it."""
     patience_intervals: float = 2.5
-    """Maximum wait of a pulse for its rate [longest intervals]; then it is only `detected`."""
+    """Maximum time for which a pulse waits until its rate is decided [longest intervals]; then
+    it is reported as `detected`."""
     uncertainty_share: float = 0.25
     """Uncertainty of the interval after a change of rate, over the tag's declared one."""
     most_starts: int = 8
@@ -234,9 +249,9 @@ class GhostTuning:
     """Constants for recognizing copies of a tag that the receiver makes."""
 
     stronger_ratio: float = 10.0**0.8
-    """Minimum ratio of a tag's power to its false image's (ghost's). An image is 25 to 40 dB
-    down; the third harmonic of a signal clipped to a square wave 9.5 dB, the strongest of its
-    products. Both originals of a product of two signals are stronger by this ratio."""
+    """Minimum ratio of a tag's power to that of its false image (ghost). An image is 25 to 40
+    dB weaker. The strongest harmonic of a signal clipped to a square wave, the third, is 9.5
+    dB weaker. Both originals of a product of two signals are stronger by this ratio."""
     least_pulses: int = 3
     """Minimum number of pulses of a false train caused by a stronger tag (ghost)."""
     mistaken_share: float = 1e-3
@@ -278,11 +293,13 @@ class SenderTuning:
     """Bonus on the log-likelihood for assigning a tag rather than none; exceeds all differences
     between tags."""
     relearn_ns: float = 60e9
-    """Time with another interval after which that replaces the tag's learnt one [ns]."""
+    """Time of reception with another interval after which that interval replaces the tag's
+    learnt one [ns]."""
     most_trains: int = 6
     """Maximum number of trains in a band that are assigned to tags: the last received."""
     kept_ns: int = 40_000_000_000
-    """Time for which pulses of confirmed trains are stored [ns]: longer than bursts are."""
+    """Time for which pulses of confirmed trains are stored [ns]; longer than bursts are
+    stored."""
     small_ratios: tuple[tuple[int, int], ...] = ((2, 1), (3, 1), (3, 2))
     """Ratios of two tags' intervals at which common pulses fit both tags."""
     likely_odds: float = -6.0
@@ -292,7 +309,8 @@ class SenderTuning:
     foreign_share: float = 2.0 / 3.0
     """Share of pulses that other trains explain above which a train is dropped."""
     foreign_pulses: int = 3
-    """Minimum number of pulses of a train to be dropped; fewer may coincide by accident."""
+    """Minimum number of pulses of a train for it to be dropped; fewer may coincide by
+    accident."""
     same_interval_ratio: float = 1.2
     """Ratio below which two tracks' intervals are the same, with different measuring errors."""
 

@@ -1,9 +1,9 @@
 """Decide at which of its two rates a tag is sending, by the pulses expected at each.
 
-Every second pulse of a rate is a train of twice its interval. So a pulse that a track expects
-may be of the other rate. The other rate is followed from each pulse at which the tag may have
-switched. The evidence for each is a sum of log-likelihood ratios, a pulse against none, over
-its expected pulses.
+Every second pulse sent at one rate makes a train of twice the interval, so a pulse that a track
+expects may have been sent at the other rate. A track at the other rate is started from each
+pulse at which the tag may have switched. The evidence for a rate is the sum of the
+log-likelihood ratios of a pulse to none, over the pulses expected at that rate.
 
 A pulse that both rates expect waits until one rate leads by a log-likelihood of 8. After 2.5 of
 the longer intervals it is reported as detected. Without waiting, about two pulses after each
@@ -20,7 +20,8 @@ from uavrt.detection.track.tuning import RATES
 def log_evidence(power: float, strength: float) -> float:
     """Log-likelihood ratio of a pulse of ENR `strength` to none, for a cell's power.
 
-    log I0(2 sqrt(strength × power)) - strength, with the asymptotic form of the function I0.
+    The ratio is log I0(2 sqrt(strength × power)) - strength, with the asymptotic form of the
+    Bessel function I0.
     """
     argument = 2.0 * math.sqrt(strength * max(power, 0.0))
     if argument < 2.0:
@@ -51,12 +52,12 @@ def _at_other_rate(track: Track, start: Slot) -> Track:
 
 
 def lags(track: Track, other: Track) -> bool:
-    """True if the track at the other rate has not been evaluated as far as this track."""
+    """True if a track at the other rate has not been evaluated as far as this track has."""
     return other.expected()[0] < track.time_s + _margin_s(track)
 
 
 def decide_rate(track: Track) -> Track | None:
-    """Decide between the rates if one leads; returns the track at the other, if it wins."""
+    """Decide between the rates if one leads clearly; return the other track if it wins."""
     upto_s = track.time_s + _margin_s(track)
     enr = strength(track)
     leads: list[tuple[float, Track]] = []
@@ -87,10 +88,10 @@ def decide_rate(track: Track) -> Track | None:
 
 
 def _mark_disputed(track: Track, winner: Track, starts_s: list[float]) -> None:
-    """Mark the pulses whose rate depends on the time of the switch.
+    """Mark the pulses with a rate that depends on the time of the switch.
 
-    The switch is certain, but a noise peak where only one rate expects a pulse can make a wrong
-    pulse the likelier one.
+    The switch is certain, but its time is not: a noise peak where only one rate expects a pulse
+    can make a wrong time likelier.
     """
     first_s, last_s, since_s = min(starts_s), max(starts_s), winner.settled_s
     half_s = track.tag.pulse_width_s / 2.0
@@ -126,7 +127,8 @@ def _margin_s(track: Track) -> float:
 def evidence(slots: Iterable[Slot], enr: float) -> float:
     """Log-likelihood ratio of pulses of ENR `enr` in all given slots to noise alone.
 
-    The largest of V cells replaces the mean of their likelihoods: hence the logarithm of V.
+    The largest of V cells replaces the mean of their likelihoods, so the logarithm of V is
+    subtracted.
     """
     return sum(
         log_evidence(s.measured.power, enr) - math.log(max(s.volume, 1.0)) for s in slots
@@ -134,9 +136,10 @@ def evidence(slots: Iterable[Slot], enr: float) -> float:
 
 
 def strength(track: Track) -> float:
-    """Mean ENR of the stronger half of the last pulses, at least 8 and at most 30.
+    """Mean ENR of the two strongest of the last four pulses, at least 8 and at most 30.
 
-    Uses the stronger half of the last four: at the longer interval every second is noise.
+    The two strongest of the last four pulses are used, because at the longer interval every
+    second detection is noise.
     """
     recent = [slot.measured.enr for slot in track.received]
     strongest = sorted(recent[-4:])[-2:]

@@ -1,9 +1,9 @@
 """Detect in the mode that never locks: every group is found independently.
 
-No track predicts the next pulse; every pulse is in a group that reached the threshold of the
-search. Groups of common pulses are joined and numbered: K consecutive expected pulses, counted
-from the first group, are one group, as in the other modes. A group that continues the previous
-one in time and frequency confirms it, as in the original detector.
+No track predicts the next pulse; each reported pulse is in a group that reached the threshold
+of the search. Groups with common pulses are joined. As in the other modes, K consecutive
+expected pulses, counted from the first, are numbered as one group. A group that continues the
+previous one in time and frequency confirms it, as in the original detector.
 """
 
 import math
@@ -16,7 +16,7 @@ from uavrt.detection.track.tracks import Track
 from uavrt.detection.track.tuning import BOUNDS
 
 FoundPulse = tuple[int, float, int, Measured]
-"""Pulse of a group: number among the K, time [s], time [ns], and measurement."""
+"""Pulse of a group: its number among the K, its time [s] and [ns], and its measurement."""
 
 
 def join_group(

@@ -21,7 +21,7 @@ Row = tuple[Any, ...]
 Kind = Literal["whole", "real", "switch", "word", "wholes", "reals", "named"]
 
 IN_NO_TABLE = "in no table"
-"""Key in a field's dataclass metadata: the field gets no column, as its value is nested."""
+"""Key in the metadata of a dataclass field that gets no column, because its value is nested."""
 _KINDS: dict[Any, Kind] = {int: "whole", float: "real", bool: "switch", str: "word"}
 SQL_TYPES: dict[Kind, str] = {
     "whole": "INTEGER",
@@ -45,7 +45,7 @@ class RecordField:
     defaulted: bool
     """True if the field may be missing, as in older files."""
     length: int | None = None
-    """Required number of values in a tuple of numbers; None: any."""
+    """Required number of values, if the field is a tuple of numbers; None: any number."""
 
 
 def fields_of(record: type) -> tuple[RecordField, ...]:

@@ -93,7 +93,7 @@ class FlightDatabase:
         return self._open is not None and _identity(self._layout.database) != self._file
 
     def write_again(self) -> None:
-        """Copy the open database to its path, after its file was removed or replaced."""
+        """Write the open database to its path again, after the file was removed or replaced."""
         root, old = self._layout.root, self._open
         assert old is not None
         assert self._file is not None
@@ -126,7 +126,7 @@ class FlightDatabase:
     def insert(
         self, pulses: Iterable[Pulse | PulsePose], *others: Iterable[Statement]
     ) -> list[PulsePose]:
-        """Insert all rows in one transaction; return the pulses that had no pose row before."""
+        """Insert all rows in one transaction; return the pulses that had no pose row yet."""
         database = self.connected()
         new: list[PulsePose] = []
         counts = {"pulses": 0, "repeated": 0, "refused": 0}
@@ -150,7 +150,7 @@ class FlightDatabase:
         return new
 
     def checkpoint(self, first: Callable[[], None]) -> bool:
-        """If it is due, call `first`, then checkpoint the write-ahead log; False on failure."""
+        """If it is due, call `first` and checkpoint the write-ahead log; False on failure."""
         if self._durable:
             with suppress(OSError):
                 if self._layout.write_ahead_log.stat().st_size > WAL_BYTES:

@@ -1,7 +1,7 @@
-"""Open flight databases of unknown origin, such that a bad one cannot block the program.
+"""Open flight databases of unknown origin; a malicious or damaged one cannot block the program.
 
-A view in place of a table may compute without end, SQLite waits for a pipe that lies next to
-the database, and a running query ignores Ctrl-C.
+A view in place of a table may compute endlessly, SQLite waits for a pipe in place of its log
+file, and a running query ignores Ctrl-C.
 """
 
 import os
@@ -14,7 +14,8 @@ from functools import lru_cache
 from pathlib import Path
 
 STEPS = 50_000
-"""Number of steps of SQLite's virtual machine between two checks of the time limit: some ms."""
+"""Number of steps of SQLite's virtual machine between two checks of the time limit; they take
+some ms."""
 LONGEST_VALUE_BYTES = 16_000_000
 """Largest size of one value [bytes]; a flight's settings have about 10 kB."""
 LONGEST_S = 120.0
@@ -30,7 +31,7 @@ queries_ended = threading.Event()
 
 
 def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
-    """Open a database for reading; refuse views and the like, and limit the queries' time.
+    """Open a database for reading with a time limit; refuse views and computed columns.
 
     With `mode` ``"rw"``, SQLite may checkpoint the write-ahead log; use it only for a copy.
     """

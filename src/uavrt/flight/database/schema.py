@@ -1,7 +1,8 @@
 """Define the tables of ``flight.sqlite``, and convert records to rows and back.
 
 Times are nanoseconds UTC, units are in the names, and missing values are NULL. Columns that may
-be NaN allow NULL, since SQLite stores NaN so, and one odd record must not block other records.
+be NaN allow NULL, because SQLite stores NaN as NULL, and because one invalid record must not
+block others.
 """
 
 import json
@@ -30,8 +31,8 @@ from uavrt.core.messages import (
 from uavrt.flight.database.fields import Columns, Row
 
 VERSION = 6
-"""Version of a flight's tables. Added in 2: doubts about pulses; 3: searches; 4: coded tags; 5:
-usable share of time and weakest tag in search reports; 6: beeping senders."""
+"""Version number of a flight's tables. Version 2 added doubts about pulses; 3: searches; 4:
+coded tags; 5: usable share of time and weakest tag in search reports; 6: beeping senders."""
 SEARCHED = Columns(
     SearchReport,
     (
@@ -58,7 +59,7 @@ _COLUMNS = {
 }
 """SQL types, by table, of columns that flights of older versions may lack."""
 PULSE_COLUMNS = PULSES.names
-"""Column names of a pulse; columns that older flights lack are read as NULL."""
+"""Column names of a pulse; a column that an older flight does not have is read as NULL."""
 PULSE_POSE_COLUMNS = ", ".join(
     [
         *(f"pulses.{name}" for name in PULSES.types),
@@ -146,7 +147,7 @@ def bring_up_to_date(database: sqlite3.Connection) -> None:
 
 
 def read_older(database: sqlite3.Connection) -> None:
-    """Read the columns that an older flight lacks as NULL; raises `sqlite3.Error`."""
+    """Make columns that an older flight lacks readable as NULL; raises `sqlite3.Error`."""
     for table, columns in _lacking(database).items():
         nulls = ", ".join(f"NULL AS {column}" for column in columns)
         database.execute("PRAGMA temp_store=MEMORY")
@@ -196,7 +197,7 @@ def pose_row(pose: Pose | None) -> Row:
 
 
 def pose_from_row(row: Row) -> Pose | None:
-    """Make a pose from a row, None if all are NULL; raises `ValueError` for wrong values."""
+    """Make a pose from a row; None if all values are NULL. Raises `ValueError` if wrong."""
     return None if row[0] is None else POSES.record(row)
 
 
@@ -261,4 +262,5 @@ WRITTEN: dict[type, tuple[str, Callable[[Any], Row]]] = {
     SearchReport: (insertion("search_reports", SEARCHED.names), SEARCHED.row),
     Tag: (INSERT_TAG.replace("OR IGNORE", "OR REPLACE"), TAGS.row),
 }
-"""SQL statement and conversion to its row, by type of record."""
+"""SQL statement that stores a record, and function that converts the record to its row, by type
+of record."""

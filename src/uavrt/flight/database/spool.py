@@ -23,8 +23,8 @@ _UNDELIVERED = (
 )
 
 
-def heard_tags(directory: str | Path) -> dict[int, tuple[int, int]]:
-    """By tag id: number of confirmed pulses, and end time of the newest one [ns, UTC].
+def received_tags(directory: str | Path) -> dict[int, tuple[int, int]]:
+    """Number of confirmed pulses, and end time of the newest one [ns, UTC], by tag id.
 
     Tags without pulses are left out.
     """

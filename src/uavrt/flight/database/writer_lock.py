@@ -10,9 +10,10 @@ POLL_S = 0.05
 
 
 class WriterLock:
-    """Lock on a flight's directory, which a new recorder waits for.
+    """Lock on a flight's directory, held by the one recorder that may write it.
 
-    A new supervisor waits here while the recorder of a killed one still writes its last pulses.
+    A new recorder waits for the lock while that of a killed supervisor still writes its last
+    pulses.
     """
 
     def __init__(self) -> None:

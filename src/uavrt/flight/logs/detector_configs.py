@@ -200,7 +200,10 @@ def _check(values: dict[str, str]) -> None:
 
 
 def _stretches(text: str) -> tuple[tuple[float, float], ...]:
-    """Parse MATLAB ranges ``[lo, hi; …]`` [Hz]; ``[Inf, -Inf]``: none. Raises `ValueError`."""
+    """Parse MATLAB ranges of frequencies ``[lo, hi; …]`` [Hz]; ``[Inf, -Inf]`` means none.
+
+    Raises `ValueError` for other texts.
+    """
     found = []
     for row in text.strip().removeprefix("[").removesuffix("]").split(";"):
         cells = row.replace(",", " ").split()

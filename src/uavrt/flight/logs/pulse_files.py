@@ -37,7 +37,8 @@ _INSIDE = fields_of(BurstInside)
 DOUBT_FIELDS = tuple(
     name for name, one in _PULSE.items() if one.defaulted and name not in BURST_FIELDS
 )
-"""Fields of `Pulse` missing in older files; last, as programs read columns by position."""
+"""Fields of `Pulse` that older files lack. They are the last columns, because programs read
+columns by position."""
 FIELDS = PULSE_FIELDS + POSE_FIELDS + DOUBT_FIELDS
 _KINDS = {name: one.kind for name, one in (_PULSE | _POSE).items()}
 
@@ -82,7 +83,10 @@ def _pose_from_record(record: dict[str, Any], time_ns: int) -> Pose | None:
 def _converted(
     record: dict[str, Any], kind: type[R], described: Iterable[RecordField], **more: Any
 ) -> R:
-    """Make a `kind` from a file's record: unknown numbers are NaN, missing fields default."""
+    """Make a record of class `kind` from a line of a file; unknown numbers become NaN.
+
+    Fields that the line lacks get their defaults.
+    """
     values = {
         one.name: _finite_or_nan(record[one.name]) if one.kind == "real" else record[one.name]
         for one in described

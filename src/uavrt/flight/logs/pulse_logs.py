@@ -1,4 +1,4 @@
-"""Write the text logs of a flight, in step with its database."""
+"""Write the text logs of a flight, with the same pulses as its database."""
 
 import contextlib
 import sqlite3
@@ -46,7 +46,7 @@ class PulseLogs:
         self._new.extend(pulse_poses)
 
     def compare_first(self) -> None:
-        """Make the next `write` skip pulses that a log has already, by tag and time."""
+        """Make the next `write` leave out pulses already in a log, compared by tag and time."""
         self._behind = True
         self._retry_at_s = 0.0
 

@@ -52,13 +52,13 @@ def format_line(pulse_pose: PulsePose) -> str:
 
 
 class _Groups:
-    """Numbers each tag's groups: a new group begins when the pulse index does not rise."""
+    """Numbers the groups of each tag; a group begins when the pulse index does not increase."""
 
     def __init__(self) -> None:
         self._last: dict[int, tuple[int, int]] = {}
 
     def numbered(self, found: PulsePose) -> PulsePose:
-        """Copy the next pulse of a log, with its group number, which is not in the log."""
+        """Copy the next pulse of a log, with a group number, which the log does not contain."""
         pulse = found.pulse
         count, before = self._last.get(pulse.tag_id, (0, 1 << 30))
         count += pulse.group_index <= before

@@ -1,1 +1,1 @@
-"""Flights and pulse logs, read back: complete, damaged or of another system."""
+"""Read flights and pulse logs: complete, damaged or of another system."""

@@ -56,7 +56,8 @@ class Flight:
     notes: tuple[tuple[int, str], ...]
     """Notes on the flight, each with its time [ns, UTC]."""
     on_ground_ns: tuple[tuple[int, int], ...] = ()
-    """First and last time of each stay on the ground, by the autopilot [ns]; or empty."""
+    """First and last time of each stay on the ground, as reported by the autopilot [ns]; empty
+    if it reported none."""
 
 
 def read_flight(directory: str | os.PathLike[str]) -> Flight:

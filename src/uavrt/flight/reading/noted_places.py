@@ -32,7 +32,7 @@ class Places:
     """Take-off and marks found in a flight's notes."""
 
     home: tuple[float, float] | None
-    """Latitude and longitude of the last noted take-off [deg]; None without one."""
+    """Latitude and longitude of the last noted take-off [deg]; None if none is noted."""
     marks: tuple[Mark, ...]
 
 
@@ -48,7 +48,7 @@ def vehicle_note(system_id: int, name: str = "") -> str:
 
 
 def vehicle_of(notes: Iterable[tuple[int, str]]) -> str | None:
-    """Number and name of the vehicle from a flight's notes; None without one."""
+    """Number and name of the vehicle from a flight's notes; None if they have none."""
     found = [text for _, text in notes if _VEHICLE.fullmatch(text)]
     return found[-1].removeprefix("vehicle ") if found else None
 

@@ -18,15 +18,16 @@ _HEARD = (
     f" max(start_time_ns) FILTER (WHERE {_COUNTED}), max(end_time_ns), count(*)"
     " FROM pulses GROUP BY tag_id"
 )
-"""SQL query by tag: number and times of confirmed pulses; last end and number of all pulses."""
+"""SQL query by tag: number and times of confirmed pulses; end of the last pulse and number of
+all pulses."""
 _LEVELS = (
     "SELECT tag_id, start_time_ns, snr_db FROM pulses WHERE detection_status = 'confirmed'"
 )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HeardTag:
-    """Number of confirmed pulses of one tag in a flight, without artefacts of the receiver."""
+class ReceivedTag:
+    """Confirmed pulses of one tag in a flight: number and times, without receiver artefacts."""
 
     pulses: int
     first_ns: int
@@ -40,7 +41,7 @@ class FlightOutline:
     info: FlightInfo
     end_time_ns: int
     """Time of the flight's last record [ns]."""
-    heard: dict[int, HeardTag]
+    heard: dict[int, ReceivedTag]
     all_pulses: int
     """Number of pulses of any status, including artefacts made by the receiver."""
     of_ground: bool
@@ -75,7 +76,7 @@ def read_outline(directory: str | os.PathLike[str]) -> FlightOutline:
             raise ValueError("the flight has an invalid time")
         notes = database.execute("SELECT time_ns, text FROM notes ORDER BY time_ns").fetchall()
         heard = {
-            int(tag_id): HeardTag(
+            int(tag_id): ReceivedTag(
                 pulses=int(pulses), first_ns=int(first_ns), last_ns=int(last_ns)
             )
             for tag_id, pulses, first_ns, last_ns, _, _ in of_tags
@@ -94,7 +95,7 @@ def read_outline(directory: str | os.PathLike[str]) -> FlightOutline:
 
 
 def read_pulse_levels(directory: Path) -> dict[tuple[int, int], float]:
-    """Level of each confirmed pulse [dB], by tag and start time [ns], to find copies.
+    """Level of each confirmed pulse [dB], by tag and start time [ns]; identifies copies.
 
     Levels agree to the last digit in copies of a flight, but differ between two drones that
     receive the same pulse. A start time received over the link is rounded, without nanoseconds.

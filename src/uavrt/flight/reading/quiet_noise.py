@@ -1,4 +1,4 @@
-"""Noise level of a receiver at rest in past flights, as a reference for the present noise.
+"""Measure the noise of a receiver at rest in past flights, as a reference for present noise.
 
 Receivers are not calibrated in watts, and normal levels differ between drones. So the reference
 is the noise before take-off, with the motors off, or else the lowest tenth of a flight.
@@ -26,7 +26,7 @@ _NOISE = (
 
 
 def read_quiet_noise_db(directory: str | os.PathLike[str]) -> float | None:
-    """Median noise of a flight's receiver at rest [dB re units/Hz]; None without take-off."""
+    """Median noise before take-off in a flight [dB re units/Hz]; None without a take-off."""
     with flight_database(Path(directory)) as database:
         (taken_off_ns,) = database.execute(
             "SELECT min(time_ns) FROM poses WHERE altitude_relative_m > ?", (_IN_THE_AIR_M,)
@@ -42,7 +42,7 @@ def read_quiet_noise_db(directory: str | os.PathLike[str]) -> float | None:
 
 
 def usual_noise_db(levels_db: Iterable[float | None]) -> float | None:
-    """Median noise level of the first 10 flights that have one [dB]; None without any."""
+    """Median noise level of the first 10 flights that have one [dB]; None if none has one."""
     known = list(islice((one for one in levels_db if one is not None), MOST_FLIGHTS))
     return median(known) if known else None
 

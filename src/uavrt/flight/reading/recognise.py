@@ -1,8 +1,8 @@
 """Read a pulse log of any system; the format is recognised by its content.
 
-Three layouts share 20 columns, headings are missing or wrong, and files get renamed. So neither
-name nor option decides. TagTracker's variants with 20 columns are distinguished by their
-values: one variant has a quaternion of length 1 in every row.
+Three layouts have 20 columns, headings are missing or wrong, and files get renamed. So neither
+the file's name nor an option is used. TagTracker's variants with 20 columns are distinguished
+by their values: one variant has a quaternion of length 1 in every row.
 """
 
 import json
@@ -33,11 +33,11 @@ from uavrt.formats.text import cells_of, read_lines, with_commas
 ORIGINAL_POSES = (
     "The original's uavrt_connection wrote this log, and its poses are unusable: each is "
     "half-way between the first pose since the program's start and the pose at the pulse, so a "
-    "turn of 90° stands here as 45° and a full turn never leaves one half circle."
+    "turn of 90° appears as 45° and a full turn stays within one half circle."
 )
 ORIGINAL_DIGITS = (
-    "Six digits are left of each number: latitudes are rounded to 11 m, and times of the next "
-    "pulse whose fraction is half a second or more are saturated and read as unknown."
+    "Each number has only six digits: latitudes are rounded to 11 m, and the expected "
+    "time of the next pulse is saturated, and read as unknown, if its fraction is 0.5 or more."
 )
 _DECIMALS_OF_OURS = 9
 _TRACKERS = ("7", "10", "11", "20")
@@ -88,7 +88,7 @@ def read_pulse_log(path: str | os.PathLike[str]) -> PulseLog:
 
 
 def pulse_logs_in(path: str | os.PathLike[str]) -> tuple[Path, ...]:
-    """Find all flights and logs at and below a path; raises `FormatError` if there are none."""
+    """Find all flights and pulse logs at and below a path; raises `FormatError` if none."""
     place = Path(path)
     if not place.is_dir() or _holds_a_log(place):
         return (place,)
@@ -213,7 +213,7 @@ def _is_thesis(line: str) -> bool:
 
 
 def _original(path: Path) -> tuple[str, ...]:
-    """Warnings for a pulse_pose_log.txt of the original system, known by its decimals."""
+    """Warnings for a pulse_pose_log.txt of the original system, which has fewer decimals."""
     rows = [cells for line in read_lines(path) if len(cells := cells_of(line)) == COLUMNS]
     if all(len(cells[1].partition(".")[2]) == _DECIMALS_OF_OURS for cells in rows):
         return ()

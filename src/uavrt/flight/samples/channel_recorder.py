@@ -2,12 +2,14 @@
 
 `put` only queues blocks. A thread writes each channel to a series of files, so that the oldest
 can be removed (`uavrt.flight.samples.channel_budget`). Samples that a slow or full disk cannot
-take are dropped, counted and marked as a gap. Each file's scale depends on its noise. With 8
-bits, the noise has at least 3 steps. Rounding then adds .02 to .04 dB. Signals up to 26 dB
-above the noise fit: 48 dB in the energy of a pulse of 20 ms. A stronger signal begins a new
-file of 16 bits. There the noise has 20 to 40 steps (.001 dB), and 58 dB fit above it, or the
-scale is wider. So nothing is clipped, and rounding adds less than .05 dB while the amplitude is
-less than 73 dB above the noise's. A new 8-bit file begins before falling noise reaches 2 steps.
+take are dropped, counted and marked as a gap.
+
+The scale of a file is chosen by the noise at its start. In an 8-bit file the noise has at least
+3 quantization steps, so rounding adds 0.02 to 0.04 dB of noise. Signals of up to 26 dB above
+the noise fit, which is 48 dB in the energy of a pulse of 20 ms. A stronger signal begins a new
+file of 16 bits, in which the noise has 20 to 40 steps and signals of 58 dB fit; for a still
+stronger one the scale is wider. So nothing is clipped, and rounding adds less than 0.05 dB for
+signals of up to 73 dB. A new 8-bit file begins before falling noise reaches 2 steps.
 """
 
 import math
@@ -51,7 +53,7 @@ WINDOW = 128
 HEADROOM = 1.25
 """Smallest ratio of a file's full scale to the peak of a strong signal that widened it."""
 WIDER_S = 20.0
-"""Shortest duration of a file whose full scale was widened because of a strong signal [s]."""
+"""Shortest duration of a file with a full scale that was widened for a strong signal [s]."""
 TIME_STEP_NS = 500_000
 """Clock step above which the metadata begin a new stretch of samples [ns]."""
 GAP_S = 0.05
@@ -87,7 +89,7 @@ class _Batch:
 
 @dataclass(slots=True)
 class _Channel:
-    """A radio channel, and the state of the file to which it is written."""
+    """A recorded radio channel, and the state of the file to which it is written."""
 
     center_frequency_hz: float
     sample_rate_hz: float
@@ -384,7 +386,7 @@ def _needed(peak: float, bits: int) -> float:
 
 
 def _scale_of_piece(samples: NDArray[np.complex64], peak: float) -> tuple[int, float, bool]:
-    """Bits per value and full scale of a new file; True if widened for a strong signal."""
+    """Bits per value, full scale, and True if a strong signal widened it, for a new file."""
     fitting = _scale_by_noise(samples, 8)
     if 0.0 < _needed(peak, 8) <= fitting:
         return 8, fitting, False

@@ -1,4 +1,4 @@
-"""Write a SigMF recording whose metadata is valid at any moment."""
+"""Write a SigMF recording with metadata that are valid at any moment."""
 
 import json
 import os
@@ -68,7 +68,7 @@ class SampleFile:
 
     @property
     def gaps(self) -> int:
-        """Number of gaps: stretches of samples after the first."""
+        """Number of gaps in the recording, each between two stretches of samples."""
         return max(0, len(self._stretches) - 1)
 
     def append(self, samples: NDArray[np.complex64], sample_index: int, time_ns: int) -> None:
@@ -119,7 +119,7 @@ class SampleFile:
         return True
 
     def _begin_stretch(self, sample_index: int, time_ns: int) -> None:
-        """Write a stretch to the metadata before its samples, in case of a power cut.
+        """Write a stretch's entry to the metadata before its samples are written.
 
         So a power cut leaves at worst a capture without samples, never samples at a wrong time.
         """

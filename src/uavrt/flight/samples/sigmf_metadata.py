@@ -23,9 +23,10 @@ class Stretch:
     """Position and time of a stretch of samples without a gap."""
 
     sample_start: int
-    """Index in the file of the first sample of this stretch without a gap."""
+    """Index in the file of the stretch's first sample."""
     global_index: int
-    """Index of that sample in the radio's stream, in which lost samples count."""
+    """Index of the stretch's first sample in the radio's stream, in which lost samples
+    count."""
     time_ns: int
 
 

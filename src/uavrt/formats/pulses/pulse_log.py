@@ -50,7 +50,7 @@ class PulseLog:
     """Number of log rows without a pulse: rotation slices without a detection."""
 
 
-def heard_pulse(
+def ungrouped_pulse(
     tag_id: int,
     frequency_hz: float,
     start_ns: int,

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from uavrt.core.messages import Pulse, PulsePose
 from uavrt.core.units import ns_from_s
-from uavrt.formats.pulses.pulse_log import PulseLog, heard_pulse
+from uavrt.formats.pulses.pulse_log import PulseLog, ungrouped_pulse
 from uavrt.formats.pulses.ucsd import tag_numbers
 from uavrt.formats.text import (
     any_time_ns,
@@ -29,7 +29,7 @@ _REMEDY = "Its heading is Device;Time;Frequency;Duration;max;avg;std;noise;snr"
 
 
 def read_pyradiotracking(path: str | os.PathLike[str]) -> PulseLog:
-    """Read a signal CSV; raises `FormatError` if unreadable, with a wrong row's number."""
+    """Read a signal CSV; raises `FormatError` if unreadable, with the number of a bad row."""
     heard = parsed_rows(
         path,
         NAMES,
@@ -69,7 +69,7 @@ def _pulse(cells: Sequence[str]) -> Pulse:
     if abs(noise_dbw) > 1000.0:
         raise ValueError(f"{cells[7]} is not a level in dBW")
     end_ns = start_ns + ns_from_s(_duration_s(cells[3]))
-    return heard_pulse(1, finite(cells[2]), start_ns, end_ns, snr_db, noise_db=noise_dbw)
+    return ungrouped_pulse(1, finite(cells[2]), start_ns, end_ns, snr_db, noise_db=noise_dbw)
 
 
 def _duration_s(cell: str) -> float:

@@ -1,6 +1,6 @@
 """Read pulse files of a SensorGnome, and detections of find_tags.
 
-A pulse file has a line for each record, whose kind is in the first cell::
+A pulse file has a line for each record; the first cell is the kind of record::
 
     p1,1366227448.192,4.056,-44.4,-50.55      port; time, kHz from the tuned frequency, dB, dB
     S,1366227421.0,1,-m,166.376,0,            port, parameter, value: -m or frequency is MHz
@@ -21,7 +21,7 @@ from dataclasses import replace
 from uavrt.core.messages import Pose, Pulse, PulsePose
 from uavrt.core.units import hz_from_mhz, ns_from_s
 from uavrt.formats.damaged_lines import passed_over
-from uavrt.formats.pulses.pulse_log import PulseLog, heard_pulse
+from uavrt.formats.pulses.pulse_log import PulseLog, ungrouped_pulse
 from uavrt.formats.pulses.ucsd import tag_numbers
 from uavrt.formats.text import (
     cells_of,
@@ -51,8 +51,8 @@ NO_HEADINGS = (
     "`uavrt attach` gives its pulses the poses of another log."
 )
 NUMBERED = (
-    "Pulses of this log are numbered by frequency, not by code: `uavrt attach --tags` puts "
-    "them together to the bursts of listed codes."
+    "Pulses of this log are numbered by frequency, not by code: `uavrt attach --tags` groups "
+    "them into bursts of listed codes."
 )
 
 Place = tuple[int, float, float, float]
@@ -74,7 +74,7 @@ def _kind(cell: str) -> str | None:
 
 
 def is_detections(cells: Sequence[str]) -> bool:
-    """True if a heading is that of find_tags' detections."""
+    """True if a CSV heading is that of the detections written by find_tags."""
     return {cell.strip('" ').lower() for cell in cells} >= DETECTION_NAMES
 
 
@@ -131,7 +131,7 @@ def _pulse(cells: Sequence[str], tuned_hz: float) -> Pulse:
     signal_db, noise_db = number_or_nan(cells[3]), number_or_nan(cells[4])
     if abs(noise_db) > 300.0:
         raise ValueError(f"{cells[4]} is not a level in dB")
-    return heard_pulse(
+    return ungrouped_pulse(
         1,
         tuned_hz + 1e3 * finite(cells[2]),
         start_ns,
@@ -189,7 +189,7 @@ def _pose(time_ns: int, lat: float, lon: float, alt: float, base_m: float) -> Po
 
 
 def read_detections(path: str | os.PathLike[str]) -> PulseLog:
-    """Read detections, one burst per row; raises `FormatError` with a wrong row's number."""
+    """Read detections, one burst per row; raises `FormatError` with the number of a bad row."""
     names: list[str] | None = None
     found: list[PulsePose] = []
     lines = read_lines(path)
@@ -205,7 +205,7 @@ def read_detections(path: str | os.PathLike[str]) -> PulseLog:
         except (ValueError, KeyError, OverflowError) as error:
             if number == len(lines) and found:
                 break  # cut off while it was written
-            why = f"there is no {error}" if isinstance(error, KeyError) else error
+            why = f"the column {error} is missing" if isinstance(error, KeyError) else error
             raise wrong_line(path, number, why, _REMEDY) from None
     placed = any(one.pose is not None for one in found)
     return PulseLog(
@@ -226,7 +226,7 @@ def _detection(row: dict[str, str]) -> PulsePose:
     nominal_mhz = next((number(name) for name in _NOMINAL if row.get(name)), math.nan)
     away_khz = number("freq")
     away_hz = 1e3 * away_khz if math.isfinite(away_khz) else 0.0
-    pulse = heard_pulse(
+    pulse = ungrouped_pulse(
         tag_id,
         1e6 * nominal_mhz + away_hz,
         start_ns,

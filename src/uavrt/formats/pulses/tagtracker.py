@@ -32,7 +32,7 @@ from uavrt.core.earth.attitude import Quaternion, euler_deg, from_euler_deg, nor
 from uavrt.core.earth.on_earth import is_attitude
 from uavrt.core.errors import FormatError
 from uavrt.core.messages import DetectionStatus, Pose, Pulse, PulsePose
-from uavrt.formats.pulses.pulse_log import PulseLog, RotationMark, heard_pulse
+from uavrt.formats.pulses.pulse_log import PulseLog, RotationMark, ungrouped_pulse
 from uavrt.formats.text import (
     cells_of,
     finite,
@@ -123,7 +123,7 @@ _LAYOUTS = [
 
 
 def read_tagtracker(path: str | os.PathLike[str]) -> PulseLog:
-    """Read a pulse CSV of TagTracker; raises `FormatError` with a wrong row's number."""
+    """Read a pulse CSV of TagTracker; raises `FormatError` with the number of a bad row."""
     lines = with_commas(read_lines(path))
     rows = [(number, _cells(line)) for number, line in enumerate(lines, start=1)]
     rows = [(number, cells) for number, cells in rows if cells and not is_heading(cells)]
@@ -199,12 +199,12 @@ def _six(value: float) -> str:
 
 
 def is_heading(cells: Sequence[str]) -> bool:
-    """True if a row has the column names, with or without ``#`` before them."""
+    """True if a row of a TagTracker log has the column names, with or without ``#``."""
     return cells[0][:1] == "#" or ("tag_id" in cells[1:] and not cells[0].isdigit())
 
 
 def row_kind(cell: str) -> str:
-    """Command number of a row, such as ``7``, also if a spreadsheet wrote ``7.000000``."""
+    """Command number of a TagTracker row, such as ``7``, also if written as ``7.000000``."""
     try:
         number = float(cell)
     except ValueError:
@@ -293,7 +293,7 @@ def _pulse(tag: Sequence[str], start_ns: int, snr: str, states: Sequence[str]) -
     """Make a pulse from a tag's number and frequency, and the row's status numbers."""
     confirmed = whole(states[1]) != 0
     frequency_hz = number_or_nan(tag[1]) or math.nan
-    pulse = heard_pulse(whole(tag[0]), frequency_hz, start_ns, start_ns, _snr(snr))
+    pulse = ungrouped_pulse(whole(tag[0]), frequency_hz, start_ns, start_ns, _snr(snr))
     return replace(pulse, detection_status=_status(states[0], confirmed), confirmed=confirmed)
 
 
@@ -346,13 +346,13 @@ def _warnings(found: Sequence[PulsePose], layout: _Layout | None) -> list[str]:
     times = {one.pulse.start_time_ns for one in found}
     if len(found) > 3 and len(times) <= len(found) // 3:
         texts.append(
-            "The times of this log are rounded so far that pulses share them; only the order "
-            "of its rows shows which came first."
+            "The times of this log are rounded so much that several pulses have the same time; "
+            "only the order of the rows shows which came first."
         )
     if layout is not None and layout.quaternion and found:
         texts.append(
             "These poses were attached on the drone by the original's uavrt_connection, which "
-            "may have logged half of each turn; headings that keep to one half circle are a "
-            "sign of it."
+            "may have logged half of each turn; a sign of this is that all headings are "
+            "within one half circle."
         )
     return texts

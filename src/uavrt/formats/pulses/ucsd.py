@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from uavrt.core.earth.attitude import from_euler_deg
 from uavrt.core.earth.geodesy import geodetic_of_epsg
 from uavrt.core.messages import Pose, PulsePose
-from uavrt.formats.pulses.pulse_log import PulseLog, heard_pulse
+from uavrt.formats.pulses.pulse_log import PulseLog, ungrouped_pulse
 from uavrt.formats.text import any_time_ns, finite, number_or_nan, parsed_rows, whole
 
 PING_COLUMNS = (
@@ -37,11 +37,11 @@ class TargetEstimate:
 
 
 def read_ucsd_pings(path: str | os.PathLike[str]) -> PulseLog:
-    """Read a ping CSV; raises `FormatError` with a wrong row's number."""
+    """Read a ping CSV; raises `FormatError` with the number of a bad row."""
     pings = parsed_rows(path, PING_COLUMNS, _ping, _REMEDY)
     tags = tag_numbers([frequency for frequency, _, _, _ in pings])
     found = tuple(
-        PulsePose(pulse=heard_pulse(tag_id, frequency, time_ns, time_ns, level), pose=pose)
+        PulsePose(pulse=ungrouped_pulse(tag_id, frequency, time_ns, time_ns, level), pose=pose)
         for tag_id, (frequency, time_ns, level, pose) in zip(tags, pings, strict=True)
     )
     warning = (
@@ -52,7 +52,7 @@ def read_ucsd_pings(path: str | os.PathLike[str]) -> PulseLog:
 
 
 def read_ucsd_estimates(path: str | os.PathLike[str]) -> tuple[TargetEstimate, ...]:
-    """Read an estimate CSV; raises `FormatError` with a wrong row's number."""
+    """Read an estimate CSV; raises `FormatError` with the number of a bad row."""
     return tuple(parsed_rows(path, ESTIMATE_COLUMNS, _estimate, _REMEDY))
 
 

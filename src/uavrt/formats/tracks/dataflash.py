@@ -127,7 +127,7 @@ def _values(body: bytes, code: str, columns: list[str]) -> _Row:
 
 
 def _utc_of_boot_ns(rows: list[_Row]) -> int | None:
-    """UTC at boot [ns]: smallest GPS time minus boot time, from the message least delayed."""
+    """UTC at boot [ns]: the smallest difference of GPS time and boot time in any message."""
     found = [
         round(
             (_GPS_EPOCH_S + row["GWk"] * 604_800 - _LEAP_S) * NANOSECONDS_PER_SECOND

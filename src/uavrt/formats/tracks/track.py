@@ -11,8 +11,8 @@ from uavrt.core.messages import AttitudeSample, PositionSample
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 
 COURSE = (
-    "This track has no attitude: the heading is taken as the course over ground, level, and "
-    "held while the vehicle is slower than 0.5 m/s. Bearings need a real heading."
+    "This track has no attitude: the vehicle is taken as level, with the course over ground "
+    "as heading, which stays unchanged below 0.5 m/s. Bearings need a real heading."
 )
 _STEP_NS = NANOSECONDS_PER_SECOND
 _LONGEST_GAP_S = 15.0
@@ -75,7 +75,7 @@ def position(
 
 
 def over_the_first(positions: Iterable[PositionSample]) -> tuple[PositionSample, ...]:
-    """Sort positions by time; compute unknown relative altitudes from the first position."""
+    """Sort positions by time; unknown relative altitudes are computed from the first one."""
     ordered = in_order(positions)
     base_m = ordered[0].altitude_amsl_m if ordered else 0.0
     return tuple(
@@ -111,7 +111,7 @@ def headings_of_course(positions: Sequence[PositionSample]) -> list[AttitudeSamp
 
 
 def filled(track: VehicleTrack) -> VehicleTrack:
-    """Fill gaps of up to 15 s between sparse points, as pose interpolation bridges only 2 s."""
+    """Add samples in gaps of up to 15 s, since poses are interpolated over 2 s at most."""
     return replace(
         track,
         attitudes=tuple(_filled(track.attitudes, _between_attitudes)),

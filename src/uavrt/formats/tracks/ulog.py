@@ -31,7 +31,8 @@ _DEFINING = frozenset(bytes((letter,)) for letter in b"FIMPBQ")
 _FIELD = re.compile(r"(\w+)(?:\[(\d{1,9})\d*\])? +\w+;")
 _MOST_DEFINITIONS, _MOST_FIELDS, _MOST_DEPTH = 50_000, 2_000, 4
 _MOST_STEPS = 300_000
-"""Maximum damaged bytes, or pieces of 512 bytes, skipped before the file counts as ended."""
+"""Maximum number of damaged bytes, or of pieces of 512 bytes, that are skipped before the file
+counts as ended."""
 _ARMED = 2
 _SANE_UNIX_US = 1_400_000_000_000_000
 
@@ -157,7 +158,7 @@ def _check_formats(file: BinaryIO) -> None:
 def _states(
     data: Mapping[str, Sequence[Any]] | None, name: str, yes: int, offset_us: int
 ) -> list[tuple[int, bool]]:
-    """Times [ns], and True where field `name` is `yes`; empty if it was not logged."""
+    """Times [ns] of a topic, each with True if field `name` was `yes`; empty if not logged."""
     if data is None or name not in data:
         return []
     pairs = zip(data["timestamp"], data[name], strict=True)
@@ -165,7 +166,7 @@ def _states(
 
 
 def _utc_of_boot_us(topics: dict[str, Any]) -> int | None:
-    """UTC at boot [µs]: smallest GPS time minus boot time, from the message least delayed."""
+    """UTC at boot [µs]: the smallest difference of GPS time and boot time in any message."""
     for name in _GPS:
         data = topics.get(name)
         if data is not None and "time_utc_usec" in data:

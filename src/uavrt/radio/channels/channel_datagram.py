@@ -1,4 +1,4 @@
-"""Channel samples as the original channelizer sends them: one UDP datagram for each frame.
+"""Encode and decode channel datagrams as the original channelizer sends them.
 
 A frame of a channel is a datagram of complex64, little endian; the first element is the time
 of the first sample, the others are samples::
@@ -19,12 +19,12 @@ The two halves of the stamp, by `StampStyle`:
                    ``floor(ms / 10⁷)``, ``ms mod 10⁷``; both are exact.
 =================  ==========================================================================
 
-The channelizer of the thesis and its first successors send 1024 samples in a datagram; the
-HF+ decimator sends 1023. Any number is read.
+The channelizer of the thesis and its first successors send 1024 samples in a datagram; the HF+
+decimator sends 1023. Any number is read.
 
 Ports on 127.0.0.1, for channel numbers from 1 (= the radio's centre), by `PortScheme`:
-``current``: 20000 + 2 (ch - 1), and one more for the second detector of a tag with two
-rates; ``thesis``: 20000 + (ch - 1).
+``current``: 20000 + 2 (ch - 1), and one more for the second detector of a tag with two rates;
+``thesis``: 20000 + (ch - 1).
 """
 
 import struct
@@ -97,8 +97,9 @@ def decode_channel_datagram(
 def stamp_style(payload: bytes) -> StampStyle:
     """Detect the format of a frame's time stamp.
 
-    Milliseconds of at least 1 are floats whose bits exceed 10⁹, which no nanoseconds do. At 0
-    ms the other half decides; this is wrong only at a full second in 2007 to 2009.
+    Milliseconds of 1 or more are floats; their bits, read as an integer, exceed 10⁹, which
+    nanoseconds never do. At 0 ms the other half of the stamp decides; this is wrong only at a
+    full second in 2007 to 2009.
     """
     _, nanoseconds = _SECONDS.unpack_from(payload)
     high, _ = _MILLISECONDS.unpack_from(payload)
@@ -109,7 +110,7 @@ def stamp_style(payload: bytes) -> StampStyle:
 
 
 def channel_port(channel: int, scheme: PortScheme = "current", *, second: bool = False) -> int:
-    """UDP port of a channel, whose number counts from 0, the radio's centre."""
+    """UDP port of a channel; `channel`: number, 0 at the radio's centre."""
     if second and scheme == "thesis":
         raise ValueError("the thesis's layout has no second port for a channel")
     port = FIRST_PORT + (channel if scheme == "thesis" else 2 * channel + second)

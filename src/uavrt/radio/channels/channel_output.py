@@ -1,8 +1,8 @@
 """Send the tags' channels also to the detectors of the original system.
 
-Our channels are twice oversampled; the original's detectors need 3750 samples a second and its
-channel numbers. So the decimated band is channelized again in compatible mode. This takes 0.2 %
-of a core for one channel, 0.3 % for ten, and 1.3 % for all hundred (measured).
+uavrt's channels are oversampled by two. The original's detectors need 3750 samples a second and
+the original's channel numbers. So the decimated band is channelized again in compatible mode.
+This takes 0.2 % of a core for one channel, 0.3 % for ten, and 1.3 % for all hundred (measured).
 """
 
 from collections.abc import Mapping, Sequence

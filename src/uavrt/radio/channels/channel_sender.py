@@ -53,7 +53,7 @@ class ChannelDatagramSender:
         """Number of UDP datagrams dropped because the system's buffer was full."""
 
     def send(self, block: ChannelBlock) -> None:
-        """Add the next block of a channel; send the frames that it completes, gaps as zeros.
+        """Add the next block of a channel, and send the frames that it completes.
 
         A gap within a frame is filled with zeros to the frame's end; the next frame begins
         where samples continue.
@@ -81,7 +81,7 @@ class ChannelDatagramSender:
                 self._complete(block.channel, frame)
 
     def close(self) -> None:
-        """Close the sockets; like the original channelizer, send no incomplete frame."""
+        """Close the sockets; an incomplete frame is not sent, as in the original system."""
         for sock in self._sockets.values():
             sock.close()
 

@@ -1,4 +1,4 @@
-"""Samples of one channel, received as datagrams of the original channelizer or of ours.
+"""Receive one channel as datagrams, from the original channelizer or uavrt's.
 
 Frames are ordered by their time stamps. A missing frame is waited for briefly, then becomes a
 gap; a late frame is dropped.
@@ -29,16 +29,18 @@ HELD_FRAMES: Final = 4
 SILENCE_S: Final = 1.5
 """Time without datagrams after which stored frames are released despite gaps [s]."""
 RESTART_FRAMES: Final = 3
-"""Number of consecutive early time stamps that show that the sender's clock was set back."""
+"""Number of consecutive time stamps, all earlier than expected, that show that the sender's
+clock was set back."""
 _LARGEST: Final = 65_536
 LONGEST_GAP_S: Final = 3600.0
-"""Maximum forward jump of time stamps that is a loss [s]; a larger one: a clock change."""
+"""Longest forward jump of time stamps that counts as lost samples [s]; a longer one is a change
+of the sender's clock."""
 
 log = get_logger()
 
 
 class ChannelDatagramSource(DatagramSource):
-    """A channel's samples from a UDP port; a `SampleSource`.
+    """Receives a channel's samples at a UDP port; a `SampleSource`.
 
     `address`: ``udp://127.0.0.1:20000``. `sample_rate_hz`: sample rate of the channel; 3750 for
     the original. Raises `RadioError` if the port is in use, `ConfigError` or `FormatError` for
@@ -134,7 +136,7 @@ class FrameOrder:
         return len(self._held)
 
     def put(self, time_ns: int, samples: NDArray[np.complex64]) -> None:
-        """Add a frame, in any order."""
+        """Add a frame; frames may arrive in any order."""
         if self._expected_ns is not None and time_ns < self._expected_ns - self._tolerance_ns:
             self._put_early(time_ns, samples)
             return
@@ -148,7 +150,8 @@ class FrameOrder:
     def take(self, *, wait: bool = True) -> tuple[int, NDArray[np.complex64], int] | None:
         """Get the next frame: time [ns], samples, and the number of samples lost before it.
 
-        None without a frame, or (`wait`) while a missing earlier frame may still arrive.
+        None if there is no frame, or, with `wait`, while a missing earlier frame may still
+        arrive.
         """
         if not self._held:
             return None

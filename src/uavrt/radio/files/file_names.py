@@ -1,9 +1,10 @@
-"""Read frequency, sample rate and start time from a recording's file name.
+"""Read radio frequency, sample rate and start time from a recording's file name.
 
 Default names of programs: SDR# ``SDRSharp_20150804_204121Z_145000000Hz_IQ``, HDSDR
 ``HDSDR_20130105_123456Z_14100kHz_RF``, gqrx ``gqrx_20200101_123456_145000000_1800000_fc`` in
 UTC; SDR++ ``baseband_145000000Hz_12-34-56_01-02-2023`` in local time. airspy_rx and
-hackrf_transfer (``-w``) use local time with a Z, too. rtl_433's ``g001_433.92M_250k``: no time.
+hackrf_transfer (``-w``) use local time with a Z, too. The names of rtl_433
+(``g001_433.92M_250k``) have no time.
 """
 
 import re

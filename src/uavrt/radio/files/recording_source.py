@@ -42,7 +42,7 @@ class Segment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """Position of a recording's samples in its file, with rate, frequency and times."""
+    """Describes a recording's file: positions of its samples, rate, frequency and times."""
 
     path: Path
     sample_format: SampleFormat
@@ -54,7 +54,8 @@ class Layout:
     start_from: str = GIVEN_BY_USER
     first_byte: int = 0
     fault_at_end: str | None = None
-    """Reason why the recording is incomplete; raised after the last complete sample."""
+    """Reason why the recording is incomplete; raised as an error after its last complete
+    sample."""
 
 
 class SampleBytes(Protocol):
@@ -138,7 +139,7 @@ class RecordingSource:
         return self._layout.segments
 
     def skip_to(self, place: int) -> None:
-        """Continue reading at a sample, counted over all segments without gaps."""
+        """Continue reading at a sample, by its number in the file, without lost samples."""
         held = [one for one in self._layout.segments if one.count]
         for number, segment in enumerate(held):
             if place < segment.count or number == len(held) - 1:
@@ -222,8 +223,8 @@ class RecordingSource:
             filled += got
 
 
-def name_says(facts: NameFacts, about: Literal["rate", "frequency", "time"]) -> str:
-    """Text on the values in a file's name, their resolution and time zone."""
+def name_note(facts: NameFacts, about: Literal["rate", "frequency", "time"]) -> str:
+    """Text that gives a file's name as the source of a value, with rounding or time zone."""
     said = f"the file's name (as {facts.program} gives)"
     if about == "time" and facts.local_time:
         said += ", the local time of the computer that recorded, taken to be this one's zone"
@@ -269,7 +270,7 @@ def raw_layout(
     rate_from: str = GIVEN_BY_USER,
     start_from: str = GIVEN_BY_USER,
 ) -> Layout:
-    """Describe a file of raw samples; `rate_from` and others state how values are known."""
+    """Describe a file of raw samples; the arguments `…_from` name the sources of the values."""
     check_rates(sample_rate_hz, center_frequency_hz)
     size = file_size(path)
     if sample_format.dtype.kind != "f":

@@ -1,7 +1,7 @@
 """Read SigMF recordings: a JSON description and a file of samples.
 
-Fields as in the SigMF specification 1.2 (core namespace). The standard library reads the
-metadata: the ``sigmf`` package reads samples five times slower than ``readv`` and needs a
+The fields are those of the SigMF specification 1.2 (core namespace). The standard library reads
+the metadata: the ``sigmf`` package reads samples five times slower than ``readv`` and needs a
 JSON-schema validator.
 """
 
@@ -33,7 +33,7 @@ from uavrt.radio.timing.sample_times import NominalTimes
 def sigmf_layout(
     path: Path, *, center_frequency_hz: float | None = None, start_time_ns: int | None = None
 ) -> Layout:
-    """Describe a SigMF recording, named by either file, with gaps between its captures."""
+    """Describe a SigMF recording and the gaps between its captures; `path`: either file."""
     meta_path, data_path = _paths(path)
     meta = _load(meta_path)
     about = _table(meta, "global", meta_path)
@@ -89,7 +89,7 @@ def sigmf_layout(
 
 
 def sigmf_global(path: Path, key: str) -> object:
-    """Value of a key in a recording's global part, or None; raises `FormatError`."""
+    """Value of a key in a recording's global metadata, or None; raises `FormatError`."""
     meta_path, _ = _paths(path)
     return _table(_load(meta_path), "global", meta_path).get(key)
 
@@ -143,7 +143,7 @@ def _segments(
 
 
 def _lost(previous: _Capture, capture: _Capture, rate_hz: float) -> int:
-    """Number of samples missing between two captures, by global indices or else by times.
+    """Number of samples missing between two captures, by their indices or else their times.
 
     A smaller index than before means that the radio was opened again.
     """

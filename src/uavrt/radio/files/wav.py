@@ -1,10 +1,10 @@
 """Read WAV recordings with I and Q as left and right channel, as SDR programs write them.
 
-Chunks as in Microsoft's "Multiple Channel Audio Data and WAVE Files"; RF64 and BW64 (files over
-4 GiB) as in EBU Tech 3306, and plain ones whose size overflowed there. The ``auxi`` chunk
-(start time, radio frequency) as written by SDR#, HDSDR and ``airspy_rx -w``, or in XML by SDR
-Console. Python's ``wave`` module refuses float samples, RF64, and files whose writer was killed
-before it could set the size.
+Chunks are read as in Microsoft's "Multiple Channel Audio Data and WAVE Files", and RF64 and
+BW64 (files over 4 GiB) as in EBU Tech 3306. Plain files of that size, in which the size field
+has overflowed, are also read. The ``auxi`` chunk (start time, radio frequency) is read as
+written by SDR#, HDSDR and ``airspy_rx -w``, or in XML by SDR Console. Python's ``wave`` module
+refuses float samples, RF64, and files whose writer was killed before it could set the size.
 """
 
 import re
@@ -28,7 +28,7 @@ from uavrt.radio.files.recording_source import (
     Segment,
     file_size,
     file_start_ns,
-    name_says,
+    name_note,
     reading,
 )
 from uavrt.radio.formats import CF32, CS16, CU8, SampleFormat
@@ -36,10 +36,11 @@ from uavrt.radio.live_source import check_rates
 
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _UNKNOWN_SIZE = (0, 0xFFFFFFFF, 0x7FFFFFFF)
-"""Sizes in a WAV file's data chunk that mean unknown: the writer streamed or was killed."""
+"""Sizes in a WAV file's data chunk that mean "unknown": the writer streamed or was killed."""
 
 _MOST_READ = 1 << 16
-"""Maximum part of a WAV chunk that is read [bytes]; XML, the longest, has some thousand."""
+"""Maximum size of a WAV chunk that is read [bytes]; the longest kind, XML, has a few
+thousand."""
 _MOST_CHUNKS = 1000
 
 
@@ -106,7 +107,7 @@ def wav_layout(
     if frequency_hz is None:
         frequency_hz, frequency_from = header.frequency_hz, HEADER
     if frequency_hz is None:
-        frequency_hz, frequency_from = named.center_frequency_hz, name_says(named, "frequency")
+        frequency_hz, frequency_from = named.center_frequency_hz, name_note(named, "frequency")
     if frequency_hz is None:
         raise FormatError(
             f"{path} does not state its radio frequency", remedy="Give --center-frequency"
@@ -124,7 +125,7 @@ def wav_layout(
     if start_ns is None:
         start_ns, start_from = header.start_ns, HEADER
     if start_ns is None:
-        start_ns, start_from = named.start_time_ns, name_says(named, "time")
+        start_ns, start_from = named.start_time_ns, name_note(named, "time")
     if start_ns is None:
         start_ns, start_from = file_start_ns(path, count, float(header.rate_hz)), FILE_DATE
     return Layout(
@@ -177,11 +178,11 @@ def _chunk_at(file: BinaryIO, at: int) -> tuple[bytes, int]:
 
 
 def _data_size(file: BinaryIO, first: int, length: int, header: _Header, size: int) -> int:
-    """Size of the samples [bytes]: the header's if the file's structure confirms it.
+    """Size of the samples [bytes]: the header's, if the file's structure confirms it.
 
-    Programs without RF64 let the size overflow at 4 GiB, and some write it only at the start.
-    So the size counts only if the end of the file, or other chunks up to the end, follow the
-    samples. Otherwise the samples extend to the end of the file.
+    Programs without RF64 let the size overflow at 4 GiB, and some write the size only at the
+    start. So it is used only if the end of the file, or further chunks up to the end, follow
+    the samples. Otherwise the samples extend to the end of the file.
     """
     if length == _UNKNOWN_SIZE[1] and header.long_data_size is not None:
         length = header.long_data_size

@@ -1,1 +1,1 @@
-"""Run radios: their programs, drivers, devices and error messages."""
+"""Operate radios: their programs, drivers, USB devices and error messages."""

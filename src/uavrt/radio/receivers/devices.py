@@ -42,10 +42,10 @@ def ambiguous_radios(settings: RadioSettings) -> tuple[str, str] | None:
     if len(set(serials)) == len(serials) and all(serials):
         remedy = "Set [radio] serial to " + " or ".join(f'"{one}"' for one in serials)
     elif settings.kind == "rtlsdr":  # its programs also accept an index
-        remedy = 'Set [radio] serial to "0" or "1"; rtl_eeprom -s gives them names of their own'
+        remedy = 'Set [radio] serial to "0" or "1"; rtl_eeprom -s sets different serial numbers'
     else:
-        remedy = "Unplug all but one: they have no serial numbers of their own"
-    return f"{len(serials)} radios {row.title}, and none is chosen", remedy
+        remedy = "Unplug all but one: they have no serial numbers"
+    return f"{len(serials)} {row.title} radios are plugged in, and none is selected", remedy
 
 
 def _found() -> Iterator[UsbRadio]:

@@ -67,7 +67,8 @@ ANSWERS: tuple[tuple[str, str, Cause], ...] = (
     ("SoapySDR", "sample rate", Cause.RATE),
     ("SoapySDR", "frequency", Cause.FREQUENCY),
 )
-"""Program, text in its output, and the cause that this text shows; the first match counts."""
+"""Texts in the output of radio programs: program, text, and the cause that the text shows. The
+first match counts."""
 
 
 _NOT_LISTED = (
@@ -94,8 +95,9 @@ def exit_error(
 ) -> RadioError:
     """Create the error for a radio program that has ended, with cause and remedy.
 
-    `code`: negative for a signal. `words`: its first and last lines on stderr; the first ones
-    contain the cause. `seen`: it was listed when opened; if missing now, it was unplugged.
+    `code`: exit code; negative for a signal. `words`: the program's first and last lines on
+    stderr; the cause is in the first ones. `seen`: the radio was among the USB devices when it
+    was opened; if it is missing now, it was unplugged.
     """
     row = RADIOS[settings.kind]
     cause = cause_of(row, words)
@@ -140,7 +142,7 @@ def stalled(title: str) -> RadioStalled:
 
 
 def serial_error(settings: RadioSettings, serials: Iterable[str]) -> RadioMissing:
-    """Create the error for a serial number that no device has."""
+    """Create the error for a serial number in the settings that no plugged-in radio has."""
     why, remedy = _other_serial(settings, serials)
     return RadioMissing(f"{RADIOS[settings.kind].title}: {why}", remedy=remedy)
 

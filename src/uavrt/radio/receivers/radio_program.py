@@ -41,12 +41,15 @@ _FIRST_LINES: Final = 4
 """Number of lines stored from the start of a program's stderr; a long usage may follow."""
 _LINES: Final = 8
 _PROGRESS: Final = ("Streaming at", "MiB / ", "Stop with Ctrl-C", "call hackrf_")
-"""Parts of the progress lines that some radio programs print every second; ignored."""
+"""Parts of the progress lines that some radio programs print every second; such lines are
+ignored."""
 
 _LOST_SAMPLES: Final = re.compile(r"\b(\d+) samples (?:lost|dropped)\b")
-"""Pattern of messages that count lost samples; other programs' losses show in arrival times."""
+"""Pattern of messages with a count of lost samples; losses of other programs show in arrival
+times."""
 _OVERRUNS: Final = re.compile(r"\b(\d+) overruns, longest (\d+) bytes\b")
-"""Pattern of hackrf_transfer's message (-B) that counts buffer overruns, without length."""
+"""Pattern of the message by which hackrf_transfer -B counts buffer overruns; it does not state
+how many samples were lost."""
 _RATE: Final = re.compile(r"(\d+(?:\.\d+)?) ?(MSPS|kS/s)")
 """Pattern of a sample rate as printed by airspy_info and airspyhf_info."""
 
@@ -54,7 +57,7 @@ log = get_logger()
 
 
 class ProgramSource(StreamSource):
-    """Samples from a radio whose program runs as our child, in its own process group."""
+    """Reads samples from a radio's program, a child process in its own process group."""
 
     MAY_BE_SLOW = False
     """Always False: a radio keeps its rate, so missing samples are lost."""
@@ -238,7 +241,7 @@ class ProgramSource(StreamSource):
         return " or ".join(f"{rate:.0f}" for rate in sorted(rates))
 
     def _store_line(self, line: str) -> None:
-        """Store a line of a program's stderr, if among the first or last or naming a cause."""
+        """Store a line of stderr if it is among the first or last ones, or shows a cause."""
         most = _LINES if cause_of(self._program, line) is not None else _FIRST_LINES
         (self._first if len(self._first) < most else self._lines).append(line)
 
@@ -294,7 +297,7 @@ def _by_place(settings: RadioSettings, until_s: float) -> RadioSettings:
     if len(alike := [place for place, serial in listed if serial == wanted]) > 1:
         raise RadioAmbiguous(
             f"{len(alike)} {program.title} radios have the serial number {wanted}",
-            remedy=f'Set [radio] serial to its place in their list, "{alike[0]}" or '
+            remedy=f'Set [radio] serial to its number in the list of rtl_test, "{alike[0]}" or '
             f'"{alike[1]}", or give each a number of its own with rtl_eeprom',
         )
     places = {serial: place for place, serial in listed}
@@ -306,7 +309,7 @@ def _by_place(settings: RadioSettings, until_s: float) -> RadioSettings:
 
 
 def _overrun_arguments(program: RadioRow, settings: RadioSettings, until_s: float) -> list[str]:
-    """Arguments that make this version of the program report overruns; empty if it cannot."""
+    """Arguments that make the radio's program report overruns; empty if its version cannot."""
     if settings.program or not program.overruns_option:
         return []
     finished = _run((program.receive, "-h"), program.package, until_s)
@@ -333,10 +336,10 @@ def _start(command: Sequence[str], package: str) -> "subprocess.Popen[bytes]":
 
 
 def _end_with_parent() -> list[str]:
-    """Command prefix that makes the kernel kill the program when this process ends.
+    """Command prefix that makes the kernel end the program when this process ends.
 
-    A radio program that writes ends when its pipe closes; one that hangs would block the radio.
-    ``setpriv`` is part of util-linux, which every Debian has.
+    When its pipe closes, a radio program that is writing ends, but one that hangs would keep
+    the radio busy. ``setpriv`` is part of util-linux, which every Debian has.
     """
     setpriv = shutil.which("setpriv")
     return [setpriv, "--pdeathsig", "KILL", "--"] if setpriv else []

@@ -11,7 +11,7 @@ from uavrt.config.settings import RadioSettings
 from uavrt.core.errors import ConfigError
 
 PROGRAMS: dict[str, RadioRow] = {kind: row for kind, row in RADIOS.items() if row.receive}
-"""Radios that are read by a program of their own, by kind."""
+"""Radios that are read by a program made for them, by kind."""
 
 
 def receive_command(settings: RadioSettings, center_frequency_hz: float) -> list[str]:
@@ -37,7 +37,7 @@ def receive_command(settings: RadioSettings, center_frequency_hz: float) -> list
 
 
 def commands_before(settings: RadioSettings) -> list[list[str]]:
-    """Commands to run before the radio's program; rtl_sdr cannot switch its bias tee itself."""
+    """Commands to run before the radio's program: rtl_sdr needs another to set its bias tee."""
     if settings.program or settings.kind != "rtlsdr":
         return []
     # Set in any case: the bias tee stays on from an earlier flight.
@@ -109,7 +109,8 @@ ARGUMENTS: dict[str, Callable[[RadioSettings, float, int], list[str]]] = {
 def _corrected(settings: RadioSettings, frequency_hz: float) -> float:
     """Rate or frequency to request from a radio with a wrong clock to get the wanted one [Hz].
 
-    The programs have no option for this; hackrf_transfer has ``-C``, but reads it as unsigned.
+    The programs have no option for a clock error; hackrf_transfer has ``-C``, but reads its
+    value as unsigned.
     """
     return frequency_hz / (1.0 + settings.frequency_correction_ppm * 1e-6)
 

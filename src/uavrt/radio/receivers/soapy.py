@@ -36,7 +36,7 @@ log = get_logger()
 
 
 class SoapySource(LiveSource):
-    """Samples from a SoapySDR driver; `serial` may be a device string (``driver=lime``)."""
+    """Reads samples by a SoapySDR driver; `serial` may be a device string (``driver=lime``)."""
 
     RATE_REMEDY = RADIO_RATE_REMEDY
 
@@ -76,7 +76,7 @@ class SoapySource(LiveSource):
             raise self._error(str(error)) from error
 
     def _set(self, center_frequency_hz: float) -> None:
-        """Set up the radio; check the values in effect, as drivers choose the nearest."""
+        """Set up the radio; check the values in effect, as drivers choose the nearest ones."""
         device, settings = self._device, self._settings
         device.setSampleRate(_RX, 0, self._rate_hz)
         if abs(device.getSampleRate(_RX, 0) / self._rate_hz - 1.0) > _SAME:

@@ -16,7 +16,8 @@ _PERIODS: Final = 5
 _TOLERANCE: Final = 0.02
 """Maximum sample rate error that is not reported, as a fraction of the requested rate."""
 _SETTLED: Final = 0.01
-"""Sample rate error below which the rate counts as correct again, as a fraction of it."""
+"""Relative error below which a sample rate that was reported as wrong counts as correct
+again."""
 _CAUGHT_UP_S: Final = 0.03
 """Excess delay after a pause below which the sender has caught up [s]. It is smaller than the
 change over `_PERIODS` that is reported."""
@@ -39,7 +40,7 @@ class ArrivalRate:
         """Delay of arrivals before the last pause [s]; infinite once the sender caught up."""
 
     def arrived(self, received: int, now_ns: int, *, full: bool = False) -> None:
-        """Add the samples received up to a time; a `full` buffer hides the sender's rate."""
+        """Add the number of samples received up to a time; a `full` buffer hides their rate."""
         if full:
             return
         if self._first_ns is None:

@@ -1,6 +1,6 @@
 """Detect silently lost samples from the arrival times of the other samples.
 
-A loss makes everything after it late, permanently and by the same amount. A computer that is
+A loss makes all later samples late, permanently and by the same amount. A computer that is
 briefly busy makes a few arrivals late; then the buffered samples arrive at once. Jitter delays
 single arrivals. The pattern of later arrivals distinguishes the three::
 
@@ -9,14 +9,14 @@ single arrivals. The pattern of later arrivals distinguishes the three::
          |     :    :                 a stall: then all at once, each less late than the last
          |__:_.__:_._:_:___________
 
-Arrivals are grouped in cells of 20 ms, each with its smallest lateness. Consecutive late cells,
-level and at the pace of the samples, count as a loss once they are too many for the present
-jitter. With exponential jitter of mean u, n cells are all later than c with probability exp(-n
-c / u). After a loss, half of that evidence is enough.
+Arrivals are grouped in periods of 20 ms (cells), each with its smallest lateness. Consecutive
+cells that are equally late count as a loss once they are too many for the present jitter. With
+exponential jitter of mean u, n cells are all later than c with probability exp(-n c / u). After
+a loss, half of that evidence is enough.
 
-A lateness that rises evenly, faster than any clock error, means a source slower than real
-time: a slow disk, network or computer before the pipe. Then nothing is lost, and arrival times
-are not used. Until this is certain, only a clear step counts as a loss in a pipe.
+A lateness that rises evenly, faster than any clock error, shows that the source is slower than
+real time: a slow disk, network or computer before the pipe. Then nothing is lost, and arrival
+times are not used. Until this is certain, only a clear step counts as a loss in a pipe.
 """
 
 import math
@@ -27,7 +27,8 @@ from typing import Final
 import numpy as np
 
 CELL_S: Final = 0.020
-"""Minimum period of a lateness value of arrivals, a cell [s]; USB transfers last 5 to 65 ms."""
+"""Minimum length of the periods (cells) for which a lateness of arrivals is stored [s]; USB
+transfers last 5 to 65 ms."""
 SLOWEST_RATE: Final = 75e-6
 """Maximum relative error of a radio's clock rate; a greater drift means small losses."""
 _UNSEEN_S: Final = 0.010
@@ -37,17 +38,19 @@ sample's time is then wrong by more than half of the loss."""
 _CELLS: Final = 100
 """Number of stored cells (lateness values of arrivals): two seconds."""
 _WINDOW_S: Final = 1.0
-"""Longest period of late arrivals that is examined [s]; `_WINDOW_CELLS` cells where writes are
-long. rtl_sdr writes half a second at once at 250 kS/s."""
+"""Longest period of late arrivals that is examined [s]. If the writes of the radio's program
+are long, `_WINDOW_CELLS` cells are examined; rtl_sdr writes half a second at once at 250
+kS/s."""
 _WINDOW_CELLS: Final = 6
 _LEAST_CELLS: Final = 3
 """Minimum number of late cells (20 ms or more) that show a loss; two stalls make fewer."""
 _NEWEST: Final = 4
-"""Number of newest cells (20 ms or more) whose arrivals give the present lateness."""
+"""Number of newest cells (20 ms or more) that give the present lateness of arrivals."""
 _QUIET_S: Final = 1.0
 """Time after a loss in which arrivals may still show a further part of that loss [s]."""
 _EVIDENCE: Final = 14.0
-"""Log-odds of a loss needed to rule out jitter: 1 in 10⁶, 40 mostly dependent tests/s."""
+"""Log odds of a loss needed to rule out jitter: 1 in 10⁶, for 40 mostly dependent tests a
+second."""
 _EVIDENCE_KNOWN: Final = 7.0
 """Log-odds of a loss needed to rule out jitter within `_KNOWN_S` of a known loss."""
 _KNOWN_S: Final = 10.0
@@ -55,26 +58,31 @@ _FLOOR_S: Final = 0.002
 """Minimum lateness of arrivals above jitter that shows a loss [s]; clock drift is smaller."""
 _LEVEL_S: Final = 0.006
 _LEVEL_SLOPE: Final = 0.06
-"""Rise of arrivals' lateness [s/s] above which the radio program falls behind: no loss."""
+"""Rise of the lateness of arrivals above which the radio program is slow and nothing is lost
+[s/s]."""
 _CLIMB_S: Final = 0.35
 _LEVEL_AFTER_CLIMB_S: Final = 1.5
 _SUSPECT_S: Final = 0.008
 """Lateness of arrivals above which a cell may be the first after a loss [s]."""
 _SUSPECT_MAX_S: Final = 0.35
 _SHARP: Final = 0.6
-"""Fraction of the lateness that must arise within `_BEFORE_S` for a step, not a drift."""
+"""Minimum fraction of the lateness that arises within `_BEFORE_S` at a step; with less it is a
+drift."""
 _BEFORE_S: Final = 0.5
 _SURE_SHARE: Final = 0.0008
-"""Share of samples lost in the last `_SHARE_S` that no clock error explains (800 ppm)."""
+"""Minimum fraction of samples lost in the last `_SHARE_S` that no clock error can explain (800
+ppm)."""
 _SHARE_S: Final = 30.0
 _EARLY_CELLS: Final = 12
 _PACE_BIN_S: Final = 0.25
 """Period for which the smallest delay of arrivals is stored, for a source's speed [s]."""
 _UNSETTLED_BINS: Final = 2
-"""Number of newest periods ignored in a source's speed, as a stall may still be caught up."""
+"""Number of newest periods ignored when a source's speed is measured, because a stall in them
+may still be caught up."""
 _PACE_SPANS: Final = ((5.0, 0.4), (10.0, 0.7))
-"""Periods over which the speed is measured [s], and scatter below which the delays rise evenly.
-At 0.9 to 0.995 times real time the scatter is 0.1 to 0.5 and 0.1 to 0.9, also on a busy
+"""Pairs of a period over which a source's speed is measured [s], and the relative scatter of
+the delays below which they rise evenly. Sources at 0.9 to 0.995 times real time have a
+scatter of 0.1 to 0.5 in the shorter and 0.1 to 0.9 in the longer period, also on a busy
 computer. Losses of 1 to 15 % of the samples give at least 0.54 and 0.93."""
 _UNEVEN: Final = 3.0
 """Ratio of the delays' scatter to its limit in `_PACE_SPANS` that shows a rise in steps."""
@@ -82,10 +90,11 @@ _SLOW_RATE: Final = 0.003
 """Minimum rise of the delay of arrivals that marks a slow source [s/s]."""
 _SCATTER_S: Final = 0.0005
 _SCATTER_SHARE: Final = 0.002
-"""Part of the delays' rise that is added to `_SCATTER_S`; the delays' scatter is divided by the
-sum."""
+"""Fraction of the delays' rise that is added to `_SCATTER_S`; the sum is the divisor that makes
+the delays' scatter relative."""
 _STEP: Final = 2.0
-"""Smallest step of arrivals' delay at a loss, over the rise before and after it."""
+"""Minimum ratio of the step in the delay of arrivals at a loss to the rise before and after the
+step."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,13 +103,15 @@ class Loss:
 
     duration_s: float
     since_s: float
-    """Start of the late arrivals after the loss: samples over the nominal rate [s]."""
+    """Position in the stream at which late arrivals begin: number of samples over the nominal
+    rate [s]."""
     sharp: bool
-    """True if the arrivals' delay rose within half a second, a step; False for a drift."""
+    """True if the delay of arrivals rose within half a second, as at a step; False for a
+    drift."""
     inside_s: float
     """Length of the late transfer that contains the loss [s]; 0 if the loss lies before it."""
     sure: bool
-    """False if the arrivals' delay rose slowly, as a wrong clock rate may explain."""
+    """False if the delay of arrivals rose so slowly that a wrong clock rate may explain it."""
 
 
 @dataclass(slots=True)
@@ -130,7 +141,7 @@ class SourcePace:
         """`stepped`: True if delays rose in steps. `still`: True if delays do not rise now."""
 
     def measure(self, received_s: float, arrived_s: float) -> None:
-        """Add a delay; the source's speed is decided again when a period is complete."""
+        """Add a delay; decide on the source's speed whenever a period is complete."""
         delay_s, delays = arrived_s - received_s, self._delays
         if delays and int(received_s / _PACE_BIN_S) == int(delays[-1][0] / _PACE_BIN_S):
             if delay_s < delays[-1][1]:
@@ -150,7 +161,7 @@ class SourcePace:
     def _line(self, begin_s: float) -> tuple[float, float]:
         """Fit a line to the smallest delays: rise per second, and relative scatter about it.
 
-        A delay that is made up later is a stall and does not count.
+        A delay that later arrivals make up for is a stall and does not count.
         """
         settled = [point for point in self._delays if point[0] >= begin_s]
         at_s, delay_s = np.array(settled).T
@@ -171,8 +182,8 @@ class SourcePace:
 class LossFinder:
     """Finds losses from the lateness of arrivals: their delay above that of the earliest ones.
 
-    Positions in the stream are nominal seconds: samples, lost ones included, divided by the
-    nominal rate. The caller adds a found loss to later positions.
+    Positions in the stream are in seconds: number of samples, lost ones included, divided by
+    the nominal rate. The caller adds a found loss to later positions.
     """
 
     def __init__(self, *, may_be_slow: bool = False) -> None:
@@ -204,8 +215,9 @@ class LossFinder:
     def put(self, at_s: float, arrived_s: float, late_s: float) -> Loss | None:
         """Add an arrival; return the loss that is now certain, or None.
 
-        `at_s`: nominal seconds of all samples received, lost ones included. `arrived_s`:
-        arrival time on any clock [s]. `late_s`: lateness.
+        `at_s`: number of samples so far, lost ones included, over the nominal rate [s].
+        `arrived_s`: arrival time on any clock [s]. `late_s`: delay of the arrival above that of
+        the earliest ones [s].
         """
         since_s, self._newest_at_s = self._newest_at_s, at_s
         if self._from is None:
@@ -243,7 +255,7 @@ class LossFinder:
         return loss
 
     def early_s(self) -> float:
-        """Lateness of the second-earliest recent arrival, if negative [s]; 0 if only jitter."""
+        """Lateness of the second-earliest recent arrival if clearly negative [s]; else 0."""
         if len(self._cells) < 2:
             return 0.0
         newest = [
@@ -255,7 +267,7 @@ class LossFinder:
         return second_s
 
     def shift(self, seconds: float) -> None:
-        """Subtract `seconds` from all lateness: the line of earliest arrivals has moved."""
+        """Subtract `seconds` from all lateness, as the expected arrival times have moved."""
         for cell in self._cells:
             cell.late_s -= seconds
 
@@ -321,7 +333,7 @@ class LossFinder:
 
     @property
     def undecided(self) -> bool:
-        """True if the next few arrivals will show if samples were lost."""
+        """True if the next few arrivals will show whether samples were lost."""
         return self.suspect_s is not None and self.suspect_s < math.inf
 
     @property
@@ -380,7 +392,7 @@ class LossFinder:
         return -fall_s <= rise_s <= _LEVEL_S + _LEVEL_SLOPE * span_s
 
     def _agreeing(self, count: int) -> list[_Cell]:
-        """Newest cells, of `count`, whose samples came about equally late and in real time."""
+        """Newest cells, of `count`, with samples about equally late and in real time."""
         cells = [self._cells[at] for at in range(-count, 0)]
         near_s = min(c.late_s for c in cells) + _LEVEL_S + 2.0 * self.jitter_s
         near_s += _LEVEL_SLOPE * (cells[-1].end_s - cells[0].end_s)
@@ -447,9 +459,9 @@ class LossFinder:
 def most_lost(unsure: int, *, samples: int, sample_rate_hz: float) -> int:
     """Upper bound of lost samples beyond those certainly lost.
 
-    `unsure`: samples lost unless the clock rate is wrong. `samples`: length of the stream, a
-    small part of which may look like a clock error. `sample_rate_hz`: of the stream; losses
-    since the last gap are not detected yet.
+    `unsure`: number of samples that are lost unless the clock rate is wrong. `samples`: length
+    of the stream. A loss of less than 75 ppm of the stream looks like a clock error, and one in
+    the last 10 ms is not detected yet.
     """
     return unsure + round(SLOWEST_RATE * samples + _UNSEEN_S * sample_rate_hz)
 

@@ -18,7 +18,8 @@ from uavrt.radio.timing.losses import HALVED_S
 from uavrt.radio.timing.sample_times import NominalTimes, TimeKeeper
 
 HOLD_S: Final = 0.13
-"""Maximum wait of samples, beyond a block, to decide if some were lost [s]: two transfers."""
+"""Maximum time for which samples wait, beyond a block, until it is decided if some were lost
+[s]: two transfers."""
 _LOG_S: Final = 10.0
 _BURST_NS: Final = 1_000_000
 """Maximum time between bytes that belong to one write of the radio's program [ns]."""
@@ -92,12 +93,12 @@ class Placer:
 
     @property
     def unseen(self) -> str | None:
-        """Reason why arrivals are not used for times and losses; None if they are."""
+        """Reason why arrival times cannot be used to find losses; None if they can."""
         return self._keeper.unseen if self._nominal is None else "--start-time was given"
 
     @property
     def withdrawn(self) -> int:
-        """Number of lost samples inferred from arrivals that turned out to be unusable."""
+        """Number of samples counted as lost from arrival times that proved unusable."""
         return 0 if self._keeper.unseen is None else self._inferred
 
     @property
@@ -142,7 +143,7 @@ class Placer:
             self._burst = None
 
     def settle(self) -> bool:
-        """True if held samples can be passed on, because no loss is possible before them."""
+        """True if waiting samples can be passed on, because no loss is possible before them."""
         if self._keeper.undecided and self._burst is not None:
             burst, self._burst = self._burst, None
             self._learn(burst, False)
@@ -150,7 +151,7 @@ class Placer:
 
     @property
     def samples_before_cut(self) -> int:
-        """Number of held samples that must end a block early; 0 if none."""
+        """Number of waiting samples after which a block must end early; 0 if it need not."""
         return self._cut
 
     def add_lost(self, samples: int, held: int = 0) -> None:

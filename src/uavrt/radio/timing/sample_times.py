@@ -44,22 +44,24 @@ _SLEW = 200e-6
 """Maximum correction of sample times [s/s]: an interval of 1.25 s is right to 0.25 ms."""
 _FAST_SLEW_UNTIL_S = 10.0
 _SETTLE_S = 2.0
-"""Time at the start in which a delayed writer catches up [s]; later it is a replay."""
+"""Longest stream, from its start, in which samples that come at once are taken as delayed by
+the writer [s]; later ones are those of a replay."""
 _NOT_LIVE_S = 0.5
 """Earliness of sample arrivals above which a stream is replayed and not live [s]."""
 _REPORT_DELAY_S = 3.0
-"""Maximum time from a loss in arrival times to the radio program's report of it [s]."""
+"""Maximum time between the moment when arrival times show a loss and the radio program's report
+of it [s]."""
 _SLOPE_PAUSE_S = 1.0
 """Time after a loss in which the measured clock rate is not updated [s]."""
 _FAR_S = 0.005
 _FAR_IN_S = 0.5
 _DOUBT_S = 10.0
-"""Time after a loss [s] in which times later than the measured clock by more than `_FAR_S` are
-corrected with time constant `_FAR_IN_S`, faster than `_SLEW`."""
+"""Time after a loss [s] in which sample times that are more than `_FAR_S` after the measured
+clock are corrected faster than by `_SLEW`, with the time constant `_FAR_IN_S`."""
 
 
 class NominalTimes:
-    """Times of samples from the time of sample 0 [ns, UTC] and the nominal rate."""
+    """Computes the times of samples from that of sample 0 [ns, UTC] and the nominal rate."""
 
     def __init__(self, start_time_ns: int, sample_rate_hz: float) -> None:
         self._start_ns = start_time_ns
@@ -190,7 +192,7 @@ class TimeKeeper:
 
     @property
     def undecided(self) -> bool:
-        """True if the next few arrivals will show if samples were lost."""
+        """True if the next few arrivals will show whether samples were lost."""
         return self._follow and self._finder.undecided
 
     @property
@@ -235,7 +237,7 @@ class TimeKeeper:
         self._bin_count += 1
 
     def lost_samples(self) -> int:
-        """Number of samples lost according to arrival times since the last call.
+        """Number of samples found to be lost, from arrival times, since the last call.
 
         The caller adds it to its index, as a gap.
         """
@@ -247,7 +249,7 @@ class TimeKeeper:
         return lost
 
     def skip(self, samples: int) -> int:
-        """Skip samples known to be lost; return how many of them arrivals do not show yet."""
+        """Skip samples known to be lost; return how many arrival times do not show yet."""
         seconds = samples / self._nominal_hz
         if self._given_s > self._loss_at_s + _REPORT_DELAY_S:
             self._credit_s = 0.0
@@ -260,7 +262,7 @@ class TimeKeeper:
         return left
 
     def time_ns(self, index: int) -> int:
-        """Time of a sample [ns, UTC], for rising `index`; `ValueError` before arrivals."""
+        """Time of a sample [ns, UTC], for rising `index`; `ValueError` before the first one."""
         if self._start_ns is None:
             raise ValueError("no samples have arrived yet, so there is no start time")
         self._asked = True
@@ -291,7 +293,7 @@ class TimeKeeper:
         return float(self._bins[self._bin_count - 1, 0] - self._bins[0, 0])
 
     def _forget(self, why: str) -> None:
-        """Discard the measured clock; use start time and nominal rate from now on."""
+        """Discard the measured clock; compute later times from start and nominal rate."""
         self.unseen = why
         self._follow = False
 

@@ -1,6 +1,6 @@
-"""Runs the whole system with a simulated world on one computer.
+"""Run the whole system with a simulated world on one computer.
 
 `demo_run` flies one drone or several, `demo_search` and `search_together` search;
-`demo_programs` starts the programs, `watch` and `view` show what happens, `summary` evaluates
-it.
+`demo_programs` starts the programs, `watch` and `view` show the progress, and `summary`
+evaluates the flight.
 """

@@ -50,7 +50,7 @@ class DemoPaths:
     """Parent directory of the drone's flight."""
 
     def below(self, name: str) -> "DemoPaths":
-        """Paths for one of several drones; creates its directories."""
+        """Paths for one of several drones, in subdirectories that are created."""
         own = DemoPaths(directory=self.directory / name, flights=self.flights / name)
         own.directory.mkdir()
         own.flights.mkdir(parents=True, exist_ok=True)
@@ -113,7 +113,7 @@ def free_ros_domain() -> int:
 
 
 def demo_environment() -> dict[str, str]:
-    """Environment variables of the demo's programs, without the site's ROS 2 network."""
+    """Environment variables that keep the demo's programs off the site's ROS 2 network."""
     kept = {name: v for name, v in os.environ.items() if name != "CYCLONEDDS_URI"}
     return kept | blas_environment({}) | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 
@@ -202,7 +202,7 @@ class Program:
         return texts[-1].removeprefix("uavrt: ").rstrip(".") if texts else ""
 
     def new_events(self) -> list[dict[str, Any]]:
-        """JSON events in the program's output since the last call."""
+        """JSON events that the program has printed since the last call."""
         with self.log.open("rb") as file:
             file.seek(self._read_to)
             data = file.read()

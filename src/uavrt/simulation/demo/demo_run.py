@@ -38,7 +38,8 @@ from uavrt.simulation.scene.world import World
 from uavrt.simulation.vehicle.airframe import Flavour
 
 START_LEAD_S = 2.5
-"""Delay of the simulated world's start after the programs' [s]; these need 1.5 s."""
+"""Time from the start of the programs to that of the simulated world [s]; the programs need 1.5
+s."""
 READY_TIMEOUT_S = 20.0
 DRAIN_TIMEOUT_S = 15.0
 REFRESH_S = 0.25
@@ -55,7 +56,7 @@ class _Drone:
 
     @property
     def heard_samples(self) -> bool:
-        """True once the receiver has counted samples."""
+        """True once the drone's receiver has counted samples."""
         return bool(self.flight_directory and self.cpu.last_sample_ns)
 
     def read(self, wait_s: float, ground: Program) -> None:
@@ -290,7 +291,7 @@ def not_started(ground: Program, where: str = "") -> UavrtError:
 
 
 def phase_of(flight: Flight, elapsed_s: float) -> str:
-    """Text on what the drone does at a time of its flight."""
+    """Text that describes what the drone does at a time of its flight."""
     turns = 0
     for leg in flight.leg:
         turns += bool(leg.turn_deg)

@@ -1,4 +1,4 @@
-"""``uavrt demo --search``: a simulated drone finds animals autonomously."""
+"""Run ``uavrt demo --search``: a simulated drone finds animals autonomously."""
 
 import shutil
 import time
@@ -98,7 +98,7 @@ class SearchSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Among:
-    """One of several drones that search together: its number, ground port and start time."""
+    """Number, ground port and start time of one of several drones that search together."""
 
     number: int
     ground_port: int
@@ -110,7 +110,7 @@ class Among:
         return FIRST_HEIGHT_M + ABOVE_M * (self.number - 1)
 
     def placed(self, scenario: Scenario) -> Scenario:
-        """The world with this drone's start position."""
+        """Copy a world with this drone's start position."""
         flight = replace(
             scenario.flight, east_m=BESIDE_M * (self.number - 1), height_m=self.height_m
         )
@@ -152,7 +152,7 @@ class SearchDemo:
         self._seen = _Seen()
 
     def run(self) -> SearchSummary:
-        """Fly once; return the result. Raises `UavrtError` if a program ended."""
+        """Run the search once; return the result. Raises `UavrtError` if a program ended."""
         require_writable(self._flight_dir)
         with workplace("uavrt-search-") as work, self._rig:
             self._start(work)

@@ -1,4 +1,4 @@
-"""Simulated drones and their ground station on this computer, started as in the field.
+"""Start simulated drones and their ground station on this computer, as in the field.
 
 Each program runs in its own process and writes a log file; all end with the rig.
 """
@@ -27,7 +27,7 @@ from uavrt.simulation.vehicle.airframe import Flavour
 
 
 def starting_in(scenario: Scenario, seconds: float) -> Scenario:
-    """The world with a start time this much later than now; programs need 1.5 s to be ready."""
+    """Copy a world so that it starts `seconds` from now; programs need 1.5 s to be ready."""
     return scenario.starting_at(Clock.start().now_ns() + ns_from_s(seconds))
 
 
@@ -77,7 +77,7 @@ class Rig:
     def program(
         self, directory: Path, name: str, *arguments: str, module: str = "uavrt.cli"
     ) -> Program:
-        """Start a Python module whose log file is in `directory`."""
+        """Start a Python module as a program, with a log file in `directory`."""
         program = Program(name, (module, *arguments), directory / f"{name}.log")
         self._stack.callback(program.stop)
         return program
@@ -97,13 +97,12 @@ class Rig:
     ) -> SimulatedDrone:
         """Start a drone side and its autopilot.
 
-        `scenario`: its world, with the start time.
-        `paths`: its files; the directory exists.
-        `ground_port`: of its ground station; None: a free one.
-        `flies`: it flies commands, not the scenario's flight.
-        `autopilot`, `supervisor`: further arguments of the two programs.
-        `served_by`: module that runs the drone side, and its first arguments.
-        `settings`: changes the settings of a simulated drone.
+        `scenario`: world of the drone, with the start time. `paths`: files of the drone, in a
+        directory that exists. `ground_port`: port of the ground station; None: a free one.
+        `flies`: True if the drone obeys commands instead of flying the scenario's flight.
+        `autopilot`, `supervisor`: further arguments of the two programs. `served_by`: module
+        that runs the drone side, and its first arguments. `settings`: changes the settings of a
+        simulated drone.
         """
         write_scenario(scenario, paths.scenario)
         companion_port = free_udp_port()

@@ -1,4 +1,6 @@
-"""``uavrt demo --search --drones``: several simulated drones search together, autonomously."""
+"""Run ``uavrt demo --search --drones``: several simulated drones search together by
+themselves.
+"""
 
 import math
 import threading
@@ -67,7 +69,7 @@ class TogetherDemo:
         self._ended: dict[int, SearchSummary | UavrtError] = {}
 
     def run(self) -> TogetherSummary:
-        """Fly once; raises errors as `SearchDemo.run` does."""
+        """Run the search once; return the result. Raises `UavrtError` if a program ended."""
         with workplace("uavrt-together-") as work, Rig() as rig:
             ground_port = free_udp_port()
             # The station that serves all orders nothing.

@@ -1,4 +1,4 @@
-"""Result of the demo: pulses sent, detected, recorded on the drone and received on the ground.
+"""Summarise a demo: pulses sent, detected, recorded on the drone and received on the ground.
 
 A true pulse counts as detected if the drone recorded a pulse of its tag within `MATCH_TIME_S`
 and `MATCH_FREQUENCY_HZ`. It counts as delivered if the ground has that same record. For a coded
@@ -30,7 +30,7 @@ class TagSummary:
 
     transmitted: int
     detectable: int
-    """Number of sent pulses whose true energy over noise density (ENR) was 14 dB or more."""
+    """Number of sent pulses with a true energy over noise density (ENR) of 14 dB or more."""
     detected: int
     """Number of pulses found and recorded on the drone."""
     delivered: int
@@ -88,7 +88,7 @@ def summarize_tag(
     recorded: Sequence[Pulse],
     received_times_ns: Sequence[int],
 ) -> TagSummary:
-    """Compare the pulses of one tag, recorded and received, with those of all tags sent."""
+    """Compare the recorded and received pulses of one tag with the true pulses of all tags."""
     sent = [pulse for pulse in truth if pulse.tag_id == tag.tag_id]
     if tag.coded:
         sent = true_bursts(sent, 1 + len(tag.gaps_s))

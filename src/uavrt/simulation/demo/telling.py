@@ -1,4 +1,4 @@
-"""Text lines for the terminal on the progress of a search."""
+"""Make text lines for the terminal on the progress of a search."""
 
 import re
 
@@ -8,7 +8,7 @@ _DOES = ((r"^hold for", "wait"), (r"^turn by 360°.*", "turn once in place"))
 
 
 def in_plain_words(note: SearchNote) -> str:
-    """Line for a search note: time, action and reason."""
+    """Text line for an entry of a search's log: time, action and reason."""
     minutes, seconds = divmod(round(note.elapsed_s), 60)
     return f"{minutes:2d}:{seconds:02d} {_words(note)}"
 

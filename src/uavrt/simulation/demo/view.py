@@ -170,7 +170,9 @@ class DemoView:
         ]
 
     def _process_table(self, *, narrow: bool) -> RenderableType:
-        """Table of the processes; `narrow`: two in a row, and only faulty ones' status."""
+        """Table of the processes; `narrow`: two in each row, with the status of faulty ones
+        only.
+        """
         table = plain_table(*(2 * ("process", "CPU", "MB") if narrow else _PROCESSES))
         known = {one.process: one for one in (self.status.processes if self.status else ())}
         rows: list[list[RenderableType]] = []
@@ -197,7 +199,7 @@ class DemoView:
 
 @dataclass(frozen=True, slots=True)
 class _Drawn:
-    """The view at one time, drawn once its width is known."""
+    """The view at one time, drawn once the terminal's width is known."""
 
     view: DemoView
     now_s: float

@@ -1,4 +1,4 @@
-"""Measures the CPU time of the demo's processes."""
+"""Measure the CPU time of the demo's processes."""
 
 from collections.abc import Mapping, Sequence
 

@@ -37,7 +37,7 @@ def flight_world(
 def search_world(
     file: Path | None, *, limit_s: float, seed: int | None, coded: bool
 ) -> Scenario:
-    """World for a search of at most `limit_s`; other parameters as for `flight_world`."""
+    """World for a search of at most `limit_s`; other parameters as in `flight_world`."""
     if file is None:
         return search_scenario(1 if seed is None else seed, coded=coded)
     scenario = _of_file(file, seed, coded)

@@ -1,7 +1,7 @@
 """Antenna patterns: the gain for waves from each direction.
 
-The tables of the Telonics RA-2A and RA-23K give decibels relative to boresight from 0° to 180°
-in steps of 10°, read off the maker's plots (±1.5 dB).
+The tables of the Telonics RA-2A and RA-23K give the gain relative to boresight [dB], from 0° to
+180° in steps of 10°, as read from the maker's plots (±1.5 dB).
 """
 
 import math
@@ -26,7 +26,7 @@ PATTERNS_DB: dict[str, tuple[float, ...]] = {
     ),
 }
 _NULL_DB = -30.0
-"""Depth of nulls relative to the maximum [dB], limited by scatter at the airframe."""
+"""Depth of nulls relative to the maximum [dB]; waves scattered at the airframe limit it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +41,8 @@ class Antenna(ScenarioRecord):
     polarization: Literal["horizontal", "vertical", "any"] = "horizontal"
     """Polarization on a level drone; "any" receives every polarization fully."""
     cross_polarization_db: Annotated[float, Ge(-40), Le(0)] = -15.0
-    """Level of a wave of the wrong polarization [dB]; scatter keeps it from zero."""
+    """Level at which a wave with perpendicular polarization is received [dB]; scattering limits
+    its suppression."""
     yaw_offset_deg: float = 0.0
     """Angle of the boresight clockwise from the drone's nose [°]."""
     pitch_offset_deg: float = 0.0
@@ -79,7 +80,7 @@ def pattern_db(antenna: Antenna, direction_body: geometry.Vector) -> float:
 def transverse_axes(
     direction: geometry.Vector, down: geometry.Vector
 ) -> tuple[geometry.Vector, geometry.Vector]:
-    """Unit vectors perpendicular to a ray, horizontal and upright, for a frame's down axis."""
+    """Horizontal and upright unit vectors perpendicular to a ray; `down`: the down axis."""
     horizontal = geometry.cross(down, direction)
     if geometry.length(horizontal) < 1e-9:
         horizontal = geometry.cross((1.0, 0.0, 0.0), direction)

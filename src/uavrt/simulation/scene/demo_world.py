@@ -1,4 +1,4 @@
-"""The built-in world of ``uavrt demo``: three tags and a drone that turns at three points.
+"""Define the built-in world of ``uavrt demo``: three tags, and a drone that turns at 3 points.
 
 With coded tags there are two more tags, which share a frequency.
 """
@@ -16,8 +16,8 @@ from uavrt.simulation.scene.world import World
 SHORTEST_S = 40.0
 """Shortest demo [s]; it leaves 4.3 s for the flight between two turns."""
 SEARCHED_ENR_DB = 24.0
-"""Pulse energy over noise density of the animals in a search, received at home with the antenna
-pointed at them [dB]."""
+"""Ratio of pulse energy to noise power density of the animals in a search, received at home
+with the antenna pointed at them [dB]."""
 SEARCH_HEIGHT_M = 40.0
 _SHORTEST_TURN_S = 7.8
 """Shortest duration of a full turn [s]: 46°/s on average, 57.7°/s at most."""
@@ -25,12 +25,12 @@ CODED_HZ = 148_640_000.0
 _APART_M = 120.0
 _ABOVE_M = 10.0
 _PEAK_ENR_DB = 33.0
-"""Pulse energy over noise density without fading, at the three points' centre with the antenna
-pointed at a tag [dB]."""
+"""Ratio of pulse energy to noise power density without fading, at the centre of the three
+points with the antenna pointed at a tag [dB]."""
 
 
 def demo_scenario(duration_s: float = 60.0, seed: int = 1, *, coded: bool = False) -> Scenario:
-    """Create the demo's world, scaled to any duration of at least 40 s, else `ConfigError`."""
+    """Create the demo's world, scaled to a duration; raises `ConfigError` below 40 s."""
     if not SHORTEST_S <= duration_s < math.inf:
         raise ConfigError(
             f"a demo of {duration_s:g} s is too short for its three turns",
@@ -226,12 +226,12 @@ def _move_s(duration_s: float) -> float:
 
 
 def _height_m(duration_s: float) -> float:
-    """Height of the turns [m]: reached with a mean climb of 4 m/s, 40 m at most."""
+    """Height of the turns [m], at most 40; the mean climb rate is 4 m/s."""
     return min(40.0, 4.0 * 0.08 * duration_s)
 
 
 def _points(duration_s: float) -> tuple[tuple[float, float], ...]:
-    """Corners of a triangle with sides of 150 m at most, flown with 4 m/s² at most."""
+    """Corners of a triangle with sides of at most 150 m, flown with at most 4 m/s²."""
     side_m = min(150.0, 0.6 * _move_s(duration_s) ** 2)
     return (0.0, 0.0), (side_m, 0.0), (side_m / 2, side_m * math.sqrt(0.75))
 
@@ -267,7 +267,7 @@ def _centre(duration_s: float) -> Flight:
 
 
 def _with_power(scenario: Scenario, stand: Flight, enr_db: float) -> Scenario:
-    """Copy a world; its tag powers give `enr_db` at boresight, as received at `stand`."""
+    """Copy a world with tag powers that give `enr_db` at `stand`, on antenna boresight."""
     probe = replace(
         scenario,
         flight=replace(stand, wobble_deg=0.0),

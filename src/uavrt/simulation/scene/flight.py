@@ -18,7 +18,7 @@ _MOVE_EASE = 0.35
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leg(ScenarioRecord):
-    """A part of the flight that starts and ends at rest; what is None stays unchanged."""
+    """A part of the flight that starts and ends at rest; values of None stay unchanged."""
 
     duration_s: Annotated[float, Gt(0)]
     north_m: float | None = None
@@ -61,7 +61,7 @@ class VehicleState:
 
 
 def _progress(time_share: float, ease: float) -> tuple[float, float, float]:
-    """Fraction of a leg's path, its first and second derivative, with smooth ends.
+    """Fraction of a leg's path flown, and its first two derivatives, with smooth ends.
 
     The speed rises as 3x² - 2x³ during the first fraction `ease` of the time, and falls in the
     same way in the last.
@@ -82,7 +82,7 @@ def _progress(time_share: float, ease: float) -> tuple[float, float, float]:
 
 
 def _wobble(flight: Flight, elapsed_s: float, height_m: float, phase: float) -> float:
-    """Tilt by gusts: three sines below 1.1 Hz of given standard deviation; 0 on the ground."""
+    """Tilt by gusts: three sines below 1.1 Hz of a given standard deviation; 0 on ground."""
     sines = sum(
         math.sin(2 * math.pi * frequency * elapsed_s + phase * (number + 1))
         for number, frequency in enumerate((0.23, 0.57, 1.03))
@@ -91,7 +91,7 @@ def _wobble(flight: Flight, elapsed_s: float, height_m: float, phase: float) -> 
 
 
 def vehicle_state(flight: Flight, elapsed_s: float) -> VehicleState:
-    """Compute the drone's state, tilted as a multirotor, at a time of the flight [s].
+    """Compute the drone's position and attitude at a time of the flight [s].
 
     Roll and pitch are those of a multirotor that needs thrust against acceleration and drag.
     """

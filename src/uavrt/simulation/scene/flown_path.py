@@ -1,8 +1,8 @@
-"""Path of a commanded vehicle in a file, written by the autopilot and read by the radio.
+"""Write and read the path of a commanded vehicle, in a file from the autopilot to the radio.
 
 The simulated autopilot appends 50 records a second. The simulated radio reads them, so that the
 strength of a pulse depends on the drone's true position. A file outlives either program, needs
-no port, and afterwards holds the truth of the flight.
+no port, and afterwards contains the true path of the flight.
 """
 
 import bisect
@@ -17,7 +17,8 @@ from uavrt.simulation.scene.flight import VehicleState
 from uavrt.simulation.scene.geometry import TangentPlane, from_euler_deg
 
 _RECORD = struct.Struct("<q4d")
-"""Record: time [ns, UTC], latitude, longitude [°], altitude above the sea [m], heading [°]."""
+"""Format of a record: time [ns, UTC], latitude, longitude [°], altitude above the sea [m],
+heading [°]."""
 _AHEAD_S = 0.5
 """Longest extrapolation of a path beyond its last record [s]; a radio's buffer is 0.02 s."""
 _STEP_NS = 10_000_000
@@ -47,7 +48,7 @@ class PathWriter:
 
 
 class FlownPath:
-    """The vehicle's state at a time, from the file; the last `keep_s` stay in memory."""
+    """Reads the vehicle's state at a time from the file; the last `keep_s` stay in memory."""
 
     def __init__(self, path: Path, plane: TangentPlane, *, keep_s: float | None = None) -> None:
         self._path, self._plane = path, plane

@@ -1,6 +1,7 @@
-"""Quaternions and a local tangent plane for the simulation.
+"""Compute with quaternions and a local tangent plane, for the simulation.
 
-Independent of `uavrt.localization.pose`, which is checked against it.
+This module is independent of `uavrt.localization.pose`, so that each can be checked against the
+other.
 """
 
 import math

@@ -1,7 +1,7 @@
 """Propagation from a tag to the antenna: spreading, reflections, water, fading.
 
-Every path is a straight ray from the tag or one of its mirror images. The rays add as complex
-amplitudes, each weighted by the antenna's gain and polarization in its direction.
+Every path is a straight ray from the tag or from one of its mirror images. The rays add as
+complex amplitudes, each weighted by the antenna's gain and polarization in its direction.
 """
 
 import cmath
@@ -34,7 +34,7 @@ class Wall(ScenarioRecord):
     facing_deg: float
     """Compass direction of the wall's normal [°]; only that side reflects."""
     reflection: Annotated[float, Ge(-1), Le(1)] = -0.5
-    """Amplitude ratio of reflected and arriving wave."""
+    """Ratio of the amplitudes of the reflected and the arriving wave."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,9 +43,9 @@ class Fading(ScenarioRecord):
 
     kind: Literal["none", "lognormal", "rician"] = "none"
     sigma_db: Annotated[float, Ge(0), Le(20)] = 2.0
-    """Lognormal fading: standard deviation [dB]."""
+    """Standard deviation of lognormal fading [dB]."""
     k_factor_db: Annotated[float, Ge(-20), Le(40)] = 12.0
-    """Rician fading: ratio of steady to scattered power [dB]."""
+    """Ratio of steady to scattered power in Rician fading [dB]."""
     correlation_time_s: Annotated[float, Gt(0)] = 1.0
     """Time after which the correlation of the underlying normal process is 1/e [s]."""
 
@@ -146,7 +146,7 @@ def _rays(
     *,
     horizontal: bool,
 ) -> Iterator[tuple[geometry.Vector, complex]]:
-    """Real and mirrored sources seen from the antenna, each with its reflection factor.
+    """Real and mirrored sources as seen from the antenna, each with its reflection factor.
 
     The reflecting ground is a plane through the ground beneath tag and antenna.
     """
@@ -183,8 +183,8 @@ def link(
     """Compute the link from a tag to the antenna, without fading.
 
     Positions are from home [m], both at least 0.1 m above level ground. `polarization_deg`:
-    tilt of the tag's field from vertical; 90 is horizontal. `heights_m`: above the ground, if
-    not level.
+    tilt of the tag's field from vertical; 90 is horizontal. `heights_m`: heights of antenna and
+    tag above the ground, if the ground is not level.
     """
     tag, place = tag_ned_m, antenna_ned_m
     if heights_m is None:

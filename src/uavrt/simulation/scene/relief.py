@@ -20,7 +20,8 @@ from uavrt.simulation.scene.record import ScenarioRecord
 
 _Floats = NDArray[np.float64]
 Heights = Callable[[_Floats, _Floats], _Floats]
-"""Function: height of the ground [m], in any datum, at metres north and east of home."""
+"""Function that returns the height of the ground [m], in any datum, at metres north and east of
+home."""
 _STEP_M = 10.0
 _CLOSE_POINTS = 100
 _EARTH_M = 4.0 / 3.0 * 6_371_000.0
@@ -28,11 +29,11 @@ _EARTH_M = 4.0 / 3.0 * 6_371_000.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Terrain(ScenarioRecord):
-    """Scenario table for ground that is not level."""
+    """Settings in a scenario for ground that is not level."""
 
     dem: str | None = None
-    """An elevation file or a folder of them. Heights of the flight count from the ground at
-    home, heights of tags from the ground beneath them."""
+    """Path of an elevation file, or of a folder of them. Heights of the flight count from the
+    ground at home, heights of tags from the ground beneath them."""
     sea: bool = False
     """True to treat areas outside the elevation files as water at height 0."""
 
@@ -46,7 +47,7 @@ class Relief:
 
     @classmethod
     def of_files(cls, terrain: Terrain, plane: geometry.TangentPlane) -> "Relief | None":
-        """Open elevation files; None without any; raises `FormatError` if unreadable."""
+        """Open elevation files; None if there are none. Raises `FormatError` if unreadable."""
         if terrain.dem is None:
             return None
         elevation = open_elevation(Path(terrain.dem), sea=terrain.sea)

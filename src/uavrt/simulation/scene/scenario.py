@@ -22,7 +22,7 @@ from uavrt.simulation.scene.relief import Terrain
 Positive = Annotated[float, Gt(0)]
 NonNegative = Annotated[float, Ge(0)]
 Carrier = Annotated[float, Ge(MIN_FREQUENCY_HZ), Le(MAX_FREQUENCY_HZ)]
-"""Carrier frequency [Hz]; megahertz by mistake are rejected, as in tag files."""
+"""Type of a carrier frequency [Hz]; values typed in megahertz are rejected, as in tag files."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +44,7 @@ class Radio(ScenarioRecord):
     gain: Annotated[int, Ge(0), Le(21)] = 21
     gain_step_db: Annotated[float, Ge(0), Le(6)] = 2.0
     noise_figure_db: Annotated[float, Ge(0), Le(60)] = 8.0
-    """Noise of antenna and receiver above the thermal noise at 290 K [dB]."""
+    """Noise of antenna and receiver, relative to the thermal noise at 290 K [dB]."""
     noise_rms: Annotated[float, Gt(0), Le(0.3)] = 5e-3
     """Rms of the complex noise at `sample_rate_hz` and gain 21 [full scale]."""
     dc_offset: Annotated[float, Ge(0), Le(0.5)] = 2e-4
@@ -63,7 +63,7 @@ class Radio(ScenarioRecord):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedTag(ScenarioRecord):
-    """A tag as in the operator's list (first part) and as it really is (second part)."""
+    """A tag as in the operator's list (first fields) and as it really is (the other fields)."""
 
     tag_id: Annotated[int, Ge(1)]
     frequency_hz: Carrier
@@ -82,7 +82,7 @@ class SimulatedTag(ScenarioRecord):
     """
 
     listed: bool = True
-    """True if the operator searches for the tag; False for another tag nearby."""
+    """True if the operator searches for the tag; False for another tag in the area."""
     north_m: float = 0.0
     """Position at the start: distance north of home [m]."""
     east_m: float = 0.0
@@ -99,7 +99,7 @@ class SimulatedTag(ScenarioRecord):
     extra_loss_db: float = 0.0
     """Loss by leaves, a burrow or the body of the animal [dB]."""
     frequency_offset_hz: float = 0.0
-    """Error of the carrier frequency [Hz]; that of `frequency_offset_ppm` is added."""
+    """Error of the carrier frequency [Hz], to which that of `frequency_offset_ppm` is added."""
     frequency_offset_ppm: Annotated[float, Ge(-1000), Le(1000)] = 0.0
     frequency_drift_hz_s: float = 0.0
     true_pulse_width_s: Annotated[float, Gt(0), Le(1)] | None = None
@@ -151,7 +151,7 @@ class Interferer(ScenarioRecord):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario(ScenarioRecord):
-    """A world from `start_time_ns` on; `uavrt.simulation.scene.world` computes its pulses."""
+    """A simulated world from `start_time_ns` on; see `uavrt.simulation.scene.world`."""
 
     name: str = "scenario"
     seed: Annotated[int, Ge(0), Le(2**32 - 1)] = 1
@@ -189,7 +189,7 @@ class Scenario(ScenarioRecord):
         return round((min(frequencies) + max(frequencies)) / 2, -3)
 
     def starting_at(self, start_time_ns: int) -> "Scenario":
-        """The same world, started at another time [ns, UTC]."""
+        """Copy the world with another start time [ns, UTC]."""
         return replace(self, start_time_ns=start_time_ns)
 
     def elapsed_s(self, time_ns: int) -> float:

@@ -90,7 +90,7 @@ def scenario_faults(scenario: Scenario) -> list[str]:
     for number, tag in enumerate(scenario.tag, start=1):
         place = f"tag[{number}]"
         if tag.tag_id in seen:
-            faults.append(f"{place}.tag_id: {tag.tag_id} is taken by a tag before")
+            faults.append(f"{place}.tag_id: {tag.tag_id} is used by an earlier tag")
         seen.add(tag.tag_id)
         width_s = max(tag.pulse_width_s, tag.true_pulse_width_s or 0.0)
         shortest_s = min(tag.pulse_intervals_s) + tag.interval_error_s - 2 * tag.jitter_s
@@ -107,11 +107,11 @@ def scenario_faults(scenario: Scenario) -> list[str]:
             faults.append(f"{place}.gaps_s: a gap is not longer than the pulse")
         if tag.gaps_s and tag.listed:
             faults += [
-                f"{place}: no tag file may list it: {fault}"
+                f"{place}: not valid in a tag file: {fault}"
                 for fault in faults_of_tags([tag.tag])
             ]
         if list(tag.rate_switches_s) != sorted(set(tag.rate_switches_s)):
-            faults.append(f"{place}.rate_switches_s: the times must rise")
+            faults.append(f"{place}.rate_switches_s: the times must increase")
         if tag.rate_switches_s and tag.rate_pattern:
             faults.append(f"{place}.rate_pattern: give a pattern or switch times, not both")
         if (tag.rate_switches_s or tag.rate_pattern) and len(tag.pulse_intervals_s) == 1:

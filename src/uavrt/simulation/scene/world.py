@@ -1,4 +1,4 @@
-"""The truth of a scenario: every pulse with its time, frequency and level."""
+"""Compute the truth of a scenario: every pulse with its time, frequency and level."""
 
 import bisect
 import math
@@ -27,11 +27,11 @@ THERMAL_NOISE_DBM_HZ = -173.975
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TruePulse:
-    """A true pulse, for comparison with a detector's."""
+    """A pulse as the tag sent it, for comparison with a detector's pulse."""
 
     tag_id: int
     listed: bool
-    """False for another tag nearby that the operator does not search for."""
+    """False for a tag in the area that the operator does not search for."""
     pulse_index: int
     """Number of the tag's pulse since the start of the scenario, from 0."""
     rate: int
@@ -64,8 +64,8 @@ def noise_psd_dbm_hz(scenario: Scenario) -> float:
 def full_scale_factor(scenario: Scenario, gain: int | None = None) -> float:
     """Amplitude of the samples [full scale] for 1 mW at the antenna connector.
 
-    A wave of power P has the amplitude noise_rms·√(P / (N₀·fs)) at any sample rate, from the
-    level of the noise in the samples.
+    The level of the noise in the samples gives the scale: a wave of power P has the amplitude
+    noise_rms·√(P / (N₀·fs)) at any sample rate.
     """
     radio = scenario.radio
     noise_mw = 10.0 ** (noise_psd_dbm_hz(scenario) / 10.0) * radio.sample_rate_hz

@@ -1,1 +1,1 @@
-"""The simulated vehicle: motion, autopilot, telemetry and its links."""
+"""Simulate a vehicle: its motion, autopilot, telemetry and links."""

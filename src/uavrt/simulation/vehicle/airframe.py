@@ -1,4 +1,4 @@
-"""Motion of a simulated vehicle, which accelerates and brakes as PX4 and ArduCopter do."""
+"""Simulate the motion of a vehicle that accelerates and brakes as PX4 and ArduCopter do."""
 
 import math
 from dataclasses import dataclass
@@ -8,7 +8,8 @@ from uavrt.simulation.scene import geometry
 
 Flavour = Literal["px4", "ardupilot"]
 HOLD_HEADING_M = 2.0
-"""Distance to the target below which the drone keeps its heading [m]; farther it faces it."""
+"""Distance to the target [m] above which the drone faces the target; nearer, it keeps its
+heading."""
 LINE_TOLERANCE_M = 0.8
 """Distance off the flight line that PX4 tolerates until `HOLD_HEADING_M` from its end [m]."""
 VELOCITY_TIMEOUT_S = 3.0
@@ -27,18 +28,19 @@ class Frame:
     acceleration_m_s2: float = 3.0
     jerk_m_s3: float = 4.0
     position_gain_hz: float = math.inf
-    """Highest speed divided by the distance to the target (PSC_POSXY_P, MPC_XY_P) [1/s]."""
+    """Ratio of the highest allowed speed to the distance from the target (PSC_POSXY_P,
+    MPC_XY_P) [1/s]."""
     gust_m: float = 0.2
     """Standard deviation of the drone's position due to gusts [m]."""
     hover_w: float = 400.0
     battery_wh: float = 120.0
     fence_m: float = 5_000.0
     wind_m_s: tuple[float, float] = (0.0, 0.0)
-    """Velocity of the air to north and east [m/s]."""
+    """Wind velocity to the north and east [m/s]."""
     airspeed_m_s: float = 12.0
     drag_share: float = 0.1
-    """Power against drag at an airspeed of 10 m/s, as a fraction of hover power; it grows with
-    the cube."""
+    """Power needed against drag at an airspeed of 10 m/s, as a fraction of hover power; it
+    grows with the cube of the airspeed."""
     return_height_m: float = 30.0
     """Minimum height of the return flight [m]: RTL_RETURN_ALT (PX4, 60 m by default), RTL_ALT
     (ArduPilot, 15 m)."""
@@ -128,18 +130,18 @@ class Airframe:
 
     @property
     def here(self) -> Target:
-        """The present position as a target, including gusts."""
+        """The present position, including gusts, as a target."""
         north, east = self.place_m
         return Target(north_m=north, east_m=east, height_m=self.shown_height_m)
 
     def elapse(self, step_s: float, *, armed: bool) -> None:
-        """Advance the time; drain the battery of an armed vehicle."""
+        """Advance the time, and drain the battery of an armed vehicle."""
         self.elapsed_s += step_s
         if armed:
             self.used_wh += self.power_w * step_s / 3600.0
 
     def end_leg(self) -> None:
-        """End an overshoot: aim straight at the target from now on."""
+        """End the simulated overshoot: fly straight to the target from now on."""
         self._line = (0.0, 0.0)
 
     def begin_leg(self, target: Target) -> None:
@@ -156,7 +158,7 @@ class Airframe:
         )
 
     def move(self, target: Target | None, step_s: float, *, paused: bool) -> None:
-        """Move for `step_s` to the target or by the velocity setpoint; without either: stop."""
+        """Move for `step_s`, to the target or by the velocity setpoint; without both, stop."""
         climb, level = 0.0, (0.0, 0.0, 0.0)
         if self.velocity_setpoint is not None:
             velocity, asked_s = self.velocity_setpoint

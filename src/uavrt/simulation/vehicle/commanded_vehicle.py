@@ -1,4 +1,4 @@
-"""Messages of the simulated autopilot about a vehicle that obeys commands."""
+"""Create the messages of a simulated autopilot about a vehicle that obeys commands."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -50,11 +50,12 @@ CENTRE_US = 1500
 
 
 class Flown:
-    """Moves the vehicle in real time and creates its messages.
+    """Moves a commanded vehicle in real time, and creates its messages.
 
-    `start`: where it hovers until commanded. `sticks`: a remote control is switched on. `path`:
-    file to which it writes its path (`uavrt.simulation.scene.flown_path`). `on_ground`: it
-    stands below its start, disarmed.
+    `start`: position where the vehicle hovers until it is commanded. `sticks`: True if a remote
+    control is switched on. `path`: file to which the vehicle's path is written
+    (`uavrt.simulation.scene.flown_path`). `on_ground`: True if the vehicle stands disarmed on
+    the ground below `start` at first.
     """
 
     def __init__(
@@ -84,7 +85,7 @@ class Flown:
         self._writer = None if path is None else PathWriter(path)
 
     def advance(self, now_ns: int) -> bool:
-        """Move the vehicle up to now; True when the mode has changed."""
+        """Move the vehicle up to the present time; return True if the mode has changed."""
         mode = self.vehicle.mode
         changed = mode != self._mode_reported
         self._mode_reported = mode
@@ -98,7 +99,7 @@ class Flown:
         return changed
 
     def pose(self, time_ns: int) -> Pose:
-        """Pose of the newest step, with the requested time."""
+        """Pose of the vehicle after the newest step, with the requested time."""
         vehicle = self.vehicle
         latitude, longitude = vehicle.latitude_longitude()
         height = vehicle.body.shown_height_m
@@ -112,7 +113,7 @@ class Flown:
         )
 
     def message(self, message_id: int, boot_ms: int) -> Message | None:
-        """Create the message with an id; None if the vehicle has nothing to report in it."""
+        """Create the message with an id; None if the vehicle has nothing to report."""
         if message_id in _OF_VEHICLE:
             return _OF_VEHICLE[message_id](self.vehicle, boot_ms)
         return self._sticks(boot_ms) if message_id == dialect.RcChannels.ID else self.status()

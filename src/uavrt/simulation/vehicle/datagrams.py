@@ -1,4 +1,4 @@
-"""UDP sockets that report the kernel's arrival times.
+"""Receive UDP datagrams with the kernel's arrival times.
 
 The simulated autopilot's queue empties in milliseconds. On a busy computer this program may
 wake up later, so the arrival time of a datagram counts, not the time of reading.

@@ -62,11 +62,11 @@ CAPABILITIES = (
 REBOOT_NS = ns_from_s(1.5)
 """Time without any message during the autopilot's restart [ns]."""
 MAX_LATE_NS = ns_from_s(0.5)
-"""Age above which telemetry is skipped, because this program was paused [ns]."""
+"""Age above which telemetry is skipped because this program was paused [ns]."""
 ARDUPILOT_RING = 256 * 149
 ARDUPILOT_PASS_NS = 1_000
-"""Time between forwarded messages of ArduPilot [ns], which forwards at once. Without any gap,
-more than 256 messages overflowed a receiving socket."""
+"""Time between two messages forwarded by a simulated ArduPilot [ns]. The real one has no such
+gap; without it, more than 256 messages at once overflowed a receiving socket."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

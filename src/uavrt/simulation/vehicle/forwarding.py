@@ -1,8 +1,8 @@
-"""Forwarding of messages by an autopilot, and loss and delay of links.
+"""Simulate the forwarding of messages by an autopilot, and loss and delay of links.
 
 PX4 1.17 puts forwarded messages into a ring buffer of 2 × sizeof(mavlink_message_t) + 1 = 583
-bytes for each outgoing link, and takes one out per pass of that link's main loop, 4 ms in
-simulation. A message that does not fit is dropped silently. This is the only loss in PX4 and
+bytes for each outgoing link. It takes out one in each pass of that link's main loop, 4 ms in
+simulation. A message that does not fit is dropped silently. This is the only loss in PX4, and
 explains the thesis's Tables 5.10 to 5.13.
 """
 
@@ -17,15 +17,15 @@ PASS_NS = 4_000_000
 HEADER_BYTES = 12
 """Bytes stored with each forwarded message: header and checksum of MAVLink 2."""
 ITEM_BYTES = 4
-"""Size of the ring buffer's own length word [bytes]. With header and length word, five 92-byte
-and three 128-byte tunnel payloads fit in a burst, as measured."""
+"""Size of the length word that the ring buffer stores with each message [bytes]. With header
+and length word, five 92-byte and three 128-byte tunnel payloads fit in a burst, as measured."""
 
 
 class ForwardRing:
-    """Queue towards one link: limited in bytes, emptied by one message per pass.
+    """Queue of messages for one link, limited in bytes and emptied by one message per pass.
 
-    Call `passes` with the arrival time before each `push`, so that a late wake-up of this
-    program loses nothing that the real main loop would not.
+    Call `passes` with the arrival time before each `push`, so that no message is lost only
+    because this program woke up late.
 
     `capacity_bytes`: size of the ring buffer. `pass_ns`: period of the main loop [ns].
     """
@@ -71,7 +71,7 @@ class ForwardRing:
 
 
 class Routes:
-    """Components seen on a link; only they are sent messages with a target."""
+    """Components received on a link; messages with a target are sent only to these."""
 
     def __init__(self) -> None:
         self._seen: set[tuple[int, int]] = set()
@@ -81,7 +81,7 @@ class Routes:
         self._seen.add((frame.system_id, frame.component_id))
 
     def leads_to(self, system_id: int, component_id: int) -> bool:
-        """True if a message with this target belongs on the link."""
+        """True if a message with this target must be sent on the link."""
         if system_id == 0:
             return True
         return any(

@@ -1,4 +1,4 @@
-"""Heading of a simulated vehicle, which turns as PX4 and ArduCopter do."""
+"""Simulate the heading of a vehicle that turns as PX4 and ArduCopter do."""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ class _Turning:
     braking_share: float = 0.8
     """Deceleration at the end of a turn as a fraction of the greatest acceleration."""
     gain_hz: float = 4.0
-    """Highest turning rate divided by the remaining angle [1/s]."""
+    """Ratio of the highest turning rate to the remaining angle [1/s]."""
     setpoint: "_Turning | None" = None
     """Limits of the heading setpoint; None: its acceleration is not limited."""
 
@@ -24,7 +24,8 @@ class _Turning:
     ) -> float:
         """Turning rate after a time step [°/s].
 
-        From the remaining angle, the present rate, and the rate at which the goal turns.
+        `off_deg`: remaining angle. `now_deg_s`: present turning rate. `goal_deg_s`: rate at
+        which the commanded heading itself turns.
         """
         stops = math.sqrt(2.0 * self.braking_share * self.acceleration_deg_s2 * abs(off_deg))
         wanted_deg_s = min(self.rate_deg_s, stops, self.gain_hz * abs(off_deg))
@@ -34,8 +35,8 @@ class _Turning:
 
 
 SETPOINT_AGE_S = 0.04
-"""Greatest age of a reported heading setpoint [s]; as in PX4 1.17 (SIH), the change from report
-to report then varies by a quarter."""
+"""Greatest age of a reported heading setpoint [s]. Because of it, the change between two
+reports varies by a quarter, as in PX4 1.17 (SIH)."""
 SETTLED_DEG = 0.3
 """Angle to the commanded heading within which PX4's setpoint equals it exactly [°]."""
 _TURNING: dict[Flavour, _Turning] = {
@@ -60,7 +61,7 @@ class Heading:
         """Remaining angle [°] and rate [°/s] of a CONDITION_YAW command, both signed."""
 
     def shown_setpoint(self, boot_ms: int) -> tuple[float, float]:
-        """Heading setpoint [°] and its rate [°/s] as reported; the setpoint is a little old."""
+        """Heading setpoint [°] and its rate [°/s] as reported; reports are a little late."""
         if self.setpoint_deg is None:
             return self.yaw_deg, 0.0
         age_s = SETPOINT_AGE_S * (boot_ms * 0.6180339887 % 1.0)  # a sequence without a pattern

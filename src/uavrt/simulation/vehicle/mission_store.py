@@ -1,4 +1,4 @@
-"""Missions and fences of the simulated autopilot, by MAVLink's mission protocol.
+"""Store missions and fences of the simulated autopilot, by MAVLink's mission protocol.
 
 Uploads are stored and can be downloaded; missions are not flown. There is one upload at a time,
 as on PX4 and ArduPilot; a complete new list replaces the old one at once.

@@ -1,9 +1,9 @@
 """A simulated drone that obeys commands as PX4 1.17 or ArduCopter 4.7 would.
 
 It accelerates, brakes and turns within limits of acceleration and jerk, is moved by gusts,
-slowed by wind, and drains its battery. It accepts, refuses and ignores commands as observed on
-real ones: PX4 reads any z as altitude above mean sea level, and answers UNSUPPORTED to a
-DO_REPOSITION without change of mode although it flies it.
+slowed by wind, and drains its battery. It accepts, refuses and ignores commands as real
+autopilots were observed to do. PX4 reads any z as altitude above mean sea level. It answers
+UNSUPPORTED to a DO_REPOSITION without change of mode, although it carries it out.
 """
 
 import math
@@ -24,8 +24,8 @@ MODES: dict[Flavour, dict[str, int]] = {
     },
     "ardupilot": {"position": 5, "hold": 4, "return": 6, "land": 9, "brake": 17},
 }
-"""Mode numbers by name. ``hold`` is the mode in which DO_REPOSITION is flown: AUTO.LOITER,
-GUIDED."""
+"""Numbers of the flight modes, by name. DO_REPOSITION is carried out in the mode ``hold``:
+AUTO.LOITER of PX4, GUIDED of ArduCopter."""
 HOME_CORRECTED_S, HOME_STEP_S = 120.0, 0.3
 """Time after a take-off in which PX4 1.17 corrects home's altitude, and its period [s]."""
 HOME_DRIFT_M, HOME_NOISE_M, HOME_LEAST_M = 6.0, 1.5, 1.0
@@ -38,7 +38,8 @@ SPOOL_S = 1.5
 IDLE_S = 10.0
 """Time armed on the ground after which it disarms [s] (COM_DISARM_PRFLT, DISARM_DELAY)."""
 NOT_GIVEN = 2**31 - 1
-"""INT32_MAX: latitude or longitude not given, like NaN in a COMMAND_LONG."""
+"""INT32_MAX, which means that a latitude or longitude is not given, as NaN does in a
+COMMAND_LONG."""
 
 
 class GroundContact:
@@ -67,7 +68,7 @@ class GroundContact:
         self.idle_s = 0.0
 
     def stand(self, step_s: float, now_s: float, *, taking_off: bool) -> bool:
-        """Update an armed vehicle on the ground; False when it must disarm."""
+        """Advance an armed vehicle on the ground; False when it must disarm."""
         self.idle_s += step_s
         if taking_off:
             self.landed = self.idle_s < SPOOL_S
@@ -91,7 +92,7 @@ class GroundContact:
 
 
 class FlyingVehicle:
-    """A vehicle around home: `advance` moves it in time, `command` accepts any sender."""
+    """A simulated vehicle around home; `command` accepts commands from any sender."""
 
     def __init__(
         self,
@@ -174,7 +175,7 @@ class FlyingVehicle:
         return None
 
     def _pause(self, *, on: bool) -> int:
-        """Stop or continue in the present mode; only ArduCopter in GUIDED supports it."""
+        """Stop or continue in the present mode; only ArduCopter in GUIDED can."""
         if self.flavour == "px4":
             return MavResult.UNSUPPORTED
         if not self.commanded or self.ground.landed:

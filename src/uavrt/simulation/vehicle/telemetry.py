@@ -1,4 +1,4 @@
-"""Telemetry messages of the simulated autopilot, from the vehicle's pose."""
+"""Create telemetry messages of the simulated autopilot from the vehicle's pose."""
 
 import math
 

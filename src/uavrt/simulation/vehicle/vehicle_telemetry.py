@@ -1,4 +1,4 @@
-"""MAVLink messages of a simulated vehicle, as PX4 or ArduCopter sends them."""
+"""Create MAVLink messages of a simulated vehicle, as PX4 or ArduCopter sends them."""
 
 import math
 

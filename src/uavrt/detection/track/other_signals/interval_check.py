@@ -1,8 +1,8 @@
 """Reject long groups that are another tag's pulses, by measuring their interval.
 
-A pulse half a width late still has a quarter of its power. If a tag's interval is some
-milliseconds off, a series of twenty expected pulses has ten such pulses and more. So the sum
-along the declared interval is compared with sums along other intervals that cross it.
+A window half a pulse width off still has a quarter of a pulse's power. With an interval that is
+wrong by some milliseconds, ten or more of twenty expected pulses have such power. So the sum at
+the declared interval is compared with sums at other intervals that share some pulses.
 """
 
 import math
@@ -72,7 +72,7 @@ class Intervals:
         most: int,
         noise: NDArray[np.float32],
     ) -> NDArray[np.float32] | None:
-        """Powers, limited per cell, around each expected pulse: largest within the jitter."""
+        """Powers around each expected pulse: the largest within the jitter, each limited."""
         hop, reach = self._grid.hop, search.reach
         offset_hz = float(self._grid.offsets_hz[candidate.row])
         side = (most + reach) * hop
@@ -92,7 +92,7 @@ class Intervals:
 
 
 def _changes(within: float, beyond: float, k: int) -> NDArray[np.float64]:
-    """Interval differences to try [columns]; each step moves a group's ends by two columns."""
+    """Interval differences to try [columns]; each step moves the two ends of a group by two."""
     most = within + beyond
     step = 2.0 / (k - 1)
     count = math.ceil(most / step)

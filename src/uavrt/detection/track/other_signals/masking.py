@@ -1,8 +1,9 @@
 """Subtract pulses of a stronger tag that hide those of a weaker tag.
 
-A rectangular pulse of length tp leaks up to 1 / (pi df tp)^2 of its power to df Hz away. A
-pulse 20 dB stronger and 100 Hz away covers a tag's pulse whenever the two overlap. The stronger
-pulse's time, frequency and amplitude are known from its track, so it can be subtracted.
+A rectangular pulse of length tp leaks up to 1 / (pi df tp)^2 of its power to a frequency df
+away. A pulse 20 dB stronger and 100 Hz away hides a tag's pulse whenever the two overlap. The
+stronger pulse's time, frequency and amplitude are known from its track, so it can be
+subtracted.
 """
 
 from uavrt.detection.search.refine import Measured
@@ -23,7 +24,7 @@ def strongest_first(tracks: list[Track]) -> list[Track]:
 
 
 def stronger_tracks(track: Track, tracks: list[Track], *, sample_rate_hz: float) -> list[Track]:
-    """Tracks that may hide a track's pulses: stronger and at another frequency."""
+    """Tracks that may hide a track's pulses: stronger ones at another frequency."""
     if len(tracks) < 2:
         return []
     least = FOLLOW.hiding_ratio * level(track)
@@ -39,7 +40,7 @@ def stronger_tracks(track: Track, tracks: list[Track], *, sample_rate_hz: float)
 
 
 def is_due(others: list[Track], *, earliest_s: float, latest_s: float) -> bool:
-    """True if a stronger track has not yet searched for a pulse between two times."""
+    """True if a stronger track has not yet searched for its pulse between two times."""
     for other in others:
         time_s, half_s = other.expected()
         if time_s + half_s > earliest_s and time_s - half_s < latest_s:
@@ -50,7 +51,7 @@ def is_due(others: list[Track], *, earliest_s: float, latest_s: float) -> bool:
 def hiding(
     track: Track, others: list[Track], *, earliest_s: float, latest_s: float
 ) -> list[Measured]:
-    """Pulses of other tracks between two times that are stronger than this track's."""
+    """Pulses of other tracks between two times that are stronger than those of this track."""
     least = FOLLOW.hiding_ratio * level(track)
     return [
         slot.measured

@@ -1,9 +1,9 @@
 """Measure the rate of other transmitters' bursts: recent strong cells that no track explains.
 
-The anchors of the search are all cells strong enough to be a pulse; the search for long groups
-passes its strong cells on. Cells that no tag's pulses explain are bursts of other
-transmitters: a hopper, slots of a frame, speech. Their rate gives the chance that one lies
-where a tag's pulse is expected. In noise alone there are none.
+The search reports all cells strong enough to be a pulse. Those that no tag's pulses explain are
+bursts of other transmitters, such as frequency hoppers, time slots or speech. Their rate gives
+the probability that a burst occurs where a tag's pulse is expected. In noise alone the rate is
+zero.
 """
 
 import math
@@ -51,7 +51,7 @@ class Bursts:
         self._kept: _Cells = self._time_s, self._row, self._power
 
     def add(self, columns: list[int], rows: list[int], powers: list[float]) -> None:
-        """Add strong cells that the search has finished with, in order of time."""
+        """Add strong cells that the search has finished testing, in order of time."""
         for own, new in zip(self._pending, (columns, rows, powers), strict=True):
             own += new  # type: ignore[operator]
         if len(self._pending[0]) > 2 * BURSTS.most_pending:
@@ -70,7 +70,7 @@ class Bursts:
         begin_column: int,
         known: Sequence[Known],
     ) -> None:
-        """Update the bursts with the newest cells of the search's open anchors."""
+        """Add the newest cells, which the search is still testing, and update the bursts."""
         self._now_s = now_column * self._column_s
         begin_s = begin_column * self._column_s
         oldest_s = max(self._begin_s, begin_s, self._now_s - BURSTS.memory_s)
@@ -100,7 +100,7 @@ class Bursts:
         self._kept = held
 
     def around(self, track: Track, found: Measured) -> BurstRates:
-        """Rates of bursts of others around an expected pulse of a track.
+        """Rates of other transmitters' bursts around an expected pulse of a track.
 
         The track's own pulses are excluded.
         """
@@ -151,7 +151,7 @@ class Bursts:
     def _on_lattice(
         self, track: Track, found: Measured, time_s: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
-        """True for bursts at times at which the track has, or would have had, pulses."""
+        """True for bursts at times at which pulses of the track were or would be expected."""
         rate_hz = self._grid.sample_rate_hz
         lag_s = self._grid.start(0) / rate_hz
         near_s = self._width_s
@@ -230,9 +230,9 @@ class Bursts:
 
 
 def beyond_noise(count: int, expected: float) -> float:
-    """Number of bursts above the noise's expected number; 0 within a margin.
+    """Number of bursts above that expected from noise; 0 if the excess may be chance.
 
-    Without the margin, half of the real single-pulse groups were not reported.
+    If every excess counted, half of the real single-pulse groups would not be reported.
     """
     more = count - expected
     return more if more > BURSTS.noise_sigmas * expected**0.5 else 0.0

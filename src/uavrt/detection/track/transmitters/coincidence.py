@@ -10,10 +10,10 @@ from uavrt.detection.track.tuning import GHOSTS
 def by_chance(
     together: int, pulses: int, *, near_s: float, interval_s: float, uncertainty_s: float
 ) -> float:
-    """Probability that `together` of a tag's `pulses` coincide by chance with another's.
+    """Probability that `together` of a tag's `pulses` coincide by chance with another tag's.
 
-    Either two lattices drift past each other slowly, with any phase and any difference of
-    intervals within the uncertainty; or pulses coincide one by one.
+    There are two cases. Either the two trains drift past each other slowly, with any phase and
+    any difference of intervals within the uncertainty; or their pulses coincide one by one.
     """
     window_s = min(2.0 * near_s, interval_s)
     single = window_s / interval_s

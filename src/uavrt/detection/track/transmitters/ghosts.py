@@ -3,8 +3,8 @@
 A quadrature receiver shows each signal weakly at its mirror frequency about the radio's centre.
 A saturated one also shows it at multiples of its distance from the centre. Two simultaneous
 signals, such as a tag and a steady carrier, have products at 2 f1 - f2 and others. A ghost has
-the pulses of its original at the same instants and at such a frequency. The chance that another
-tag does so is computed from its phase, interval and frequency.
+its pulses at the instants of the original's and at one of these frequencies. The probability
+that an independent tag does so is computed from its phase, interval and frequency.
 """
 
 import math
@@ -38,7 +38,7 @@ class _ReceivedTrain(Generic[H]):
 
     @property
     def edge_s(self) -> float:
-        """Maximum time between a pulse and its edge, when the edge appears as a pulse [s]."""
+        """Maximum time between a pulse and the false pulse that its edge may make [s]."""
         return GHOSTS.edge_widths * self.track.tag.pulse_width_s
 
 
@@ -60,7 +60,7 @@ class _Instants(Generic[H]):
         self._times_ns, self._owners = times_ns[order], owners[order].tolist()
 
     def coinciding(self, one: _ReceivedTrain[H]) -> list[_ReceivedTrain[H]]:
-        """Other trains with pulses near at least `GHOSTS.least_pulses` of a train's pulses."""
+        """Other trains that have at least `GHOSTS.least_pulses` simultaneous with a train."""
         near_s = np.maximum(one.near_s, one.edge_s)
         near_ns = (near_s * NANOSECONDS_PER_SECOND).astype(np.int64) + GHOSTS.rounding_ns
         times_ns = np.array(one.times_ns, np.int64)
@@ -79,7 +79,7 @@ class _Instants(Generic[H]):
 def mark_ghosts(
     detectors: Iterable[H], receiver: Receiver, carriers_hz: Sequence[float] = ()
 ) -> list[tuple[H, Track]]:
-    """Mark the tracks that are ghosts of others; return those not marked before."""
+    """Mark the tracks that are ghosts of others; return those that were not marked before."""
     received = [
         _received_train(detector, track, slots)
         for detector in detectors

@@ -1,13 +1,13 @@
 """Assign trains to tags by likelihood, at most one to one; compute the loss of alternatives.
 
-Trains and tags that may belong together make a graph with few edges; its connected parts are
-assigned one by one. Trains are added one after the other, and the assignment changes along the
-path that loses least (successive shortest paths with Dijkstra's algorithm: Edmonds and Karp,
-Journal of the ACM 19, 1972). The loss of giving a train another tag is the shortest path back
-to the assignment, by Floyd and Warshall's algorithm.
+Trains and tags that may belong together form a graph with few edges. Its connected parts are
+solved one by one. Trains are added one after the other, and each time the assignment changes
+along the path with the smallest loss (successive shortest paths with Dijkstra's algorithm:
+Edmonds and Karp, Journal of the ACM 19, 1972). The loss of giving a train another tag is the
+length of the shortest path back to the assignment, by Floyd and Warshall's algorithm.
 
-Not `scipy.optimize.linear_sum_assignment`: it does not give the second best, without which no
-pulse can name the other tags it may be.
+`scipy.optimize.linear_sum_assignment` is not used, because it does not give the second best
+assignment, from which the other possible tags of a pulse are found.
 """
 
 import heapq
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 
 def parts(able: Sequence[Mapping[int, float]]) -> list[list[int]]:
-    """Group trains, by index, that compete for tags; `able`: value of each tag, by train."""
+    """Group the trains that compete for tags; `able`: by train, the value of each tag."""
     trains_of: dict[int, list[int]] = {}
     for at, worth in enumerate(able):
         for to in worth:
@@ -41,7 +41,7 @@ def parts(able: Sequence[Mapping[int, float]]) -> list[list[int]]:
 
 
 def best_assignment(able: Sequence[Mapping[int, float]]) -> list[int | None]:
-    """Tag of each train (None: none), with the largest sum of the values in `able`."""
+    """Tag of each train (None: none) that gives the largest sum of the values in `able`."""
     made = _AssignmentSoFar(able)
     for start in range(len(able)):
         made.add(start)
@@ -112,7 +112,7 @@ class _AssignmentSoFar:
 def losses(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None]
 ) -> list[dict[int, float]]:
-    """For each train, loss of total value if it got each other tag; 0 for its own."""
+    """For each train, the loss of total value if it got another tag, by tag; 0 for its own."""
     owner = {to: at for at, to in enumerate(chosen) if to is not None}
     back = _path_losses(able, chosen, owner)
     free = len(able)
@@ -132,9 +132,10 @@ def losses(
 def _path_losses(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None], owner: Mapping[int, int]
 ) -> NDArray[np.float64]:
-    """Least loss of log-likelihood, by train that loses its tag and train whose tag is freed.
+    """Least loss of value, by pair of trains, if the first takes the tag of the second.
 
-    The last row and column stand for unassigned tags and for trains without a tag.
+    The last row and column stand for unassigned tags and for trains without a tag. A loss may
+    include further changes of tags.
     """
     free = len(able)
     loss_of = np.full((free + 1, free + 1), np.inf)

@@ -1,9 +1,9 @@
 """Decide which listed tag sent a train of pulses if several could have.
 
-Detectors with overlapping bands receive the same pulses, and each would report them as its own
-tag's. Tracks of the same pulses are merged into trains, which are assigned one to one to tags,
-by interval and frequency. A declared uncertainty is taken as three standard deviations of a
-normal error, and as a bound. Other tags at least a twentieth as likely are reported with the
+If bands overlap, several detectors receive the same pulses, and each would report them as its
+own tag's. Tracks of the same pulses are merged into trains, which are assigned one to one to
+tags, by interval and frequency. A declared uncertainty is taken as three standard deviations of
+a normal error, and as a bound. Other tags at least a twentieth as likely are reported with the
 pulses. A tag's interval measured without competing tags is stored for later decisions.
 """
 
@@ -34,11 +34,12 @@ from uavrt.detection.track.tuning import BOUNDS, SENDERS
 _Properties = tuple[float, float, float, tuple[tuple[int, bool], ...]]
 """A train's interval and its standard deviation [s], frequency [Hz], and detectors."""
 _Assignment = tuple[int, int, tuple[int, ...], bool]
-"""Index of a train, its tag, other possible tags, and True if all competitors are confirmed."""
+"""Result for one train: its index, its tag, other possible tags, and True if all competitors
+are confirmed."""
 
 
 def interval_separation(one: Tag, two: Tag) -> "IntervalSeparation":
-    """Compute how well two tags received alone can be distinguished by their intervals."""
+    """Compute how well two tags, each received alone, are distinguished by their intervals."""
     pairs = [(a, b) for a in one.pulse_intervals_s for b in two.pulse_intervals_s]
     gap_s, nominal_s = min((abs(a - b), max(a, b)) for a, b in pairs)
     room_s = gap_s - 2.0 * BOUNDS.clock_error * nominal_s
@@ -62,9 +63,10 @@ def interval_separation(one: Tag, two: Tag) -> "IntervalSeparation":
 
 
 def small_ratio(one: Tag, two: Tag) -> tuple[int, int] | None:
-    """Small ratio (2:1, 3:1, 3:2) that two tags' intervals may have; or None.
+    """Ratio of two tags' intervals if it is 2:1, 3:1 or 3:2; None otherwise.
 
-    The longer to the shorter: 2 to 1, 3 to 1 or 3 to 2; common pulses then fit both tags.
+    At such a ratio of the longer to the shorter interval, the common pulses of both trains fit
+    both tags.
     """
     pairs = [
         ((a, _bound_s(one, a)), (b, _bound_s(two, b)))
@@ -85,13 +87,15 @@ class IntervalSeparation:
     """How well two tags of one band can be distinguished by their intervals."""
 
     gap_s: float
-    """Difference between the nearest intervals of two tags of one band [s]."""
+    """Difference between the nearest intervals of two tags in one band [s]."""
     certain: bool
-    """True if each of two tags is identified when received alone, with errors within bounds."""
+    """True if each of two tags, received alone, is identified while its errors are in
+    bounds."""
     uncertainty_s: float
     """Interval uncertainty in the tag list below which both tags are identified [s]."""
     pulses: int | None
-    """Number of pulses needed to distinguish the intervals; None: they drift by more."""
+    """Number of pulses needed to distinguish the intervals; None if the intervals drift by more
+    than they differ."""
     seconds: float | None
 
 
@@ -103,7 +107,8 @@ class _Learnt:
     bound: float
     """Relative uncertainty of the tag's measured interval."""
     otherwise_ns: float | None = None
-    """Time at which the tag was first received with another interval [ns]; None: never."""
+    """Time at which the tag was first received with an interval other than the stored one [ns];
+    None: never."""
 
 
 class ConfirmedPulses:
@@ -196,10 +201,10 @@ class Senders(Generic[H]):
     def _drop_begun_by_others(
         self, trains: list[Train[H]], given: list[tuple[Train[H], int, tuple[int, ...], bool]]
     ) -> bool:
-        """Drop tracks begun or just confirmed only by pulses of other tags; True if any.
+        """Drop tracks begun or confirmed only by pulses of other tags; return True if any were.
 
-        One strong pulse and the largest noise an interval before and after it make a group of
-        any tag. Another strong pulse on its lattice would confirm the group.
+        One strong pulse, with the largest noise one interval before and after it, makes a group
+        for any tag. A second strong pulse at one of its expected times would confirm the group.
         """
         dropped: set[int] = set()
         unsettled = [
@@ -266,7 +271,7 @@ class Senders(Generic[H]):
     def _assign_trains(
         self, trains: list[Train[H]]
     ) -> list[tuple[Train[H], int, tuple[int, ...], bool]]:
-        """Assign trains; reuse the last assignment while their properties are the same."""
+        """Assign trains; reuse the last assignment while their properties are unchanged."""
         picture = [_properties(train) for train in trains]
         if picture != self._last_properties:
             self._last_properties, self._last_assignment = picture, self._assign_again(trains)
@@ -309,7 +314,7 @@ class Senders(Generic[H]):
         ]
 
     def _likely(self, train: Train[H]) -> dict[int, float]:
-        """Log-likelihood of a train for each possible tag, plus a bonus over no tag."""
+        """Log-likelihood of a train for each possible tag, plus a bonus over having no tag."""
         values = {h.tag.tag_id: self._likelihood(train, h) for h in self._near(train)}
         return {
             i: value + SENDERS.any_tag_log for i, value in values.items() if value > -math.inf
@@ -397,7 +402,7 @@ def _bound_s(tag: Tag, nominal_s: float) -> float:
 
 
 def _normal(train: Train[H], center_s: float, bound_s: float) -> float:
-    """Log-density of a train's interval for a tag's interval and bound; -inf beyond it."""
+    """Log-density of a train's interval, given a tag's interval and bound; -inf outside it."""
     miss_s = abs(train.interval_s - center_s)
     if miss_s > bound_s + SENDERS.interval_sigmas * train.sigma_s:
         return -math.inf

@@ -1,8 +1,8 @@
 """Merge tracks of several detectors into trains: the pulses of one transmitter.
 
-Tracks of detectors with overlapping bands are merged by common pulses. Of the tracks
-in one train, the one that explains most pulses is used, because a track that has only one of
-three expected pulses may have another interval, or belong to several trains.
+Tracks of detectors with overlapping bands are merged if they have pulses in common. The train
+is described by the track that explains most pulses, because a track with only one of three
+expected pulses may have another interval, or belong to several trains.
 """
 
 import math
@@ -62,13 +62,13 @@ class Train(Generic[H]):
     frequency_hz: float = 0.0
     confirmed: bool = False
     likely: bool = False
-    """True if the train is neither noise nor, most likely, a chance series of bursts."""
+    """True if the train is most likely neither noise nor a chance series of bursts."""
     last_pulse_ns: float = 0.0
     """Time of the train's last accepted pulse [ns]."""
     pulses_ns: list[int] = field(default_factory=list)
     """Times of the train's newest pulses [ns]."""
     explains: float = 0.0
-    """Log-likelihood ratio of the train's pulses to noise."""
+    """Log-likelihood ratio of the train to noise, over its pulses."""
 
     def combine(self) -> None:
         """Set interval, frequency and times from the best track of the train."""
@@ -100,7 +100,7 @@ class Train(Generic[H]):
 
 @dataclass(frozen=True, slots=True)
 class KnownPulse:
-    """A received pulse of a confirmed train, or its next expected one."""
+    """A received pulse of a confirmed train, or the train's next expected pulse."""
 
     time_ns: float
     within_ns: float
@@ -123,9 +123,10 @@ class KnownPulse:
 
 
 def merge_tracks(detectors: Iterable[H]) -> list[Train[H]]:
-    """Merge the tracks of the same pulses into trains, each of one transmitter.
+    """Merge tracks with the same pulses into trains, each of one transmitter.
 
-    Most evidence per second first: a fast tag's track before those of twice its interval.
+    Tracks are taken in order of evidence per second, so that a tag's track comes before a track
+    of twice its interval.
     """
     trains: list[Train[H]] = []
     near: dict[int, list[tuple[H, Track, int]]] = {}
@@ -153,8 +154,8 @@ def merge_tracks(detectors: Iterable[H]) -> list[Train[H]]:
 def made_of_other_trains(trains: Sequence[Train[H]], *, near_ns: float) -> list[Train[H]]:
     """Find the trains with hardly any pulse that is not another train's.
 
-    A lattice may coincide with other trains: one of 1254 ms has every second pulse of one of
-    1881 ms.
+    The expected times of a train may coincide with pulses of others: one of 1254 ms meets every
+    second pulse of one of 1881 ms.
     """
     found: list[Train[H]] = []
     confirmed = sorted(

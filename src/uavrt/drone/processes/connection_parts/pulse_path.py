@@ -14,7 +14,7 @@ from uavrt.drone.processes.connection_parts.named_values import NamedValues
 from uavrt.drone.processes.connection_parts.pose_collector import PoseCollector
 from uavrt.drone.processes.connection_parts.pulse_outlet import PulseOutlet
 from uavrt.drone.processes.connection_parts.tag_texts import TagTexts
-from uavrt.flight.database.spool import heard_tags
+from uavrt.flight.database.spool import received_tags
 from uavrt.link.mavlink.mavlink_connection import Connection
 from uavrt.link.mavlink.sending.pacing import Priority
 from uavrt.link.tunnel.drone_exchange import Exchange
@@ -157,7 +157,7 @@ class PulsePath:
 
 def _heard_before(directory: str) -> tuple[str, dict[int, tuple[int, int]]]:
     try:
-        return directory, heard_tags(directory)
+        return directory, received_tags(directory)
     except RecordingError as error:
         log.warning("cannot read the tags received earlier in the flight", reason=error.message)
         return directory, {}
