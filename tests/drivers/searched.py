@@ -51,7 +51,7 @@ class Searched:
     )
     frame: Frame = field(default_factory=lambda: Frame(battery_wh=160.0))
     radius_m: float = 280.0
-    wish_m: float = 25.0
+    accuracy_m: float = 25.0
     duration_s: float = 900.0
     absent: int = 0
     """Tags that are sought besides and are not there."""
@@ -83,7 +83,7 @@ class Searched:
             order_id=7,
             action="search",
             radius_m=self.radius_m,
-            wish_m=self.wish_m,
+            accuracy_m=self.accuracy_m,
             duration_s=self.duration_s,
             **values,
         )

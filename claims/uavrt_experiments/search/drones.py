@@ -460,7 +460,7 @@ class FlightOfDrones:
             action="search",
             places=tuple(plane.to_geodetic(*corner) for corner in corners),
             height_m=height_m,
-            wish_m=scenario.our_stop.radius95_m,
+            accuracy_m=scenario.our_stop.radius95_m,
             duration_s=float(scenario.limit_s),
         )
 

@@ -122,7 +122,7 @@ export function motionPanel(made: FlightMap): HTMLElement {
       ),
       number("move-radius", t("motion.radius"), "300"),
       number("move-minutes", t("motion.time_limit"), "15"),
-      number("move-wish", t("motion.target_accuracy"), "25"),
+      number("move-accuracy", t("motion.target_accuracy"), "25"),
       number("move-height", t("motion.height"), "", t("motion.unchanged")),
       ),
       beforeBox(view),
@@ -179,7 +179,7 @@ function drawShape(): void {
   by("move-spacing-row").hidden = !survey || pattern === "around";
   const turns = kind === "rotate" || (survey && pattern === "points");
   by("move-seconds-row").hidden = by("move-left-row").hidden = !turns;
-  by("move-minutes-row").hidden = by("move-wish-row").hidden = kind !== "search";
+  by("move-minutes-row").hidden = by("move-accuracy-row").hidden = kind !== "search";
   by("move-radius-row").hidden = kind !== "search" || area.length > 0;
   // What is kept out of is so for every motion until the area is cleared.
   const facts = { corners: area.length, excluded: keepOut.length };
@@ -268,7 +268,7 @@ function setArea(places: Place[]): void {
   void replan();
 }
 
-function wish(): Record<string, unknown> {
+function request(): Record<string, unknown> {
   const height = valueOf("move-height").trim();
   return {
     action: kind,
@@ -279,7 +279,7 @@ function wish(): Record<string, unknown> {
     spacing_m: numberIn("move-spacing"),
     pattern: valueOf("move-pattern"),
     keep_out: keepOut.map(({ places, radius_m }) => ({ places, radius_m })),
-    ...(kind === "search" ? { radius_m: area.length ? null : numberIn("move-radius"), wish_m: numberIn("move-wish") } : {}),
+    ...(kind === "search" ? { radius_m: area.length ? null : numberIn("move-radius"), accuracy_m: numberIn("move-accuracy") } : {}),
   };
 }
 
@@ -300,7 +300,7 @@ async function replan(): Promise<void> {
   drawOnMap();
   if (!ready() || !open) return;
   try {
-    const found = await send<{ way: Place[]; length_m: number; farthest_m: number | null }>("POST", "/motion/plan", wish());
+    const found = await send<{ way: Place[]; length_m: number; farthest_m: number | null }>("POST", "/motion/plan", request());
     if (ticket !== planTicket) return;
     way = found.way;
     const length = metres(found.length_m);
@@ -345,7 +345,7 @@ async function ask(): Promise<void> {
   say(by("move-fault"), "");
   (by("sticks-unseen") as HTMLInputElement).checked = false;
   try {
-    await send("POST", "/motion/ask", wish());
+    await send("POST", "/motion/ask", request());
   } catch (error) {
     say(by("move-fault"), reasonOf(error));
   } finally {
@@ -382,7 +382,7 @@ async function upload(): Promise<void> {
   say(button, t("motion.sending"));
   button.classList.add("busy");
   try {
-    const done = await send<{ items: number }>("POST", "/motion/upload", wish());
+    const done = await send<{ items: number }>("POST", "/motion/upload", request());
     toast(t("motion.uploaded", { items: done.items }), 5);
   } catch (error) {
     say(by("move-fault"), reasonOf(error));

@@ -640,7 +640,7 @@ class Motion:
     """Numbers of tags to search for; empty: all listed tags."""
     radius_m: float | None = None
     """Radius of a search around the drone [m]; None: the search has an outline."""
-    wish_m: float = 25.0
+    accuracy_m: float = 25.0
     """Target accuracy [m]: radius around the estimate that contains the tag with 95 %
     probability."""
     keep_out: tuple[KeepOut, ...] = ()

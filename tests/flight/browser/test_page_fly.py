@@ -44,7 +44,7 @@ def test_a_search_is_refused_without_tags_and_watched_with_them(
     page.click("#move-search")
     assert page.evaluate(TARGETS) == []
     page.fill("#move-radius", "130")
-    page.fill("#move-wish", "40")
+    page.fill("#move-accuracy", "40")
     watched.picture("move-search")
     for _ in range(10):
         page.click("#move-ask")

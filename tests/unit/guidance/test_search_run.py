@@ -167,7 +167,7 @@ def test_silence_counts_only_while_a_detector_listens() -> None:
         ({"tags": (9,)}, "tag 9 is not searched for by the drone"),
         ({"radius_m": None}, "no area"),
         ({"radius_m": 900.0}, "beyond the fence"),
-        ({"wish_m": 0.0}, "the accuracy of 0 m"),
+        ({"accuracy_m": 0.0}, "the accuracy of 0 m"),
         ({"height_m": 5.0}, "the least is"),
         ({"radius_m": None, "places": ((0, 0), (0, 90), (90, 0), (90, 90))}, "crosses itself"),
     ],

@@ -116,7 +116,7 @@ def test_a_search_brings_its_tags_its_circle_and_its_wish() -> None:
         duration_s=600.0,
         tags=(2, 40_000),
         radius_m=300.0,
-        wish_m=25.0,
+        accuracy_m=25.0,
     )
     assert decode_motion(encode_request(asked), ASKER) == asked
     with pytest.raises(UsageError, match="below 65536"):

@@ -152,9 +152,9 @@ async def test_a_search_is_asked_for_with_its_area_and_its_wish(tmp_path: Path) 
     async with flown(tmp_path) as (world, page):
         world.detect(*world.tags)
         await until(lambda: "detector-1" in world.health)
-        wish = {"action": "search", "radius_m": 150, "wish_m": 30, "tags": [2]}
+        wish = {"action": "search", "radius_m": 150, "accuracy_m": 30, "tags": [2]}
         offer = await motion(page, "ask", wish | {"duration_s": 300, "height_m": 50})
         assert offer.json["text"].startswith("search tag 2 in 6.9 ha at 50 m")
         (asked,) = world.of(MotionRequest)
-        assert (asked.radius_m, asked.wish_m, asked.tags) == (150.0, 30.0, (2,))
+        assert (asked.radius_m, asked.accuracy_m, asked.tags) == (150.0, 30.0, (2,))
         assert (asked.duration_s, asked.places) == (300.0, ())

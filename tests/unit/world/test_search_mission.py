@@ -52,7 +52,7 @@ async def test_a_search_of_minutes_goes_on_through_every_fault(tmp_path: Path) -
     async with world.flying(script), world.station() as (link, events):
         await link.upload_tags(world.tags)
         await link.start_detection()
-        search = motion_request("search", radius_m=200.0, wish_m=25.0, duration_s=SEARCH_S)
+        search = motion_request("search", radius_m=200.0, accuracy_m=25.0, duration_s=SEARCH_S)
         await asyncio.sleep(5.0)  # by then the drone knows its autopilot
         offer = await request_motion(link, search)
         await confirm(link, offer, sticks_unseen=True)

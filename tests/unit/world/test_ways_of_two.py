@@ -35,7 +35,7 @@ async def search(page: AskedPage, base: str, world: World, height_m: float) -> N
     """Begin a search from a page."""
     world.detect(*world.tags)
     await until(lambda: "detector-1" in world.health)
-    area = {"radius_m": 150, "wish_m": 12, "height_m": height_m, "duration_s": 240}
+    area = {"radius_m": 150, "accuracy_m": 12, "height_m": height_m, "duration_s": 240}
     wish = {"action": "search", **area}
     offer = (await page.ask("POST", f"{base}/api/motion/ask", wish)).json
     yes = {"order_id": offer["order_id"], "sticks_unseen": True}

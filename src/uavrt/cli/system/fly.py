@@ -171,7 +171,7 @@ def fly(
             pattern=pattern,
             tags=_numbers(tags),
             radius_m=radius,
-            wish_m=accuracy,
+            accuracy_m=accuracy,
             keep_out=_keep_out(area, keep_out),
         )
         _check_search(action, request)

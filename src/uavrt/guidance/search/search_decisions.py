@@ -56,7 +56,7 @@ class SearchDecisions:
         if belief is None or tag.tag_id in self._search.found:
             return None
         east, north = self._task.local_m(*tag.place)
-        box, accuracy_m = belief.prior.area, self._task.order.wish_m
+        box, accuracy_m = belief.prior.area, self._task.order.accuracy_m
         inside = (
             box.west_m - accuracy_m <= east <= box.east_m + accuracy_m
             and box.south_m - accuracy_m <= north <= box.north_m + accuracy_m

@@ -110,7 +110,7 @@ class SearchRun:
             steps=(),
             summary=(
                 f"search {sought} in {hectares:.1f} ha at {self._task.height_m:.0f} m to "
-                f"{order.wish_m:.0f} m, {order.duration_s / 60.0:.0f} min, then return"
+                f"{order.accuracy_m:.0f} m, {order.duration_s / 60.0:.0f} min, then return"
             ),
             duration_s=order.duration_s,
         )

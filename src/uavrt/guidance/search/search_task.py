@@ -72,9 +72,9 @@ class SearchTask:
         order, limits, away = self.order, self.limits, self.limits.keep_away_m
         area = area_of(order, self.outline, now, limits)
         check_battery(now, limits, 0.0, self.here_m(now), self.height_m)
-        if not (1.0 <= order.wish_m <= 1000.0 and 10.0 <= order.duration_s <= 36_000.0):
+        if not (1.0 <= order.accuracy_m <= 1000.0 and 10.0 <= order.duration_s <= 36_000.0):
             raise PlanError(
-                f"the accuracy of {order.wish_m:g} m or the duration of "
+                f"the accuracy of {order.accuracy_m:g} m or the duration of "
                 f"{order.duration_s:g} s is out of range",
                 remedy="Give 1 to 1000 m, and 10 s to 10 hours",
             )
@@ -82,7 +82,7 @@ class SearchTask:
             SearchSettings(
                 vehicle=multirotor_of(limits),
                 area=area,
-                stop=AccuracyStop(radius95_m=order.wish_m),
+                stop=AccuracyStop(radius95_m=order.accuracy_m),
                 keep_away=KeepAway(
                     radius_m=away,
                     probability=SEARCH_RULES.kept_away,

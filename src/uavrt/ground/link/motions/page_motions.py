@@ -276,7 +276,7 @@ def _request(body: dict[str, Any]) -> MotionRequest:
         spacing_m=number_in(body, "spacing_m", 60.0),
         pattern=pattern,
         radius_m=None if body.get("radius_m") is None else number_in(body, "radius_m"),
-        wish_m=number_in(body, "wish_m", 25.0),
+        accuracy_m=number_in(body, "accuracy_m", 25.0),
         tags=_tags(body.get("tags", [])),
         keep_out=_keep_out(body.get("keep_out", [])),
     )

@@ -103,7 +103,7 @@ def encode_request(request: MotionRequest) -> bytes:
             f"the area has {len(places)} corners{others}: too many",
             remedy=f"Draw an area with {MAX_PLACES} corners or fewer",
         )
-    width_m = request.wish_m if request.action == "search" else request.spacing_m
+    width_m = request.accuracy_m if request.action == "search" else request.spacing_m
     height_m = request.height_m or 0.0
     if not all(abs(one) < _MOST for one in (height_m, request.duration_s, width_m)):  # also NaN
         raise UsageError(
@@ -231,7 +231,7 @@ def _request(got: Mapping[str, Any], requester: tuple[int, int]) -> MotionReques
         return _with_places(replace(request, spacing_m=width_m), body, kept)
     search = _SEARCH.unpack(body)
     radius_m = float(search["radius_m"]) or None
-    request = replace(request, wish_m=width_m, radius_m=radius_m, tags=search["tags"])
+    request = replace(request, accuracy_m=width_m, radius_m=radius_m, tags=search["tags"])
     return _with_places(request, search["body"], kept)
 
 
