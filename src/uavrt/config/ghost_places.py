@@ -28,9 +28,9 @@ _PRODUCTS = (
     *((2, -1), (-1, 2), (3, -2), (-2, 3)),
     *((1, 1), (-1, -1), (1, -1), (-1, 1), (-2, -1), (-1, -2)),
 )
-"""Pairs of multiples; two signals' offsets from the centre frequency, multiplied by them,
-add up to a ghost's. Nonlinear amplifiers make the first four; a converter that treats I and
-Q separately makes the others."""
+"""Coefficients (m, n) of intermodulation: two signals at offsets f and g from the centre
+frequency cause a spurious signal (ghost) at m·f + n·g. The first four come from nonlinear
+amplifiers, the others from converters that distort I and Q separately."""
 
 
 @dataclass(frozen=True, slots=True)

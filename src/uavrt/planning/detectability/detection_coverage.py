@@ -98,7 +98,11 @@ def planned_antenna_path(
     interval_s: float,
     nose_first: bool = False,
 ) -> AntennaPath:
-    """Antenna at a tag's pulses on straight paths; `nose_first`: antenna along the path."""
+    """Compute the antenna's positions and headings at a tag's pulses on a planned flight.
+
+    The drone flies straight lines between `corners_m` (east and north); with `nose_first`, the
+    antenna points along them.
+    """
     points = np.array(corners_m, np.float64)
     legs = np.hypot(*np.diff(points, axis=0).T)
     gone = np.concatenate(([0.0], np.cumsum(legs)))
