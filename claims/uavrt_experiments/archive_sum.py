@@ -94,7 +94,7 @@ def render(results: str) -> str:
 def _measured_table(found: Measured) -> str:
     one = found.ways[0]
     lines = [
-                f"CPU time on {found.machine} for {found.signal_s:.0f} s of recordings with "
+        f"CPU time on {found.machine} for {found.signal_s:.0f} s of recordings with "
         f"{found.rate_hz / 1e6:.0f} MS/s, 16-bit integers and {found.tags} tags. The files "
         "were in memory before the run (`python -m benchmarks archive`):",
         "",
@@ -109,7 +109,7 @@ def _measured_table(found: Measured) -> str:
     hour_bytes = found.bytes_a_second * HOUR_S
     lines += [
         "",
-                f"An hour of recording ({hour_bytes / GB:.0f} GB) takes {found.hour_cpu_s:.0f} s of "
+        f"An hour of recording ({hour_bytes / GB:.0f} GB) takes {found.hour_cpu_s:.0f} s of "
         f"one core. A core processes {found.core_bytes_a_second / GB:.2f} GB/s, "
         f"{HOUR_S / found.hour_cpu_s:.0f} times real time. With more tags it takes little "
         "longer.",
@@ -125,7 +125,7 @@ def _sum_table(found: Measured) -> str:
     lead_in, written = f"{100 * (more - 1.0):.0f} %", f"{WRITING_S * pulses / 60:.0f} min"
     return "\n".join(
         [
-                        f"Time to search **100 TB on {MACHINES} machines**, computed from the CPU times "
+            f"Time to search **100 TB on {MACHINES} machines**, computed from the CPU times "
             "above (`python -m uavrt_experiments.archive_sum`):",
             "",
             f"| | whole archive | {MACHINES} machines of {CORES} cores |",
@@ -155,7 +155,7 @@ def _so(found: Measured) -> str:
     by_disk_s = ARCHIVE_BYTES * (1.0 + more) / MACHINES / DISK
     short_s = hour_s * (SHORT_CELL_S + LEAD_IN_S) / HOUR_S
     return (
-                "Reading limits the speed, so buy bandwidth, not processors. The disk of a machine "
+        "Reading limits the speed, so buy bandwidth, not processors. The disk of a machine "
         f"can read for {DISK / found.core_bytes_a_second:.1f} cores; further cores wait for "
         "it. A store shared by all machines is slower still.\n\n"
         f"With twice the machines and disks, the search takes {by_disk_s / 120:.0f} min. The "
