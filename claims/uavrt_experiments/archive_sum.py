@@ -94,9 +94,9 @@ def render(results: str) -> str:
 def _measured_table(found: Measured) -> str:
     one = found.ways[0]
     lines = [
-        f"Measured on {found.machine}: {found.signal_s:.0f} s of {found.rate_hz / 1e6:.0f} "
-        f"MS/s as 16-bit integers, {found.tags} tags, in the page cache "
-        "(`python -m benchmarks archive`):",
+        f"CPU time on {found.machine} for {found.signal_s:.0f} s of recordings with "
+        f"{found.rate_hz / 1e6:.0f} MS/s, 16-bit integers and {found.tags} tags. The files "
+        "were in memory before the run (`python -m benchmarks archive`):",
         "",
         f"| | CPU for {found.signal_s:.0f} s | CPU of one process over that of all | most "
         "memory of a worker (PSS) |",
@@ -109,9 +109,10 @@ def _measured_table(found: Measured) -> str:
     hour_bytes = found.bytes_a_second * HOUR_S
     lines += [
         "",
-        f"So an hour of recording ({hour_bytes / GB:.0f} GB) is {found.hour_cpu_s:.0f} s of "
-        f"one core: {found.core_bytes_a_second / GB:.2f} GB/s, or "
-        f"{HOUR_S / found.hour_cpu_s:.0f} times real time. More tags cost little more.",
+        f"An hour of recording ({hour_bytes / GB:.0f} GB) takes {found.hour_cpu_s:.0f} s of "
+        f"one core. A core processes {found.core_bytes_a_second / GB:.2f} GB/s, "
+        f"{HOUR_S / found.hour_cpu_s:.0f} times real time. With more tags it takes little "
+        "longer.",
     ]
     return "\n".join(lines)
 
@@ -124,8 +125,8 @@ def _sum_table(found: Measured) -> str:
     lead_in, written = f"{100 * (more - 1.0):.0f} %", f"{WRITING_S * pulses / 60:.0f} min"
     return "\n".join(
         [
-            f"**100 TB on {MACHINES} machines**, computed from these figures "
-            "(`python -m uavrt_experiments.archive_sum`):",
+            f"Time to search **100 TB on {MACHINES} machines**, computed from the CPU times "
+            "above (`python -m uavrt_experiments.archive_sum`):",
             "",
             f"| | whole archive | {MACHINES} machines of {CORES} cores |",
             "|---|---|---|",
@@ -154,14 +155,16 @@ def _so(found: Measured) -> str:
     by_disk_s = ARCHIVE_BYTES * (1.0 + more) / MACHINES / DISK
     short_s = hour_s * (SHORT_CELL_S + LEAD_IN_S) / HOUR_S
     return (
-        f"A local disk supplies {DISK / found.core_bytes_a_second:.1f} cores; more cores in a "
-        "machine wait for it. A shared store becomes the limit long before the cores: buy "
-        "bandwidth, not processors. Twice the machines with twice the disks take "
-        f"{by_disk_s / 120:.0f} min; the next limit is the one process that "
-        f"joins cells and writes Parquet ({round(1.0 / WRITING_S, -4):.0f} pulses a second). "
-        f"The last cells leave cores idle for up to one cell's {hour_s * (1.0 + more):.0f} s; "
-        f"`--cell {SHORT_CELL_S:.0f}` makes that {short_s:.0f} s and costs "
-        f"{100 * LEAD_IN_S / SHORT_CELL_S:.0f} % in lead-in instead of {100 * more:.0f} %."
+        "Reading limits the speed, so buy bandwidth, not processors. The disk of a machine "
+        f"can read for {DISK / found.core_bytes_a_second:.1f} cores; further cores wait for "
+        "it. A store shared by all machines is slower still.\n\n"
+        f"With twice the machines and disks, the search takes {by_disk_s / 120:.0f} min. The "
+        "next limit is then the one process that joins cells and writes Parquet "
+        f"({round(1.0 / WRITING_S, -4):.0f} pulses a second).\n\n"
+        "At the end, cores may be idle while others finish their last cell, for up to "
+        f"{hour_s * (1.0 + more):.0f} s. `--cell {SHORT_CELL_S:.0f}` shortens this to "
+        f"{short_s:.0f} s, but {100 * LEAD_IN_S / SHORT_CELL_S:.0f} % of the samples are then "
+        f"read twice as lead-in, instead of {100 * more:.0f} %."
     )
 
 

@@ -165,7 +165,8 @@ def measured_now(folders: Sequence[str]) -> str:
     day = f"{datetime.now(tz=UTC):%Y-%m-%d}"
     machine = f"{os.cpu_count()} cores of {processor()}"
     code = f"code `{digest(folders)}` of {', '.join(folders)}"
-    return f"Measured on commit `{commit()}`, {day}, {machine}, {code}."
+    digest_note = "The code is a digest that changes with these packages."
+    return f"Measured on commit `{commit()}`, {day}, {machine}, {code}. {digest_note}"
 
 
 def read_parts(root: Path = ROOT) -> list[Part]:

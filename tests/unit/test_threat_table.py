@@ -5,7 +5,7 @@ from pathlib import Path
 
 TESTS = Path(__file__).parents[1]
 PAGE = TESTS.parent / "docs/explanation/attacks-on-the-link.md"
-NAMED = re.compile(r"^(\d+)\. `(test_\w+\.py)::(test_\w+)`$", re.MULTILINE)
+NAMED = re.compile(r"^\| (\d+) \| `(test_\w+\.py)::(test_\w+)` \|$", re.MULTILINE)
 
 
 def names_in(name: str) -> set[str]:

@@ -27,7 +27,7 @@ def page_section(scenario: Scenario, rows: Sequence[Row], command: str, measured
         return text if one.met else f"**{text}**"
 
     heads, lines = asked_and_reached(scenario, rows, cell)
-    parts = [f"## {scenario.name}: {scenario.title}", f"`{command}`", measured]
+    parts = [f"## {scenario.name}: {scenario.title}", f"Command: `{command}`", measured]
     return "\n\n".join([*parts, markdown((heads, *lines))])
 
 

@@ -240,7 +240,7 @@ def process_page(
     for line, one in zip(lines, rows, strict=True):
         line[2] = line[2] if one.met else f"**{line[2]}**"
     parts = [f"## {PROCESSES}: Searches by the real processes"]
-    parts += [f"`{command}`", code]
+    parts += [f"Command: `{command}`", code]
     for names, cells in (flight_lines(flights), (heads, lines)):
         parts.append(markdown((names, *cells)))
     return "\n\n".join(parts)

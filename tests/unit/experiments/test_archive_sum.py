@@ -19,4 +19,4 @@ def test_a_machine_that_takes_twice_the_cpu_takes_twice_the_time() -> None:
     assert measured(slower).hour_cpu_s == pytest.approx(2 * once.hour_cpu_s)
     for text, found in ((results, once), (slower, measured(slower))):
         hour_s = 3600 * found.ways[0].cpu_s / found.signal_s
-        assert f"is {hour_s:.0f} s of one core" in render(text)
+        assert f"takes {hour_s:.0f} s of one core" in render(text)
