@@ -454,7 +454,7 @@ class _StoredPaths:
 class ParticleTracker:
     """Many hypotheses of a tag that rests, browses or travels, each with its level's unknowns.
 
-    Single precision: 0.5 ms for each pulse with ten thousand hypotheses.
+    Single precision: 0.8 ms for each pulse with ten thousand hypotheses.
 
     `prior`: area, strength, antenna, walk.
     `rng`: the same seed gives the same track.

@@ -280,7 +280,7 @@ class LevelTuning:
     least_share: Guard[float] = 1e-30
     """Minimum probability of a pulse or a miss by chance, which keeps logarithms finite."""
     least_growth: Guard[float] = 0.1
-    """Smallest ratio of the precision of an exponent after information is withdrawn."""
+    """Smallest ratio of an exponent's precision after and before information is withdrawn."""
     least_variance: Guard[float] = 1e-6
     """Smallest variance of an exponent that is drawn; rounding errors are smaller."""
     pattern_steps: Resolution[int] = 4096
@@ -349,7 +349,7 @@ class ReflectionTuning:
     shares: Resolution[tuple[float, ...]] = (0.2, 0.4, 0.6, 0.8, 1.0)
     """Shares of the reflected amplitude that remain on rough ground, equally probable."""
     components: Resolution[int] = 2
-    """Number of principal components of the reflection; the third has 5 % of the variance."""
+    """Number of principal components of the reflection; a third has 14 % of the variance."""
     least_sine: Guard[float] = 0.05
     """Smallest sine of an elevation at which reflections are averaged: 800 m away, 40 m up."""
     least_sum: Guard[float] = 0.03

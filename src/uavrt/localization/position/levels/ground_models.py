@@ -1,7 +1,7 @@
 """Losses by the ground between drone and tag, and how far they may be wrong.
 
-Level ground has shadowing by plants and the like; hills have the losses of an elevation map.
-`effect` is for single pulses, `along` for whole paths of the drone.
+Level ground has shadowing by plants and the like, and reflects; hills have the losses of an
+elevation map. `effect` is for single pulses, `along` for whole paths of the drone.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ _Floats = NDArray[np.floating[Any]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelGround:
-    """Level ground with shadowing."""
+    """Level ground with shadowing and an unknown reflection."""
 
     shadowing_db: float
     """Standard deviation of the shadowing [dB]; 0: none."""

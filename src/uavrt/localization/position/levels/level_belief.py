@@ -138,7 +138,7 @@ class GroundEffect:
         if self.doubtful_db is not None:
             slopes.append(-self.doubtful_db)
         if self.reflection is not None:
-            mean, *shapes = self.reflection.at(height_m / np.sqrt(slant2_m2))
+            mean, *shapes = self.reflection.at(abs(height_m) / np.sqrt(slant2_m2))
             known = known + mean
             slopes.extend(shapes)
         return known, slopes

@@ -2,10 +2,10 @@
 
 Behind a rounded hilltop, in woods, or with a map some metres off, pulses lose more or less than
 the map predicts. The error persists while the drone flies along the same side of the hill. On
-level ground the same holds for shadowing: reflections from the ground, plants, and the animal's
-body change the level by some decibels over tens of metres. As an independent error of each
-pulse, twenty of them would rule out the truth. It is therefore one unknown that pulses update
-and that decorrelates along the drone's path. Behind hills, the independent part must be small:
+level ground the same holds for shadowing: plants and the animal's body change the level by some
+decibels over tens of metres. As an independent error of each pulse, twenty of them would rule
+out the truth. It is therefore one unknown that pulses update and that decorrelates along the
+drone's path. Behind hills, the independent part must be small:
 otherwise each pulse would make positions deeper behind a hill less probable.
 """
 
