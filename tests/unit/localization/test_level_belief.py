@@ -1,7 +1,10 @@
 """Strength, exponent and reflection of a tag are estimated jointly at each position."""
 
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from uavrt.localization.position.levels.ground_reflection import (
     reflection_shapes,
@@ -25,8 +28,9 @@ def pulse(east_m: float, snr_db: float | None) -> Listening:
     return Listening(east_m=east_m, north_m=0.0, height_m=40.0, snr_db=snr_db)
 
 
-def covariance_of(belief: LevelBelief, position: int) -> np.ndarray:
-    return belief.covariance[np.array(packed_rows(len(belief.mean))), position]
+def covariance_of(belief: LevelBelief, position: int) -> NDArray[np.floating[Any]]:
+    rows = np.array(packed_rows(len(belief.mean)))
+    return np.asarray(belief.covariance[rows, position])
 
 
 def test_received_pulses_are_a_linear_regression() -> None:
