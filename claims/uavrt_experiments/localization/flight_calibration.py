@@ -15,6 +15,7 @@ from uavrt.localization.antenna import NULL_DB
 from uavrt.localization.position.bayes_fix import Area
 from uavrt.localization.position.bearings.stations import Stations
 from uavrt.localization.position.estimate_position import estimate_position
+from uavrt.localization.position.levels.ground_reflection import reflection_shapes
 from uavrt.localization.position.levels.level_belief import Listening
 from uavrt.localization.position.levels.level_evidence import Propagation
 from uavrt.localization.position.trackers import ParticleTracker, TagPrior
@@ -123,7 +124,9 @@ def tracker_rank(rng: Generator, *, weaker_db: float = 0.0) -> float:
     animal = _Animal.drawn(rng, prior)
     east, north, time_s = flown_lines(600.0, 150.0)
     level_db = rng.normal(prior.level_db, prior.level_sigma_db)
-    exponent = float(np.clip(rng.normal(prior.exponent, prior.exponent_sigma), 1.8, 4.2))
+    exponent = float(rng.normal(prior.exponent, prior.exponent_sigma))
+    reflection = reflection_shapes()
+    reflected = np.append(1.0, rng.normal(size=reflection.components))
     law = LOSS.shadowing
     shadow, kept = rng.normal(law.mean, law.sigma), np.exp(-27.0 / law.correlation_m)
     for number in range(0, len(time_s), 3):
@@ -133,6 +136,7 @@ def tracker_rank(rng: Generator, *, weaker_db: float = 0.0) -> float:
         gain_db = max(20.0 * np.log10(max(ground / slant, 1e-6)), NULL_DB)
         snr_db = level_db - 10.0 * exponent * np.log10(slant / 100.0) + gain_db
         snr_db += rng.normal(0.0, prior.fading_db) - prior.shadowing_db * shadow
+        snr_db += float(reflected @ reflection.at(np.array(40.0 / slant)))
         snr_db -= weaker_db * float(east[number] < 300.0)
         heard = snr_db >= 10.0 and rng.random() >= prior.missed_share
         if rng.random() < prior.chance_share:

@@ -94,6 +94,7 @@ def priors_of(scenario: Scenario, world: World) -> list[TagPrior]:
         exponent_sigma=known.exponent_sigma,
         fading_db=known.sigma_db or truth.sigma_db,
         shadowing_db=0.0,
+        reflects=False,
         pattern=pattern_of(truth),
         walking_m_per_root_s=(
             truth.walk_m_per_root_s

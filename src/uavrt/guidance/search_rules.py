@@ -15,7 +15,7 @@ class SearchRules:
     """Height of tags above ground [m]."""
     few_tags: int = 5
     """Number of tags up to which a tag's position is described by `particles` hypotheses."""
-    particles: int = 10_000
+    particles: int = 6_000
     fewer_particles: int = 4_000
     turn_step_s: float = 2.7
     """Extra time per heading when a full turn is flown as single headings [s]."""

@@ -103,6 +103,7 @@ class Interferer:
             level_sigma_db=_RULES.rival_sigma_db,
             motion=(1.0, 0.0, 0.0),
             level_drift_db_per_root_s=0.0,
+            reflects=False,
         )
         self._missed = prior.missed_share
         self._chance = prior.chance_share

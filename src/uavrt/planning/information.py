@@ -13,10 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.localization.position.levels.level_belief import antenna_gain_db
-from uavrt.localization.position.levels.loss_error import LossError
+from uavrt.localization.position.levels.level_belief import (
+    EXPONENT,
+    LASTING,
+    LEVEL_AT_100_M,
+    antenna_gain_db,
+)
 from uavrt.localization.position.trackers import Hypotheses, TagPrior
-from uavrt.localization.position.tuning import POWER, LastingError
+from uavrt.localization.position.tuning import LastingError
 from uavrt.planning.beliefs import TagBelief
 from uavrt.planning.drone_model.drone_motion import Legs
 
@@ -59,16 +63,16 @@ def expected_levels_db(
     height = listener.above_tags_m - ground.rise_m
     slant2 = dx * dx + dy * dy + height**2
     gain = antenna_gain_db(prior.pattern, yaw, dx, dy, height, np.sqrt(slant2))
-    decades = 5.0 * np.log10(slant2) - float(10.0 * np.log10(POWER.reference_m))
-    level = some.level_db - some.exponent * decades + gain - ground.lost_db
+    known, slopes = ground.slopes(slant2, height)
+    level = some.level.mean[LEVEL_AT_100_M] + gain + known
+    for slope, unknown in zip(slopes, some.level.mean[1:], strict=True):
+        level += slope * unknown
     if prior.path_gain is not None:
         level = level + prior.path_gain(dx, dy, listener.above_tags_m)
     wrong2: _Singles | float = 0.0
-    error = LossError.of_columns(prior.ground.lasting_error, some.loss_error)
-    if error is not None:
-        level = level - error.mean * ground.doubtful_db
-        doubtful2 = np.broadcast_to(error.variance * ground.doubtful_db**2, level.shape)
-        wrong2 = np.mean(doubtful2, axis=2)
+    if ground.doubtful_db is not None:
+        one2 = some.level.variance(LASTING) * ground.doubtful_db**2
+        wrong2 = np.mean(np.broadcast_to(one2, level.shape), axis=2)
     return np.asarray(level, np.float32), wrong2
 
 
@@ -175,7 +179,9 @@ def _heard_nats(prior: TagPrior, some: Hypotheses, heard: _Pulses) -> _Floats:
     # Of K pulses with a common unknown level of variance v, the mean counts only as
     # 1 / (σ² / K + v).
     drift2 = prior.level_drift_db_per_root_s**2 * heard.span_s
-    spread = float(np.mean(some.level_variance_db2)) + drift2 / 3.0 + heard.alike_db2
+    spread = (
+        float(np.mean(some.level.variance(LEVEL_AT_100_M))) + drift2 / 3.0 + heard.alike_db2
+    )
     share = np.sqrt(spread / (1.0 + spread * heard.per_db2.sum(axis=1)))
     whole = np.einsum("csp,cs->cp", scaled, root * share[:, None])
     off = minus_quarter_squares(scaled, whole)
@@ -221,6 +227,6 @@ def _walked_db2(some: Hypotheses, legs: Legs, spans_s: _Floats, above_tags_m: fl
     dx = some.east_m - legs.east_m[:, :, None]
     dy = some.north_m - legs.north_m[:, :, None]
     slope2 = np.mean(1.0 / (dx * dx + dy * dy + above_tags_m**2), axis=2)
-    per_neper = 10.0 / np.log(10.0) * float(np.mean(some.exponent))
+    per_neper = 10.0 / np.log(10.0) * float(np.mean(some.level.mean[EXPONENT]))
     left = np.maximum(spans_s[:, None] - legs.time_s, 0.0)
     return np.asarray(per_neper**2 * slope2 * walk2 * left)

@@ -54,6 +54,7 @@ def test_silence_speaks_no_longer_against_a_tag_behind_the_ridge() -> None:
             exponent_sigma=0.0,
             motion=(1.0, 0.0, 0.0),
             hills=ground,
+            reflects=False,
         )
         tracker = ParticleTracker(prior, np.random.default_rng(3), particles=10_000)
         for heard in silent_flight():

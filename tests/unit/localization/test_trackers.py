@@ -11,6 +11,7 @@ from uavrt.localization.position.bayes_fix import Area
 from uavrt.localization.position.bearings.bearing_evidence import von_mises
 from uavrt.localization.position.levels.level_belief import Listening
 from uavrt.localization.position.trackers import ParticleTracker, TagPrior
+from uavrt.simulation.scene.propagation import Propagation, ground_reflection
 
 Floats = NDArray[np.float64]
 
@@ -29,6 +30,7 @@ def listen_along(
     seed: int = 1,
     shadowing_db: float = 0.0,
     exponent: float = 2.5,
+    tag_height_m: float | None = None,
 ) -> float:
     """Fly lines 150 m apart; the tag's path has a row for each pulse. Final error [m]."""
     rng = np.random.default_rng(seed)
@@ -45,6 +47,8 @@ def listen_along(
         slant = np.hypot(ground, 40.0)
         snr = level_db - 10 * exponent * np.log10(slant / 100)
         snr += 20 * np.log10(ground / slant) + shadowing_db * shadow + rng.normal(0, 3.0)
+        if tag_height_m is not None:
+            snr += two_rays_db(ground, tag_height_m)
         if shadowing_db > 0.0:
             shadow = kept * shadow + np.sqrt(1.0 - kept**2) * rng.normal()
         if isinstance(tracker, ParticleTracker):
@@ -61,6 +65,17 @@ def listen_along(
             )
     found = tracker.estimate()
     return float(np.hypot(found.east_m - tag_path[-1][0], found.north_m - tag_path[-1][1]))
+
+
+def two_rays_db(ground_m: float, tag_height_m: float) -> float:
+    """Level of direct and reflected ray over the direct one: 150 MHz, drone 40 m above."""
+    up_m = 40.0 + 2.0 * tag_height_m
+    longer_m = np.hypot(ground_m, up_m) - np.hypot(ground_m, 40.0)
+    coefficient = ground_reflection(
+        Propagation(), float(np.arctan2(up_m, ground_m)), 150e6, horizontal=True
+    )
+    both = abs(1.0 + coefficient * np.exp(-2j * np.pi * longer_m * 150e6 / 299_792_458.0))
+    return float(20.0 * np.log10(both))
 
 
 def still(east_m: float, north_m: float, pulses: int = 250) -> Floats:
@@ -158,6 +173,21 @@ def test_circles_hold_tags_in_shadowing_that_lasts_for_tens_of_metres() -> None:
         error = listen_along(tracker, path, seed=seed, shadowing_db=2.5, exponent=2.2)
         held.append(error < tracker.estimate().radius95_m)
     assert np.mean(held) > 0.88
+
+
+def test_circles_hold_tags_whose_signal_the_ground_reflects() -> None:
+    """Median error 8 m at 1 to 2 m above the ground; without a model of the reflection 15 m."""
+    held, errors = [], []
+    for seed in range(40):
+        east_m, north_m = np.random.default_rng((8, seed)).uniform(100.0, 500.0, 2)
+        prior = TagPrior(area=AREA, fading_db=3.0)
+        tracker = ParticleTracker(prior, np.random.default_rng(seed), particles=2000)
+        path = still(float(east_m), float(north_m), 150)
+        height_m = 1.0 + seed % 3 / 2.0
+        errors.append(listen_along(tracker, path, seed=seed, tag_height_m=height_m))
+        held.append(errors[-1] < tracker.estimate().radius95_m)
+    assert np.mean(held) > 0.88
+    assert np.median(errors) < 11.0
 
 
 def test_the_same_seed_gives_the_same_track() -> None:

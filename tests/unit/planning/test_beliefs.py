@@ -8,7 +8,7 @@ import pytest
 from uavrt.core.errors import ConfigError
 from uavrt.localization.antenna import PATTERNS
 from uavrt.localization.position.bayes_fix import Area
-from uavrt.localization.position.levels.level_belief import Listening
+from uavrt.localization.position.levels.level_belief import LEVEL_AT_100_M, Listening
 from uavrt.localization.position.trackers import TagPrior
 from uavrt.planning.beliefs import Beliefs, TagBelief
 from uavrt.planning.detectability.ground_propagation import GroundReflection
@@ -157,12 +157,15 @@ def test_a_strength_that_wanders_is_never_known_better_than_it_wanders() -> None
             level_sigma_db=6.0,
             level_drift_db_per_root_s=drift,
             shadowing_db=0.0,
+            reflects=False,
             motion=(1.0, 0.0, 0.0),
         )
         belief = TagBelief(1, prior, np.random.default_rng(5), particles=200)
         for second in range(200):
             listened(belief, second, (0.0, 0.0), 31.0)
-        sigmas.append(float(np.sqrt(belief.hypotheses(50).level_variance_db2.mean())))
+        sigmas.append(
+            float(np.sqrt(belief.hypotheses(50).level.variance(LEVEL_AT_100_M).mean()))
+        )
     assert sigmas[0] < 0.4
     assert 0.8 < sigmas[1] < 3.0
 

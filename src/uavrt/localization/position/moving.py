@@ -45,6 +45,7 @@ def path_by_bearings(
     prior = TagPrior(
         area=_widened(near, TRACK.margin_m + 0.5 * TRACK.fastest_m_s * float(np.ptp(times))),
         turning_m_s_per_root_s=TRACK.turning_m_s_per_root_s,
+        reflects=False,
     )
 
     def take(tracker: ParticleTracker, number: int) -> float:
@@ -76,6 +77,7 @@ def path_by_powers(
         area=first,
         fading_db=TRACK.fading_factor * fading_db,
         shadowing_db=0.0,
+        reflects=False,
         turning_m_s_per_root_s=TRACK.turning_m_s_per_root_s,
         pattern=powers.antenna,
         hills=hills,

@@ -5,8 +5,9 @@ half the flight time. There is one tracker for each tag; tags differ in frequenc
 need no association.
 """
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -21,13 +22,17 @@ from uavrt.localization.position.levels.ground_models import (
     HillyGround,
     LevelGround,
 )
+from uavrt.localization.position.levels.ground_reflection import reflection_shapes
 from uavrt.localization.position.levels.level_belief import (
+    EXPONENT,
+    LASTING,
+    LEVEL_AT_100_M,
+    ExpectedLevel,
     GroundEffect,
     LevelBelief,
     Listening,
     false_pulse_density,
 )
-from uavrt.localization.position.levels.loss_error import LossError
 from uavrt.localization.position.tuning import TRACK
 from uavrt.localization.terrain.hill_losses import HillLosses
 from uavrt.localization.tuning import LEVELS
@@ -91,15 +96,21 @@ class TagPrior:
     """Propagation model: level above the distance law; None: the distance law alone."""
     hills: HillLosses | None = None
     """Ground model; None: level ground. Heights count from a tag at the take-off."""
-    shadowing_db: float = 2.0
+    shadowing_db: float = 1.5
     """Standard deviation of the shadowing on level ground [dB]; 0: none."""
+    reflects: bool = True
+    """True if level ground may reflect; unknown are the tag's height and the ground's
+    roughness."""
 
     @property
     def ground(self) -> GroundModel:
-        """Model of losses by the ground: hills, or shadowing on level ground."""
+        """Losses by hills, or shadowing and reflection by level ground."""
         if self.hills is not None:
             return HillyGround(hills=self.hills)
-        return LevelGround(shadowing_db=self.shadowing_db)
+        return LevelGround(
+            shadowing_db=self.shadowing_db,
+            reflection=reflection_shapes() if self.reflects else None,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,12 +150,8 @@ class Hypotheses:
 
     east_m: _Singles
     north_m: _Singles
-    level_db: _Singles
-    """SNR of the tag at 100 m, for each hypothesis [dB]."""
-    level_variance_db2: _Singles
-    exponent: _Singles
-    loss_error: _Singles
-    """(n, 3) columns of a `LossError` for each hypothesis; (n, 0) without one."""
+    level: LevelBelief
+    """Unknowns of the level, given the exponent, which is drawn."""
     east_m_s: _Singles
     north_m_s: _Singles
     wandering_m_per_root_s: _Singles
@@ -213,21 +220,27 @@ class _Particles:
     """Velocity towards east of travelling hypotheses [m/s]; 0 for other hypotheses."""
     north_m_s: _Singles
     mode: NDArray[np.int8]
-    exponent: _Singles
-    loss_error: _Singles
-    """(n, 3) columns of a `LossError`; (n, 0) without one."""
-    mean_db: _Singles
-    variance_db2: _Singles
+    level_mean: _Singles
+    level_covariance: _Singles
     origin: NDArray[np.int32]
     """Index of each hypothesis' ancestor at the last stored time; -1 for a new hypothesis."""
 
+    @property
+    def level(self) -> LevelBelief:
+        """Unknowns of each hypothesis' level; a view, updated in place."""
+        return LevelBelief(mean=self.level_mean, covariance=self.level_covariance)
+
     def chosen(self, index: NDArray[np.intp]) -> "_Particles":
-        return _Particles(**{one.name: getattr(self, one.name)[index] for one in fields(self)})
+        return _Particles(
+            **{one.name: getattr(self, one.name)[..., index] for one in fields(self)}
+        )
 
     def joined(self, other: "_Particles") -> "_Particles":
         return _Particles(
             **{
-                one.name: np.concatenate([getattr(self, one.name), getattr(other, one.name)])
+                one.name: np.concatenate(
+                    [getattr(self, one.name), getattr(other, one.name)], axis=-1
+                )
                 for one in fields(self)
             }
         )
@@ -269,32 +282,30 @@ class _MotionModel:
         area = prior.area
         mode = self._modes(count)
         velocity = self._velocities(mode)
-        middle, sigma = self._exponent_before()
-        exponent = middle + sigma * self.normal(count)
-        level, variance = prior.level_db, prior.level_sigma_db**2
-        law = prior.ground.lasting_error
+        level = self._level_before(count)
         return _Particles(
             east_m=rng.uniform(area.west_m, area.east_m, count).astype(np.float32),
             north_m=rng.uniform(area.south_m, area.north_m, count).astype(np.float32),
             east_m_s=velocity[0],
             north_m_s=velocity[1],
             mode=mode,
-            exponent=self._plausible(exponent),
-            loss_error=(
-                np.empty((count, 0), np.float32)
-                if law is None
-                else LossError.before_pulses(law, count).columns()
-            ),
-            mean_db=np.full(count, level, np.float32),
-            variance_db2=np.full(count, variance, np.float32),
+            level_mean=level.mean,
+            level_covariance=level.covariance,
             origin=np.full(count, -1, np.int32),
         )
 
-    def _plausible(self, exponent: _Singles) -> _Singles:
-        """Limit path loss exponents to the range from free space to woods."""
-        if self._prior.exponent_sigma == 0.0:
-            return np.full(len(exponent), self._prior.exponent, np.float32)
-        return np.clip(exponent, 1.8, 4.2)
+    def _level_before(self, count: int) -> LevelBelief:
+        """Unknowns of the level before any pulse."""
+        prior, ground = self._prior, self._prior.ground
+        exponent, exponent_sigma = self._exponent_before()
+        means, sigmas = [prior.level_db, exponent], [prior.level_sigma_db, exponent_sigma]
+        if ground.lasting_error is not None:
+            means.append(ground.lasting_error.mean)
+            sigmas.append(ground.lasting_error.sigma)
+        if ground.reflection is not None:
+            means += [0.0] * ground.reflection.components
+            sigmas += [1.0] * ground.reflection.components
+        return LevelBelief.before_pulses(means, sigmas, count)
 
     def _modes(self, count: int) -> NDArray[np.int8]:
         rest, browse, travel = self._prior.motion
@@ -349,15 +360,10 @@ class _MotionModel:
     def _drift(self, state: _Particles, step: float) -> None:
         """Random walk of the strength about its prior mean, limited to the prior's variance."""
         drift2 = self._prior.level_drift_db_per_root_s**2 * step
-        if drift2 <= 0.0 or self._prior.level_sigma_db <= 0.0:
-            return
-        most = self._prior.level_sigma_db**2
-        kept2 = max(0.0, 1.0 - drift2 / most)
-        kept, usual = float(np.sqrt(kept2)), float(self._prior.level_db)
-        state.mean_db = usual + kept * (state.mean_db - usual)
-        state.variance_db2 = float(most) + float(kept2) * (state.variance_db2 - float(most))
-        if state.loss_error.shape[1]:
-            state.loss_error[:, 2] *= kept
+        usual, most = float(self._prior.level_db), float(self._prior.level_sigma_db)
+        if drift2 > 0.0 and most > 0.0:
+            kept = float(np.sqrt(max(0.0, 1.0 - drift2 / most**2)))
+            state.level.relax(LEVEL_AT_100_M, usual, most, kept)
 
     def _switch(self, state: _Particles, step: float) -> None:
         if max(self._prior.motion) >= sum(self._prior.motion):
@@ -402,8 +408,6 @@ class _MotionModel:
         moving = np.flatnonzero(chosen.mode == TRAVELLING)
         for velocity in (chosen.east_m_s, chosen.north_m_s):
             velocity[moving] += 0.02 * self.normal(len(moving))
-        if self._prior.exponent_sigma > 0.0:
-            chosen.exponent = self._plausible(chosen.exponent + 0.03 * self.normal(count))
         return chosen
 
 
@@ -450,9 +454,9 @@ class _StoredPaths:
 
 
 class ParticleTracker:
-    """Many hypotheses of a tag that rests, browses or travels, each with its strength.
+    """Many hypotheses of a tag that rests, browses or travels, each with its level's unknowns.
 
-    Single precision: 0.5 ms for each pulse with ten thousand hypotheses.
+    Single precision: 0.8 ms for each pulse with ten thousand hypotheses.
 
     `prior`: area, strength, antenna, walk.
     `rng`: the same seed gives the same track.
@@ -492,30 +496,21 @@ class ParticleTracker:
         `elsewhere`: density [1/dB] of pulses of this level from another source, in addition to
             false alarms.
         """
-        state, prior = self._state, self._prior
-        error = LossError.of_columns(prior.ground.lasting_error, state.loss_error)
-        if error is not None:  # decorrelated by the drone's movement since the last pulse
-            here = float(heard.east_m), float(heard.north_m)
-            state.loss_error = error.after(self._heard_from_m, here).columns()
-            self._heard_from_m = here
-        level, expected, ground = self._expected(heard)
+        prior = self._prior
+        self._decorrelate(heard)
+        expected, ground = self._expected(heard)
         scatter_db = ground.scatter_db(prior.fading_db)
-        mean = float(self._weight @ expected)
-        spread2 = (expected - mean) ** 2 + level.spread_db2(ground) + scatter_db**2
+        mean = float(self._weight @ expected.level_db)
+        spread2 = (expected.level_db - mean) ** 2 + expected.variance_db2 + scatter_db**2
         variance = float(self._weight @ spread2)
-        likelihood = level.update(
+        likelihood = self._state.level.update(
             heard,
             expected,
             scatter_db,
             missed_share=prior.missed_share,
             chance_share=prior.chance_share,
             elsewhere=elsewhere,
-            ground=ground,
         )
-        state.mean_db = np.asarray(level.mean_db, np.float32)
-        state.variance_db2 = np.asarray(level.variance_db2, np.float32)
-        if level.error is not None:
-            state.loss_error = level.error.columns()
         evidence = self._weigh(likelihood)
         if heard.snr_db is None:
             self._add_surprise(min(-evidence, TRACK.unheard_nats) - TRACK.decay_nats)
@@ -527,37 +522,45 @@ class ParticleTracker:
 
     def density(self, heard: Listening) -> float:
         """Probability density of this pulse's level if the tag sent it [1/dB]; no update."""
-        level, expected, ground = self._expected(heard)
-        both = level.update(
+        expected, ground = self._expected(heard)
+        both = self._state.level.update(
             heard,
             expected,
             ground.scatter_db(self._prior.fading_db),
             missed_share=self._prior.missed_share,
             chance_share=0.0,
-            ground=ground,
+            learns=False,
         )
         return float(self._weight @ np.exp(both))
 
-    def _expected(self, heard: Listening) -> tuple[LevelBelief, _Floats, GroundEffect]:
-        """Strengths, expected levels, and ground effects for one pulse."""
+    def _decorrelate(self, heard: Listening) -> None:
+        """Decorrelate the lasting error by the drone's movement since the last pulse."""
+        law, was_m = self._prior.ground.lasting_error, self._heard_from_m
+        if law is None:
+            return
+        self._heard_from_m = float(heard.east_m), float(heard.north_m)
+        level = self._state.level
+        np.clip(level.mean[LASTING], *law.limits, out=level.mean[LASTING])
+        if was_m is not None and was_m != self._heard_from_m:
+            moved_m = math.dist(was_m, self._heard_from_m)
+            kept = math.exp(-moved_m / law.correlation_m)
+            level.relax(LASTING, law.mean, law.sigma, kept)
+
+    def _expected(self, heard: Listening) -> tuple[ExpectedLevel, GroundEffect]:
+        """Expected levels and ground effects for one pulse."""
         state, prior = self._state, self._prior
-        level = LevelBelief(
-            mean_db=state.mean_db,
-            variance_db2=state.variance_db2,
-            known=prior.level_sigma_db == 0.0,
-            error=LossError.of_columns(prior.ground.lasting_error, state.loss_error),
-        )
         ground = prior.ground.effect(heard, state.east_m, state.north_m)
-        expected = level.expected_db(
-            heard, state.east_m, state.north_m, state.exponent, prior.pattern, ground
+        expected = state.level.expected(
+            heard, state.east_m, state.north_m, prior.pattern, ground
         )
         if prior.path_gain is not None:
-            expected = expected + prior.path_gain(
+            gain_db = prior.path_gain(
                 state.east_m - float(heard.east_m),
                 state.north_m - float(heard.north_m),
                 float(heard.height_m),
             )
-        return level, expected, ground
+            expected = replace(expected, level_db=expected.level_db + gain_db)
+        return expected, ground
 
     def take_bearing(
         self, east_m: float, north_m: float, posterior: NDArray[np.float64]
@@ -586,15 +589,15 @@ class ParticleTracker:
 
     def exponent(self) -> tuple[float, float]:
         """Mean and variance of the path loss exponent over the hypotheses."""
-        exponent, weight = self._state.exponent, self._weight
-        mean = float(weight @ exponent)
-        return mean, float(weight @ (exponent - mean) ** 2)
+        level, weight = self._state.level, self._weight
+        mean = float(weight @ level.mean[EXPONENT])
+        spread2 = level.variance(EXPONENT) + (level.mean[EXPONENT] - mean) ** 2
+        return mean, float(weight @ spread2)
 
     def take_exponent(self, precision: float, weighted: float) -> None:
         """Update the path loss exponent by that of other tags: precision, precision × mean."""
         self._walk.learn_exponent(precision, weighted)
-        exponent = self._state.exponent
-        self._weigh((weighted - 0.5 * precision * exponent) * exponent)
+        self._weigh(self._state.level.take(EXPONENT, precision, weighted))
         self._spread_out()
 
     def estimate(self) -> TrackEstimate:
@@ -606,7 +609,7 @@ class ParticleTracker:
             north_m=found.north_m,
             radius50_m=found.radius50_m,
             radius95_m=found.radius95_m,
-            level_db=float(weight @ state.mean_db),
+            level_db=float(weight @ state.level_mean[LEVEL_AT_100_M]),
             east_m_s=float(weight @ state.east_m_s),
             north_m_s=float(weight @ state.north_m_s),
         )
@@ -637,10 +640,7 @@ class ParticleTracker:
         return Hypotheses(
             east_m=state.east_m[index],
             north_m=state.north_m[index],
-            level_db=state.mean_db[index],
-            level_variance_db2=state.variance_db2[index],
-            exponent=state.exponent[index],
-            loss_error=state.loss_error[index],
+            level=state.level.at(index).drawn(EXPONENT, np.random.default_rng(0)),
             east_m_s=state.east_m_s[index],
             north_m_s=state.north_m_s[index],
             wandering_m_per_root_s=np.where(state.mode[index] == BROWSING, walk, 0.0).astype(

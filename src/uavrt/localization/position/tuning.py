@@ -285,6 +285,10 @@ class LevelTuning:
     """Mean power of false pulses above the threshold [dB], exponentially distributed."""
     least_share: Guard[float] = 1e-30
     """Minimum probability of a pulse or a miss by chance, which keeps logarithms finite."""
+    least_growth: Guard[float] = 0.1
+    """Smallest ratio of an exponent's precision after and before information is withdrawn."""
+    least_variance: Guard[float] = 1e-6
+    """Smallest variance of an exponent that is drawn; rounding errors are smaller."""
     pattern_steps: Resolution[int] = 4096
     """Number of steps of a pattern's table, over the cosine of the angle off boresight."""
     tail_step: Resolution[float] = 0.005
@@ -341,6 +345,26 @@ class LossErrorTuning:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ReflectionTuning:
+    """Constants of an unknown reflection by level ground."""
+
+    permittivity: Fixed[complex] = 15.0 - 0.6j
+    """Complex relative permittivity of medium ground at 150 MHz (5 mS/m)."""
+    heights: Resolution[tuple[float, float, int]] = (0.025, 1.0, 40)
+    """Smallest, largest and number of equally probable heights of a tag [wavelengths]."""
+    shares: Resolution[tuple[float, ...]] = (0.2, 0.4, 0.6, 0.8, 1.0)
+    """Shares of the reflected amplitude that remain on rough ground, equally probable."""
+    components: Resolution[int] = 2
+    """Number of principal components of the reflection; a third has 14 % of the variance."""
+    least_sine: Guard[float] = 0.05
+    """Smallest sine of an elevation at which reflections are averaged: 800 m away, 40 m up."""
+    least_sum: Guard[float] = 0.03
+    """Smallest sum of direct and reflected ray, as a share of the direct ray."""
+    steps: Resolution[int] = 257
+    """Number of elevations in the table of reflections."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TrackTuning:
     """Constants for the particle tracker of a tag, and for paths of moving tags."""
 
@@ -391,4 +415,5 @@ class TrackTuning:
 GRID, BEARING_FIX, COMMON = GridTuning(), BearingFixTuning(), CommonErrorTuning()
 POWER, SURVEY, WALK = PowerTuning(), SurveyTuning(), WalkTuning()
 LEVEL, LOSS, TRACK = LevelTuning(), LossErrorTuning(), TrackTuning()
+REFLECTION = ReflectionTuning()
 OBSERVER = ObserverTuning()

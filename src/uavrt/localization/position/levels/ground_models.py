@@ -1,7 +1,7 @@
 """Losses by the ground between drone and tag, and how far they may be wrong.
 
-Level ground has shadowing by plants and the like; hills have the losses of an elevation map.
-`effect` is for single pulses, `along` for whole paths of the drone.
+Level ground has shadowing by plants and the like, and reflects; hills have the losses of an
+elevation map. `effect` is for single pulses, `along` for whole paths of the drone.
 """
 
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.localization.position.levels.ground_reflection import ReflectionShapes
 from uavrt.localization.position.levels.level_belief import GroundEffect, Listening
 from uavrt.localization.position.levels.loss_error import doubtful_db
 from uavrt.localization.position.tuning import LOSS, LastingError
@@ -20,25 +21,31 @@ _Floats = NDArray[np.floating[Any]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelGround:
-    """Level ground with shadowing."""
+    """Level ground with shadowing and an unknown reflection."""
 
     shadowing_db: float
     """Standard deviation of the shadowing [dB]; 0: none."""
+    reflection: ReflectionShapes | None = None
+    """Unknown reflection; None: none."""
 
     @property
     def lasting_error(self) -> LastingError | None:
         """Constants of the shadowing; None if there is none."""
         return LOSS.shadowing if self.shadowing_db > 0.0 else None
 
+    @property
+    def _everywhere(self) -> GroundEffect:
+        return GroundEffect(doubtful_db=self.shadowing_db or None, reflection=self.reflection)
+
     def effect(self, heard: Listening, east_m: _Floats, north_m: _Floats) -> GroundEffect:
         """Effect of the ground on a pulse of a tag at each position."""
-        return GroundEffect(doubtful_db=self.shadowing_db)
+        return self._everywhere
 
     def along(
         self, east_m: _Floats, north_m: _Floats, dx: _Floats, dy: _Floats, height_m: float
     ) -> GroundEffect:
         """Effect of the ground along paths, for tags at distances (dx, dy) from the drone."""
-        return GroundEffect(doubtful_db=self.shadowing_db)
+        return self._everywhere
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,6 +53,8 @@ class HillyGround:
     """Ground of an elevation map."""
 
     hills: HillLosses
+    reflection: None = None
+    """None: the losses behind hills are less certain than any reflection."""
 
     @property
     def lasting_error(self) -> LastingError:

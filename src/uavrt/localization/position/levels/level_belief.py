@@ -1,21 +1,23 @@
-"""Estimate a tag's strength for each possible position, and update it by a pulse or a miss.
+"""Estimate the unknowns of a tag's level for each possible position, by its pulses and misses.
 
-Published trackers assume a known strength. Here every position (cell or particle) has a normal
-distribution of the strength, given that the tag is there. A pulse updates it exactly, a miss by
-its first two moments. So the search itself estimates the strength.
+Published trackers assume a known strength. Here every position (particle) has a joint normal
+distribution of the tag's strength, of the path loss exponent and of errors that many pulses
+share, given that the tag is there: a level is linear in all of them. A pulse updates it
+exactly, a miss by its first two moments. So the search itself estimates them.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from math import exp
 from typing import Any
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import NDArray
 
 from uavrt.core.runtime.lean_scipy import special
 from uavrt.localization.antenna import NULL_DB, AntennaPattern
-from uavrt.localization.position.levels.loss_error import LossError
+from uavrt.localization.position.levels.ground_reflection import ReflectionShapes
 from uavrt.localization.position.tuning import LEVEL, LOSS, POWER
 from uavrt.localization.tuning import LEVELS
 
@@ -120,80 +122,133 @@ class GroundEffect:
     rise_m: _Floats | float = 0.0
     """Height of the ground at each tag position above that at the take-off [m]."""
     lost_db: _Floats | float = 0.0
-    doubtful_db: _Floats | float = 0.0
-    """Additional loss per unit of the lasting error, at each tag position [dB]."""
+    doubtful_db: _Floats | float | None = None
+    """Additional loss per unit of the lasting error, at each tag position [dB]; None: there is
+    no lasting error."""
+    reflection: ReflectionShapes | None = None
+    """Unknown reflection by level ground; None: there is none."""
+
+    def slopes(
+        self, slant2_m2: _Floats, height_m: _Floats | float
+    ) -> tuple[_Floats | float, list[_Floats | float]]:
+        """Known part of a level [dB], and its change with each unknown but the strength."""
+        decades = float(10.0 * np.log10(POWER.reference_m)) - 5.0 * np.log10(slant2_m2)
+        known: _Floats | float = -self.lost_db
+        slopes: list[_Floats | float] = [decades]
+        if self.doubtful_db is not None:
+            slopes.append(-self.doubtful_db)
+        if self.reflection is not None:
+            mean, *shapes = self.reflection.at(abs(height_m) / np.sqrt(slant2_m2))
+            known = known + mean
+            slopes.extend(shapes)
+        return known, slopes
 
     def scatter_db(self, fading_db: float) -> _Floats | float:
         """Standard deviation of fading and losses that differ from pulse to pulse [dB]."""
         return (fading_db**2 + (LOSS.pulse_share * self.lost_db) ** 2) ** 0.5
 
 
-NO_EFFECT = GroundEffect()
+LEVEL_AT_100_M, EXPONENT, LASTING = range(3)
+"""Rows of the unknowns of a level: SNR at 100 m [dB], path loss exponent, lasting error of
+losses. The components of a reflection follow; without a lasting error they begin earlier."""
 
 
-@dataclass(slots=True, kw_only=True, eq=False)
-class LevelBelief:
-    """Mean and variance of the tag's SNR at 100 m, for each possible position."""
+@lru_cache(maxsize=8)
+def packed_rows(unknowns: int) -> tuple[tuple[int, ...], ...]:
+    """Row of a packed covariance for each pair of unknowns."""
+    rows = np.zeros((unknowns, unknowns), int)
+    upper = np.triu_indices(unknowns)
+    rows[upper] = np.arange(len(upper[0]))
+    return tuple(tuple(row) for row in np.maximum(rows, rows.T).tolist())
 
-    mean_db: _Floats
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ExpectedLevel:
+    """Expected SNR of one pulse for each possible position."""
+
+    level_db: _Floats
     variance_db2: _Floats
-    known: bool = False
-    """True if the tag's strength is known and not estimated."""
-    error: LossError | None = None
-    """Error of losses (hills, shadowing) that many pulses share; None if there is none."""
+    """Variance of the expected SNR, without fading [dB²]."""
+    shared: list[_Floats]
+    """Covariance of each unknown with the SNR."""
 
-    def expected_db(
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LevelBelief:
+    """Joint normal distribution of a level's unknowns for each position; updated in place."""
+
+    mean: _Floats
+    """(unknowns, positions)."""
+    covariance: _Floats
+    """(pairs, positions) covariances in the order of `packed_rows`."""
+
+    @classmethod
+    def before_pulses(
+        cls, means: list[float], sigmas: list[float], positions: int
+    ) -> "LevelBelief":
+        """Independent unknowns, equal for all positions."""
+        own = np.diag(np.array(sigmas, np.float32) ** 2)[np.triu_indices(len(sigmas))]
+        return cls(
+            mean=np.repeat(np.array(means, np.float32)[:, None], positions, axis=1),
+            covariance=np.repeat(own[:, None], positions, axis=1),
+        )
+
+    def variance(self, row: int) -> _Floats:
+        """Variance of one unknown."""
+        own = self.covariance[packed_rows(len(self.mean))[row][row]]
+        return np.asarray(np.maximum(own, 0.0))
+
+    def expected(
         self,
         heard: Listening,
         east_m: _Floats,
         north_m: _Floats,
-        exponent: _Floats,
         pattern: AntennaPattern | None,
         ground: GroundEffect,
-    ) -> _Floats:
-        """Expected SNR at the drone if the tag is at each position [dB]."""
+    ) -> ExpectedLevel:
+        """Expected SNR at the drone if the tag is at each position."""
         # As Python floats they do not change single precision to double.
         dx, dy = east_m - float(heard.east_m), north_m - float(heard.north_m)
         height = float(heard.height_m) - ground.rise_m
         yaw = None if heard.yaw_deg is None else float(heard.yaw_deg)
         slant2 = np.maximum(dx * dx + dy * dy + height**2, 1.0)
+        known, slopes = ground.slopes(slant2, height)
         gain = antenna_gain_db(pattern, yaw, dx, dy, height, np.sqrt(slant2))
-        loss = exponent * (5.0 * np.log10(slant2) - float(10.0 * np.log10(POWER.reference_m)))
-        expected = self.mean_db - loss + gain - ground.lost_db
-        if self.error is not None:
-            expected = expected - self.error.mean * ground.doubtful_db
-        return np.asarray(expected)
-
-    def spread_db2(self, ground: GroundEffect) -> _Floats:
-        """Variance of the expected SNR at the drone, without fading [dB²]."""
-        error, doubtful = self.error, ground.doubtful_db
-        if error is None:
-            return self.variance_db2
-        both = doubtful * (doubtful * error.variance - 2.0 * error.with_level_db)
-        return np.asarray(np.maximum(self.variance_db2 + both, 0.0))
+        level = self.mean[LEVEL_AT_100_M] + gain + known
+        for slope, mean in zip(slopes, self.mean[1:], strict=True):
+            level += slope * mean
+        shared = []
+        for first, *others in packed_rows(len(self.mean)):
+            one = self.covariance[first].copy()
+            for slope, row in zip(slopes, others, strict=True):
+                one += slope * self.covariance[row]
+            shared.append(one)
+        variance = shared[LEVEL_AT_100_M].copy()
+        for slope, one in zip(slopes, shared[1:], strict=True):
+            variance += slope * one
+        return ExpectedLevel(
+            level_db=level, variance_db2=np.maximum(variance, 0.0), shared=shared
+        )
 
     def update(
         self,
         heard: Listening,
-        expected_db: _Floats,
+        expected: ExpectedLevel,
         fading_db: _Floats | float,
         *,
         missed_share: float = LEVELS.outlier_share,
         chance_share: float = LEVELS.outlier_share,
         elsewhere: float = 0.0,
-        ground: GroundEffect = NO_EFFECT,
+        learns: bool = True,
     ) -> _Floats:
         """Update with one pulse or miss; returns the log-likelihood at each position.
 
         `fading_db`: includes other unknown parts of the level. `elsewhere`: density [1/dB] of a
-        pulse of this level from another source.
+        pulse of this level from another source. `learns`: False computes the likelihood alone.
         """
-        learns = not self.known or self.error is not None
-        variance: Any = fading_db**2
-        if learns:
-            variance = self.spread_db2(ground) + variance
+        variance = expected.variance_db2 + fading_db**2
         if heard.snr_db is not None:
-            innovation = float(heard.snr_db) - expected_db
+            innovation = float(heard.snr_db) - expected.level_db
             scale = (1.0 - missed_share) / np.sqrt(2.0 * np.pi * variance)
             density = np.exp(-0.5 * innovation * innovation / variance) * scale
             others = chance_share * false_pulse_density(heard) + elsewhere
@@ -201,9 +256,9 @@ class LevelBelief:
             if learns:
                 # Chance pulses contain no information about the strength.
                 part = density / mixed / variance
-                self._learn(ground, part * innovation, part)
+                self.learn(expected.shared, part * innovation, part)
             return np.asarray(np.log(mixed))
-        u = (float(heard.threshold_db) - expected_db) / np.sqrt(variance)
+        u = (float(heard.threshold_db) - expected.level_db) / np.sqrt(variance)
         log_below = log_normal_tail(u)
         below = np.exp(log_below) * (1.0 - missed_share)
         mixed = below + max(missed_share, LEVEL.least_share)
@@ -211,17 +266,58 @@ class LevelBelief:
             hazard = np.exp(-0.5 * u * u - log_below) / float(np.sqrt(2.0 * np.pi))
             ratio = below / mixed * hazard
             part = np.clip(ratio * (ratio + u), 0.0, 1.0) / variance
-            self._learn(ground, -ratio / np.sqrt(variance), part)
+            self.learn(expected.shared, -ratio / np.sqrt(variance), part)
         return np.asarray(np.log(mixed))
 
-    def _learn(self, ground: GroundEffect, moved: _Floats, shrunk: _Floats) -> None:
-        """Update strengths by slope (`moved`) and curvature (`shrunk`) of a log-likelihood."""
-        error, with_pulse = self.error, self.variance_db2
-        if error is not None:
-            with_pulse = with_pulse - ground.doubtful_db * error.with_level_db
-            crossed = error.with_level_db - ground.doubtful_db * error.variance
-            covariance = error.with_level_db - with_pulse * crossed * shrunk
-            learnt = error.learnt(ground.doubtful_db, moved, shrunk)
-            self.error = replace(learnt, with_level_db=covariance)
-        self.mean_db = self.mean_db + with_pulse * moved
-        self.variance_db2 = np.maximum(self.variance_db2 - with_pulse**2 * shrunk, 0.0)
+    def learn(self, shared: list[_Floats], moved: _Floats, shrunk: _Floats) -> None:
+        """Update by slope (`moved`) and curvature (`shrunk`) of a log-likelihood of a quantity.
+
+        `shared`: covariance of each unknown with the quantity.
+        """
+        for row, (one, packed) in enumerate(zip(shared, packed_rows(len(shared)), strict=True)):
+            self.mean[row] += one * moved
+            part = one * shrunk
+            for column in range(row + 1):
+                self.covariance[packed[column]] -= part * shared[column]
+            own = self.covariance[packed[row]]
+            np.maximum(own, 0.0, out=own)
+
+    def take(self, row: int, precision: float, weighted: float) -> _Floats:
+        """Update one unknown by a normal likelihood: precision, and precision × mean.
+
+        Returns its logarithm at each position. The precision may be negative: information that
+        is withdrawn.
+        """
+        shared = [self.covariance[one].copy() for one in packed_rows(len(self.mean))[row]]
+        mean, variance = self.mean[row].copy(), shared[row]
+        grown = np.maximum(1.0 + precision * variance, LEVEL.least_growth)
+        self.learn(shared, (weighted - precision * mean) / grown, precision / grown)
+        square = (weighted - 0.5 * precision * mean) * mean + 0.5 * weighted**2 * variance
+        return np.asarray(square / grown - 0.5 * np.log(grown))
+
+    def relax(self, row: int, mean: float, sigma: float, kept: float) -> None:
+        """Return an unknown to its prior, but for a share `kept` of its deviation from it."""
+        self.mean[row] = mean + kept * (self.mean[row] - mean)
+        packed = packed_rows(len(self.mean))[row]
+        for one in packed:
+            self.covariance[one] *= kept
+        own = self.covariance[packed[row]]
+        own *= kept
+        own += sigma**2 * (1.0 - kept**2)
+
+    def at(self, index: NDArray[np.intp]) -> "LevelBelief":
+        """Distributions at selected positions."""
+        return LevelBelief(mean=self.mean[:, index], covariance=self.covariance[:, index])
+
+    def drawn(self, row: int, rng: Generator) -> "LevelBelief":
+        """Distribution given one unknown, which is drawn at random for each position."""
+        packed = np.array(packed_rows(len(self.mean)))
+        covariance = self.covariance[packed]
+        own = np.maximum(covariance[row, row], LEVEL.least_variance)
+        per_sigma = covariance[row] / np.sqrt(own)
+        drawn = rng.standard_normal(self.mean.shape[1], np.float32)
+        left = covariance - per_sigma[:, None] * per_sigma
+        return LevelBelief(
+            mean=self.mean + per_sigma * drawn,
+            covariance=left[np.triu_indices(len(self.mean))],
+        )
