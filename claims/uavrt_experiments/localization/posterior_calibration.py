@@ -171,14 +171,9 @@ FAULTS: dict[str, tuple[str, int, Rank]] = {
 """Simulations that violate a model: the posterior that must show it, and in how many draws."""
 
 
-def p_uniform(rank: Rank, runs: int, seed: int, *, too_sure: bool = False) -> float:
-    """Probability that uniform ranks deviate as much (Kolmogorov-Smirnov test).
-
-    `too_sure`: True if only too high ranks count, which result from too small regions.
-    """
+def p_uniform(rank: Rank, runs: int, seed: int) -> float:
+    """Probability that uniform ranks deviate as much (Kolmogorov-Smirnov test)."""
     ranks = [rank(np.random.default_rng([seed, number])) for number in range(runs)]
-    if too_sure:
-        return float(stats.kstest(ranks, "uniform", alternative="less").pvalue)
     return float(stats.kstest(ranks, "uniform").pvalue)
 
 

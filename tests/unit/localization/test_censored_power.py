@@ -8,10 +8,11 @@ from scipy.signal import lfilter
 from scipy.special import log_ndtr, ndtr
 
 from uavrt.localization.position.levels import power_evidence
-from uavrt.localization.position.levels.censored_power import normal_tail
+from uavrt.localization.position.levels.censored_power import normal_tail, thinned
 from uavrt.localization.position.levels.level_evidence import Propagation
 from uavrt.localization.position.levels.power_evidence import PowerEvidence, PowerTrack
 from uavrt.localization.position.tuning import POWER
+from uavrt_experiments.localization.position_bars import flown_lines, survey
 
 
 def test_the_table_of_the_normal_distribution_is_as_good_as_its_docstring_says() -> None:
@@ -27,6 +28,35 @@ def test_beyond_the_table_nothing_is_heard_or_all_and_the_ratio_nears_the_distan
     assert below == pytest.approx([0.0, 0.0, 0.0, 1.0, 1.0], abs=1e-6)
     assert ratio[:3] == pytest.approx(-u[:3], rel=0.01)
     assert ratio[3:] == pytest.approx([0.0, 0.0], abs=1e-6)
+
+
+def test_a_miss_stands_for_others_only_within_its_stretch() -> None:
+    missed = np.concatenate([np.arange(100, 350), [400, 410, 420]])
+    kept, weight = thinned(missed)
+    assert kept[-3:].tolist() == [400, 410, 420]
+    assert weight[-3:].tolist() == [1.0, 1.0, 1.0]
+    assert weight.sum() == len(missed)
+    assert len(kept) <= POWER.most_misses + 4
+    assert [len(one) for one in thinned(missed[:0])] == [0, 0]
+
+
+@pytest.mark.parametrize(("alike", "least", "most"), [(0.0, 0.0, 0.06), (0.7, 0.5, 0.7)])
+def test_fading_of_weak_pulses_is_as_correlated_as_it_is(
+    alike: float, least: float, most: float
+) -> None:
+    """By the received half alone, independent fading had a correlation of 0.34."""
+    grid = (one.ravel() for one in np.meshgrid(*(np.linspace(-60.0, 360.0, 14),) * 2))
+    places, found = tuple(grid), []
+    for number in range(12):
+        rng = np.random.default_rng([8, number])
+        tag = float(rng.uniform(50.0, 250.0)), float(rng.uniform(50.0, 250.0))
+        track = survey(rng, 300.0, 50.0, 4.0, alike, tag)
+        limit_db = float(np.median(track.snr_db))
+        weak = np.where(track.snr_db < limit_db, np.nan, track.snr_db)
+        track = replace(track, snr_db=weak, threshold_db=limit_db)
+        evidence = PowerEvidence(*flown_lines(300.0, 50.0)[:2], track, Propagation())
+        found.append(evidence.correlation_at_best(*places))
+    assert least <= np.mean(found) <= most
 
 
 @pytest.mark.parametrize("missed", [0, 7])

@@ -29,6 +29,9 @@ class PowerFit:
     log_likelihood: _Floats
     level_db: _Floats
     exponent: _Floats
+    missed_db: _Floats | None = None
+    """(places, misses) expected fading of each miss, given that it was missed [dB]; None: the
+    fit is to received pulses."""
 
 
 def regression_sums(
@@ -47,11 +50,18 @@ def dot(a: NDArray[np.floating], b: NDArray[np.floating]) -> _Floats:
     return np.asarray(np.einsum("ij,ij->i", a, b), np.float64)
 
 
-def thinned(missed: NDArray[np.intp]) -> tuple[NDArray[np.intp], float]:
-    """Missed pulses thinned out evenly along the track, and how many each represents."""
+def thinned(missed: NDArray[np.intp]) -> tuple[NDArray[np.intp], _Floats]:
+    """Missed pulses, thinned out where many follow each other; how many each represents.
+
+    A miss between received pulses represents no other: counted twice, it would shift positions.
+    """
     every = max(1, -(-len(missed) // POWER.most_misses))
-    kept = missed[every // 2 :: every]
-    return kept, len(missed) / max(1, len(kept))
+    number = np.arange(len(missed))
+    begins = np.diff(missed, prepend=-2) > 1
+    since = number - np.maximum.accumulate(np.where(begins, number, 0))
+    starts = np.flatnonzero(since % every == 0)
+    sizes = np.diff(starts, append=len(missed))
+    return missed[starts + sizes // 2], sizes.astype(np.float64)
 
 
 @lru_cache(maxsize=1)
@@ -93,7 +103,7 @@ def censored_fit(
     level_heard_db: NDArray[np.floating],
     missed_loss: _Floats,
     limit_db: _Floats,
-    miss_weight: float,
+    miss_weight: _Floats,
     propagation: Propagation,
     *,
     correlation: float = 0.0,
@@ -105,7 +115,7 @@ def censored_fit(
         less the antenna's gain.
     `missed_loss`, `limit_db`: (places, missed) the same for misses, with upper limits of the
         levels.
-    `miss_weight`: number of misses that each represents.
+    `miss_weight`: (missed,) number of misses that each represents.
     `foreign`: True if some received pulses may be another sender's.
     """
     heard = regression_sums(loss, level_heard_db)
@@ -123,7 +133,7 @@ def censored_fit(
     level = (z - exponent * x) / count
     sigma = np.full(places, LEVELS.fading_db)
     chance = np.full(places, LEVELS.outlier_share)
-    everything = loss.shape[1] + miss_weight * missed_loss.shape[1] + POWER.missed_pulses
+    everything = loss.shape[1] + miss_weight.sum() + POWER.missed_pulses
     for _ in range(POWER.foreign_rounds if foreign else POWER.censored_rounds):
         if foreign:
             own, log_heard = _own_share(loss, level_heard_db, level, exponent, sigma)
@@ -142,16 +152,17 @@ def censored_fit(
         of_missed = filled - level[:, None] - exponent[:, None] * missed_loss
         squares = energy(level, exponent) + np.sum(share * (of_missed**2 + variance), axis=1)
         sigma = np.sqrt((squares + LEVELS.fading_db**2) / (count + weighed + 1.0))
-        by_chance = miss_weight * missed_loss.shape[1] - weighed
+        by_chance = miss_weight.sum() - weighed
         chance = (by_chance + LEVELS.outlier_share * POWER.missed_pulses) / everything
     expected = level[:, None] + exponent[:, None] * missed_loss
-    below, _ = normal_tail((limit_db - expected) / sigma[:, None])
-    misses = np.log(chance[:, None] + (1.0 - chance[:, None]) * below).sum(axis=1)
+    below, ratio = normal_tail((limit_db - expected) / sigma[:, None])
+    weak = (1.0 - chance[:, None]) * below
+    misses = np.log(chance[:, None] + weak) @ miss_weight
     if foreign:
         log_heard = _own_share(loss, level_heard_db, level, exponent, sigma)[1]
     else:
         log_heard = -count * np.log(sigma) - 0.5 * energy(level, exponent) / sigma**2
-    score = log_heard + miss_weight * misses + loss.shape[1] * np.log1p(-chance)
+    score = log_heard + misses + loss.shape[1] * np.log1p(-chance)
     # Correlated fading makes neighbours count as one.
     score *= (1.0 - correlation) / (1.0 + correlation)
     prior_pulses = LEVELS.outlier_share * POWER.missed_pulses
@@ -160,7 +171,12 @@ def censored_fit(
     score -= 0.5 * ((exponent - propagation.exponent) / propagation.exponent_sigma) ** 2
     # The fading's own width and prior cancel those of level and exponent (Laplace).
     score -= 0.5 * np.log(determinant) + 0.5 * (LEVELS.fading_db / sigma) ** 2
-    return PowerFit(log_likelihood=score, level_db=level, exponent=exponent)
+    return PowerFit(
+        log_likelihood=score,
+        level_db=level,
+        exponent=exponent,
+        missed_db=-sigma[:, None] * ratio * weak / (chance[:, None] + weak),
+    )
 
 
 def _own_share(
@@ -221,7 +237,12 @@ def correlation_over_hills(residual: _Floats, error_db: float, alike: float) -> 
 
 
 def lasting_correlation(residual: _Floats) -> float:
-    """Correlation of neighbouring residuals (n,), 0 to 0.95, less the chance value 1/√n."""
+    """Correlation of neighbouring residuals (n,), 0 to 0.95, less its chance part.
+
+    The variance of a correlation by chance, 1/n, is subtracted from its square. Strong
+    correlations are thus hardly changed; weak ones become 0.
+    """
     energy = max(float(residual @ residual), 1e-9)
     lag = float(residual[1:] @ residual[:-1]) / energy
-    return float(np.clip(lag - len(residual) ** -0.5, 0.0, 0.95))
+    lag = max(lag + (1.0 + 3.0 * lag) / len(residual), 1e-9)
+    return float(np.clip(lag - 1.0 / (len(residual) * lag), 0.0, 0.95))

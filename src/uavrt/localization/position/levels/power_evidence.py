@@ -116,7 +116,8 @@ class PowerEvidence:
         self._prior = propagation
         self._heard = ~np.isnan(track.snr_db)
         self._mean_db = float(np.nanmean(track.snr_db))
-        missed, self._miss_weight = thinned(np.flatnonzero(~self._heard))
+        missed, self.miss_weight = thinned(np.flatnonzero(~self._heard))
+        """Number of misses that each used one represents."""
         self.used = np.concatenate([np.flatnonzero(self._heard), missed])
         """Indices of the used pulses: received ones, then misses, thinned out if many."""
 
@@ -145,23 +146,33 @@ class PowerEvidence:
                 *heard,
                 loss[:, count:].astype(np.float64),
                 limit_db - gain[:, count:].astype(np.float64),
-                self._miss_weight,
+                self.miss_weight,
                 self._prior,
                 correlation=self._correlation,
             )
         return replace(fit, level_db=fit.level_db + self._mean_db)
 
+    def _with_every_miss(self) -> "PowerEvidence":
+        other, missed = copy(self), np.flatnonzero(~self._heard)
+        other.used = np.concatenate([np.flatnonzero(self._heard), missed])
+        other.miss_weight = np.ones(len(missed))
+        return other
+
     def correlation_at_best(self, east_m: _Floats, north_m: _Floats) -> float:
         """Correlation of neighbouring pulses' fading, at the likeliest of the positions."""
-        fit = self.fit(east_m, north_m)
-        top = int(np.argmax(fit.log_likelihood))
-        loss, z = self._heard_from(east_m[top : top + 1], north_m[top : top + 1])
-        level_db = fit.level_db[top] - self._mean_db
-        residual = z[0] - level_db - fit.exponent[top] * loss[0]
+        top = int(np.argmax(self.fit(east_m, north_m).log_likelihood))
+        place = east_m[top : top + 1], north_m[top : top + 1]
+        every = self._with_every_miss()
+        fit = every.fit(*place)
+        loss, z = self._heard_from(*place)
+        residual = z[0] - (fit.level_db[0] - self._mean_db) - fit.exponent[0] * loss[0]
+        if fit.missed_db is not None:
+            # Received pulses alone would seem alike: near the threshold all are above the fit.
+            residual = np.concatenate([residual, fit.missed_db[0]])[np.argsort(every.used)]
         if self.over_hills is None:
             return lasting_correlation(residual)
         over = self.over_hills.chosen(np.flatnonzero(self._heard))
-        lost_db = over.lost_db(east_m[top : top + 1], north_m[top : top + 1])[0]
+        lost_db = over.lost_db(*place)[0]
         step_m = np.median(np.hypot(np.diff(self._east_m), np.diff(self._north_m)))
         alike = float(np.clip(POWER.same_error_m / max(step_m, 1e-3), 1.0, len(residual)))
         by_hills = correlation_over_hills(residual, track_error_db(lost_db), alike)
@@ -174,7 +185,7 @@ class PowerEvidence:
         """
         loss, z = self._heard_from(east_m, north_m)
         none = np.zeros((len(loss), 0))
-        fit = censored_fit(loss, z, none, none, 1.0, self._prior, foreign=True)
+        fit = censored_fit(loss, z, none, none, np.zeros(0), self._prior, foreign=True)
         residual = z - fit.level_db[:, None] - fit.exponent[:, None] * loss
         return residual, fit.log_likelihood
 
