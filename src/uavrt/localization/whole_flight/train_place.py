@@ -175,18 +175,21 @@ def _all_logs(
 ) -> _Floats:
     """(exponents, places, levels) log likelihood ratio of all flights plus exponents' prior.
 
-    The error that all headings share is integrated out, by a parabola through one standard
-    deviation to both sides. `falls`: True to examine all path loss exponents.
+    The error that all headings share is integrated out, by a parabola through the largest ones
+    to both sides and none. `falls`: True to examine all path loss exponents.
     """
-    sigma_deg = COMMON.heading_sigma_deg
     if all(one.places.track.pattern.name == MONOPOLE for one in reading.heard):
         return _turned_logs(reading, east_north_m, 0.0, falls)
+    # Inside the examined errors, the parabola is an interpolation: at a wrong position the
+    # likelihood changes so fast that its extension would exceed that of the true one.
+    most = PLACE.most_heading_sigmas
     low, middle, high = (
-        _turned_logs(reading, east_north_m, turn_deg, falls)
-        for turn_deg in (-sigma_deg, 0.0, sigma_deg)
+        _turned_logs(reading, east_north_m, turn * COMMON.heading_sigma_deg, falls)
+        for turn in (-most, 0.0, most)
     )
-    slope, bend = 0.5 * (high - low), 1.0 + np.maximum(2.0 * middle - low - high, 0.0)
-    vertex = np.clip(slope / bend, -PLACE.most_heading_sigmas, PLACE.most_heading_sigmas)
+    slope = (high - low) / (2.0 * most)
+    bend = 1.0 + np.maximum(2.0 * middle - low - high, 0.0) / most**2
+    vertex = np.clip(slope / bend, -most, most)
     return np.asarray(middle + (slope - 0.5 * bend * vertex) * vertex - 0.5 * np.log(bend))
 
 
