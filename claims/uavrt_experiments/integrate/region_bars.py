@@ -59,6 +59,10 @@ class Conditions:
     """Noise of a power line on boresight, relative to the receiver's own [dB]."""
     exponent: tuple[float, float] = (2.0, 0.0)
     """Mean and standard deviation of the path loss exponent; values below 2 become 2."""
+    walked_m: float = 0.0
+    """Distance that the tag walks during the flight, in a random direction [m]."""
+    stronger_db: float = 0.0
+    """Level of the strongest pulse above that of the course [dB]."""
 
 
 OWN = Conditions(
@@ -86,6 +90,8 @@ class Regions:
     held50: bool
     held90: bool
     held95: bool
+    walked: bool
+    """True if the tag seems to have walked; its position is then that at the last pulse."""
 
 
 def _near(course: Course, half_m: float) -> Course:
@@ -143,6 +149,15 @@ def located(
     turned = world.heading_deg + float(rng.normal(0.0, world.heading_sigma_deg))
     true = replace(course, exponent=exponent, yaw_deg=course.yaw_deg + turned)
     truth = heard_by.truth(rng)
+    towards = rng.uniform(0.0, 2.0 * math.pi) if world.walked_m else 0.0
+    walked_m = world.walked_m * np.array([math.sin(towards), math.cos(towards)])
+    part = course.time_s / course.duration_s - 0.5
+    true = replace(
+        true,
+        east_m=course.east_m - walked_m[0] * part,
+        north_m=course.north_m - walked_m[1] * part,
+    )
+    enr_db += world.stronger_db
     sent = replace(heard_by, course=true).pulses(
         rng, truth, enr_db, pattern=_with_back(pattern, world.back_db)
     )
@@ -170,6 +185,8 @@ def located(
     pulses = train_pulses(energies, train, places.gain[chosen[train.place]], places.time_s)
     belief = place_belief([HeardTrain.among(energies, pulses, places, rates=1)])
     shift = rng.normal(0.0, FLIGHT.place_sigma_m, 2)
+    if belief.walked:
+        shift += 0.5 * walked_m
     east_m, north_m = from_middle(belief, truth.east_m + shift[0], truth.north_m + shift[1])
     cells = belief.cells
     bearing = math.degrees(math.atan2(east_m, north_m))
@@ -180,6 +197,7 @@ def located(
         held50=cells.holds(east_m, north_m, 0.5),
         held90=cells.holds(east_m, north_m, 0.9),
         held95=cells.holds(east_m, north_m, 0.95),
+        walked=belief.walked,
     )
 
 
@@ -199,6 +217,7 @@ def _region_case(world: Conditions, bars: dict[str, tuple[float | None, float | 
                 ("50 % region holds", [float(one.held50) for one in found]),
                 ("90 % region holds", [float(one.held90) for one in found]),
                 ("95 % region holds", [float(one.held95) for one in found]),
+                ("walk recognised", [float(one.walked) for one in found]),
             ):
                 least, most = bars.get(quantity[:4], (None, None))
                 own = {} if each is not outcomes else {"least": least, "most": most}
@@ -245,14 +264,26 @@ I8 = Experiment(
     name="I8",
     title="Regions in other worlds",
     cases=(
-        _region_case(OWN, {"50 %": (0.45, 0.60), "95 %": (0.92, 0.98)}),
-        _region_case(OTHER, {"50 %": (0.40, None), "95 %": (0.88, None)}),
+        _region_case(OWN, {"50 %": (0.45, 0.60), "95 %": (0.92, 0.98), "walk": (None, 0.05)}),
+        _region_case(OTHER, {"50 %": (0.40, None), "95 %": (0.88, None), "walk": (None, 0.05)}),
         *(
             _region_case(
                 replace(OWN, name=f"power line, {line_db:g} dB", line_db=line_db),
                 {"90 %": (0.86, 0.94)},
             )
             for line_db in (3.0, 6.0, 12.0)
+        ),
+        *(
+            _region_case(
+                replace(
+                    OWN,
+                    name=f"the tag walks {walked_m:g} m, 10 dB stronger",
+                    walked_m=walked_m,
+                    stronger_db=10.0,
+                ),
+                {},
+            )
+            for walked_m in (40.0, 100.0, 150.0)
         ),
         _rank_case("ranks, own world", OWN, least=LEAST_P),
         _rank_case("ranks, headings 6° off", replace(OWN, heading_deg=6.0), most=LEAST_P),

@@ -352,12 +352,12 @@ REMARKS = {
     "uavrt.analysis.covered.silence": (
         *("_NOT_JUDGED", "_ANTENNA_UNKNOWN", "_NOT_SILENT", "_ANTENNA_ASSUMED", "_AMBIGUOUS"),
     ),
-    "uavrt.analysis.whole_flights.judged_flights": ("assumed_in_words",),
+    "uavrt.analysis.whole_flights.judged_flights": ("assumed_in_words", "rest_in_words"),
     "uavrt.localization.estimates.heard": ("height_warning",),
     "uavrt.localization.position.bearings.common_errors": (
         *("UNCHECKED", "UNKNOWN_SIGMAS", "cautions_of", "_cautions_of_odd", "_contradicting"),
     ),
-    "uavrt.localization.position.survey_walk": ("caution",),
+    "uavrt.localization.position.walks": ("caution",),
     "uavrt.localization.results": ("remarks",),
     "uavrt.localization.position.levels.survey_errors": ("cautions_of_survey",),
     "uavrt.localization.terrain.elevation": ("cautions",),

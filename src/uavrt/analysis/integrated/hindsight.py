@@ -140,7 +140,7 @@ def _verdict(flight: Flight, one: IntegratedTag, pulses: int) -> IntegratedVerdi
         pulses=pulses,
         flights=one.flights,
         heard_live=live,
-        remarks="; ".join((*_ambiguity(one), *one.limitations)),
+        remarks="; ".join((*_ambiguity(one), *one.remarks)),
         ambiguous=one.ambiguous is not None,
         # None at all is a stretch of no length: empty, it would count as not known.
         listened=iso_intervals(listened_in(one.energies) or ((one.energies.start_ns,) * 2,)),

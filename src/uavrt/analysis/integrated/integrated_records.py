@@ -58,6 +58,9 @@ class PlaceRecord:
     places: tuple[IntegratedPart, ...] = ()
     region50: tuple[Ring, ...] = ()
     region95: tuple[Ring, ...] = ()
+    walk_probability: float | None = None
+    """Probability that the tag walked during the flight; None: not checked. Above 0.5 the
+    position is that at the last pulse; otherwise the tag is assumed to rest."""
 
     @classmethod
     def of(cls, place: PlaceBelief | None) -> "PlaceRecord":
@@ -70,6 +73,7 @@ class PlaceRecord:
             places=parts_of(place, 0.0),
             region50=rings_of(place, 0.5),
             region95=rings_of(place, 0.95),
+            walk_probability=None if place.walk is None else place.walk.probability,
         )
 
 
@@ -168,7 +172,7 @@ def integrated_record(
         confirmed_alone=one.heard_alone,
         antenna=one.searched.antenna,
         antenna_assumed=one.searched.antenna_assumed,
-        limitations=one.limitations,
+        limitations=one.remarks,
         integrated_pulses=slots,
         silence=silence,
     )

@@ -71,6 +71,11 @@ class IntegratedTag:
     searched: SearchedFor
 
     @property
+    def remarks(self) -> tuple[str, ...]:
+        """The limitations, and whether the tag rested."""
+        return (*self.limitations, *rest_in_words(self.place))
+
+    @property
     def ambiguous(self) -> OtherTrain | None:
         """Pulse train that may be this tag's, at e.g. 3/2 of its interval; None if the tag was
         found.
@@ -267,6 +272,20 @@ def assumed_in_words(searched: SearchedFor) -> tuple[str, ...]:
     return (
         f"antenna not specified: {searched.antenna} assumed; "
         "pulses would be weighted differently with another antenna (give --antenna)",
+    )
+
+
+def rest_in_words(place: PlaceBelief | None) -> tuple[str, ...]:
+    """Sentence on whether the tag of a position walked; empty without a position."""
+    if place is None:
+        return ()
+    if place.walk is None:
+        return ("the position assumes that the tag was at rest, which was not checked",)
+    if place.walk.walked:
+        return (place.walk.caution.text,)
+    return (
+        "the position assumes that the tag was at rest: the pulses show no walk, but a slow "
+        "one may go unnoticed",
     )
 
 

@@ -22,7 +22,7 @@ def sentence(one: "IntegratedTag", silent: "SilentMap | None" = None) -> str:
     what = "bursts" if one.tag.coded else "pulses"
     alone = f"; {one.heard_alone} {what} were confirmed alone" if one.heard_alone else ""
     others = "".join(f"\n  {_other(other)}" for other in one.others)
-    others += "".join(f"\n  {text}" for text in (_antenna(one), *one.limitations))
+    others += "".join(f"\n  {text}" for text in (_antenna(one), *one.remarks))
     if one.ambiguous is not None:
         return f"tag {one.tag.tag_id}: ambiguous, {chance} without that train{alone}{others}"
     if one.place is None:
@@ -126,7 +126,7 @@ def sentence_of_flights(one: "TagOfFlights", silent: "Sequence[SilentMap | None]
         if one.place is None and flight.place is not None:
             lines += [f"  {text}" for text in _where(flight.place)]
     lines += [_antenna(flight) for flight in one.flights]
-    lines += [text for flight in one.flights for text in flight.limitations]
+    lines += [text for flight in one.flights for text in flight.remarks]
     return "\n  ".join(dict.fromkeys(lines))
 
 

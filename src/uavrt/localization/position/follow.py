@@ -61,7 +61,7 @@ def _by_powers(
     position: Position, model: Model, powers: PowerTrack, follow: Follow
 ) -> Position:
     walk = _walk(model, _on_level_ground(position, model, powers))
-    walked = walk is not None and walk.probability > 0.5
+    walked = walk is not None and walk.walked
     if follow == "contradicted" and not walked:
         return position
     if walk is not None and walked and powers.time_s is not None:

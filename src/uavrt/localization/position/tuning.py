@@ -250,8 +250,21 @@ class SurveyTuning:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Narrowing:
+    """Grids around a likelihood peak that become finer from one to the next."""
+
+    cells: int
+    """Number of positions along each side of a grid."""
+    velocities: int
+    """Number of velocities in each direction of a grid."""
+    rounds: int
+    resolved_nats: float = 0.0
+    """Steps of a grid are halved only if its peak's neighbours are lower by this [nats]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class WalkTuning:
-    """Constants for comparing a walking with a resting tag in the powers of a survey."""
+    """Constants for comparing a walking with a resting tag."""
 
     least_span_s: Guard[float] = 60.0
     """Minimum duration of a survey that can show that the tag walked [s]."""
@@ -267,12 +280,18 @@ class WalkTuning:
     """Number of directions of a tag's walk in the coarse comparison of walk and rest."""
     gate_nats: Guard[float] = 2.0
     """Evidence for a walk in the coarse comparison above which a fine one follows [nats]."""
-    fine_cells: Resolution[int] = 9
-    """Number of position cells along a side of the fine comparison of walk and rest."""
-    fine_velocities: Resolution[int] = 5
-    """Number of tag velocities in each direction in the fine comparison of walk and rest."""
-    rounds: Guard[int] = 3
-    """Number of times that the fine comparison of walk and rest halves its steps."""
+    rough_step_m_s: Resolution[float] = 0.3
+    """Distance between velocities in the coarse comparison of walk and rest [m/s]."""
+    fine: Resolution[Narrowing] = Narrowing(cells=9, velocities=5, rounds=3)
+    """Grids in the fine comparison of walk and rest in a survey."""
+    flight: Resolution[Narrowing] = Narrowing(
+        cells=5, velocities=3, rounds=7, resolved_nats=1.5
+    )
+    """Grids in the comparison of walk and rest by the energies of a whole flight."""
+    least_part: Guard[float] = 0.1
+    """Least probability of a velocity that is examined further, relative to the largest."""
+    most_radius_m: Guard[float] = 1000.0
+    """Largest 95 % radius of a tag after a whole flight for which a walk is checked [m]."""
     survey_margin: Guard[float] = 0.25
     """Margin around a survey that is searched for a walking tag, as a share of its extent."""
 

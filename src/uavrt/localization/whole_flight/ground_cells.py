@@ -139,6 +139,12 @@ class Cells:
         east, north = east_north(self.bearing_deg[cells], self.range_m[cells])
         return float(weight @ east), float(weight @ north)
 
+    def densest_m(self) -> tuple[float, float]:
+        """East and north of the cell with the highest probability density [m]."""
+        best = [int(np.argmax(self.probability / self.area))]
+        east, north = east_north(self.bearing_deg[best], self.range_m[best])
+        return float(east[0]), float(north[0])
+
     def middle_m(self) -> tuple[float, float]:
         """East and north of the likeliest point of a dominant part, else of the mean [m]."""
         inside = np.flatnonzero(self.region(0.95))

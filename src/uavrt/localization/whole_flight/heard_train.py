@@ -5,7 +5,7 @@ depends on jitter and slot. A pulse of energy S makes two of them, the windows t
 it, noncentral chi-squares of 2 degrees of freedom (constant amplitude, unknown phase).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,6 +109,11 @@ class HeardTrain:
     the tag's. A weak train may be chance; the flight then gives no information."""
     rates: int = 1
     """Number of the tag's pulse rates; in some slots another rate may have been used."""
+
+    def of_walker(self, velocity_m_s: tuple[float, float], at_s: float) -> "HeardTrain":
+        """Train of a tag that walks; positions are those at a time `at_s`."""
+        track = self.places.track.seen_from(velocity_m_s, self.places.time_s - at_s)
+        return replace(self, places=replace(self.places, track=track))
 
     @classmethod
     def among(

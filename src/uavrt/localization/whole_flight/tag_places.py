@@ -1,7 +1,7 @@
 """Lay out possible positions of a tag, with the strength of its pulses over a flight."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -60,6 +60,13 @@ class Track:
     """(times, 3, 3) forward, right and down axes of the antenna."""
     hills: HillLosses | None = None
     """Ground model in the track's plane, for losses behind hills; None: level ground."""
+
+    def seen_from(self, velocity_m_s: tuple[float, float], since_s: _Floats) -> "Track":
+        """Track relative to a walking tag; `since_s`: (times,) since it was at its position."""
+        east, north = velocity_m_s
+        return replace(
+            self, east_m=self.east_m - east * since_s, north_m=self.north_m - north * since_s
+        )
 
     def gain_db(self, east_m: _Floats, north_m: _Floats, turn_deg: float = 0.0) -> _Floats:
         """(places, times) level, 0 on boresight at 1 m [dB]; `turn_deg`: heading error."""

@@ -14,7 +14,8 @@ from scipy import interpolate, ndimage, special
 from uavrt.core.units import wrap_degrees_360
 from uavrt.localization.antenna import MONOPOLE
 from uavrt.localization.number_kinds import Fixed
-from uavrt.localization.position.tuning import COMMON
+from uavrt.localization.position.tuning import COMMON, WALK
+from uavrt.localization.position.walks import Peak, Velocity, Walk, walk_of
 from uavrt.localization.tuning import LEVELS
 from uavrt.localization.whole_flight.ground_cells import Cells, LikelyGround
 from uavrt.localization.whole_flight.heard_train import (
@@ -62,6 +63,13 @@ class PlaceBelief:
     probability: _Floats
     """(places,) posterior probability of each candidate position of the tag."""
     cells: Cells
+    walk: Walk | None = None
+    """Test whether the tag walked; None: not made, since its position is too uncertain."""
+
+    @property
+    def walked(self) -> bool:
+        """True if the tag seems to have walked; its position is then that at the last pulse."""
+        return self.walk is not None and self.walk.walked
 
     def arc_deg(self, share: float) -> float:
         """Width of the arc around the bearing that contains a given probability [deg]."""
@@ -69,18 +77,54 @@ class PlaceBelief:
 
 
 def place_belief(heard: Sequence[HeardTrain]) -> PlaceBelief:
-    """Posterior of the position of a train's tag; likely cells are divided."""
+    """Posterior of the position of a train's tag; likely cells are divided.
+
+    The tag is assumed to rest. In a single flight this is tested, and if it seems to have
+    walked, the position is that at the last pulse.
+    """
     reading = _Reading.of(heard)
     found = _placed(reading)
     loudest = max(float(np.quantile(one.pulses.energy, 0.98)) for one in heard)
-    if loudest < PLACE.loud_energy:
+    if loudest >= PLACE.loud_energy:
+        readings = [
+            reading,
+            *(_Reading.of(heard, fading_db) for fading_db in PLACE.fadings_db[1:]),
+        ]
+        tried = {reading.fading_db}
+        while (reading := _likeliest(readings, found.cells)).fading_db not in tried:
+            tried.add(reading.fading_db)
+            found = _placed(reading)
+    return found if len(heard) > 1 else _if_at_rest(reading, found)
+
+
+def _if_at_rest(reading: "_Reading", found: PlaceBelief) -> PlaceBelief:
+    """Position at rest with the test of a walk, or the walker's position at the last pulse."""
+    one, pulses = reading.heard[0], reading.heard[0].pulses
+    span_s = float(np.ptp(pulses.time_s))
+    if len(pulses.time_s) < WALK.least_pulses or span_s < WALK.least_span_s:
         return found
-    readings = [reading, *(_Reading.of(heard, fading_db) for fading_db in PLACE.fadings_db[1:])]
-    tried = {reading.fading_db}
-    while (reading := _likeliest(readings, found.cells)).fading_db not in tried:
-        tried.add(reading.fading_db)
-        found = _placed(reading)
-    return found
+    if found.radius95_m > WALK.most_radius_m:
+        return found
+    strength = np.maximum(pulses.energy - one.mean_noise_energy, 0.0)
+    place_s = float(pulses.time_s @ strength / strength.sum())
+
+    def likelihood(velocity: Velocity, east_m: _Floats, north_m: _Floats) -> _Floats:
+        walker = replace(reading, heard=[one.of_walker(velocity, place_s)])
+        logs = _all_logs(walker, (east_m, north_m), falls=True, tempered=False)
+        held, _ = _over_levels(logs, reading.levels_db)
+        return np.asarray(special.logsumexp(held, axis=0))
+
+    east, north = found.cells.densest_m()
+    rest = Peak(score=0.0, velocity=(0.0, 0.0), place=(east, north), log_evidence=0.0)
+    step_m_s = 2.0 * WALK.rough_step_m_s
+    steps = max(found.radius95_m, 0.5 * step_m_s * span_s), step_m_s
+    walk, _ = walk_of(likelihood, rest, rest, place_s, steps, WALK.flight)
+    found = replace(found, walk=walk)
+    if not found.walked:
+        return found
+    last_s = float(pulses.time_s.max())
+    walkers = tuple(one.of_walker(velocity, last_s) for velocity in walk.velocities)
+    return replace(_placed(replace(reading, walkers=walkers)), walk=walk)
 
 
 def _placed(reading: "_Reading") -> PlaceBelief:
@@ -128,6 +172,8 @@ class _Reading:
     fading_db: float
     tables: tuple[_Floats, ...]
     levels_db: _Floats
+    walkers: tuple[HeardTrain, ...] = ()
+    """The train with each velocity of a tag that walks; empty: the tag rests."""
 
     @classmethod
     def of(
@@ -171,22 +217,36 @@ def _shows_falls(heard: Sequence[HeardTrain], east_north_m: tuple[_Floats, _Floa
 
 
 def _all_logs(
-    reading: _Reading, east_north_m: tuple[_Floats, _Floats], *, falls: bool
+    reading: _Reading,
+    east_north_m: tuple[_Floats, _Floats],
+    *,
+    falls: bool,
+    tempered: bool = True,
 ) -> _Floats:
     """(exponents, places, levels) log likelihood ratio of all flights plus exponents' prior.
 
-    The error that all headings share is integrated out, by a parabola through one standard
-    deviation to both sides. `falls`: True to examine all path loss exponents.
+    The error that all headings share is integrated out, by a parabola through the largest ones
+    to both sides and none. `falls`: True to examine all path loss exponents. Velocities of a
+    tag that walks are averaged.
     """
-    sigma_deg = COMMON.heading_sigma_deg
+    if reading.walkers:
+        each = [
+            _all_logs(replace(reading, heard=[one], walkers=()), east_north_m, falls=falls)
+            for one in reading.walkers
+        ]
+        return np.asarray(np.logaddexp.reduce(each) - np.log(len(each)))
     if all(one.places.track.pattern.name == MONOPOLE for one in reading.heard):
-        return _turned_logs(reading, east_north_m, 0.0, falls)
+        return _turned_logs(reading, east_north_m, 0.0, falls, tempered)
+    # Inside the examined errors, the parabola is an interpolation: at a wrong position the
+    # likelihood changes so fast that its extension would exceed that of the true one.
+    most = PLACE.most_heading_sigmas
     low, middle, high = (
-        _turned_logs(reading, east_north_m, turn_deg, falls)
-        for turn_deg in (-sigma_deg, 0.0, sigma_deg)
+        _turned_logs(reading, east_north_m, turn * COMMON.heading_sigma_deg, falls, tempered)
+        for turn in (-most, 0.0, most)
     )
-    slope, bend = 0.5 * (high - low), 1.0 + np.maximum(2.0 * middle - low - high, 0.0)
-    vertex = np.clip(slope / bend, -PLACE.most_heading_sigmas, PLACE.most_heading_sigmas)
+    slope = (high - low) / (2.0 * most)
+    bend = 1.0 + np.maximum(2.0 * middle - low - high, 0.0) / most**2
+    vertex = np.clip(slope / bend, -most, most)
     return np.asarray(middle + (slope - 0.5 * bend * vertex) * vertex - 0.5 * np.log(bend))
 
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.core.runtime.lean_scipy import special
-from uavrt.core.units import wrap_degrees_360
 from uavrt.localization.angles import difference_deg, widest_gap_deg
 from uavrt.localization.position.tuning import COMMON
+from uavrt.localization.position.walks import speed_and_direction
 from uavrt.localization.results import Caution
 
 _Floats = NDArray[np.float64]
@@ -236,8 +236,8 @@ def cautions_of(
         )
         found.append(Caution(name="compass", text=text))
     if fit.explanation == "walk":
-        speed = float(np.hypot(*fit.velocity_m_s))
-        towards = float(wrap_degrees_360(np.degrees(np.arctan2(*fit.velocity_m_s))))
+        east, north = fit.velocity_m_s
+        speed, towards = speed_and_direction((float(east), float(north)))
         text = (
             f"the tag seems to have walked at {speed:.1f} m/s towards {towards:.0f}°; "
             "the position is that at the last bearing"
