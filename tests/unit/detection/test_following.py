@@ -40,7 +40,7 @@ def test_a_frequency_that_drifts_ten_hertz_a_second_is_followed(drift_hz_per_s: 
     assert result.false_confirmed == 0
 
 
-@pytest.mark.parametrize(("enr_db", "settling_s"), [(12.0, 0.003), (14.0, None)])
+@pytest.mark.parametrize(("enr_db", "settling_s"), [(12.0, 0.003), (14.0, None), (20.0, None)])
 def test_pulses_whose_frequency_slides_by_400_hz_are_found(
     enr_db: float, settling_s: float | None
 ) -> None:
@@ -60,6 +60,7 @@ def test_pulses_whose_frequency_slides_by_400_hz_are_found(
     pulses, _ = detect(samples, THESIS_TAG, frequency_window_hz=500.0)
     found_s = np.array([(pulse.start_time_ns - START_NS) * 1e-9 for pulse in pulses])
     near = np.abs(found_s[:, None] - starts_s).min(axis=0) < 0.02
+    # At 20 dB a quarter was rejected as bursts of noise, which fill many rows, too.
     assert near.mean() >= 0.85
     sure_s = found_s[[pulse.confirmed for pulse in pulses]]
     assert sum(np.abs(starts_s - at_s).min() > 0.02 for at_s in sure_s) <= 2

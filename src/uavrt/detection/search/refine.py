@@ -371,6 +371,7 @@ class Refiner:
             whole > MEASURE.wide_sigmas * math.sqrt(window) * floor
             and pulse.power * pulse.noise < narrow
             and self.strongest(pulse)[1] * pulse.noise < narrow
+            and _strongest_sliding(x, self._grid.sample_rate_hz) < narrow
         )
 
     def strongest(self, pulse: Measured) -> tuple[float, float]:
@@ -394,6 +395,25 @@ class Refiner:
         rate = self._grid.sample_rate_hz
         offset = float(np.fft.fftfreq(size, 1.0 / rate)[at])
         return offset, float(power[at]) / (window * pulse.noise)
+
+
+def _strongest_sliding(window: NDArray[np.complex64], rate_hz: float) -> float:
+    """Energy of the strongest signal whose frequency slides evenly through a window.
+
+    Each row has little of the energy of a sliding pulse, as of a burst of noise.
+    """
+    length = len(window)
+    turns = _slides(length, rate_hz)
+    spectrum = np.fft.fft(window * turns, 2 * length)
+    return float((spectrum.real**2 + spectrum.imag**2).max()) / length
+
+
+@lru_cache(maxsize=8)
+def _slides(length: int, rate_hz: float) -> NDArray[np.complex64]:
+    """Factors that keep the frequency of a sliding pulse constant, shape (slides, length)."""
+    away = (np.arange(length) - (length - 1) / 2.0) / length
+    turns = np.array(MEASURE.slides_hz)[:, np.newaxis] * (length / rate_hz) * away**2
+    return np.asarray(np.exp(-1j * np.pi * turns), np.complex64)
 
 
 @lru_cache(maxsize=4)  # of up to 90 kB; one serves nine of ten calls, rare lengths the rest

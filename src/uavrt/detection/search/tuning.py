@@ -277,6 +277,9 @@ class MeasureTuning:
     """Excess energy of a window above which its spectrum is checked [standard deviations]."""
     narrow_share: float = 0.35
     """Minimum share of a pulse's energy in its strongest row; noise bursts have 0.1 to 0.3."""
+    slides_hz: tuple[float, ...] = (-400.0, -200.0, 200.0, 400.0)
+    """Changes of frequency within a pulse that are tried before it counts as a burst of noise
+    [Hz]; the frequency changes evenly."""
     around_widths: float = 4.0
     """Time around a pulse over which the median power gives the noise [pulse widths]."""
     break_places: tuple[float, ...] = (0.25, 0.5, 0.75)
