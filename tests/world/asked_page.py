@@ -55,9 +55,16 @@ class AskedPage:
 
     @contextlib.asynccontextmanager
     async def served(self) -> AsyncIterator["AskedPage"]:
-        """Serve while the block runs; foreign files are read in this program."""
+        """Serve while the block runs; foreign files are read in this program.
+
+        They are read without a thread, since each step of a virtual clock waits for a thread.
+        """
+
+        async def read_here(_: ForeignWorker, function: Callable[..., Any], *given: Any) -> Any:
+            return function(*given)
+
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(ForeignWorker, "result", lambda _, function, *given: function(*given))
+            patch.setattr(ForeignWorker, "call", read_here)
             serving = asyncio.create_task(self.station.run())
             try:
                 await until(lambda: self._port or serving.done())

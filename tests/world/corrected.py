@@ -1,5 +1,8 @@
 """A flight whose tag is found off its label, and the buttons that correct it."""
 
+import contextlib
+from collections.abc import AsyncIterator
+from pathlib import Path
 from typing import Any
 
 import made
@@ -50,3 +53,15 @@ async def flown(world: World, page: AskedPage, *, sent_by_page: bool = True) -> 
     world.beeps.append(off_label(world))
     state = await page.until(lambda state: len(state["beeps"]) == 1)
     assert state["beeps"][0]["corrects"] == [{"tag_id": 2, "what": "frequency"}]
+
+
+@contextlib.asynccontextmanager
+async def flight_off_label(
+    directory: Path, *, sent_by_page: bool = True
+) -> AsyncIterator[tuple[World, AskedPage]]:
+    """Run a drone and its page, in a flight that has found the tag off its label."""
+    world = World(directory)
+    page = AskedPage(directory / "ground", world.ground_address)
+    async with world.flying(), page.served():
+        await flown(world, page, sent_by_page=sent_by_page)
+        yield world, page

@@ -72,10 +72,20 @@ def test_ranks_of_truths_in_posteriors_are_uniform(name: str) -> None:
     assert p_uniform(RANKS[name], count(draws, 400), 21) > LEAST_P / len(RANKS)
 
 
+FEWER_DRAWS = {
+    "positions 20 m off": 140,
+    "headings 3° off, taken for exact": 60,
+    "drone 20 m off": 8,
+    "noise 12 dB higher in half of the area": 16,
+    "headings 12° off": 12,
+}
+"""Draws in which a fault shows with p < 0.0002 already, where the experiment makes more."""
+
+
 @pytest.mark.parametrize("fault", FAULTS)
 def test_the_calibration_fails_with_a_seeded_fault(fault: str) -> None:
     _, draws, seeded = FAULTS[fault]
-    assert p_uniform(seeded, draws, 21) < LEAST_P
+    assert p_uniform(seeded, count(FEWER_DRAWS.get(fault, draws), draws), 21) < LEAST_P
 
 
 def test_the_default_is_better_than_the_original_by_far() -> None:

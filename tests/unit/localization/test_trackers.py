@@ -200,20 +200,20 @@ def test_the_same_seed_gives_the_same_track() -> None:
 
 
 def test_an_animal_that_travels_is_followed_closer_than_by_a_random_walk() -> None:
-    """1.1 m/s to the north-east past a drone that flies to and fro: 90 m off against 265 m."""
+    """1.1 m/s to the north-east past a drone that flies to and fro: 110 m off against 320 m."""
     errors: dict[float, list[float]] = {0.0: [], 1.0: []}
     speeds = []
     for travelling, found in errors.items():
-        for seed in range(5):
+        for seed in range(15):
             prior = TagPrior(area=AREA, fading_db=3.0, travelling_m_s=travelling)
             tracker = ParticleTracker(prior, np.random.default_rng(seed), particles=3000)
             found.append(follow(tracker, np.random.default_rng(100 + seed)))
             end = tracker.estimate()
             speeds.append(float(np.hypot(end.east_m_s, end.north_m_s)))
     assert np.mean(errors[1.0]) < 0.5 * np.mean(errors[0.0])
-    assert np.mean(errors[1.0]) < 130.0
-    assert max(speeds[:5]) == 0.0
-    assert np.median(speeds[5:]) > 0.3
+    assert np.mean(errors[1.0]) < 130.0  # 111 with a standard error of 7
+    assert max(speeds[:15]) == 0.0
+    assert np.median(speeds[15:]) > 0.3
 
 
 def follow(tracker: ParticleTracker, rng: np.random.Generator) -> float:

@@ -13,6 +13,7 @@ from corrected import (
     HERE_HZ,
     ROW,
     UNDO,
+    flight_off_label,
     flown,
     listed_hz,
     off_label,
@@ -28,10 +29,7 @@ from world import World, until
 async def test_an_undo_before_the_drone_has_answered_is_refused_and_works_afterwards(
     tmp_path: Path,
 ) -> None:
-    world = World(tmp_path)
-    page = AskedPage(tmp_path / "ground", world.ground_address)
-    async with world.flying(), page.served():
-        await flown(world, page)
+    async with flight_off_label(tmp_path) as (world, page):
         pressed = asyncio.create_task(press(page, CORRECT))
         await until(lambda: world.mission.upload.tags[2].frequency_hz == AWAY_HZ)
         world.radio_cut()  # its answer is lost
@@ -82,10 +80,7 @@ async def test_each_undo_goes_back_by_one_correction_until_the_first_list_is_bac
 async def test_without_contact_or_with_two_vehicles_of_one_number_nothing_is_corrected(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    world = World(tmp_path)
-    page = AskedPage(tmp_path / "ground", world.ground_address)
-    async with world.flying(), page.served():
-        await flown(world, page)
+    async with flight_off_label(tmp_path) as (world, page):
         session = page.session
         with monkeypatch.context() as patch:
             now = session.vehicle.situation
@@ -107,10 +102,7 @@ async def test_without_contact_or_with_two_vehicles_of_one_number_nothing_is_cor
 async def test_a_list_that_another_station_has_sent_is_corrected_on_the_drone_too(
     tmp_path: Path,
 ) -> None:
-    world = World(tmp_path)
-    page = AskedPage(tmp_path / "ground", world.ground_address)
-    async with world.flying(), page.served():
-        await flown(world, page, sent_by_page=False)
+    async with flight_off_label(tmp_path, sent_by_page=False) as (world, page):
         assert (await press(page, CORRECT)).status == 200
         assert listed_hz(page) == world.mission.upload.tags[2].frequency_hz == AWAY_HZ
 

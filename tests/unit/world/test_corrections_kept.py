@@ -13,7 +13,7 @@ from corrected import (
     CORRECT,
     HERE_HZ,
     UNDO,
-    flown,
+    flight_off_label,
     listed,
     press,
 )
@@ -33,10 +33,7 @@ async def edit(page: AskedPage, **changed: Any) -> None:
 async def test_what_is_edited_while_the_drone_answers_stays_and_is_undone_around(
     tmp_path: Path,
 ) -> None:
-    world = World(tmp_path)
-    page = AskedPage(tmp_path / "ground", world.ground_address)
-    async with world.flying(), page.served():
-        await flown(world, page)
+    async with flight_off_label(tmp_path) as (world, page):
         pressed = asyncio.create_task(press(page, CORRECT))
         await until(lambda: world.mission.upload.tags[2].frequency_hz == AWAY_HZ)
         world.radio_cut()
@@ -57,14 +54,10 @@ async def test_what_is_edited_while_the_drone_answers_stays_and_is_undone_around
 async def test_on_a_full_disk_the_page_says_what_the_drone_has_and_the_press_can_be_repeated(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    world = World(tmp_path)
-    page = AskedPage(tmp_path / "ground", world.ground_address)
-
     def full(path: Path, **given: Any) -> Any:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    async with world.flying(), page.served():
-        await flown(world, page)
+    async with flight_off_label(tmp_path) as (world, page):
         with monkeypatch.context() as patch:
             patch.setattr(settings, "replacing", full)
             refused = await press(page, CORRECT)
@@ -104,10 +97,7 @@ def test_a_list_that_cannot_be_written_keeps_no_correction_and_stays_as_it_was(
 async def test_the_list_alone_is_corrected_once_the_drone_has_been_off_for_minutes(
     tmp_path: Path,
 ) -> None:
-    world = World(tmp_path)
-    page = AskedPage(tmp_path / "ground", world.ground_address)
-    async with world.flying(), page.served():
-        await flown(world, page)
+    async with flight_off_label(tmp_path) as (world, page):
         world.radio_cut()
         await page.until(lambda state: not state["drone"]["present"])
         await asyncio.sleep(120.0)
@@ -136,11 +126,9 @@ async def test_the_list_alone_is_corrected_once_the_drone_has_been_off_for_minut
 async def test_a_station_restarted_after_days_waits_the_same_minutes_for_its_drone(
     tmp_path: Path,
 ) -> None:
-    world = World(tmp_path)
-    page = AskedPage(tmp_path / "ground", world.ground_address)
-    async with world.flying(), page.served():
-        await flown(world, page)
-    restarted = AskedPage(page.directory, World(tmp_path).ground_address)
+    async with flight_off_label(tmp_path) as (_, page):
+        directory = page.directory
+    restarted = AskedPage(directory, World(tmp_path).ground_address)
     async with restarted.served():
         assert (await restarted.state())["flight"]["ended"] is False
         assert (await press(restarted, CORRECT)).status == 409
@@ -152,10 +140,7 @@ async def test_a_station_restarted_after_days_waits_the_same_minutes_for_its_dro
 async def test_what_was_measured_is_offered_after_a_flight_in_which_nothing_beeped(
     tmp_path: Path,
 ) -> None:
-    world = World(tmp_path)
-    page = AskedPage(tmp_path / "ground", world.ground_address)
-    async with world.flying(), page.served():
-        await flown(world, page)
+    async with flight_off_label(tmp_path) as (_, page):
         page.session.vehicle.flight.end()
         page.session.vehicle.begin_flight()
         page.session.vehicle.flight.end()

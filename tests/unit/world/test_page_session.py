@@ -59,8 +59,12 @@ async def test_a_page_without_maps_starts_no_process_to_read_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     called: list[Any] = []
+
+    async def note(_: ForeignWorker, *given: Any) -> None:
+        called.append(given)
+
     async with flown(tmp_path) as (_, page):
-        monkeypatch.setattr(ForeignWorker, "result", lambda _, *given: called.append(given))
+        monkeypatch.setattr(ForeignWorker, "call", note)
         assert (await page.ask("GET", "/api/choices")).json["maps"] == []
         assert not called
         (page.directory / "maps").mkdir(exist_ok=True)
