@@ -9,7 +9,7 @@ from uavrt.flight.samples.channel_recorder import ChannelRecorder
 
 
 class KeptChannels:
-    """Records channel samples if this is configured, and reports dropped samples."""
+    """Records channel samples if the settings say so, and reports dropped samples."""
 
     def __init__(
         self, frame: ProcessFrame, flight: FlightInfo, *, switched_on: bool = True
@@ -28,7 +28,7 @@ class KeptChannels:
             )
 
     def put(self, channels: list[ChannelBlock]) -> None:
-        """Queue the channels of one radio block for writing; never waits."""
+        """Queue the channel blocks of a radio block for writing; never wait for the disk."""
         if self._recorder is not None and channels:
             self._recorder.put(channels)
             self._report_once(self._recorder)

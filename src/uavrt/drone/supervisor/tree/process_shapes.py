@@ -35,5 +35,5 @@ SHAPES: dict[Shape, tuple[ProcessRow, ...]] = {
 
 
 def rows_for(settings: Settings) -> tuple[ProcessRow, ...]:
-    """Rows of the table that the given settings need."""
+    """Return the rows of the process table that these settings need."""
     return tuple(row for row in SHAPES[settings.detection.shape] if row.configured(settings))
