@@ -265,7 +265,7 @@ class OrderExecution:
         if now.ground_silent_s < limits.link_lost_s or limits.link_lost == "go on":
             if self._holding is not None:
                 self._holding, self._requested_step = None, None  # and on with the step
-                self.status_text = "contact with the ground is back"
+                self.status_text = "contact with the ground station is back"
             return None
         if limits.link_lost == "return":
             return self._home("the link to the ground is lost")

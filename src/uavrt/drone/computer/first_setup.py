@@ -199,7 +199,7 @@ class FirstSetup:
             text = f"a whole number from {lowest} to {highest}, or empty"
             faults.append(StepFault(field="gain", text=text))
         if rate_msps is None or not row.takes_rate(round(rate_msps * 1e6, 3)):
-            text = f"megasamples a second that the radio takes: {row.rates_text(1e6)}"
+            text = f"a sample rate that the radio supports [MS/s]: {row.rates_text(1e6)}"
             faults.append(StepFault(field="sample_rate_msps", text=text))
         if faults or rate_msps is None:
             return tuple(faults)

@@ -218,10 +218,10 @@ def finish(place: Installation, *, restart: Restart, judge: TrialCheck, say: Pri
         _take_keys(current, place)
         place.end_trial()
         place.remove_others(current, before)
-        say(f"{current.name} has passed its trial and stays")
+        say(f"{current.name} has passed its trial and is kept")
         return True
     place.point(place.link, before)
-    say(f"{current.name} has failed its trial ({fault}): back to {before.name}")
+    say(f"{current.name} has failed its trial ({fault}): {before.name} is restored")
     _go_back(place, before, restart, say)
     return False
 

@@ -156,7 +156,7 @@ def _wheel_version(content: bytes, path: Path) -> str:
                 raise ValueError("the METADATA file is too large")
             metadata = BytesHeaderParser().parsebytes(archive.read(entry))
     except KeyError:
-        text = f"{path} is not uavrt {named}, as its name says"
+        text = f"{path} does not contain uavrt {named}, contrary to its name"
         raise FormatError(text, remedy="Give the file the name that it was made with") from None
     except (ValueError, RuntimeError, OSError, EOFError, *ZIP_FAULTS) as error:
         raise FormatError(f"{path} is not a wheel: {error}", remedy=COPY_AGAIN) from error
@@ -244,7 +244,7 @@ def _manifest(text: bytes, path: Path) -> Manifest:
         raise FormatError(f"{path}: {MANIFEST} cannot be read: {error}") from error
     if manifest.format != FORMAT:
         text_ = f"{path} is an update of format {manifest.format}; this version reads {FORMAT}"
-        raise FormatError(text_, remedy="Update to a version in between first")
+        raise FormatError(text_, remedy="First update to an intermediate version")
     if not all(_WHEEL.fullmatch(wheel.name) for wheel in manifest.files):
         text_ = f"{path}: {MANIFEST} lists files that are not wheels"
         raise FormatError(text_, remedy=_MAKER)

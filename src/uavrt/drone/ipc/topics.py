@@ -42,7 +42,7 @@ TOPICS: dict[str, Topic] = {
         Topic(
             "search_report",
             messages.SearchReport,
-            "searched, nothing found, with the noise floor",
+            "a search without detection, with the noise floor",
             newest=200,
             every_s=1.0,
             each_tag=True,
@@ -86,10 +86,15 @@ TOPICS: dict[str, Topic] = {
         Topic(
             "flight_end",
             messages.FlightInfo,
-            "the flight has ended and all its pulses are on their way",
+            "the flight has ended, and all its pulses were passed on",
         ),
         Topic("motion", messages.MotionRequest, "a motion that an operator requests", newest=1),
-        Topic("motion_offer", messages.MotionOffer, "a motion to be confirmed", newest=1),
+        Topic(
+            "motion_offer",
+            messages.MotionOffer,
+            "a proposed motion that the operator must confirm",
+            newest=1,
+        ),
         Topic(
             "vehicle",
             messages.VehicleReport,
@@ -133,7 +138,7 @@ TOPICS: dict[str, Topic] = {
         Topic(
             "system_status",
             messages.SystemStatus,
-            "the state of the drone side",
+            "the state of the drone's programs, tags and flight",
             newest=2,
             every_s=1.0,
         ),

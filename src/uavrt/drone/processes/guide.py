@@ -215,13 +215,13 @@ def _plan(asked: _OrderRequest) -> _Planned:
     else:
         plan = plan_of(order, now, limits, behaviour)
         order = replace(order, height_m=_height_m(order, now))
-    unknown = "" if asked.fence is not None else "; own fence unknown"
+    unknown = "" if asked.fence is not None else "; geofence unknown"
     return _Planned(
         home=now.home,
         execution=OrderExecution(order, plan, limits, waits=search_run is not None),
         limits=limits,
         search_run=search_run,
-        summary=cut_text(plan.summary, f"{unknown}; out of {asked.vehicle.mode}"),
+        summary=cut_text(plan.summary, f"{unknown}; in mode {asked.vehicle.mode}"),
     )
 
 

@@ -289,8 +289,8 @@ class Recorder:
         self._unreported = 0
         self._frame.notify(
             5,
-            f"Poses lost on the way: {self._poses_made_up} reconstructed, "
-            f"{self._without_pose} pulses without",
+            f"Poses lost between processes: {self._poses_made_up} reconstructed, "
+            f"{self._without_pose} pulses have none",
         )
 
     def _commit(self, *, pulses_only: bool = False) -> bool:
@@ -325,7 +325,10 @@ class Recorder:
 
     def _report_fault(self, error: RecordingError) -> None:
         if not self._fault:
-            log.error("cannot write the flight; records wait in memory", reason=str(error))
+            log.error(
+                "cannot write to the flight's directory; records wait in memory",
+                reason=str(error),
+            )
         self._fault = str(error)
 
     def end(self) -> None:

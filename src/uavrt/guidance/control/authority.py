@@ -48,7 +48,7 @@ class Authority:
     ) -> None:
         self._writer, self.behaviour = writer, writer.behaviour
         self._may_take_off, self._unwatched = may_take_off, unwatched_channels
-        self.reason = "nothing was confirmed"
+        self.reason = "no order was confirmed"
         """Reason why this program may not command the drone, for the operator."""
         self.out_s = 0.0
         self.nearest_m: float | None = None
@@ -111,7 +111,9 @@ class Authority:
         if not sticks_unseen and not vehicle.sticks_reported(now_s, SAFETY.sticks_age_s):
             what = "the RC sticks are not received, so a takeover would go unnoticed"
             if vehicle.sticks_reported(now_s, SAFETY.sticks_lost_s):
-                what = f"the RC sticks are reported less than every {SAFETY.sticks_age_s} s"
+                what = (
+                    f"the RC sticks are reported less often than every {SAFETY.sticks_age_s} s"
+                )
             raise CommandRefused(
                 what, remedy="Switch the remote control on, or confirm to fly without it"
             )

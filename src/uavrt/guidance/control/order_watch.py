@@ -190,7 +190,7 @@ class OrderWatch:
         None if nothing is.
         """
         if now_s - self.planner_s > SAFETY.planner_lost_s:
-            return "the guide is silent"
+            return "the guide process is silent"
         lost = vehicle.lost(now_s)
         if lost is None and self.rc is not None:
             unseen = not vehicle.sticks_reported(now_s, SAFETY.sticks_lost_s)

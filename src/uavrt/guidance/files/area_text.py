@@ -44,7 +44,7 @@ def area_in(text: str, name: str) -> tuple[Place, ...]:
 
     Raises `FormatError` if there is not exactly one.
     """
-    with in_words(f"{name} gives no area", _REMEDY):
+    with in_words(f"{name} contains no usable area", _REMEDY):
         outlines = [one for one in _read(text) if not one.keep_out]
         if len(outlines) != 1:
             raise ValueError(f"the file has {len(outlines)} outlines; give exactly one")
@@ -62,7 +62,7 @@ def keep_out_in(text: str, name: str, *, every: bool = False) -> tuple[KeepOut, 
     With `every`, all outlines and all GeoJSON Points are excluded areas, marked or not. Raises
     `FormatError` if the text has none of the three formats, or if an area is invalid.
     """
-    with in_words(f"{name} gives no keep-out areas", _KEEP_OUT_REMEDY):
+    with in_words(f"{name} contains no usable keep-out areas", _KEEP_OUT_REMEDY):
         found = tuple(
             _kept(one)
             for one in _read(text, every=every)
@@ -208,7 +208,8 @@ def _shapes(found: Any, properties: Any, every: bool) -> Iterator[_Outline]:
 
 def _not_understood(name: str, kind: object) -> ValueError:
     """Return the error for an excluded area `name` of the unsupported kind `kind`."""
-    return ValueError(f'"{name[:MOST_NAME]}" is a {kind} without an outline')
+    who = f'"{name[:MOST_NAME]}"' if name else "an unnamed feature"
+    return ValueError(f"{who} is a {kind} without an outline")
 
 
 def _of_plan(found: Any) -> Iterator[_Outline]:

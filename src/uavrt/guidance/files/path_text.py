@@ -14,7 +14,7 @@ from uavrt.guidance.operator_orders import Place
 _WAYPOINTS = range(16, 23)
 _RETURN = 20
 _MOST_LINE_PLACES = 20_000
-_REMEDY = "Name a plan of QGroundControl (.plan), GeoJSON or KML"
+_REMEDY = "Give a QGroundControl plan (.plan), GeoJSON or KML file"
 
 
 def path_in(text: str, name: str) -> tuple[Place, ...]:
@@ -22,7 +22,7 @@ def path_in(text: str, name: str) -> tuple[Place, ...]:
 
     Raises `FormatError`.
     """
-    with in_words(f"{name} gives no path", _REMEDY):
+    with in_words(f"{name} contains no usable path", _REMEDY):
         kml = text.lstrip("\ufeff \t\r\n")[:1] == "<"
         places = tuple(_of_kml(text) if kml else _of_json(read_json(text, SHAPES)))
         if len(places) > _MOST_LINE_PLACES:

@@ -95,7 +95,7 @@ class SearchDecisions:
                 speed_m_s=task.limits.speed_m_s,
             )
         if state.time_s >= task.order.duration_s and not search.finished:
-            return Decision(action=Return(), reason="the time is over")
+            return Decision(action=Return(), reason="the search time is over")
         windy = too_windy(now, task.limits)
         if windy is not None:
             return Decision(action=Return(), reason=windy)

@@ -87,7 +87,7 @@ class MotionHandler:
             return
         if request.order_id is None:
             if request.ends:
-                self.control.end("the guide has restarted", now_s)
+                self.control.end("the guide process has restarted", now_s)
                 self._fence.repeat()
         elif request.order_id == authority.order_id:
             authority.planner_alive(now_s)

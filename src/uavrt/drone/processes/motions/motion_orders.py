@@ -81,7 +81,7 @@ class MotionOrders:
             log.seldom(self.refused, "motion order refused", reason=error.message)
             return
         if refusal is None and not sealed and not self._autopilot.takes_unsealed:
-            refusal = "motion orders must be sealed: give drone and ground a key"
+            refusal = "motion orders must be sealed (authenticated): set a key on both sides"
         if refusal is None and not isinstance(message, MotionStop):
             refusal = self._autopilot.link_fault
         if refusal is not None:

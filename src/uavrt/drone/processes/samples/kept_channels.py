@@ -39,7 +39,9 @@ class KeptChannels:
             self._notify(5, "Disk: channel samples dropped. Detection goes on")
         if recorder.removed_pieces and not self._ring_reported:
             self._ring_reported = True
-            self._notify(6, f"Channel recordings: {self._budget_mb:.0f} MB used, oldest go")
+            self._notify(
+                6, f"Channel recordings: {self._budget_mb:.0f} MB used, oldest are removed"
+            )
 
     def close(self) -> None:
         """Write the queued samples and close the files."""

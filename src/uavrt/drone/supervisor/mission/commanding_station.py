@@ -63,8 +63,8 @@ class CommandingStation:
             return None
         self.refused += 1
         return (
-            f"{self.name} is in command. Send a sealed command, or wait until it "
-            f"has been silent for {SILENCE_S:.0f} s"
+            f"{self.name} is in command. Send an authenticated command, or wait "
+            f"until it has been silent for {SILENCE_S:.0f} s"
         )
 
     def flight_ended(self) -> None:

@@ -185,9 +185,7 @@ class Mission:
         mavlink = self.settings.now.mavlink
         locked = mavlink.key_file is not None and mavlink.key_required
         if locked and not command.sealed and command.source == "ros2":
-            return (
-                "this drone has a key and accepts only sealed commands; ROS 2 cannot seal them"
-            )
+            return "this drone has a key, so it refuses unauthenticated commands, as from ROS 2"
         return self.commander.refusal(command)
 
     def _note_commander(self, command: Command) -> None:

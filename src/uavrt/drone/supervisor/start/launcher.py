@@ -255,7 +255,7 @@ class Launcher:
 
     def _give_up(self, fault: str) -> None:
         """Kill the fork server because of a fault; `tend` will restart it."""
-        log.warning("killed the process that forks the others; it restarts", reason=fault)
+        log.warning("fork server killed; it restarts", reason=fault)
         self._ready = False
         self._fault = fault
         if self._process is not None:

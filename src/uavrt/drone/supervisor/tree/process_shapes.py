@@ -23,7 +23,7 @@ SHAPES: dict[Shape, tuple[ProcessRow, ...]] = {
         replace(
             _row("receiver"),
             module="uavrt.drone.processes.chain",
-            meaning="radio samples to pulses; also records the band",
+            meaning="converts radio samples to pulses; also records the band",
             samples_to=None,
             produces=("pulse", "search_report", "beep", "health", "status_text"),
             cpu_budget_percent=10.2,

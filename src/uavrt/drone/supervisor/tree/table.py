@@ -104,7 +104,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
     ProcessRow(
         name="connection",
         module="uavrt.drone.processes.connection",
-        meaning="MAVLink to the autopilot and the ground; gives each pulse its pose",
+        meaning="links autopilot and ground stations by MAVLink; adds its pose to each pulse",
         runs=always,
         consumes=(
             "pulse",
@@ -231,7 +231,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
     ProcessRow(
         name="receiver",
         module="uavrt.drone.processes.receiver",
-        meaning="radio samples to channels; also records the band",
+        meaning="converts radio samples to channels; also records the band",
         runs=while_receiving,
         samples_to="detector",
         consumes=("settings",),
