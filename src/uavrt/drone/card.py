@@ -23,7 +23,7 @@ WORN_TENTHS = 9
 """Used share of an eMMC's rated life from which the memory counts as worn out [tenths]."""
 NEW_CARD = "Fetch the flights, then use a new card"
 OLDEST_TIME_NS = 1_750_000_000 * 10**9
-"""Earliest plausible time, June 2025 [ns]; an earlier clock was not set."""
+"""Earliest plausible time, June 2025 [ns]; a clock that shows an earlier time was never set."""
 BATTERY_CLOCK_OFF_S = 5.0
 """Error of the battery-backed clock from which it counts as faulty [s]; the clock counts whole
 seconds."""

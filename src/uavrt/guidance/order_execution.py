@@ -287,7 +287,7 @@ class OrderExecution:
         return Go(place=place, height_m=min(height, self._limits.highest_m))
 
     def _over_home(self, now: VehicleNow) -> Go:
-        """Return the step to above home at the height that only this drone has in a search."""
+        """Return the step to the point above home, at this drone's own height in a search."""
         height = self.order.height_m
         height = now.altitude_relative_m if height is None else height
         height = max(height, self._limits.lowest_m)

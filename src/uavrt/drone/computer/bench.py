@@ -33,7 +33,7 @@ noise shows a disconnected antenna or a low gain."""
 CLOCK_OFF_S = 3.0
 """Clock difference of drone and ground station that counts as a fault [s]."""
 BATTERY_PERCENT = 50.0
-"""Smallest battery charge for a useful first flight [%]."""
+"""Battery charge below which a first flight should not start [%]."""
 NOISE_REMEDY = (
     "Switch off nearby devices, one after the other (camera, video link, chargers), and "
     "keep cables away from the antenna"

@@ -141,7 +141,7 @@ class DetectorBank:
 
     @contextmanager
     def _handle_failures(self) -> Iterator[None]:
-        """Context that handles an error in the search: it restarts the detectors."""
+        """Context that catches an error of the search and restarts the detectors."""
         try:
             with self._watch:
                 yield

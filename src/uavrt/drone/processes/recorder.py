@@ -57,7 +57,7 @@ connection process that hangs is killed after 5 s, and restarted within 2 s."""
 MOST_READ_AT_ONCE = 1_000
 """Most pulses without pose read from the database in one query."""
 MOST_TO_REPORT = 100_000
-"""Most pulses that may wait to be reported as recorded while the disk fails."""
+"""Largest number of pulses whose report as recorded waits while the disk fails."""
 MOST_COMMANDS = 64
 LOCK_WAIT_S = 3.0
 DISK_CHECK_S = 2.0
@@ -67,7 +67,7 @@ REPORT_PERIOD_S = 30.0
 
 
 class Recorder:
-    """Writes records to the directory of the present flight; without a flight, to none."""
+    """Writes the records of the present flight to its directory; ignores others."""
 
     def __init__(self, frame: ProcessFrame) -> None:
         self._frame = frame

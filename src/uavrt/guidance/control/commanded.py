@@ -185,7 +185,7 @@ class Commanded:
         return not self.obeyed and self._made_s(seen) - self.sent_s < SAFETY.target_changes_s
 
     def _may_be_before(self, seen: TargetReport, position: PositionReport | None) -> bool:
-        """True if a target may precede the command, or be set by its change of mode."""
+        """True if a target may be older than the command, or be set by its mode change."""
         if not self._waits(seen):
             return False
         if self.before is not None and self._same(seen, self.before):

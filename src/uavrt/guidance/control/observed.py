@@ -156,7 +156,7 @@ def between_m(one: Located, other: Located) -> float:
 
 
 def same_place(one: Located, other: Located, within_m: float) -> bool:
-    """True if two targets have equal position and height within `within_m`, or none."""
+    """True if two targets agree in position and height within `within_m`, or both lack one."""
     if one.latitude_deg is None or other.latitude_deg is None:
         return one.latitude_deg is other.latitude_deg
     a, b = one.altitude_amsl_m, other.altitude_amsl_m

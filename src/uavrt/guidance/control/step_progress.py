@@ -62,7 +62,7 @@ class Progress:
         return not self._nearer(time_s, for_s)
 
     def brakes(self, time_s: float) -> bool:
-        """True if the drone brakes without a reason, before it is near its target."""
+        """True if the drone brakes although it is not yet near its target."""
         if not self._samples or not self._samples[-1].free:
             return False
         old = (

@@ -1,4 +1,4 @@
-"""Stopping distance of a multirotor."""
+"""Distance that a multirotor needs to stop."""
 
 
 def stops_within_m(speed_m_s: float) -> float:

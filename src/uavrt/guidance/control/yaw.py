@@ -218,7 +218,7 @@ class YawWatch:
     def _aim(
         self, step_deg: float, bearing_deg: float | None, away_m: float
     ) -> tuple[float, float]:
-        """Return the aim (requested heading, bearing or old heading) and its uncertainty."""
+        """Return the aim (requested heading, bearing or old heading) and its error [°]."""
         yaw_deg = self.yaw_deg
         if self.wanted_deg is not None:
             return self.wanted_deg, 0.0

@@ -213,10 +213,9 @@ def _not_understood(name: str, kind: object) -> ValueError:
 
 
 def _of_plan(found: Any) -> Iterator[_Outline]:
-    """Yield the areas of a QGroundControl plan.
+    """Yield the survey areas of a QGroundControl plan, then its exclusion fences.
 
-    The survey areas come first, or without any the inclusion fences; then come the exclusion
-    fences.
+    Without a survey, the inclusion fences replace it.
     """
     surveyed = [
         _Outline(corners=[(north, east) for north, east, *_ in item["polygon"]], mixed=False)

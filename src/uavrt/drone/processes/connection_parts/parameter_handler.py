@@ -133,7 +133,7 @@ class ParameterHandler:
                 self._send(self._server.value(name), None)
 
     def running(self, running: bool) -> None:
-        """Set whether detection runs; call it before `reply` to the causing command."""
+        """Set whether detection runs; call it before `reply` to the start or stop command."""
         changed, self._running = self._running is not running, running
         if changed and not self._is_pending(RUN.name):
             self._send(self._server.value(RUN.name), None)

@@ -81,7 +81,7 @@ class PulsePath:
         self._poses.add(pulse)
 
     def searched(self, report: SearchReport) -> None:
-        """Send the ground a detector's report of a search without detection."""
+        """Report to the ground that a detector has searched without a detection."""
         self._status.search_report(report, self._now_ns())
 
     def tick(self, now_ns: int) -> None:

@@ -29,7 +29,7 @@ class TagTexts:
         """Tags with a text due, and the silence before it [s]; None for the first reception."""
 
     def restore(self, ends_ns: Mapping[int, int]) -> None:
-        """Set the last reception of each tag in this flight, known from before a restart."""
+        """Set when each tag was last received in this flight, before this process restarted."""
         for tag_id, end_ns in ends_ns.items():
             self._last_ns[tag_id] = max(end_ns, self._last_ns.get(tag_id, end_ns))
             if tag_id in self._due and self._due[tag_id] is None:

@@ -41,7 +41,7 @@ class FenceWatch:
         self._download, self._known, self._next_s = None, None, -inf
 
     def vehicle(self, message: Message, now_s: float) -> None:
-        """Handle an autopilot's message; some of them are parts of the requested geofence."""
+        """Handle a message from the autopilot, which may be part of a requested geofence."""
         download = self._download
         if download is not None:
             sender = (self._place()[0], MavComponent.COMP_ID_AUTOPILOT1)

@@ -40,7 +40,7 @@ STOP_WITHIN_S = 1.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionOutputs:
-    """Functions by which motion control sends its messages."""
+    """Functions that send commands, reports and texts of motion control."""
 
     command: Callable[[Message], None]
     """Function that sends a command to the autopilot at once."""

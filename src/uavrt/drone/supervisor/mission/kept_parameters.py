@@ -67,7 +67,7 @@ class SettingsInForce:
 
     @property
     def waiting(self) -> dict[str, float]:
-        """Values in this flight of the parameters that will change at the next, by name."""
+        """Present values, by name, of the parameters that change at the next start."""
         now = parameter_values(self.now)
         in_flight = parameter_values(self.in_flight)
         return {name: one for name, one in in_flight.items() if one != now[name]}

@@ -9,7 +9,7 @@ FOUND, POSED = "pulse", "pulse_pose"
 
 
 class LastPulses:
-    """Counts pulses that have been forwarded without a pose, but not yet with one."""
+    """Counts the pulses that were forwarded without a pose and not yet again with one."""
 
     def __init__(self) -> None:
         self._waiting = 0

@@ -1,4 +1,4 @@
-"""State of a process of the table, which is kept when the process is restarted."""
+"""State of one process of the process table; it is kept when the process is restarted."""
 
 import os
 from collections.abc import Iterable
@@ -18,7 +18,7 @@ from uavrt.drone.supervisor.tree.waiting_records import Outbox
 
 @dataclass(slots=True)
 class Instance:
-    """A process of the table, running or not: queue, budget, restarts and last report."""
+    """State of one process of the process table: queue, budget, restarts and last report."""
 
     name: str
     row: ProcessRow
