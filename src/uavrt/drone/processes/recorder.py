@@ -326,7 +326,7 @@ class Recorder:
     def _report_fault(self, error: RecordingError) -> None:
         if not self._fault:
             log.error(
-                "cannot write to the flight's directory; records wait in memory",
+                "cannot write the flight; records wait in memory",
                 reason=str(error),
             )
         self._fault = str(error)
