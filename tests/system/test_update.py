@@ -526,6 +526,6 @@ def test_killed_while_it_installs_it_leaves_the_present_version_and_can_be_repea
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     # Nothing runs here, so the trial ends with the version before.
     assert done.returncode == 1, done.stderr
-    assert "back to source" in done.stdout
+    assert "source is restored" in done.stdout
     assert place.current().name == "source"
     assert not place.trial.is_symlink()

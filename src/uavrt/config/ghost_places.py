@@ -1,4 +1,4 @@
-"""Compute frequencies where a receiver shows ghosts of a strong signal, such as mirror images.
+"""Compute frequencies at which a receiver shows spurious signals, such as mirror images.
 
 If a ghost of one tag may appear at another tag's frequency, one detector process searches for
 both tags, as far as the load stays even. It compares both pulse trains at once. Two processes
@@ -12,30 +12,31 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 HIGHEST = 9
-"""Highest multiple of a signal's offset from the centre frequency at which a ghost is
+"""Highest multiple of a signal's offset from the centre frequency at which a spurious signal is
 assumed."""
 _NEAR_HZ = 15.0
 _NEAR_HZ_PER_MULTIPLE = 3.0
 _NEIGHBOUR_HZ = 1000.0
-"""Smallest distance between a signal and its ghost [Hz]; nearer signals count as leakage."""
+"""Smallest distance between a signal and its spurious signal [Hz]; anything nearer counts as
+leakage."""
 _USUAL_HZ = 500.0
 """Largest assumed error of a tag's labelled frequency [Hz], even if the search band is
 wider."""
 _MULTIPLES = sorted(set(range(-HIGHEST, HIGHEST + 1)) - {0, 1}, key=lambda m: (abs(m), m))
-"""Multiples of a signal's offset from the centre frequency at which ghosts appear, lowest
-first; -1 is the mirror image."""
+"""Multiples of a signal's offset from the centre frequency at which spurious signals appear,
+lowest first; -1 is the mirror image."""
 _PRODUCTS = (
     *((2, -1), (-1, 2), (3, -2), (-2, 3)),
     *((1, 1), (-1, -1), (1, -1), (-1, 1), (-2, -1), (-1, -2)),
 )
-"""Coefficients (m, n) of intermodulation: two signals at offsets f and g from the centre
-frequency cause a spurious signal (ghost) at m·f + n·g. The first four come from nonlinear
-amplifiers, the others from converters that distort I and Q separately."""
+"""Pairs of multiples that give an intermodulation product: the offsets of two signals from the
+centre frequency, multiplied by them, add up to its offset. Nonlinear amplifiers make the first
+four; a converter that treats I and Q separately makes the others."""
 
 
 @dataclass(frozen=True, slots=True)
 class Receiver:
-    """Tuning of a receiver, which determines its ghost frequencies."""
+    """Centre frequency and sample rate of a receiver, which determine its spurious signals."""
 
     center_frequency_hz: float
     sample_rate_hz: float
@@ -43,7 +44,7 @@ class Receiver:
     def makes(
         self, ghost_hz: float, original_hz: float, partners_hz: Iterable[float] = ()
     ) -> bool:
-        """True if a signal, alone or with `partners_hz`, may cause a ghost at `ghost_hz`."""
+        """True if a signal, alone or with `partners_hz`, may be received at `ghost_hz` too."""
         if abs(ghost_hz - original_hz) < _NEIGHBOUR_HZ:
             return False
         return any(
@@ -59,7 +60,7 @@ class Receiver:
         nominal_hz: float,
         half_width_hz: float,
     ) -> float:
-        """Share (0 to 1) of a tag's search band that ghosts of a signal may occupy."""
+        """Return the share (0 to 1) of a tag's search band that spurious signals may occupy."""
         half_hz = min(half_width_hz, _USUAL_HZ)
         inside_hz = 0.0
         for place_hz, near_hz in self._places(original_hz, partners_hz):
@@ -70,7 +71,10 @@ class Receiver:
         return min(1.0, inside_hz / (2.0 * half_hz))
 
     def multiple(self, ghost_hz: float, original_hz: float, window_hz: float) -> int | None:
-        """Order of a signal's lowest ghost in a search band (-1: mirror image), or None."""
+        """Return the lowest multiple at which a signal's spurious signal is in a search band.
+
+        Return None without one; -1 is the mirror image.
+        """
         original = original_hz - self.center_frequency_hz
         for multiple in _MULTIPLES:
             miss_hz = self._apart_hz(ghost_hz, multiple * original)
@@ -81,7 +85,10 @@ class Receiver:
     def _places(
         self, original_hz: float, partners_hz: Iterable[float]
     ) -> Iterator[tuple[float, float]]:
-        """Offset of each possible ghost from the centre before aliasing, and tolerance [Hz]."""
+        """Yield each spurious signal's offset from the centre and its tolerance [Hz].
+
+        The offset is that before aliasing.
+        """
         original = original_hz - self.center_frequency_hz
         for multiple in _MULTIPLES:
             yield multiple * original, _NEAR_HZ + _NEAR_HZ_PER_MULTIPLE * abs(multiple)

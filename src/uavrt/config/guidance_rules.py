@@ -13,7 +13,7 @@ PLANNER_NAMES = ("mi_rate",)
 
 
 def guidance_faults(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Key and text of each inconsistency; wrong types are reported elsewhere."""
+    """Yield key and text of each contradiction between settings."""
     table = document.get("guidance")
     if not isinstance(table, dict):
         return

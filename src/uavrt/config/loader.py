@@ -79,7 +79,7 @@ def parse_settings(content: bytes, *, name: str) -> Settings:
 
 
 def _radio_faults(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Key and text of each fault: an unknown kind, or a value not supported by the radio."""
+    """Yield key and text of each fault: an unknown radio, or a value it does not support."""
     table = document.get("radio")
     if not isinstance(table, dict):
         return
@@ -115,7 +115,10 @@ def settings_schema() -> dict[str, Any]:
 
 @cache
 def _settings_adapter() -> "TypeAdapter[Settings]":
-    """Build pydantic's reader of all tables; cached, since it reads docstrings from source."""
+    """Return pydantic's reader for all settings.
+
+    It is cached, because it reads docstrings from source.
+    """
     from pydantic import TypeAdapter
 
     return TypeAdapter(Settings)
@@ -163,7 +166,7 @@ def _table_schema(schema: dict[str, Any], name: str) -> dict[str, Any] | None:
 
 
 def _explain(detail: "ErrorDetails", schema: dict[str, Any]) -> str:
-    """Explain a fault found by pydantic as a sentence: ``[radio] gian is unknown; …``."""
+    """Convert a fault that pydantic found to a sentence: ``[radio] gian is unknown; …``."""
     where = [str(part) for part in detail["loc"]]
     table = _table_schema(schema, where[0]) if where else None
     label = f"[{where[0]}] {'.'.join(where[1:])}".rstrip() if table else ".".join(where)
@@ -194,7 +197,10 @@ def _explain(detail: "ErrorDetails", schema: dict[str, Any]) -> str:
 
 
 def _setting_lines(key: str, entry: dict[str, Any]) -> list[str]:
-    """Lines of one setting: comment, then default, commented out if there is none."""
+    """Return a setting's lines: its comment and its default.
+
+    Without a default, the setting is commented out.
+    """
     comment = [f"# {line}" for line in _plain(str(entry.get("description", ""))).split("\n")]
     default = entry.get("default")
     if default is None:
@@ -212,7 +218,7 @@ def _plain(text: str) -> str:
 
 
 def _rule(kind: str, text: str) -> str:
-    """Explain a violated custom rule; pydantic reports only the name of the rule's function."""
+    """Return the text of a violated custom rule; pydantic reports only its function's name."""
     if kind == "predicate_failed" and "is_ros_namespace" in text:
         return "a ROS namespace has letters, digits and single underscores, like drone1"
     return text.lower()

@@ -18,7 +18,7 @@ from uavrt.core.messages import Tag
 Kind = Literal["whole", "real", "switch", "choice"]
 
 SIGNIFICANT_DIGITS = 7
-"""Decimal digits of a float32, the type of sent parameters: 0.005 is shown as 0.005."""
+"""Number of decimal digits that a float32 holds; with it a received 0.005 is shown as 0.005."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,15 +37,17 @@ class Parameter:
     unit: str = ""
     decimals: int = 0
     choices: tuple[str, ...] = ()
-    """Names of the values 0, 1, …; empty for a number."""
+    """Names of the values 0, 1, …; empty if the value is a quantity."""
     absent: float | None = None
-    """Value that means "not set", outside `low` to `high`; None if the setting is required."""
+    """Value outside `low` to `high` that means "not set"; None if the setting must have a
+    value."""
     scale: float = 1.0
-    """Factor from the parameter's value to the setting's."""
+    """Factor that converts the parameter's value to that of the setting."""
     live: bool = False
-    """True if a change applies at once; False: from the next start of detection."""
+    """True if a change applies at once, False if it applies from the next start of
+    detection."""
     volatile: bool = False
-    """True for a state that changes by itself and is therefore not stored as a setting."""
+    """True for a state that changes by itself; its value is not stored."""
 
     def allows(self, value: float) -> bool:
         """True if a value is within the parameter's range."""
@@ -213,12 +215,15 @@ def run_wanted(value: float) -> bool:
 
 
 def parameter_values(settings: Settings) -> dict[str, float]:
-    """Value of every setting's parameter, in the order of the table."""
+    """Return the values of all parameters by name, in the order of the table."""
     return {name: _value(settings, parameter) for name, parameter in PARAMETERS.items()}
 
 
 def with_parameter(settings: Settings, name: str, value: float) -> Settings:
-    """Settings with one parameter changed; raises `ConfigError` with the allowed range."""
+    """Return the settings with one parameter changed.
+
+    Raises `ConfigError` with the allowed range.
+    """
     parameter = PARAMETERS.get(name)
     if parameter is None:
         raise ConfigError(f"no parameter {name}: known are {', '.join(PARAMETERS)}")
@@ -239,7 +244,7 @@ def with_parameter(settings: Settings, name: str, value: float) -> Settings:
 def check_start(
     settings: Settings | None, center_frequency_hz: float | None, gain: float | None
 ) -> int | None:
-    """Check a start or capture command; return its gain, None if it gives none."""
+    """Check the frequency and gain of a start or capture command; return the gain, or None."""
     if center_frequency_hz is not None:
         row = PARAMETERS["RADIO_FREQ_KHZ"]
         if not row.low <= center_frequency_hz / row.scale <= row.high:
@@ -254,7 +259,10 @@ def check_start(
 
 
 def tuned_frequency(radio: RadioSettings, frequency_hz: float) -> float:
-    """Frequency to which the radio tunes [Hz]; raises `ConfigError` if it is not receivable."""
+    """Return the frequency to which the radio will tune [Hz].
+
+    Raises `ConfigError` if it cannot receive there.
+    """
     row = RADIOS.get(radio.kind)
     if row is None:
         return frequency_hz
@@ -269,7 +277,10 @@ def tuned_frequency(radio: RadioSettings, frequency_hz: float) -> float:
 def warnings_of_band(
     tags: Sequence[Tag], center_hz: float, sample_rate_hz: float
 ) -> tuple[str, ...]:
-    """Warnings on tags outside the received band; raises `ConfigError` if all are outside."""
+    """Return warnings about tags outside the received band.
+
+    Raises `ConfigError` if all tags are outside.
+    """
     half_hz = sample_rate_hz / 2.0
     beyond = [str(tag.tag_id) for tag in tags if abs(tag.frequency_hz - center_hz) > half_hz]
     if not beyond:
@@ -281,7 +292,7 @@ def warnings_of_band(
 
 
 def tags_with_overrides(settings: Settings, tags: Iterable[Tag]) -> tuple[Tag, ...]:
-    """Tags with the K and false-alarm probability that the settings set for all tags."""
+    """Return the tags with K and false-alarm probability from the settings, if set there."""
     detection = settings.detection
     changes: dict[str, Any] = {}
     if detection.k:

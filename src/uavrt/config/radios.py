@@ -16,14 +16,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RadioRow:
-    """Properties of one kind of radio."""
+    """One kind of supported radio: its programs, gains, rates, frequencies and USB ids."""
 
     kind: str
     title: str
     gains: tuple[int, int]
-    """Lowest and highest gain [steps of the radio]."""
+    """Lowest and highest gain, in the radio's own steps."""
     default_gain: int | None = None
-    """Usual gain [steps of the radio]; None: the driver's default."""
+    """Usual gain, in the radio's own steps; None for the driver's default."""
     package: str
     """Debian package with the radio's programs."""
     receive: str = ""
@@ -43,7 +43,8 @@ class RadioRow:
     usual_rate_hz: float = 3e6
     """Sample rate suggested by the first set-up [Hz]."""
     overruns_option: str = ""
-    """Option, in recent versions of the program, that prints overruns on stderr."""
+    """Command line option with which recent versions of the program print overruns on
+    stderr."""
     lists: tuple[str, ...] = ()
     """Program that lists the devices with index and serial number. Needed if `receive` would
     read a numeric serial number as an index."""

@@ -25,7 +25,10 @@ _MOST_LINES = 200
 
 
 def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
-    """Write changes into ``uavrt.toml``; return all settings. Raises `ConfigError`."""
+    """Change settings in ``uavrt.toml``; return all settings.
+
+    Raises `ConfigError` if a value is invalid.
+    """
     target = Path(path)
     settings, text = changed_settings(target, changes)
     with os_errors_as(
@@ -39,7 +42,10 @@ def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
 
 
 def changed_settings(path: Path, changes: Changes) -> tuple[Settings, str]:
-    """Apply changes; return settings and new text, unwritten. Raises `ConfigError`."""
+    """Return settings and file text with the changes, without writing them.
+
+    Raises `ConfigError`.
+    """
     try:
         written = read_file(path, SETTINGS) if path.exists() else None
         before = default_settings_text() if written is None else decode_text(written)
@@ -80,7 +86,7 @@ def _with_value(text: str, table: str, key: str, value: Value) -> str:
 
 
 def _end_of_value(lines: list[str], first: int) -> int:
-    """Number of the last line of a value, given its first line; counted from 1."""
+    """Return the number of a value's last line, given its first line; counted from 1."""
     for last in range(first, min(len(lines), first + _MOST_LINES) + 1):
         try:
             tomllib.loads("\n".join(lines[first - 1 : last]))
@@ -91,7 +97,7 @@ def _end_of_value(lines: list[str], first: int) -> int:
 
 
 def _left_out(lines: list[str], header: int, key: str) -> int | None:
-    """Index of the line ``# key =`` of an unset setting; None if there is none."""
+    """Return the index of an unset setting's line ``# key =``; None if there is none."""
     for number in range(header, len(lines)):
         if lines[number].startswith("["):
             return None

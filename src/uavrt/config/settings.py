@@ -12,7 +12,7 @@ from annotated_types import Ge, Gt, Interval, Predicate
 
 
 class _Table:
-    """Base class of the settings' tables."""
+    """Base class of the classes that each define one table of ``uavrt.toml``."""
 
     __slots__ = ()
     __pydantic_config__: ClassVar[dict[str, Any]] = {

@@ -20,12 +20,13 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, rough_duration
 MOUNTS = Path("/proc/self/mounts")
 SYSFS = Path("/sys")
 WORN_TENTHS = 9
-"""Used life of an eMMC that counts as a fault [tenths of its life]."""
+"""Used share of an eMMC's rated life from which the memory counts as worn out [tenths]."""
 NEW_CARD = "Fetch the flights, then use a new card"
 OLDEST_TIME_NS = 1_750_000_000 * 10**9
-"""Earliest plausible time, June 2025 [ns]; an earlier clock was not set."""
+"""Earliest plausible time, June 2025 [ns]; a clock that shows an earlier time was never set."""
 BATTERY_CLOCK_OFF_S = 5.0
-"""Error of the battery-backed clock that counts as a fault [s]; its resolution is 1 s."""
+"""Error of the battery-backed clock from which it counts as faulty [s]; the clock counts whole
+seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +43,7 @@ class Card:
     life_used_tenths: int | None
 
     def faults(self) -> list[str]:
-        """Texts for the operator, one for each fault of the card; empty if there are none."""
+        """Return one text for each fault of the file system or card; empty without faults."""
         found = []
         if self.read_only:
             found.append("read-only: nothing more is recorded")
@@ -54,7 +55,7 @@ class Card:
 
 
 def card_of(directory: Path) -> Card | None:
-    """Read the state of a directory's file system; None if the kernel does not report it."""
+    """Read the state of the file system that holds a directory; None if it is unknown."""
     place = directory.resolve()
     mounted = {Path(where): (device, kind) for device, where, kind in _mounts()}
     for above in (place, *place.parents):
@@ -85,7 +86,10 @@ def _is_mounted_so(directory: Path) -> bool:
 
 
 def _refuses_writing(directory: Path) -> bool:
-    """True if a test file is refused as read-only; before Linux 6.15 no flag shows this."""
+    """Try to create a file; True if the kernel refuses it because the file system is read-only.
+
+    Before Linux 6.15 no flag shows this.
+    """
     try:
         os.close(os.open(directory, os.O_TMPFILE | os.O_WRONLY, 0o600))
     except OSError as error:
@@ -115,18 +119,21 @@ def _number(path: Path) -> int | None:
 
 
 def battery_clock_off_s() -> float | None:
-    """Battery-backed minus system clock, in whole seconds [s]; None without such a clock."""
+    """Return how far the battery-backed clock is ahead of the system clock [s].
+
+    None without a battery-backed clock, which counts whole seconds.
+    """
     kept_s = _number(SYSFS / "class/rtc/rtc0/since_epoch")
     return None if kept_s is None else kept_s - wall_ns() / NANOSECONDS_PER_SECOND
 
 
 def clock_is_lost() -> bool:
-    """True if this computer's clock is earlier than any plausible time."""
+    """True if this computer's clock is earlier than `OLDEST_TIME_NS`, so it was never set."""
     return wall_ns() < OLDEST_TIME_NS
 
 
 def clock_fault() -> str | None:
-    """Describe a fault of this computer's clock or its battery; None if there is none."""
+    """Return a text on a fault of this computer's clock or battery; None without a fault."""
     if clock_is_lost():
         seconds = wall_ns() // NANOSECONDS_PER_SECOND
         return time.strftime("shows %Y-%m-%d %H:%M UTC", time.gmtime(seconds))

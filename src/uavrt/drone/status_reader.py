@@ -1,4 +1,4 @@
-"""Client of a running supervisor's status socket: reads records, sends commands."""
+"""Client for the status socket of a running supervisor: reads records, sends commands."""
 
 import socket
 import sys
@@ -20,14 +20,14 @@ STATUS_S = 3.0
 
 
 def status_socket_path(settings: Settings) -> Path:
-    """Path of the supervisor's socket: from the settings, or in the flights' directory."""
+    """Return the supervisor's socket path: as configured, or in the flights' directory."""
     if settings.status_socket is not None:
         return Path(settings.status_socket)
     return Path(settings.recording.directory) / SOCKET_NAME
 
 
 def running_status(path: Path) -> SystemStatus | None:
-    """Status of the system that serves the socket at `path`; None if none runs."""
+    """Return the status of the supervisor that serves the socket `path`; None without one."""
     try:
         reader = StatusReader(path)
     except (UavrtError, OSError):
@@ -42,13 +42,14 @@ def running_status(path: Path) -> SystemStatus | None:
 
 
 def _never() -> None:
-    """Do nothing: default for the check while `StatusReader` waits for its socket."""
+    """Do nothing; default for the function called while `StatusReader` waits."""
 
 
 class StatusReader:
     """Client of the supervisor's status socket.
 
-    Waits `timeout_s` for the socket to open, then raises `UavrtError`; calls `check` meanwhile.
+    It waits up to `timeout_s` for the socket to open, and calls `check` meanwhile. Then it
+    raises `UavrtError`.
     """
 
     def __init__(
@@ -85,7 +86,7 @@ class StatusReader:
         return int.from_bytes(credentials[:4], sys.byteorder)
 
     def read(self, wait_s: float) -> list[tuple[str, Any]]:
-        """Read the records received within `wait_s`, with their topics; none after the end."""
+        """Return the (topic, record) pairs received within `wait_s`; empty after the end."""
         deadline_s = monotonic_s() + wait_s
         records: list[tuple[str, Any]] = []
         while (rest_s := deadline_s - monotonic_s()) > 0:

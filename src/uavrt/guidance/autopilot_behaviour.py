@@ -1,4 +1,4 @@
-"""Differences between the autopilots, in one table.
+"""Differences between PX4 and ArduPilot as multirotor autopilots, in one table.
 
 As flown on PX4 v1.17 and ArduCopter 4.7. `uavrt.guidance.control.authority` handles what both
 share: a flight to a position is DO_REPOSITION by COMMAND_INT in frame GLOBAL_INT with altitude
@@ -21,47 +21,50 @@ class Behaviour:
 
     name: AutopilotName
     own_mode: int
-    """Custom mode that DO_REPOSITION sets; commands are flown in this mode."""
+    """Number of the mode in which commands are flown; the command DO_REPOSITION sets it."""
     return_modes: frozenset[int]
     mode_names: Mapping[int, str]
     yaw_in_reposition: bool
-    """True if DO_REPOSITION sets headings, in steps for a turn; False: CONDITION_YAW does."""
+    """True if headings are commanded by DO_REPOSITION (a turn in several steps), False if by
+    CONDITION_YAW."""
     follows_course: bool
-    """True if the nose turns in flight to the direction of motion; False: to the target."""
+    """True if the nose turns in flight to the direction of motion, False if it turns to the
+    target."""
 
     takeoff_mode: int
     """Mode in which the vehicle takes off, before it changes to `own_mode`."""
 
     mission_modes: frozenset[int]
-    """Custom modes in which the vehicle flies its mission, or returns along it."""
+    """Numbers of the modes in which the vehicle flies its mission or returns along it."""
     home_in_mission: bool
-    """True if item 0 of the vehicle's mission is home."""
+    """True if item 0 of the vehicle's mission is the home position."""
 
     target_m: float
-    """Largest distance at which a reported target counts as the commanded one [m]. PX4 reports
-    the exact numbers of a command; a target set by a pause must differ from them."""
+    """Largest distance between a reported target and the commanded one at which they count as
+    equal [m]. PX4 reports the exact numbers of a command; the target that a pause sets must
+    differ from them."""
 
     settles_m: float
     """Largest distance from the target at which a drone comes to rest by itself [m]; one that
     rests farther away was stopped. ArduCopter: 0.6 m in 203 recorded legs of SITL without wind,
-    0.66 m in the simulator's gusts. PX4 approaches more slowly over the last metres."""
+    0.66 m in the simulator's gusts. PX4 slows down over the last metres."""
 
     target_lost_s: float
-    """Time without a reported target after which an order ends [s]. ArduCopter reports none
-    while another station flies it by velocities."""
+    """Time without a reported target after which an order ends [s]. ArduCopter stops reporting
+    a target when another station commands velocities."""
 
     @property
     def own_mode_first(self) -> bool:
-        """True if a take-off is commanded in `own_mode`, which must be set first."""
+        """True if `own_mode` must be set before a take-off is commanded."""
         return self.takeoff_mode == self.own_mode
 
     def mode_name(self, mode: int) -> str:
-        """Name of a flight mode as pilots see it; its number if the name is unknown."""
+        """Return the name of a flight mode as shown to pilots, or its number if unknown."""
         return self.mode_names.get(mode, f"mode {mode}")
 
 
 def _px4(main: int, sub: int = 0) -> int:
-    """Custom mode number of PX4: main mode in the third byte, submode in the fourth."""
+    """Return PX4's number of a mode: main mode in the third byte, submode in the fourth."""
     return main << 16 | sub << 24
 
 
@@ -127,7 +130,7 @@ BEHAVIOURS: Mapping[AutopilotName, Behaviour] = MappingProxyType(
 
 
 def behaviour_of(name: str | None) -> Behaviour:
-    """Behaviour of an autopilot; raises `CommandRefused` for an unknown autopilot."""
+    """Return the behaviour of an autopilot; raises `CommandRefused` if it is unknown."""
     for known, behaviour in BEHAVIOURS.items():
         if known == name:
             return behaviour

@@ -1,4 +1,4 @@
-"""Learn a drone's flight power from predictions and battery readings; no I/O."""
+"""Estimate a drone's flight power from predicted energy and battery readings; no I/O."""
 
 from dataclasses import replace
 
@@ -8,7 +8,10 @@ from uavrt.planning.drone_model.energy import EnergyModel
 
 
 def energy_of(hover_w: float | None) -> EnergyModel:
-    """Prior estimate of the flight power; `hover_w`: hover power [W]; None: unknown."""
+    """Return the prior estimate of the flight power.
+
+    `hover_w` is the hover power [W], None if unknown.
+    """
     if hover_w is None:
         return EnergyModel(scale_sigma=SEARCH_RULES.unknown_sigma)
     return EnergyModel(
@@ -20,7 +23,7 @@ def energy_of(hover_w: float | None) -> EnergyModel:
 
 
 class EnergyLearning:
-    """Estimate of one drone's flight power, updated if the battery's capacity is known."""
+    """Estimates one drone's flight power; updated only if the battery's capacity is set."""
 
     def __init__(self, hover_w: float | None, battery_wh: float | None) -> None:
         self.energy = energy_of(hover_w)
@@ -33,9 +36,9 @@ class EnergyLearning:
         self._predicted_wh = 0.0
 
     def learn(self, now: VehicleNow) -> VehicleNow:
-        """Add a battery reading in flight; return the state with the learned power.
+        """Use a battery reading; return the vehicle's state with the estimated power.
 
-        Updates only while an order is flown: then the drone is in the air.
+        Readings count only while an order is flown, because the drone is then in the air.
         """
         if self._battery_wh is not None and now.began and now.battery_percent is not None:
             self._read(now, now.battery_percent, self._battery_wh)
@@ -44,7 +47,7 @@ class EnergyLearning:
         return replace(now, energy=self.energy)
 
     def _read(self, now: VehicleNow, percent: float, battery_wh: float) -> None:
-        """Add a battery reading; update the power by the energy used between percentages."""
+        """Update the power from predicted and used energy between two battery readings."""
         before_s, before = self._before_s, self._percent
         self._before_s, self._percent = now.time_s, percent
         if before_s is None or before is None:

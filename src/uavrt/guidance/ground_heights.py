@@ -1,6 +1,6 @@
-"""Heights of the ground around home, and relative to home, from an elevation map; no I/O.
+"""Heights of the ground around home, from an elevation map; no I/O.
 
-If map and autopilot disagree on home's height, one of them is wrong.
+The map is also compared with the autopilot's height of home. If they disagree, one is wrong.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,8 @@ from uavrt.guidance.safety import SAFETY
 
 _Floats = NDArray[np.float64]
 HeightsAt = Callable[[_Floats, _Floats], _Floats]
-"""Heights above sea level [m] as a function of latitudes and longitudes; NaN if unknown."""
+"""Function that returns the heights above sea level [m] at latitudes and longitudes; NaN if
+unknown."""
 STEP_M = 10.0
 _MOST_SQUARES = 300
 
@@ -25,17 +26,18 @@ class GroundAround:
     """Heights of the ground around home, on a square grid."""
 
     home_amsl_m: float
-    """Height of home above sea level by the map [m]."""
+    """Height of home above sea level in the map [m]."""
     reach_m: float
     step_m: float
     heights_m: _Floats
-    """Height of the ground above home [m]: (north, east) from south-west; NaN: unknown."""
+    """Heights of the ground above home [m], NaN if unknown; rows go north, columns east, from
+    the south-west corner."""
 
     @classmethod
     def around(
         cls, heights_at: HeightsAt, plane: TangentPlane, reach_m: float
     ) -> "GroundAround":
-        """Read the map around home; raises `PlanError` if home's elevation is missing."""
+        """Read the map around home. Raises `PlanError` if it does not contain home."""
         step = max(STEP_M, reach_m / _MOST_SQUARES)
         count = int(np.ceil(reach_m / step)) + 1
         along = step * np.arange(-count, count + 1)
@@ -52,7 +54,10 @@ class GroundAround:
         return cls(home_amsl_m=home, reach_m=count * step, step_m=step, heights_m=heights)
 
     def above_home_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Highest of the four grid points around each position, above home [m], or NaN."""
+        """Return the highest of the four grid points around each position, above home [m].
+
+        NaN if one is unknown.
+        """
         last = len(self.heights_m) - 1
         column = np.floor((east_m + self.reach_m) / self.step_m).astype(np.intp)
         row = np.floor((north_m + self.reach_m) / self.step_m).astype(np.intp)
@@ -64,7 +69,7 @@ class GroundAround:
         return np.where(beyond, np.nan, high)
 
     def highest_home_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Highest known ground between each position and home, above home [m]; at least 0."""
+        """Return the highest known ground from each position to home [m above home, ≥ 0]."""
         farthest = float(np.max(np.hypot(east_m, north_m), initial=0.0))
         shares = np.linspace(0.0, 1.0, int(farthest / self.step_m) + 2)[:, None]
         x, y = np.ravel(east_m), np.ravel(north_m)
@@ -72,6 +77,9 @@ class GroundAround:
         return np.asarray(ground.max(axis=0, initial=0.0)).reshape(np.shape(east_m))
 
     def apart_m(self, home_amsl_m: float) -> float | None:
-        """Height of home by the autopilot minus that by the map [m]; None if at most 15 m."""
+        """Return the autopilot's height of home minus that of the map [m].
+
+        None if they differ by at most 15 m.
+        """
         apart = home_amsl_m - self.home_amsl_m
         return apart if abs(apart) > SAFETY.home_height_error_m else None

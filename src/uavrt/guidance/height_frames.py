@@ -1,14 +1,17 @@
-"""Convert heights: PX4 reads every z as altitude above mean sea level, in any frame."""
+"""Convert heights above home to altitudes above mean sea level.
+
+PX4 reads every commanded height as such an altitude, whatever its frame.
+"""
 
 from uavrt.core.errors import PlanError
 from uavrt.guidance.safety import SAFETY
 
 
 def target_amsl_m(amsl_now_m: float, relative_now_m: float, wanted_m: float) -> float:
-    """Altitude above sea level to send for a requested height above home [m].
+    """Convert a height above home to the altitude above sea level for a command [m].
 
-    Barometer drift and the autopilot's sea level offset (up to tens of metres) affect altitude
-    and height of one message alike. They cancel in the difference.
+    Barometer drift, and the autopilot's sea level error of up to tens of metres, change
+    altitude and height in a message equally. Therefore they cancel in the difference.
     """
     return amsl_now_m - relative_now_m + wanted_m
 
@@ -20,7 +23,7 @@ def check_height(
     highest_m: float = 120.0,
     ground_above_home_m: float = 0.0,
 ) -> None:
-    """Raise `PlanError` for a height above home that is too low or too high."""
+    """Raise `PlanError` if a height is too low or too high above the ground."""
     above = wanted_m - ground_above_home_m
     if above != above or above < lowest_m:
         raise PlanError(

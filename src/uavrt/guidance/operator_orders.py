@@ -1,4 +1,4 @@
-"""Orders of the operator, and the vehicle state needed to fly them."""
+"""Orders of the operator, their limits, and the vehicle's state during an order."""
 
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Self
@@ -12,46 +12,47 @@ if TYPE_CHECKING:
     from uavrt.planning.drone_model.energy import EnergyModel
 
 Place = tuple[float, float]
-"""Position: latitude and longitude [deg]."""
+"""A position, as (latitude, longitude) [deg]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Order(Motion):
-    """A requested motion, and the order number for its confirmation."""
+    """A motion that the operator requested, and the number by which it is confirmed."""
 
     order_id: int
 
     @classmethod
     def of(cls, motion: Motion, order_id: int = 0) -> Self:
-        """Make an order from a requested motion; `order_id`: its number, 0 for a preview."""
+        """Return the order for a requested motion. `order_id` is 0 for a preview."""
         asked = {field.name: getattr(motion, field.name) for field in fields(Motion)}
         return cls(order_id=order_id, **asked)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits(GuidanceSettings):
-    """Limits of every order: the drone's settings, and its surroundings."""
+    """Limits for all orders: guidance settings, ground heights, areas to avoid or stay in."""
 
     ground: GroundAround | None = None
-    """Heights of the ground around home; None: level ground."""
+    """Heights of the ground around home; None if the ground is assumed to be level."""
     keep_out: tuple[KeepOut, ...] = ()
-    """Excluded areas around people and buildings, which paths must not cross."""
+    """Areas that paths must not cross, such as those around people and buildings."""
     stay_in: tuple[KeepOut, ...] = ()
-    """Areas in which the drone must stay, such as the vehicle's own fence."""
+    """Areas in which the drone must stay, such as the autopilot's geofence."""
     link_lost_s: float = 5.0
-    """Silence of the ground stations after which the link is lost [s]."""
+    """Silence of the ground stations after which the link counts as lost [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleNow(VehicleStatus):
-    """State of the vehicle, and of our permission to command it."""
+    """State of the vehicle, and of the order that is confirmed or being flown."""
 
     time_s: float
     order_id: int | None
     """Number of the order that is confirmed or being flown; None without one."""
     began: bool
-    """True once the order's first command was sent."""
+    """True once the order's first command has been sent."""
     wind: "Wind | None" = None
-    """Wind reported by the autopilot; None: not reported."""
+    """Wind that the autopilot reports; None if it reports none."""
     energy: "EnergyModel | None" = None
-    """Learned flight power; None: computed from the hover power in the settings."""
+    """Estimated flight power; None if it must be computed from the hover power in the
+    settings."""

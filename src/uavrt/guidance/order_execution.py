@@ -1,7 +1,7 @@
-"""Fly an order step by step: each motion is requested when the one before is done; no I/O.
+"""Fly an order step by step: request each motion when the previous one is done; no I/O.
 
-`uavrt.guidance.control.authority` decides on each request. A refused request is dropped: the
-next one follows from the vehicle's state then.
+`uavrt.guidance.control.authority` permits or refuses each request. A refused request is
+dropped; the next one is chosen from the vehicle's state at that time.
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ from uavrt.guidance.safety import SAFETY
 
 
 class _BatteryWatch:
-    """Checks the battery every `SAFETY.battery_s` seconds."""
+    """Checks every `SAFETY.battery_s` seconds whether the battery requires a return."""
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
@@ -36,13 +36,13 @@ class _BatteryWatch:
         self._reported = False
 
     def due(self, now: VehicleNow) -> bool:
-        """True if the next check of the battery is due."""
+        """True if it is time for the next battery check, which then counts as made."""
         due = now.time_s >= self._checked_s + SAFETY.battery_s
         self._checked_s = now.time_s if due else self._checked_s
         return due
 
     def reason(self, now: VehicleNow) -> str | None:
-        """Reason for a return: low charge, or no report of the battery; None without one."""
+        """Return why the drone must return: charge, wind, or no battery reports; else None."""
         if now.battery_percent is not None:
             self._reported = True
         elif self._reported and self._limits.battery_wh is not None:
@@ -51,14 +51,14 @@ class _BatteryWatch:
 
 
 def _waits(step: Step, now: VehicleNow) -> bool:
-    """True if a step must wait because the drone has not come to rest or still turns."""
+    """True if the drone must first come to rest, or stop turning, before this step begins."""
     if isinstance(step, Turn) and not now.heading_rests:
         return True
     return now.settling and not isinstance(step, Home)
 
 
 class OrderExecution:
-    """Flies the steps of one order; with `waits`, then waits for further steps (`redirect`)."""
+    """Flies the steps of one order. With `waits`, further steps may follow (`redirect`)."""
 
     def __init__(
         self, order: Order, plan: Plan, limits: Limits, *, waits: bool = False
@@ -91,16 +91,19 @@ class OrderExecution:
 
     @property
     def progress(self) -> str:
-        """Text with the number of the present step and of all steps: ``step 2 of 5``."""
+        """Present step and number of steps as text: ``step 2 of 5``."""
         return f"step {min(self._number + 1, len(self._steps))} of {len(self._steps)}"
 
     @property
     def idle(self) -> bool:
-        """True if all steps are done and the order waits for further steps."""
+        """True if all steps are done and the order is waiting for further ones."""
         return self._waits and self._number >= len(self._steps)
 
     def redirect(self, steps: Sequence[Step], now: VehicleNow) -> None:
-        """Replace the remaining steps; stop first if a turn could look like a takeover."""
+        """Replace the remaining steps.
+
+        The drone stops first if its turn could look like a takeover.
+        """
         if self._flies_home:
             return
         if self.shared and isinstance(steps[0], Home):
@@ -112,14 +115,14 @@ class OrderExecution:
         self._requested_step = None
 
     def give_up(self, reason: str) -> None:
-        """Cut the order short and fly home: hovering on would leave the battery unmonitored.
+        """End the order early and fly home, because the battery is not monitored in a hover.
 
         An order that has not begun, or a take-off, ends without a command.
         """
         self._failed = self._failed or reason
 
     def _turns_off(self, step: Step, now: VehicleNow) -> bool:
-        """True if the bend to `step` at this speed could look like a station's command."""
+        """True if the bend towards `step` could look like another station's command."""
         before = self._steps[self._number]
         if not isinstance(before, Go) or now.speed_m_s < SAFETY.free_speed_m_s:
             return False
@@ -131,7 +134,7 @@ class OrderExecution:
         return near or abs(wrap_degrees_180(ways[1] - ways[0])) > SAFETY.bend_deg
 
     def next(self, now: VehicleNow) -> Manoeuvre | None:
-        """Return the motion to request now; None if none is due."""
+        """Return the motion to request now; None if there is none."""
         if self.ended is not None:
             return None
         if now.order_id != self.order.order_id:
@@ -158,7 +161,7 @@ class OrderExecution:
         return None if step is None or _waits(step, now) else self._request_step(step, now)
 
     def _due(self, now: VehicleNow) -> Step | None:
-        """Step to request now, by priority: return, hold, next step of the order; or None."""
+        """Return the step to request now, a return or hold before others; None without one."""
         urgent = self._urgent(now)
         if isinstance(urgent, Home) and self.shared:
             self._steps, self._number, self._holding = [self._over_home(now), urgent], 0, None
@@ -243,7 +246,7 @@ class OrderExecution:
         return now.time_s - self._there_s >= step.stay_s
 
     def _urgent(self, now: VehicleNow) -> Step | None:
-        """Step required now by the battery (return) or a lost link (hold, return), or None."""
+        """Return the step that a low battery or lost link requires; None if neither."""
         limits = self._limits
         if not now.began or self._returning or self.order.action == "takeoff":
             return None  # a take-off ends where it hovers, and says no more
@@ -262,7 +265,7 @@ class OrderExecution:
         if now.ground_silent_s < limits.link_lost_s or limits.link_lost == "go on":
             if self._holding is not None:
                 self._holding, self._requested_step = None, None  # and on with the step
-                self.status_text = "contact with the ground is back"
+                self.status_text = "contact with the ground station is back"
             return None
         if limits.link_lost == "return":
             return self._home("the link to the ground is lost")
@@ -275,7 +278,7 @@ class OrderExecution:
         return None
 
     def _stop_at(self, now: VehicleNow) -> Go:
-        """Step that flies to the point on the drone's path where it can stop."""
+        """Return the step to the point on the present path where the drone can stop."""
         step = None if self.idle else self._steps[self._number]
         place = (now.latitude_deg, now.longitude_deg)
         if isinstance(step, Go):
@@ -284,7 +287,7 @@ class OrderExecution:
         return Go(place=place, height_m=min(height, self._limits.highest_m))
 
     def _over_home(self, now: VehicleNow) -> Go:
-        """Step that flies above home at this drone's own height, for a shared search."""
+        """Return the step to the point above home, at this drone's own height in a search."""
         height = self.order.height_m
         height = now.altitude_relative_m if height is None else height
         height = max(height, self._limits.lowest_m)
@@ -292,7 +295,7 @@ class OrderExecution:
 
     @property
     def returning(self) -> bool:
-        """True if the drone flies home by its own decision, such as for a low battery."""
+        """True if a return was decided here, such as for a low battery."""
         return self._returning
 
     def _home(self, reason: str) -> Step:
@@ -301,7 +304,7 @@ class OrderExecution:
 
 
 def stopping_place(now: VehicleNow, goal: Place) -> Place:
-    """Point where the drone can stop on its path without turning back."""
+    """Return the point on the way to `goal` where the drone can stop without turning back."""
     here = (now.latitude_deg, now.longitude_deg)
     left = distance_m(*here, *goal)
     share = min(1.0, stops_within_m(now.speed_m_s) / max(left, 0.1))
@@ -310,6 +313,6 @@ def stopping_place(now: VehicleNow, goal: Place) -> Place:
 
 
 def _course_deg(here: Place, there: Place) -> float:
-    """Direction of a short path, clockwise from north [°]."""
+    """Return the direction from one position to a near one, clockwise from north [°]."""
     east = wrap_degrees_180(there[1] - here[1]) * cos(radians(here[0]))
     return degrees(atan2(east, there[0] - here[0]))

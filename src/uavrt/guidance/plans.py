@@ -1,4 +1,4 @@
-"""Split an order into steps and check the steps before anything moves; no I/O."""
+"""Convert an order to steps, and check them before the drone moves; no I/O."""
 
 import itertools
 from dataclasses import dataclass, replace
@@ -22,18 +22,18 @@ from uavrt.planning.drone_model.energy import Battery, EnergyModel
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanLimits:
-    """Limits of planned orders."""
+    """Limits of the steps into which orders are converted."""
 
     circle_corners: int = 36
-    """Number of corners of the polygon that replaces an excluded circle."""
+    """Number of corners of the polygon that approximates the circular fence."""
     fastest_turn_deg_s: float = 45.0
-    """Fastest turn in place [°/s]; the antenna must receive pulses in all directions."""
+    """Fastest turn in place [°/s]; a faster one would miss pulses in some directions."""
     most_turns: int = 60
     """Largest number of turns in place in one order."""
     most_lines: int = 200
     """Largest number of parallel lines in one survey."""
     sure_climb_m_s: float = 1.5
-    """Climb rate assumed for the duration of a climb [m/s]; every autopilot reaches it."""
+    """Climb rate that every autopilot reaches; used to predict how long a climb takes [m/s]."""
 
 
 _LIMITS = PlanLimits()
@@ -41,19 +41,19 @@ _LIMITS = PlanLimits()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Go:
-    """Step of an order: fly to a position and stay for `stay_s`."""
+    """Step of an order: fly to a position, and hover there for `stay_s`."""
 
     place: Place
     height_m: float
     """Height of the position above home [m]."""
     yaw_deg: float | None = None
-    """Heading during the flight [°]; None: chosen by the autopilot."""
+    """Heading during this step [°]; None leaves it to the autopilot."""
     stay_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Turn:
-    """Step of an order: turn in place by one command."""
+    """Step of an order: turn in place, by a single command."""
 
     turn_deg: float
     rate_deg_s: float
@@ -61,20 +61,20 @@ class Turn:
 
 @dataclass(frozen=True, slots=True)
 class Home:
-    """Step of an order: return home in the autopilot's own mode, which also lands."""
+    """Step of an order: return home and land, in the autopilot's own return mode."""
 
 
 @dataclass(frozen=True, slots=True)
 class SetTakeoffMode:
-    """Step of an order: set the mode in which a take-off is commanded."""
+    """Step of an order: change to the mode from which a take-off is commanded."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Climb:
-    """Step of an order: take off straight up."""
+    """Step of an order: take off and climb vertically."""
 
     height_m: float
-    """Height above home to climb to [m]."""
+    """Height above home at which the climb ends [m]."""
 
 
 Step = Go | Turn | Home | SetTakeoffMode | Climb
@@ -82,7 +82,7 @@ Step = Go | Turn | Home | SetTakeoffMode | Climb
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """Steps of an order, and their description for the operator."""
+    """Steps of an order, with duration and a description for the operator."""
 
     steps: tuple[Step, ...]
     summary: str
@@ -90,7 +90,7 @@ class Plan:
 
 
 def plan_of(order: Order, now: VehicleNow, limits: Limits, behaviour: Behaviour) -> Plan:
-    """Make the steps of an order; raises `PlanError` for an order that cannot be flown."""
+    """Return the checked steps of an order; raises `PlanError` if it cannot be flown."""
     plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
     here = (now.latitude_deg, now.longitude_deg)
     check_keep_out(order, limits, plane, (here,))
@@ -124,7 +124,7 @@ def plan_of(order: Order, now: VehicleNow, limits: Limits, behaviour: Behaviour)
 
 
 def _check_stay(now: VehicleNow, limits: Limits, plane: TangentPlane) -> None:
-    """Raise `PlanError` for a stay beyond the fence, or if battery or wind require return."""
+    """Raise `PlanError` if the drone is beyond the fence or must return for battery or wind."""
     (here,) = _local(plane, ((now.latitude_deg, now.longitude_deg),))
     if not _fence(limits).contains(*np.array([here]).T).all():
         raise PlanError(
@@ -170,7 +170,10 @@ def _only_place(order: Order) -> tuple[Place, ...]:
 def rotation(
     order: Order, now: VehicleNow, limits: Limits, behaviour: Behaviour, height: float
 ) -> Plan:
-    """Make the steps of a turn; `PlanError` for a wrong duration or unknown heading."""
+    """Return the plan of a full turn here.
+
+    Raises `PlanError` for an invalid duration or an unknown heading.
+    """
     here = (now.latitude_deg, now.longitude_deg)
     steps, duration = _turn_steps(here, order, now, limits, behaviour, height)
     by_steps = behaviour.yaw_in_reposition
@@ -191,7 +194,7 @@ def _turn_steps(
     behaviour: Behaviour,
     height: float,
 ) -> tuple[tuple[Step, ...], float]:
-    """Make the steps of a whole turn at a position; also returns its duration [s]."""
+    """Return the steps of a full turn at a position, and their duration [s]."""
     least = 360.0 / _LIMITS.fastest_turn_deg_s
     if not least <= order.duration_s <= 600.0:
         raise PlanError(
@@ -217,7 +220,7 @@ def _turn_steps(
 
 
 def survey_places(order: Order, home: Place) -> tuple[Place, ...]:
-    """List a survey's positions in the order of flight; `PlanError` for an invalid one."""
+    """Return a survey's positions in the order of flight; raises `PlanError` if invalid."""
     plane = TangentPlane(latitude_deg=home[0], longitude_deg=home[1])
     outline = Polygon(corners=_local(plane, order.places), name="area")
     if order.pattern == "around":
@@ -234,7 +237,10 @@ def survey_places(order: Order, home: Place) -> tuple[Place, ...]:
 
 
 def _points_on(lines: list[tuple[float, float]], spacing_m: float) -> list[tuple[float, float]]:
-    """Positions of full turns, in the middle of equal parts of lines; `PlanError`: too many."""
+    """Return positions for full turns, spread evenly along the lines.
+
+    Raises `PlanError` if there are too many.
+    """
     ends = list(zip(lines[::2], lines[1::2], strict=True))
     counts = [max(1, round(hypot(x1 - x0, y1 - y0) / spacing_m)) for (x0, y0), (x1, y1) in ends]
     if sum(counts) > _LIMITS.most_turns:
@@ -274,7 +280,10 @@ def _survey(
 def area_of(
     order: Order, places: tuple[Place, ...], now: VehicleNow, limits: Limits
 ) -> SearchArea:
-    """Make the flyable area of an outline; raises `PlanError` if it is beyond the fence."""
+    """Return the outlined area with all limits for flights in it.
+
+    Raises `PlanError` if home is not in a permitted area.
+    """
     plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
     area = SearchArea(
         search=Polygon(corners=_local(plane, places), name="area"),
@@ -296,7 +305,7 @@ def area_of(
 def check_keep_out(
     order: Order, limits: Limits, plane: TangentPlane, places: tuple[Place, ...]
 ) -> None:
-    """Raise `PlanError` if path or return cross an excluded area or leave the fence."""
+    """Raise `PlanError` if path or return crosses an excluded area or leaves the geofence."""
     voids, within = excluded_areas(order, limits, plane), _within(limits, plane)
     if not (voids or within):
         return
@@ -321,14 +330,14 @@ def check_keep_out(
 
 
 def check_map(now: VehicleNow, limits: Limits) -> None:
-    """Raise `PlanError` if map and autopilot differ by more than 15 m on home's height."""
+    """Raise `PlanError` if home's heights by map and autopilot differ by more than 15 m."""
     apart = map_fault(now, limits)
     if apart is not None:
         raise PlanError(apart, remedy="Check guidance.terrain, its datum, and home")
 
 
 def map_fault(now: VehicleNow, limits: Limits) -> str | None:
-    """Text on a large height difference of map and autopilot at home; None if small."""
+    """Return a text if home's heights by map and autopilot differ too much; else None."""
     ground, home_amsl_m = limits.ground, now.altitude_amsl_m - now.altitude_relative_m
     apart = None if ground is None else ground.apart_m(home_amsl_m)
     return (
@@ -341,9 +350,10 @@ def map_fault(now: VehicleNow, limits: Limits) -> str | None:
 def check_ground(
     stations: tuple[Place, ...], now: VehicleNow, limits: Limits, height: float
 ) -> None:
-    """Raise `PlanError` for a path or a return from it that is too low over the map's ground.
+    """Raise `PlanError` if the path or the return from it is too low above ground.
 
-    A climb may be late and a descent early, so the first part counts with the lower height.
+    A climb may begin late and a descent early. So the first part of the path counts with the
+    lower of its two heights.
     """
     ground = limits.ground
     if ground is None:
@@ -380,12 +390,12 @@ def check_ground(
 def excluded_areas(
     order: Order, limits: Limits, plane: TangentPlane
 ) -> tuple[Circle | Polygon, ...]:
-    """Excluded areas of order and limits, as shapes in the local plane."""
+    """Return the excluded areas of order and limits as shapes in the local plane."""
     return tuple(_excluded(one, plane) for one in (*limits.keep_out, *order.keep_out))
 
 
 def _within(limits: Limits, plane: TangentPlane) -> tuple[Circle | Polygon, ...]:
-    """Areas in which the drone must stay, in the coordinates of a local plane [m]."""
+    """Return the areas in which the drone must stay as shapes in the local plane [m]."""
     return tuple(_excluded(one, plane) for one in limits.stay_in)
 
 
@@ -430,7 +440,10 @@ def _plan_path(
     *,
     turn_s: float = 0.0,
 ) -> Plan:
-    """Plan a path and its return; `PlanError` if fence, ground or battery forbid either."""
+    """Return the plan of a path.
+
+    Raises `PlanError` if fence, ground or battery forbid the path or its return.
+    """
     if now.altitude_relative_m < limits.lowest_m - SAFETY.gust_below_m:
         raise PlanError(
             f"the drone is at {now.altitude_relative_m:.0f} m, and its path would begin below "
@@ -474,7 +487,7 @@ def check_battery(
     end_m: tuple[float, float],
     height: float,
 ) -> None:
-    """Raise `PlanError` if the battery's charge is unknown or does not suffice."""
+    """Raise `PlanError` if charge or capacity is unknown or too low, or wind is too strong."""
     if limits.battery_wh is None:
         raise PlanError(
             "battery capacity unknown",
@@ -506,7 +519,7 @@ def reserve_wh(limits: Limits) -> float:
 
 
 def multirotor_of(limits: Limits) -> Multirotor:
-    """Model of the drone's motion at the ground speed and greatest airspeed of `limits`."""
+    """Return a model of the drone's motion with the ground speed and airspeed of `limits`."""
     return Multirotor(
         speed_m_s=limits.speed_m_s, airspeed_m_s=limits.airspeed_m_s, acceleration_m_s2=3.0
     )
@@ -519,7 +532,10 @@ def _energy(now: VehicleNow, limits: Limits) -> EnergyModel:
 def way_home_wh(
     place_m: tuple[float, float], height_m: float, now: VehicleNow, limits: Limits
 ) -> float:
-    """Energy of the return from a position [Wh], in the reported or the strongest wind."""
+    """Return the energy needed to return from a position [Wh].
+
+    The wind is that reported or, if unknown, the strongest headwind of the settings.
+    """
     state = VehicleState(time_s=0.0, east_m=place_m[0], north_m=place_m[1], height_m=height_m)
     home_m = (0.0, 0.0)
     air = headwind(state, home_m, limits.wind_m_s) if now.wind is None else now.wind
@@ -529,7 +545,7 @@ def way_home_wh(
 
 
 def too_windy(now: VehicleNow, limits: Limits) -> str | None:
-    """Text on reported wind close to the drone's greatest airspeed; None if weaker."""
+    """Return a text if the reported wind is close to the drone's airspeed; else None."""
     if now.wind is None or now.wind.speed_m_s <= SAFETY.calm_share * limits.airspeed_m_s:
         return None
     return (
@@ -539,7 +555,10 @@ def too_windy(now: VehicleNow, limits: Limits) -> str | None:
 
 
 def must_return(now: VehicleNow, limits: Limits) -> str | None:
-    """Reason for an immediate return, whatever the order; None without one."""
+    """Return why any order must end in a return now: wind or battery.
+
+    None if there is no reason.
+    """
     windy = too_windy(now, limits)
     if windy is not None:
         return windy

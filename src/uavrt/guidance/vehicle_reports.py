@@ -1,4 +1,4 @@
-"""Convert the connection's vehicle report to the state that guidance uses; no I/O."""
+"""Convert the connection process's vehicle report to the state that guidance uses; no I/O."""
 
 from dataclasses import fields
 
@@ -9,7 +9,7 @@ from uavrt.planning.drone_model.drone_motion import Wind
 
 
 def now_of(report: VehicleReport, time_s: float) -> VehicleNow | None:
-    """Vehicle state from a report; None without position or home."""
+    """Return the vehicle's state from a report; None if position or home is missing."""
     seen, wind = report.seen, report.wind_m_s
     if seen is None:
         return None

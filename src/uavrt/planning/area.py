@@ -13,18 +13,19 @@ from uavrt.planning.tuning import PLANNING
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
 Ground = Callable[[_Floats, _Floats], _Floats]
-"""Function that returns the height of the ground [m] at (east, north) [m]; any datum."""
+"""Function that returns the ground heights [m] at positions (east, north) [m], relative to any
+fixed level."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Circle:
-    """Excluded circle around a person, a building or a nest."""
+    """A circular area, which the drone must avoid or must not leave."""
 
     east_m: float
     north_m: float
     radius_m: float
     name: str = ""
-    """Name of the circle (a part of the search area) in errors."""
+    """Name of the circle, shown in error messages."""
 
     def __post_init__(self) -> None:
         if not self.radius_m > 0.0:
@@ -39,26 +40,26 @@ class Circle:
         return np.asarray(off < self.radius_m)
 
     def off_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Distance of positions from the circle [m]; 0 inside."""
+        """Return the distance of each position from the circle [m]; 0 inside."""
         off = np.hypot(east_m - self.east_m, north_m - self.north_m) - self.radius_m
         return np.asarray(np.maximum(off, 0.0))
 
     def path_distance_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Shortest distance of straight paths from the circle [m]; 0 if they cross it."""
+        """Return the distance of straight paths from the circle [m]; 0 if they cross it."""
         off = _off_segment_m(self.east_m, self.north_m, start_m, (east_m, north_m))
         return np.asarray(np.maximum(off - self.radius_m, 0.0))
 
     def depth_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Distance of positions inside the circle from its edge [m]; 0 or negative outside."""
+        """Return how far inside the circle each position is [m]; 0 or negative outside."""
         off = np.hypot(east_m - self.east_m, north_m - self.north_m)
         return np.asarray(self.radius_m - off)
 
     def path_depth_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Shortest distance of paths inside the circle from its edge [m]; 0 or less outside."""
+        """Return how far straight paths stay inside the circle [m]; 0 or less if they leave."""
         start = self.depth_m(*np.array([start_m]).T)
         return np.asarray(np.minimum(self.depth_m(east_m, north_m), start))
 
@@ -73,7 +74,7 @@ class Polygon:
     corners: tuple[tuple[float, float], ...]
     """East and north of each corner [m]; the last corner is joined to the first."""
     name: str = "polygon"
-    """Name of the polygon (fence or part of the search area) in errors."""
+    """Name of the polygon, shown in error messages."""
 
     def __post_init__(self) -> None:
         if len(self.corners) < 3 or not np.all(np.isfinite(self.corners)):
@@ -98,7 +99,7 @@ class Polygon:
     def rectangle(
         cls, west_m: float, east_m: float, south_m: float, north_m: float, name: str = "polygon"
     ) -> "Polygon":
-        """Outline of a rectangle with sides along east and north."""
+        """Return a rectangle with sides in east and north direction."""
         corners = ((west_m, south_m), (east_m, south_m), (east_m, north_m), (west_m, north_m))
         return cls(corners=corners, name=name)
 
@@ -110,7 +111,7 @@ class Polygon:
 
     @property
     def box(self) -> Area:
-        """Smallest rectangle along east and north around the outline."""
+        """Smallest rectangle along east and north that contains the polygon."""
         x, y = np.array(self.corners).T
         return Area(
             west_m=float(x.min()),
@@ -120,7 +121,7 @@ class Polygon:
         )
 
     def _crossing(self) -> tuple[int, int] | None:
-        """Find two sides that cross or touch and are not adjacent; None if there are none."""
+        """Return two sides that cross or touch but are not adjacent; None without any."""
         points = np.array(self.corners, np.float64)
         count = len(points)
         for first in range(count):
@@ -153,27 +154,27 @@ class Polygon:
         return list(zip(self.corners, (*self.corners[1:], self.corners[0]), strict=True))
 
     def off_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Distance of positions from the outline [m]; 0 inside."""
+        """Return the distance of each position from the polygon [m]; 0 inside."""
         off = np.min([_off_segment_m(east_m, north_m, *side) for side in self._sides], axis=0)
         return np.asarray(np.where(self.contains(east_m, north_m), 0.0, off))
 
     def path_distance_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Shortest distance of straight paths from the outline [m]; 0 if they cross it."""
+        """Return the distance of straight paths from the polygon [m]; 0 if they cross it."""
         edge = self._edge_distance_m(start_m, east_m, north_m)
         start = self.contains(*np.array([start_m]).T)
         return np.asarray(np.where(self.contains(east_m, north_m) | start, 0.0, edge))
 
     def depth_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Distance of positions inside the outline from its edge [m]; 0 outside."""
+        """Return how far inside the polygon each position is [m]; 0 outside."""
         off = np.min([_off_segment_m(east_m, north_m, *side) for side in self._sides], axis=0)
         return np.asarray(np.where(self.contains(east_m, north_m), off, 0.0))
 
     def path_depth_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Shortest distance of paths inside the outline from its edge [m]; 0 for others."""
+        """Return how far inside the polygon each straight path stays [m]; 0 if it leaves."""
         edge = self._edge_distance_m(start_m, east_m, north_m)
         start = self.contains(*np.array([start_m]).T)
         return np.asarray(np.where(self.contains(east_m, north_m) & start, edge, 0.0))
@@ -181,7 +182,7 @@ class Polygon:
     def _edge_distance_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Shortest distance of straight paths from the outline [m]; 0 if they cross it."""
+        """Return the distance of straight paths from the sides [m]; 0 if they cross one."""
         end = (east_m, north_m)
         off = [segment_distance_m(start_m, end, side) for side in self._sides]
         return np.asarray(np.min(off, axis=0))
@@ -191,12 +192,12 @@ _Place = tuple[float | _Floats, float | _Floats]
 
 
 def _turn(a: _Place, b: _Place, c: _Place) -> _Floats:
-    """Sense of rotation of the path from a over b to c: positive for a left turn."""
+    """Return the turn direction of the path a, b, c: positive for a left turn."""
     return np.asarray((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
 
 def _off_segment_m(x: float | _Floats, y: float | _Floats, a: _Place, b: _Place) -> _Floats:
-    """Distance of positions from a line segment [m]."""
+    """Return the distance of each position from a line segment [m]."""
     along_x, along_y = b[0] - a[0], b[1] - a[1]
     length2 = np.maximum(along_x**2 + along_y**2, 1e-9)
     share = np.clip(((x - a[0]) * along_x + (y - a[1]) * along_y) / length2, 0.0, 1.0)
@@ -204,7 +205,10 @@ def _off_segment_m(x: float | _Floats, y: float | _Floats, a: _Place, b: _Place)
 
 
 def segment_distance_m(start: _Place, end: _Place, side: tuple[_Place, _Place]) -> _Floats:
-    """Shortest distance of straight paths from a line segment [m]; 0 if they cross it."""
+    """Return the smallest distance of each straight path from a line segment [m].
+
+    It is 0 if they cross.
+    """
     a, b = side
     ends = _off_segment_m(*end, a, b), _off_segment_m(*start, a, b)
     corners = _off_segment_m(*a, start, end), _off_segment_m(*b, start, end)
@@ -238,7 +242,7 @@ def _overlap(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> bool:
 
 
 def flat_ground(east_m: _Floats, north_m: _Floats) -> _Floats:
-    """Height of level ground: 0 at all positions."""
+    """Return the height of level ground, 0 at all positions."""
     return np.zeros(np.broadcast_shapes(np.shape(east_m), np.shape(north_m)))
 
 
@@ -256,17 +260,17 @@ class SearchArea:
     excluded: tuple[Circle | Polygon, ...] = ()
     """Excluded areas that the drone must not enter."""
     within: tuple[Circle | Polygon, ...] = ()
-    """Areas that the drone must not leave, home and return included."""
+    """Areas that the drone must not leave; home and the return path must be inside too."""
     margin_m: float = 0.0
     """Distance kept from fence and excluded areas [m], for gusts and wide turns."""
     straight_home: bool = False
-    """True if the straight return from any position must avoid the excluded areas, too."""
+    """True if the straight return from any position must also avoid the excluded areas."""
     lowest_m: float = 20.0
     """Minimum height of the drone above the ground beneath [m]."""
     highest_m: float = 120.0
     ground: Ground = flat_ground
     ground_home: Ground | None = None
-    """Function that returns the highest ground on the straight return from positions [m]."""
+    """Function that returns the highest ground between positions and home [m]."""
     home_m: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -297,7 +301,7 @@ class SearchArea:
             )
 
     def check_home(self) -> None:
-        """Reject a home that allows no take-off or return; raises `PlanError`."""
+        """Raise `PlanError` if take-off and return are not allowed at home."""
         home = np.array([self.home_m]).T
         for zone in self.excluded:
             if float(zone.off_m(*home)[0]) <= self.margin_m:
@@ -313,9 +317,10 @@ class SearchArea:
                 )
 
     def entered_area(self, east_m: _Floats, north_m: _Floats) -> str | None:
-        """Reason why excluded areas forbid a path or the return from it; None if they do not.
+        """Return which area to avoid or to stay in forbids a path or its return, or None.
 
-        The path is given by points, beginning with its start; segments are checked, too.
+        The path is given by its points, from the start on. The segments between them are
+        checked too.
         """
         x, y = _close_points(east_m, north_m)
         here = float(east_m[0]), float(north_m[0])
@@ -324,9 +329,10 @@ class SearchArea:
     def _entered_areas(
         self, x: _Floats, y: _Floats, start_m: tuple[float, float]
     ) -> list[tuple[int, str]]:
-        """Numbers of legs that enter an excluded area, each with the reason.
+        """Return the numbers of legs that areas forbid, each with the reason.
 
-        A drone blown into the margin by a gust may leave the margin, but not come closer.
+        A drone that a gust has blown into the margin of an area may leave the margin, but not
+        come closer to the area.
         """
         found: list[tuple[int, str]] = []
         here = np.array([start_m]).T
@@ -359,9 +365,9 @@ class SearchArea:
     def refusal(
         self, east_m: _Floats, north_m: _Floats, height_m: _Floats | float
     ) -> str | None:
-        """Reason why a path may not be flown at a height above home; None if it may.
+        """Return why a path must not be flown at a height above home; None if it may.
 
-        The path is given by points; the segments between them are checked, too.
+        The path is given by its points. The segments between them are checked too.
         """
         x, y = _close_points(east_m, north_m)
         here = float(east_m[0]), float(north_m[0])
@@ -371,7 +377,7 @@ class SearchArea:
     def refusals(
         self, state_m: tuple[float, float], east_m: _Floats, north_m: _Floats, height_m: float
     ) -> list[str | None]:
-        """Reason why the straight path to each position may not be flown; None if it may."""
+        """Return, for each position, why the straight path to it must not be flown, or None."""
         longest = float(np.max(np.hypot(east_m - state_m[0], north_m - state_m[1]), initial=0))
         share = np.linspace(0.0, 1.0, max(2, int(np.ceil(longest / PLANNING.path_step_m)) + 1))[
             1:
@@ -386,7 +392,7 @@ class SearchArea:
     def _faults(
         self, x: _Floats, y: _Floats, height_m: _Floats | float, start_m: tuple[float, float]
     ) -> list[tuple[int, str]]:
-        """Numbers of legs that may not be flown, each with the reason."""
+        """Yield the numbers of legs that must not be flown, each with the reason."""
         found: list[tuple[int, str]] = []
 
         def add(bad: _Flags, reason: str) -> None:
@@ -469,7 +475,10 @@ def _distance_m(point: _Floats, a: _Floats, b: _Floats) -> float:
 def survey_lines(
     polygon: Polygon, spacing_m: float, *, most: int | None = None
 ) -> list[tuple[float, float]]:
-    """Lines along a polygon's longest side, back and forth; `PlanError` if over `most`."""
+    """Return the ends of survey lines along a polygon's longest side, back and forth.
+
+    Raises `PlanError` for more than `most` lines.
+    """
     if not spacing_m > 0.0:
         raise PlanError(
             f"the line spacing of {spacing_m:g} m is not positive",

@@ -29,25 +29,29 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ExistenceRules:
-    """Constants of the model check, and of an interferer that is received as the tag."""
+    """Constants of the test whether pulses fit the tag, and of a possible interferer."""
 
     memory: float = 0.95
-    """Factor by which earlier pulses' weight in the model check falls with each new pulse."""
+    """Factor by which the weight of earlier pulses in the test decreases with each new
+    pulse."""
     largest_sigmas: float = 4.0
-    """Limit of one pulse's level deviation in the model check [standard deviations]."""
+    """Largest deviation of a pulse's level that counts in the test [standard deviations]."""
     failing_sigmas: float = 3.3
-    """Mean level deviation that fails the model check [standard deviations]: once in 1000."""
+    """Mean level deviation above which the test fails [standard deviations]; by chance once in
+    1000 cases."""
     rival_sigma_db: float = 12.0
     """Prior standard deviation of the level of a stationary interferer [dB]."""
     rival_particles: int = 2000
     rival_share: float = 0.1
     """Prior probability that a stationary interferer is received as the tag."""
     rival_nats: float = 7.0
-    """Largest log odds that received pulses come from an interferer [nats]."""
+    """Largest log odds of an interferer as the source of the received pulses [nats]."""
     tag_nats: float = 25.0
-    """Upper limit of the evidence that a tag exists [nats], so that later loss is noticed."""
+    """Largest evidence for a tag's existence [nats]; the limit keeps a later loss of the tag
+    noticeable."""
     known_share: float = 0.5
-    """Largest position spread of a located interferer, as a share of its area's width."""
+    """Largest position uncertainty of an interferer that counts as located, as a fraction of
+    the area's width."""
 
 
 _RULES = _ExistenceRules()
@@ -55,14 +59,16 @@ _RULES = _ExistenceRules()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelCheck:
-    """Agreement of recent pulses with a tag at its estimated position."""
+    """Result of a test: do recent pulses fit a tag at the estimated position?"""
 
     bias_sigmas: float
-    """Mean deviation of pulses' levels from the model, over its own standard deviation."""
+    """Mean deviation of the pulses' levels from the model [standard deviations of this
+    mean]."""
     scatter: float
-    """Ratio of the levels' mean square deviation to the expected; 1 if the model holds."""
+    """Mean square deviation of the levels, relative to the expected value; 1 if the model is
+    right."""
     pulses: float
-    """Sum of the weights of recent pulses in the check, as an effective number of pulses."""
+    """Effective number of recent pulses in the test, as the sum of their weights."""
 
     @property
     def passed(self) -> bool:
@@ -91,10 +97,10 @@ def _deviation(level_db: float, threshold_db: float, expected: Expectation) -> f
 
 
 class Interferer:
-    """Stationary interferer that is received as the tag, and its probability.
+    """Possible stationary interferer that is received as the tag.
 
-    Its tracker weights each pulse by the probability that the interferer, not the tag, sent it.
-    It also has a probability of existence.
+    The interferer has a probability of existence. Its tracker weights each pulse by the
+    probability that the interferer, not the tag, has sent it.
     """
 
     def __init__(self, prior: TagPrior, rng: Generator) -> None:
@@ -114,7 +120,7 @@ class Interferer:
 
     @classmethod
     def of(cls, prior: TagPrior, rng: Generator) -> "Interferer | None":
-        """Create a tag's possible interferer; None if `missed_share` of the prior is 0."""
+        """Return a tag's possible interferer; None if `missed_share` of the prior is 0."""
         return cls(prior, rng) if prior.missed_share > 0.0 else None
 
     @property
@@ -128,7 +134,7 @@ class Interferer:
         return self._density
 
     def heard(self, heard: Listening, log_probability: float) -> None:
-        """Update with a received pulse, given its log-density by the tag and other sources."""
+        """Update with a received pulse, given its log-density from all sources together."""
         others = self._missed * self.probability * self._density
         chance = self._chance * false_pulse_density(heard)
         tags = max(float(np.exp(log_probability)) - others, chance)
@@ -183,7 +189,7 @@ class TagBelief:
 
     @property
     def log_bayes_factor(self) -> float:
-        """Log Bayes factor of all evidence that the tag is there against its absence."""
+        """Log Bayes factor of all evidence, for the tag's presence against its absence."""
         return float(self._log_bayes_factor)
 
     @property
@@ -221,7 +227,7 @@ class TagBelief:
         return expected
 
     def _check(self, heard: Listening, expected: Expectation, absent: float) -> None:
-        """Record a pulse's level deviation from the model; likely false pulses count less."""
+        """Add a pulse's level deviation to the test; probably false pulses count less."""
         if heard.snr_db is None:
             return
         off = _deviation(heard.snr_db, heard.threshold_db, expected)
@@ -230,7 +236,7 @@ class TagBelief:
         self._sums = self._sums * fade + own * np.array([1.0, own, off, off * off])
 
     def model_check(self) -> ModelCheck:
-        """Compare the recent pulses with those expected from the estimated position."""
+        """Test whether the recent pulses fit a tag at the estimated position."""
         weight, squares, off, off2 = (float(one) for one in self._sums)
         if weight < 1.0:
             return ModelCheck(bias_sigmas=0.0, scatter=0.0, pulses=0.0)
@@ -240,7 +246,7 @@ class TagBelief:
         )
 
     def doubt(self) -> str | None:
-        """Reason to suspect an interferer behind the tag's pulses; None if there is none.
+        """Return why an interferer may have sent the pulses; None without a reason.
 
         A probable interferer must be located away from the tag: until then, the tag's position
         may be based on the interferer's pulses.
@@ -266,7 +272,7 @@ class TagBelief:
         return self._tracker.spread()
 
     def hypotheses(self, count: int) -> Hypotheses:
-        """Equally probable hypotheses of the tag, selected from its tracker."""
+        """Return equally probable hypotheses of the tag's position, drawn from its tracker."""
         return self._tracker.hypotheses(count)
 
 

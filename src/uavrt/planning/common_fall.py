@@ -21,11 +21,13 @@ class _Sharing:
     """Constants of sharing the path loss exponent."""
 
     exponent_sigma: float = 0.15
-    """Standard deviation of the difference of two tags' path loss exponents in one area."""
+    """Standard deviation of the difference between two tags' path loss exponents in the same
+    area."""
     existence: float = 0.95
-    """Smallest probability of existence at which a tag's path loss exponent informs others."""
+    """Probability of existence from which a tag's path loss exponent is used for other tags."""
     news: float = 1.25
-    """Growth of a path loss exponent's precision at which tags share it again [ratio]."""
+    """Factor by which the precision of a path loss exponent must grow before tags share it
+    again."""
     placed_m: float = 50.0
     """Largest rms position spread at which a tag counts as located [m]."""
     most_precision: float = 1.0 / 0.1**2
@@ -37,11 +39,11 @@ _SHARING = _Sharing()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ExponentMessage:
-    """Normal likelihood of the exponent in natural parameters, which add up."""
+    """Normal likelihood of the path loss exponent, as natural parameters that can be summed."""
 
     precision: float = 0.0
     weighted: float = 0.0
-    """Mean times precision of the path loss exponent."""
+    """Mean of the path loss exponent, multiplied by its precision."""
 
     def plus(self, other: "_ExponentMessage") -> "_ExponentMessage":
         return _ExponentMessage(
@@ -59,12 +61,12 @@ class _ExponentMessage:
         )
 
     def softened(self, variance: float) -> "_ExponentMessage":
-        """Message for another tag whose exponent may differ, with a given variance."""
+        """Return the message for another tag, whose exponent differs with a given variance."""
         return self.scaled(1.0 / (1.0 + variance * self.precision))
 
 
 class ExponentSharing:
-    """Shares among all tags what each tag's pulses show of the path loss exponent."""
+    """Uses each tag's estimate of the path loss exponent for all other tags."""
 
     def __init__(self) -> None:
         self._variance = _SHARING.exponent_sigma**2
@@ -72,7 +74,7 @@ class ExponentSharing:
         self._received: dict[int, _ExponentMessage] = {}
 
     def share(self, beliefs: Iterable[TagBelief]) -> None:
-        """Collect each tag's information on the exponent, and pass it to all other tags."""
+        """Collect the exponents that the tags' pulses show, and pass each to all other tags."""
         learning = [one for one in beliefs if one.prior.exponent_sigma > 0.0]
         if len(learning) < 2:
             return
@@ -92,7 +94,7 @@ class ExponentSharing:
             self._received[one.tag_id] = others
 
     def _collect(self, belief: TagBelief) -> None:
-        """Store the exponent by a tag's pulses if it exists, is located and fits the model."""
+        """Store a tag's path loss exponent if the tag exists, is located and fits the model."""
         if belief.existence_probability < _SHARING.existence or not belief.model_check().passed:
             return
         if belief.spread().rms_m > _SHARING.placed_m:

@@ -14,7 +14,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Start:
-    """Position and time at which a drone begins its round."""
+    """Where and when a drone can begin its round of tags."""
 
     east_m: float
     north_m: float
@@ -82,7 +82,7 @@ class _Rounds:
         return self._after[drone] + way + PLANNING.transfer_s * changed
 
     def improve(self, tours: list[list[int]], tag: int) -> bool:
-        """Move a tag to its cheapest position in all rounds; False if it does not move."""
+        """Move a tag to the position in any round that costs least; False if it stays."""
         owner = next(drone for drone, tour in enumerate(tours) if tag in tour)
         times = [self.time_s(drone, tour) for drone, tour in enumerate(tours)]
         without = [one for one in tours[owner] if one != tag]

@@ -44,7 +44,7 @@ def expected_levels_db(
     listener: Listener,
     walked_m: tuple[_Singles, _Singles] | None = None,
 ) -> tuple[_Singles, _Singles | float]:
-    """Expected level of each hypothesis along paths [dB], (legs, samples, hypotheses).
+    """Return each hypothesis's expected level along paths [dB], (legs, samples, hypotheses).
 
     The second result is the variance (legs, samples) of the lasting error [dB²]. Travelling
     hypotheses continue at their velocity; `walked_m`, east and north of each leg and hypothesis
@@ -84,7 +84,7 @@ def information_nats(
     hypotheses: int = 64,
     others: Legs | None = None,
 ) -> _Floats:
-    """(tags, legs) information of each path on each tag's position [nats].
+    """Return the information of each path on each tag's position [nats], (tags, legs).
 
     `legs`: each sample represents an equal share of its path's time.
     `hypotheses`: number drawn for each tag; its logarithm limits the information.
@@ -105,14 +105,14 @@ def information_nats(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Pulses:
-    """Expected levels, weights and durations of pulses along paths."""
+    """Expected levels and weights of pulses along candidate paths, with path durations."""
 
     level_db: _Singles
     """(legs, samples, hypotheses) expected SNR of the pulses on each candidate leg [dB]."""
     per_db2: _Singles
     """(legs, samples) number of pulses divided by the variance of one pulse's level [1/dB²]."""
     alike_db2: _Floats
-    """(legs,) variance of the level common to a leg's pulses, from a lasting error [dB²]."""
+    """(legs,) variance of a level error that all pulses of a leg have in common [dB²]."""
     span_s: _Floats
 
     def as_one(self) -> "_Pulses":
@@ -172,7 +172,7 @@ def _lasting_variance(
 
 
 def _heard_nats(prior: TagPrior, some: Hypotheses, heard: _Pulses) -> _Floats:
-    """(legs,) information of expected pulses on the tag's position [nats]."""
+    """Return the information (legs,) that expected pulses give on a tag's position [nats]."""
     root = np.sqrt(heard.per_db2)
     scaled = heard.level_db * root[:, :, None]
     scaled -= scaled.mean(axis=2, keepdims=True)
@@ -211,7 +211,7 @@ def minus_quarter_squares(scaled: _Singles, whole: _Singles) -> _Singles:
 
 
 def _walked_m(some: Hypotheses, spans_s: _Floats) -> tuple[_Singles, _Singles] | None:
-    """East, north displacement of each walking tag hypothesis until each path's end [m]."""
+    """Return how far walking tag hypotheses move east and north during each path [m]."""
     if not some.wandering_m_per_root_s.any():
         return None
     steps = np.random.default_rng(0).normal(size=(2, 1, 1, len(some.east_m)))
@@ -220,7 +220,7 @@ def _walked_m(some: Hypotheses, spans_s: _Floats) -> tuple[_Singles, _Singles] |
 
 
 def _walked_db2(some: Hypotheses, legs: Legs, spans_s: _Floats, above_tags_m: float) -> _Floats:
-    """(legs, samples) variance of the level by the tag's walk until the path's end [dB²]."""
+    """Return the variance (legs, samples) of the level that a tag's walk causes [dB²]."""
     walk2 = float(np.mean(some.wandering_m_per_root_s**2))
     if walk2 == 0.0:
         return np.zeros_like(legs.time_s)

@@ -1,4 +1,4 @@
-"""A search, from the first pulse to the return flight, for processes and experiments."""
+"""A search for tags: evaluates pulses and decides on each action, up to the return flight."""
 
 from dataclasses import dataclass, replace
 
@@ -20,7 +20,7 @@ from uavrt.planning.situation import Decision, Planner, SearchSettings, Situatio
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
-    """A found tag, with time, estimated position and reason."""
+    """A found tag: when it was found, where it is, and why it counts as found."""
 
     time_s: float
     estimate: TrackEstimate
@@ -28,7 +28,7 @@ class Found:
 
 
 class Search:
-    """Search of all tags: probabilities, planner with random numbers, stop rule and return."""
+    """Search for all tags: position estimates, planner, stop rule and return."""
 
     def __init__(
         self, settings: SearchSettings, beliefs: Beliefs, planner: Planner, rng: Generator
@@ -73,7 +73,7 @@ class Search:
         belief.listen(heard)
 
     def judge(self, time_s: float) -> list[int]:
-        """Apply the stop rule to each tag; return the tags newly found."""
+        """Apply the stop rule to each tag; return the ids of newly found tags."""
         new = []
         for tag_id, belief in self.beliefs.items():
             if tag_id in self.found:
@@ -173,7 +173,7 @@ class Search:
         wind: Wind | None,
         battery: Battery | None,
     ) -> Decision | None:
-        """Decision to return if an action would use energy needed for it; else None."""
+        """Return the decision to fly home if an action would use energy for it; else None."""
         energy = self.settings.energy
         if battery is None or energy is None or isinstance(decision.action, Return):
             return None

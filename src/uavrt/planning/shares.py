@@ -17,7 +17,10 @@ def tags_by_drone(
     *,
     speed_m_s: float,
 ) -> dict[int, list[int]]:
-    """Tags of each drone in visiting order: those located, but not yet found."""
+    """Return for each drone its tags in the order of visits.
+
+    Only tags that are located but not yet found are assigned.
+    """
     known = [one for tag_id, one in beliefs.items() if tag_id not in found and _is_known(one)]
     drones = list(starts)
     if not known:

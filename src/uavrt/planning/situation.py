@@ -55,7 +55,7 @@ class Situation(SearchSettings):
 
     @classmethod
     def of(cls, settings: SearchSettings, **now: Any) -> "Situation":
-        """Situation from constant settings and the present values (`now`) of other fields."""
+        """Return the situation from constant settings and present values (`now`)."""
         fixed = {one.name: getattr(settings, one.name) for one in fields(settings)}
         return cls(**fixed, **now)
 
@@ -72,7 +72,7 @@ class Situation(SearchSettings):
 
     @property
     def listener(self) -> Listener:
-        """Parameters of the reception of pulses at the drone."""
+        """How pulses are received: height above the tags, pulse interval and threshold."""
         return Listener(
             above_tags_m=self.above_tags_m, pulse_s=self.pulse_s, threshold_db=self.threshold_db
         )
@@ -80,7 +80,7 @@ class Situation(SearchSettings):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """Action that a planner rated."""
+    """An action that the planner has rated."""
 
     action: Action
     duration_s: float
@@ -92,7 +92,7 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
-    """Next action, with its reason and the rated candidates."""
+    """The next action, the reason for it, and the rated candidates."""
 
     action: Action
     reason: str

@@ -11,7 +11,7 @@ from uavrt.planning.beliefs import TagBelief
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """Decision whether a tag is found, and the reason."""
+    """Decision whether a tag counts as found, with the reason."""
 
     found: bool
     reason: str
@@ -21,7 +21,7 @@ class StopRule(Protocol):
     """Interface of a rule that decides whether a tag counts as found."""
 
     def verdict(self, belief: TagBelief) -> Verdict:
-        """Decide whether a tag is found, with the reason."""
+        """Return whether a tag counts as found, with the reason."""
 
     def needed_nats(self, belief: TagBelief) -> float:
         """Approximate information on the position still missing to find the tag [nats]."""
@@ -29,7 +29,7 @@ class StopRule(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AccuracyStop:
-    """Rule: a tag is found if its 95 % circle is small, it exists, and pulses fit the model."""
+    """Rule: a tag is found if it exists, its pulses fit, and its 95 % circle is small."""
 
     radius95_m: float = 25.0
     bayes_factor: float = 100.0
@@ -65,6 +65,6 @@ class AccuracyStop:
         )
 
     def needed_nats(self, belief: TagBelief) -> float:
-        """Missing information [nats]: 1.4 for each halving of the radius, at least 0.3."""
+        """Return the missing information [nats]: 1.4 per halving of the radius, or 0.3."""
         ratio = 1.75 * belief.spread().rms_m / self.radius95_m
         return float(max(0.3, 2.0 * np.log(ratio)))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanningTuning:
-    """Limits and steps of areas, coverage, division of tags, energy and range."""
+    """Limits and step sizes for areas, coverage maps, division of tags, energy and range."""
 
     least_area_m2: float = 100.0
     """Minimum size of a search area [m²]."""
@@ -15,14 +15,15 @@ class PlanningTuning:
     """Distance between the points of a path that are checked against fence and terrain [m]."""
 
     level_nodes: int = 9
-    """Gauss-Hermite nodes for the unknown level that a tag's pulses share, in coverage maps."""
+    """Number of Gauss-Hermite nodes for the level error that a tag's pulses have in common, in
+    coverage maps."""
     no_level_db: float = -60.0
-    """Energy-to-noise ratio assumed in coverage maps where no pulse arrives [dB]."""
+    """Pulse energy to noise density ratio in coverage maps where no pulse is received [dB]."""
 
     division_passes: int = 4
     """Largest number of passes that improve the division of tags among drones."""
     transfer_s: float = 8.0
-    """Flight time that the transfer of a tag to another drone must save [s]."""
+    """Flight time that must be saved before a tag is transferred to another drone [s]."""
     stay_s: float = 6.0
     """Time at each tag of a round over all tags [s]: a turn towards it and its last pulses."""
     located_share: float = 0.5
@@ -39,9 +40,10 @@ class PlanningTuning:
     farthest_m: float = 100_000.0
     """Longest range computed at which a tag can be received [m]."""
     range_places: int = 4000
-    """Number of distances at which the energy-to-noise ratio is computed to find a range."""
+    """Number of distances at which the pulse energy to noise ratio is computed to find a
+    range."""
     table_step_m: float = 0.5
-    """Step in distance of the table of gains by the ground's reflection [m]."""
+    """Step of the distance in the table of the ground reflection's gain [m]."""
 
     drones_span_s: float = 1.0
     """Minimum duration over which another drone's remaining path is sampled [s]."""

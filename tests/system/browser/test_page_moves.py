@@ -169,7 +169,7 @@ def test_an_area_is_imported_drawn_and_surveyed_and_any_page_takes_it_back(
     expect(page.locator("#move-fault")).to_contain_text("beyond the fence")
     area.write_text("no area", encoding="utf-8")
     page.set_input_files("#area-import", str(area))
-    expect(page.locator("#move-fault")).to_contain_text("gives no area")
+    expect(page.locator("#move-fault")).to_contain_text("contains no usable area")
 
 
 def test_before_a_flight_the_page_maps_where_a_tag_would_be_heard(

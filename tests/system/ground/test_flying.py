@@ -40,7 +40,7 @@ def test_without_a_drone_taking_back_says_who_must(standing: Any) -> None:
 def test_a_file_that_gives_no_area_is_named(standing: Any) -> None:
     answer = standing.ask("POST", "/api/motion/area", {"name": "x.kml", "text": "<kml/>"})
     assert answer.status == 422
-    assert "x.kml gives no area" in answer.json["error"]
+    assert "x.kml contains no usable area" in answer.json["error"]
 
 
 @pytest.mark.parametrize("radius_m", [10**400, True, "80", None, 1e999])

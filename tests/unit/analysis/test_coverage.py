@@ -169,7 +169,7 @@ def test_a_cut_off_tile_and_a_file_without_places_are_named(tmp_path: Path) -> N
     with pytest.raises(FormatError, match="no heights"):
         coverage(plan, tag_power=-50.0, dem=tmp_path)
     (tmp_path / "other.kml").write_text("<kml></kml>")
-    with pytest.raises(FormatError, match="gives no area"):
+    with pytest.raises(FormatError, match="contains no usable area"):
         coverage(tmp_path / "other.kml", tag_power=-50.0)
     far = outline(tmp_path / "far.geojson", 30_000.0, 31_000.0)
     with pytest.raises(UsageError, match=r"lies 2\d,\d\d\d m beyond the map"):

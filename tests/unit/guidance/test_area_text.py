@@ -80,7 +80,7 @@ def test_a_fence_that_is_a_circle_has_corners_all_round() -> None:
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("", "gives no area"),
+        ("", "contains no usable area"),
         ("[]", "neither GeoJSON nor a plan"),
         ("null", "neither GeoJSON nor a plan"),
         ("{}", "has no 'type'"),
@@ -91,8 +91,8 @@ def test_a_fence_that_is_a_circle_has_corners_all_round() -> None:
         (plan([SURVEY, SURVEY]), "2 outlines"),
         (plan([]), "0 outlines"),
         ('<!DOCTYPE x [<!ENTITY a "b">]>' + kml(), "entities"),
-        ("<kml", "gives no area"),
-        ("[" * 100_000, "gives no area"),
+        ("<kml", "contains no usable area"),
+        ("[" * 100_000, "contains no usable area"),
         ("x" * 3_000_000, "too long"),
     ],
 )
@@ -278,7 +278,7 @@ def test_no_placemark_to_keep_out_of_is_left_out_in_silence(shape: str) -> None:
     ],
 )
 def test_broken_corners_are_refused(text: str) -> None:
-    with pytest.raises(FormatError, match="gives no area"):
+    with pytest.raises(FormatError, match="contains no usable area"):
         area_in(text, "broken")
-    with pytest.raises(FormatError, match="no keep-out areas"):
+    with pytest.raises(FormatError, match="no usable keep-out areas"):
         keep_out_in(text, "broken", every=True)

@@ -69,5 +69,5 @@ def test_what_is_of_another_kind_is_told_in_words() -> None:
 
 @pytest.mark.parametrize("text", ["", "{}", "[1]", plan(waypoint(99.0, 8.0), waypoint(1, 1))])
 def test_what_holds_no_places_is_named(text: str) -> None:
-    with pytest.raises(FormatError, match="a file gives no path"):
+    with pytest.raises(FormatError, match="a file contains no usable path"):
         path_in(text, "a file")

@@ -146,7 +146,7 @@ def test_sticks_told_every_1_4_s_are_no_sticks_to_confirm_by(flavour: Flavour) -
     flown.sticks_every = 28
     flown.run(3.0, until=lambda: flown.steps % 28 == 15)
     flown.authority.offer(1, 77, flown.time_s)
-    with pytest.raises(CommandRefused, match=r"reported less than every 0\.3 s"):
+    with pytest.raises(CommandRefused, match=r"reported less often than every 0\.3 s"):
         flown.authority.confirm(1, 77, flown.time_s)
 
 

@@ -105,7 +105,7 @@ def test_a_tag_that_is_not_there_is_not_found_and_its_places_are_told() -> None:
     search.begin()
     search.run(150.0)
     assert search.flown.authority.reason == "returning: the autopilot flies home"
-    assert search.notes[-1].reason == "the time is over"
+    assert search.notes[-1].reason == "the search time is over"
     now = some(search.flown.now())
     (unknown,) = search.search_run.end(search.time_ns, now, "over").tags
     assert unknown.found_s is None

@@ -115,14 +115,14 @@ def hub() -> Hub:
 def test_an_offer_tells_out_of_which_mode(hub: Hub) -> None:
     offer = hub.ask("hold")
     assert offer.mode == "Position"
-    assert offer.summary == "hold here at 40 m; out of Position"
+    assert offer.summary == "hold here at 40 m; in mode Position"
 
 
 def test_an_offer_says_that_the_vehicles_fence_is_not_known() -> None:
     hub = Hub()
     hub.guide.receive("vehicle", hub.report())
     offer = hub.ask("hold")
-    assert offer.summary == ("hold here at 40 m; own fence unknown; out of Position")
+    assert offer.summary == ("hold here at 40 m; geofence unknown; in mode Position")
 
 
 def meadow(hub: Hub, half_m: float) -> KeepOut:
@@ -227,7 +227,7 @@ def test_a_way_begins_at_the_least_height_or_above(hub: Hub, action: str) -> Non
     ("text", "reason"),
     [
         (None, "cannot be read"),
-        ('{"type": "FeatureCollection", "features": []}', "gives no keep-out areas"),
+        ('{"type": "FeatureCollection", "features": []}', "contains no usable keep-out areas"),
     ],
 )
 def test_while_the_buildings_are_not_known_nothing_is_flown(

@@ -460,8 +460,8 @@ def test_a_channel_of_the_settings_is_not_watched() -> None:
 def test_a_guide_that_was_restarted_ends_the_order(link: Link) -> None:
     begin(link)
     link.handler.handle_request(VehicleRequest(order_id=None, ends=True))
-    assert link.states[-1].text == "the guide has restarted"
-    assert link.texts[-1].text == "Not flying: the guide has restarted"
+    assert link.states[-1].text == "the guide process has restarted"
+    assert link.texts[-1].text == "Not flying: the guide process has restarted"
     link.fly(100.0)
     assert len(link.motions) == 1
 

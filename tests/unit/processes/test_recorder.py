@@ -279,7 +279,7 @@ def test_a_pulse_without_any_pose_is_recorded_with_empty_fields_passed_on_and_to
     drone.end()
     assert drone.stored() == {one: None}
     assert [line.pose for line in drone.logged()] == [None]
-    assert "1 pulses without" in drone.heard("status_text")[0].text
+    assert "1 pulses have none" in drone.heard("status_text")[0].text
 
 
 def test_a_pulse_is_not_waited_for_when_a_later_one_of_its_tag_has_its_pose(

@@ -119,7 +119,7 @@ def test_a_save_broken_off_leaves_whole_files_only_and_can_be_repeated(tmp_path:
         answers = iter([True] * asked)
         wanted = lambda answers=answers: next(answers, False)  # noqa: E731
         if asked < 8:
-            with pytest.raises(RecordingError, match="uavrt is ending"):
+            with pytest.raises(RecordingError, match="uavrt is shutting down"):
                 save_flights(flights, drive, lambda *_: None, wanted)
         else:
             save_flights(flights, drive, lambda *_: None, wanted)

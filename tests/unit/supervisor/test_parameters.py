@@ -220,6 +220,6 @@ def test_with_a_key_the_parameter_needs_a_seal_by_ros_2_too(tmp_path: Path) -> N
     reply = operator.say("set_parameter", parameter="DET_RUN", value=1.0, source="ros2")
     assert (
         reply.message
-        == "this drone has a key and accepts only sealed commands; ROS 2 cannot seal them"
+        == "this drone has a key, so it refuses unauthenticated commands, as from ROS 2"
     )
     assert operator.flights == []

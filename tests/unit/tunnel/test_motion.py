@@ -219,7 +219,7 @@ def test_a_corner_that_is_no_number_is_no_place(value: float, corner: int, axis:
 
 
 def test_a_long_offer_still_says_out_of_which_mode_it_would_fly() -> None:
-    tail = "; own fence unknown; out of Position"
+    tail = "; geofence unknown; in mode Position"
     survey = "survey 12 lines, from 47.123456, 8.123456 at 120 m: 12345 m in 1234 s"
     assert cut_text(survey, tail) == survey + tail
     cut = cut_text(f"{survey}, and then return by the same way", tail)

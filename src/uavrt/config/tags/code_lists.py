@@ -200,7 +200,7 @@ def _quantity(key: str) -> Quantity | str | None:
 def _gaps(
     table: dict[str, _Cell], line: int, faults: list[Fault]
 ) -> tuple[list[float] | None, int]:
-    """Gaps of a tag [ms] and their line number; None instead of gaps if any is not a number."""
+    """Return a tag's gaps [ms] and line number; None for gaps if one is not a number."""
     cells: dict[int, tuple[str, str, int]] = {}
     for key, cell in table.items():
         if (gap := _GAP.fullmatch(key)) is not None:
@@ -221,7 +221,7 @@ def _gaps(
 
 
 def _words_of_unknown(table: dict[str, _Cell]) -> str:
-    """Sentence on unknown columns; one of them may be a misspelt required column."""
+    """Return a sentence on unknown columns, one of which may be a misspelt required column."""
     others = [key for key in table if not _is_known(key)]
     if not others:
         return ""

@@ -14,7 +14,7 @@ from uavrt.core.messages import Tag
 MAX_CODES = 500
 """Maximum number of codes in a list; one core can search this many besides its other work."""
 MOST_NEAR = 50
-"""Maximum number of pairs of similar codes that are printed."""
+"""Most pairs of similar codes that a warning names."""
 MAX_GAPS = 7
 MAX_GAP_MS = 1_000.0
 CODED_PULSE_WIDTH_MS = 2.5
@@ -23,7 +23,7 @@ GAP_TOLERANCE_S = 1.5e-3
 """Maximum sum of a burst's gap errors for the burst to match a code [s]."""
 BURST_TOLERANCE_MS = 4.0
 _UNLIKE_MS = 0.01
-"""Smallest difference between two codes' gaps that counts as a difference [ms]."""
+"""Smallest difference between the gaps of two codes at which they count as different [ms]."""
 _SAME_KHZ = 1.0
 _MHZ = {"Hz": 1e-6, "MHz": 1.0}
 
@@ -31,7 +31,7 @@ _MHZ = {"Hz": 1e-6, "MHz": 1.0}
 def faults_of_gaps(
     gaps: Sequence[Entry], interval: Entry | None, width: Entry | None
 ) -> list[tuple[Entry, str]]:
-    """Check gaps and burst interval of one code [ms]; return each wrong entry and its fault."""
+    """Check the gaps and burst interval of a code [ms]; return each wrong entry's fault."""
     if not gaps:
         return []  # reported when they were read
     width_ms = CODED_PULSE_WIDTH_MS if width is None else width.number
@@ -50,7 +50,7 @@ def faults_of_gaps(
 def _faults_of_numbers(
     gaps: Sequence[Entry], width_ms: float
 ) -> tuple[float, list[tuple[Entry, str]]]:
-    """Check each gap; return the factor that makes the gaps milliseconds, and the faults."""
+    """Check each gap; return the factor that makes all gaps milliseconds, and the faults."""
     if all(0.0 < 1e3 * gap.number < MAX_GAP_MS and gap.number < width_ms for gap in gaps):
         seconds = ", ".join(f"{1e3 * gap.number:.10g}" for gap in gaps)
         return 1e3, [(gaps[0], f"looks like seconds but is read as ms: write {seconds}")]
@@ -68,7 +68,7 @@ def _faults_of_numbers(
 
 
 def faults_of_codes(drafts: Sequence[TagDraft]) -> list[Fault]:
-    """Faults of a whole list of codes: too many, or several that are equal."""
+    """Return the faults of a list of codes: too many codes, or equal ones."""
     coded = [draft for draft in drafts if draft.gaps]
     found: list[Fault] = []
     if len(coded) > MAX_CODES:
@@ -147,7 +147,7 @@ def _are_same(one: _Code, other: _Code) -> bool:
 
 
 def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, float]]:
-    """Find pairs of similar codes in one band, each with the gaps' total difference [s]."""
+    """Return pairs of similar codes in one band, each with their gaps' difference [s]."""
     found: list[tuple[int, int, float]] = []
     by_length: dict[int, list[tuple[float, int]]] = {}
     for place, tag in enumerate(tags):
@@ -171,7 +171,7 @@ def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, fl
 
 
 def words_of_near_codes(tags: Sequence[Tag], window_hz: float) -> list[str]:
-    """Sentences on pairs of codes that are easily confused."""
+    """Return sentences on pairs of tags whose codes are easily confused."""
     near = near_codes(tags, window_hz)
     more = [f"and {len(near) - MOST_NEAR} more pairs"] if len(near) > MOST_NEAR else []
     return [

@@ -6,7 +6,7 @@ from uavrt.core.messages import Tag
 
 
 def overlapping(bands_hz: Sequence[tuple[float, float]]) -> list[list[int]]:
-    """Group bands (lower, upper edge) that overlap, directly or through other bands."""
+    """Group bands (lower, upper edge) that overlap, also through a third band."""
     found: list[list[int]] = []
     reach_hz = 0.0
     for place in sorted(range(len(bands_hz)), key=lambda at: bands_hz[at]):

@@ -1,6 +1,7 @@
-"""The companion computer: checks before a flight, start at boot, updates.
+"""The companion computer: checks before a flight, start at boot, and updates.
 
-`computer_checks`, `bench` and `autopilot_setup` (with `autopilot_rules`) are the checks of
-`uavrt doctor`. `service` and `starter` start uavrt at boot or from a menu, `first_setup` is an
-image's set-up page. `update`, `update_file`, `versions` and `trial` exchange versions.
+`computer_checks`, `bench` and `autopilot_setup` (with `autopilot_rules`) implement the checks
+of `uavrt doctor`. `service` starts uavrt at boot, and `starter` adds it to the desktop menu.
+`first_setup` handles the set-up page of the system image. `update`, `update_file`, `versions`
+and `trial` install a new version and restore the previous one if the new one fails.
 """

@@ -15,9 +15,10 @@ from uavrt.core.errors import ConfigError
 from uavrt.link.mavlink.discovery import STATION_SYSTEM_ID
 
 PX4_PORTS = {"TELEM1": (101, "TEL1"), "TELEM2": (102, "TEL2"), "TELEM3": (103, "TEL3")}
-"""Value of MAV_n_CONFIG for each port, and the port's name in SER_…_BAUD."""
+"""For each port of a PX4: value of MAV_n_CONFIG, and the port's name in SER_…_BAUD."""
 ARDUPILOT_PORTS = {"TELEM1": 1, "TELEM2": 2, "TELEM3": 5}
-"""Usual number n of the parameters SERIALn_… for each port of a board; boards differ."""
+"""For each port label on an ArduPilot board: usual number n of its SERIALn parameters; boards
+differ."""
 PX4_INSTANCES = (0, 1, 2)
 ARDUPILOT_SERIALS = (1, 2, 3, 4, 5, 6)
 ARDUPILOT_CHANNELS = (1, 2, 3, 4)
@@ -29,7 +30,7 @@ NO_FORWARD_CHANNEL = 1 << 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Need:
-    """An autopilot parameter with its reported and its needed value."""
+    """An autopilot parameter: its reported value, its needed value, and the reason."""
 
     name: str
     value: float | None
@@ -43,7 +44,10 @@ class Need:
 
 
 def serial_number(port: str) -> int:
-    """Number n in SERIALn of a port ``TELEM2`` or ``SERIAL2``; raises `ConfigError`."""
+    """Return n of SERIALn for a port such as ``TELEM2`` or ``SERIAL2``.
+
+    Raises `ConfigError` for an unknown port.
+    """
     number = port.removeprefix("SERIAL")
     if number.isdecimal() and int(number) in ARDUPILOT_SERIALS:
         return int(number)
@@ -54,19 +58,22 @@ def serial_number(port: str) -> int:
 
 
 def px4_port(port: str) -> tuple[int, str]:
-    """Value of MAV_n_CONFIG and short name (``TEL2``) of a port; raises `ConfigError`."""
+    """Return the MAV_n_CONFIG value and the short name (``TEL2``) of a PX4 port.
+
+    Raises `ConfigError` for an unknown port.
+    """
     if port not in PX4_PORTS:
         raise ConfigError(f"unknown port {port}", remedy=f"Choose from {', '.join(PX4_PORTS)}")
     return PX4_PORTS[port]
 
 
 def has_serial_ports(values: Mapping[str, float | None]) -> bool:
-    """True if a PX4 reports serial ports for MAVLink; a simulated PX4 does not."""
+    """True if a PX4 has parameters for MAVLink on serial ports; a simulated PX4 has none."""
     return any(values.get(f"MAV_{n}_CONFIG") is not None for n in PX4_INSTANCES)
 
 
 def operator_failsafe(px4: bool, values: Mapping[str, float | None]) -> tuple[bool, str, str]:
-    """Check the autopilot's reaction to a lost ground station: (passed, text, remedy).
+    """Check what the autopilot does if the ground station is lost; return (ok, text, remedy).
 
     PX4 counts every heartbeat of type GCS, ArduPilot those of the system MAV_GCS_SYSID
     (SYSID_MYGCS before 4.7); our ground stations send neither.
@@ -101,7 +108,10 @@ def names_to_read(px4: bool, port: str | None) -> list[str]:
 def needs(
     px4: bool, values: Mapping[str, float | None], port: str | None, baud: int
 ) -> list[Need]:
-    """Compare parameters with the needed values; raises `ConfigError` for an unusable port."""
+    """Compare the autopilot's parameters with the values that uavrt needs.
+
+    Raises `ConfigError` for a port that cannot be used.
+    """
     return _px4(values, port, baud) if px4 else _ardupilot(values, port, baud)
 
 

@@ -1,4 +1,4 @@
-"""Check on the bench whether a drone is ready for a first flight, locally or over its link.
+"""Check before a first flight whether a drone is ready, at the drone or over its link.
 
 `first_flight` evaluates the records and other facts, for ``uavrt doctor --flight`` and the
 page.
@@ -15,23 +15,25 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, rough_duration
 from uavrt.drone.computer.finding import Finding, failed, passed
 
 DETECTOR_SILENT_S = 15.0
-"""Silence of a detector that counts as a fault [s]; over the link each reports every 6 s."""
+"""Time without a report from any detector that counts as a fault [s]; over the link, each
+detector reports every 6 s."""
 POSE_OLD_S = 2.0
 """Age of the newest position that counts as a fault [s]; usually five arrive per second."""
 HEARD_S = 60.0
-"""Maximum age of the last pulse received from the bench tag [s]."""
+"""Largest age at which the last pulse of the test tag still counts as received [s]."""
 NOISE_RISE_DB = 6.0
-"""Rise of a tag's noise level above the lowest level in this check that counts as a fault [dB];
-such a rise halves the range."""
+"""Increase of a tag's noise level since its lowest value that counts as a fault [dB]; such an
+increase halves the detection range."""
 NOISE_APART_DB = 10.0
-"""Noise difference between tag frequencies that counts as a fault [dB]; usually up to 3 dB."""
+"""Difference of noise levels between two tag frequencies that counts as a fault [dB]; 3 dB is
+usual."""
 NOISE_LESS_DB = 10.0
-"""Drop of noise below past flights that counts as a fault [dB]; it shows a disconnected antenna
-or a low gain."""
+"""How far the noise may be below that of past flights before it counts as a fault [dB]. Low
+noise shows a disconnected antenna or a low gain."""
 CLOCK_OFF_S = 3.0
 """Clock difference of drone and ground station that counts as a fault [s]."""
 BATTERY_PERCENT = 50.0
-"""Smallest battery charge for a useful first flight [%]."""
+"""Battery charge below which a first flight should not start [%]."""
 NOISE_REMEDY = (
     "Switch off nearby devices, one after the other (camera, video link, chargers), and "
     "keep cables away from the antenna"
@@ -46,16 +48,17 @@ LEVEL_REMEDY = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightFacts:
-    """Values that a bench check uses in addition to records; None if unknown."""
+    """Inputs of a bench check that are not in the drone's records; None if unknown."""
 
     tags: tuple[Tag, ...]
     state: SystemState | None
     heard: bool
-    """True if the drone under check answers on its link."""
+    """True if the drone answers on its link."""
     own_findings: tuple[Finding, ...] = ()
-    """Findings of checks on this computer, which replace those from the drone's records."""
+    """Results of the checks of this computer; each replaces the check of the drone with the
+    same name."""
     time_known: bool | None = None
-    """True if the autopilot's clock is known; None: checked elsewhere."""
+    """True if the autopilot's clock is known; None if another check covers it."""
     clock_off_s: float | None = None
     pose_age_s: float | None = None
     """Age of the newest position [s]; None without a position."""
@@ -69,7 +72,7 @@ class FlightFacts:
 
 @dataclass(slots=True)
 class _Heard:
-    """The latest records of one tag."""
+    """Noise level, and times of the latest pulse and detector report, for one tag."""
 
     detector_ns: int | None = None
     pulse_ns: int | None = None
@@ -80,12 +83,12 @@ class _Heard:
 
 @dataclass(slots=True)
 class Bench:
-    """Latest records of a drone under check, each with its time of arrival."""
+    """Latest pulse, noise level and position of the drone under check, with arrival times."""
 
     tags: dict[int, _Heard] = field(default_factory=dict)
     pose_ns: int | None = None
     posed: bool | None = None
-    """True if the newest pulse had a position; None without a pulse."""
+    """True if the newest pulse has a position; None before the first pulse."""
 
     def add(self, record: object, now_ns: int) -> None:
         """Add a record; only pulses, search reports and poses are used."""
@@ -102,7 +105,7 @@ class Bench:
                 self.pose_ns = now_ns
 
     def alive(self, tag_id: int, now_ns: int) -> _Heard:
-        """Register that a tag's detector works; return the tag's latest records."""
+        """Note that the detector of a tag works now; return the tag's entry."""
         one = self.tags.setdefault(tag_id, _Heard())
         one.detector_ns = now_ns
         return one
@@ -113,7 +116,7 @@ class Bench:
         self.pose_ns = self.posed = None
 
     def noise(self, tags: Iterable[Tag]) -> dict[int, _Heard]:
-        """Latest records by tag id, for the tags with a known noise level."""
+        """Return the noise records of the given tags, by tag id; without unmeasured tags."""
         ids = {tag.tag_id for tag in tags}
         return {
             tag_id: one
@@ -129,7 +132,10 @@ def _add_noise(one: _Heard, noise_psd: float) -> None:
 
 
 def first_flight(facts: FlightFacts, bench: Bench, now_ns: int) -> list[Finding]:
-    """Check each item of the list before a flight; an unknown item counts as a fault."""
+    """Return the result of every check before a first flight.
+
+    An item without data counts as a fault.
+    """
     judged = [
         _drone(facts),
         _radio(facts, bench, now_ns),
@@ -206,9 +212,9 @@ def _noise(facts: FlightFacts, bench: Bench) -> Finding:
 def _level(
     what: str, levels: dict[int, float], apart_db: float, usual_db: float | None
 ) -> Finding:
-    """Check the noise at the tags' frequencies [dB] against that of past flights.
+    """Compare the tags' noise levels [dB] with those of past flights.
 
-    The levels must already be equal and steady.
+    The levels must already be similar on all tags, and steady.
     """
     even = f"within {apart_db:.0f} dB on all tags, and steady"
     if usual_db is None:

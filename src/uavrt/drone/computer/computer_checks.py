@@ -37,7 +37,7 @@ IDLE_CORES_NEEDED = 0.5
 def examine(
     settings: Settings, running: SystemStatus | None, *, mavlink: str | None = None
 ) -> Iterator[Finding]:
-    """Run all checks of the drone's computer; yields a finding after each."""
+    """Run all checks of the drone's computer; yield each result as soon as it is known."""
     yield check_radio(settings, running)
     if mavlink is not None:
         settings = replace(settings, mavlink=replace(settings.mavlink, address=mavlink))
@@ -167,7 +167,7 @@ def check_clock() -> Finding:
 
 
 def check_kept_time() -> Finding:
-    """Check that this computer keeps its time without a network."""
+    """Check that this computer keeps the time while it is switched off without a network."""
     fault = clock_fault()
     text = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime())
     if fault is None:
@@ -186,7 +186,7 @@ def check_kept_time() -> Finding:
 
 
 def _timedatectl() -> str:
-    """Ask systemd if a time server has set the clock: ``yes``, ``no``, or empty if unknown."""
+    """Query systemd whether a time server has set the clock: ``yes``, ``no`` or ``""``."""
     if shutil.which("timedatectl") is None:
         return ""
     finished = subprocess.run(

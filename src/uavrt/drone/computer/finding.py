@@ -1,4 +1,7 @@
-"""Result of a check. The module has no imports, for ground stations on any computer."""
+"""Result of a check.
+
+This module imports nothing from uavrt, so that any ground station can use it.
+"""
 
 from dataclasses import dataclass
 
@@ -16,15 +19,15 @@ class Finding:
 
 
 def passed(what: str, text: str) -> Finding:
-    """Make the finding of a passed check."""
+    """Return the result of a passed check."""
     return Finding(what=what, ok=True, text=text)
 
 
 def failed(what: str, text: str, remedy: str) -> Finding:
-    """Make the finding of a fault, with its remedy."""
+    """Return the result of a failed check, with its remedy."""
     return Finding(what=what, ok=False, text=text, remedy=remedy)
 
 
 def judged(what: str, ok: bool, text: str, remedy: str) -> Finding:
-    """Make the finding of a check; the remedy is shown only for a fault."""
+    """Return a check's result: passed if `ok`, else failed with the remedy."""
     return passed(what, text) if ok else failed(what, text, remedy)

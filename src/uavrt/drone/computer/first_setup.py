@@ -1,4 +1,4 @@
-"""First set-up of a drone's computer: the steps on the page of an image.
+"""First set-up of a drone's computer: the steps of the system image's set-up page.
 
 Each step is checked as a whole and written to ``uavrt.toml`` at once, so a power cut loses no
 step. Values for root (hostname, passwords, update keys) go to ``set-up.conf`` in the same
@@ -35,33 +35,34 @@ from uavrt.radio.receivers.devices import usb_radios
 
 STEPS = ("name", "antenna", "radio", "autopilot", "keys")
 DONE = "set-up-done"
-"""File next to the settings that marks the set-up as done."""
+"""Name of the file that marks the set-up as finished; it is next to the settings."""
 HANDOVER = "set-up.conf"
 UPDATE_KEYS = "update-keys.pem"
 COMMAND_KEY = "command.key"
 NAME = re.compile(r"[a-z0-9]([a-z0-9-]{0,30}[a-z0-9])?")
-"""Pattern of a hostname (RFC 1123) that is also a valid Wi-Fi name (up to 32 bytes)."""
+"""Pattern of a valid drone name: a hostname (RFC 1123) of at most 32 bytes, to serve as Wi-Fi
+name."""
 SECRET = re.compile(r"[A-Za-z0-9._-]{8,63}")
-"""Pattern of a valid password: 8 to 63 characters for WPA, none that needs quoting."""
+"""Pattern of a valid password: 8 to 63 characters for WPA, without characters that need
+quoting."""
 KEY = re.compile(r"(?:[0-9a-fA-F]{2}){16,256}")
 SSH_KEY = re.compile(
     r"(?:ssh-(?:ed25519|rsa)|ecdsa-sha2-nistp256) [A-Za-z0-9+/]{60,1400}={0,2}"
     r"(?: [A-Za-z0-9@._-]{1,80})?"
 )
-"""Pattern of a public key for log-in, as written by ``ssh-keygen`` (sshd(8)), without options.
-"""
+"""Pattern of an SSH public key as written by ``ssh-keygen`` (sshd(8)), without options."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepFault:
-    """A fault in a value typed by the user."""
+    """Fault in a value that the user entered: the form field and the text to show."""
 
     field: str
     text: str
 
 
 class FirstSetup:
-    """The set-up steps and their state; `config`: the drone's ``uavrt.toml``."""
+    """The set-up steps and which are done. `config` is the drone's ``uavrt.toml``."""
 
     def __init__(self, config: Path) -> None:
         self.config = config
@@ -76,7 +77,7 @@ class FirstSetup:
         return not (self.config.parent / DONE).exists()
 
     def values(self) -> dict[str, Any]:
-        """Initial values of the form fields, by step; without passwords and keys."""
+        """Return the initial values of the form fields, without passwords and keys."""
         settings = self._settings()
         return {
             "name": self._handed_over().get("name") or socket.gethostname(),
@@ -92,7 +93,7 @@ class FirstSetup:
         }
 
     def choices(self) -> dict[str, Any]:
-        """Possible choices for each step, and the radios that are plugged in."""
+        """Return the antennas and radios to choose from, and the radios now plugged in."""
         return {
             "antennas": list(PATTERNS),
             "radios": [
@@ -108,7 +109,7 @@ class FirstSetup:
         }
 
     def save_step(self, step: str, values: dict[str, Any]) -> tuple[StepFault, ...]:
-        """Check a step's values and, if all are valid, write them; returns the faults found."""
+        """Check the values of a step; write them if all are valid. Returns the faults found."""
         judge: dict[str, Callable[[dict[str, Any]], tuple[StepFault, ...]]] = {
             "name": self._name,
             "antenna": self._antenna,
@@ -126,7 +127,7 @@ class FirstSetup:
         return faults
 
     def test(self, step: str, running: SystemStatus | None) -> list[Finding]:
-        """Test the settings of a step, the radio or the autopilot's link, in some seconds."""
+        """Test the radio or the autopilot's link with the saved settings, in some seconds."""
         self._require_wanted()
         settings = self._settings()
         if step == "radio":
@@ -151,7 +152,10 @@ class FirstSetup:
         return {"name": str(self.values()["name"])}
 
     def command_key(self) -> str:
-        """Read the drone's command key, for a laptop that will command it; only in set-up."""
+        """Return the drone's command key for a laptop that will command it.
+
+        Allowed only while the set-up is unfinished.
+        """
         self._require_wanted()
         named = self._settings().mavlink.key_file
         if named is None:
@@ -195,7 +199,7 @@ class FirstSetup:
             text = f"a whole number from {lowest} to {highest}, or empty"
             faults.append(StepFault(field="gain", text=text))
         if rate_msps is None or not row.takes_rate(round(rate_msps * 1e6, 3)):
-            text = f"megasamples a second that the radio takes: {row.rates_text(1e6)}"
+            text = f"a sample rate that the radio supports [MS/s]: {row.rates_text(1e6)}"
             faults.append(StepFault(field="sample_rate_msps", text=text))
         if faults or rate_msps is None:
             return tuple(faults)
@@ -285,7 +289,7 @@ class FirstSetup:
         write_atomically(self.config.parent / HANDOVER, text, mode=0o600)
 
     def _login_keys(self) -> Path:
-        """Path of an image's file of SSH keys for log-in (deploy/image/configure-root.sh)."""
+        """Path of a system image's file of SSH login keys (deploy/image/configure-root.sh)."""
         return self.config.parent.resolve().parent / "ssh/authorized_keys"
 
     def _has_update_key(self) -> bool:
@@ -294,7 +298,7 @@ class FirstSetup:
 
 
 def _writing(directory: Path) -> AbstractContextManager[None]:
-    """Context that adds the remedy to an error if the disk cannot be written."""
+    """Context that converts a disk error to a `ConfigError` with a remedy."""
     return os_errors_as(
         ConfigError,
         f"{directory} cannot be written",
@@ -322,7 +326,7 @@ def _lines(pem: str) -> str:
 
 
 def _are_public_keys(pem: str) -> bool:
-    """True if a text contains only public keys of the kind that signs updates."""
+    """True if a text holds only Ed25519 public keys, which verify updates."""
     keys = split_keys(_lines(pem))
     return bool(keys) and "".join(keys) == _lines(pem) and all(map(_is_ed25519, keys))
 

@@ -1,4 +1,4 @@
-"""Start at boot by a systemd unit and a udev rule.
+"""Install uavrt as a systemd service that starts at boot, with a udev rule for the radio.
 
 The unit is ``Type=notify`` with a watchdog (systemd.service(5)). systemd restarts the
 supervisor when it ends or stops reporting, and the supervisor resumes the flight. The service
@@ -26,7 +26,8 @@ RULE_PATH = Path("etc/udev/rules.d/60-uavrt.rules")
 UPDATE_UNIT_PATH = Path("etc/systemd/system/uavrt-update.service")
 UPDATE_WANTED_PATH = Path("etc/systemd/system/multi-user.target.wants/uavrt-update.service")
 WATCHDOG_S = 15
-"""Silence after which systemd restarts the service [s]; tuning may take 10 s at a start."""
+"""Time without a report after which systemd restarts the service [s]. Tuning FFTs at the start
+may take 10 s."""
 
 DRIVES = ("/media", "/run/media")
 """Directories where removable drives are mounted, for the command "save logs"."""
@@ -61,7 +62,7 @@ class ServicePlan:
 
 
 def unit_text(plan: ServicePlan) -> str:
-    """Text of the systemd unit of the service."""
+    """Return the text of the service's systemd unit."""
     config = ["--config", str(plan.config)] if plan.config is not None else []
     command = " ".join(_quoted(word) for word in (str(plan.program), "run", *config))
     places = [str(plan.directory), *(str(path) for path in plan.writable)]
@@ -131,7 +132,7 @@ WantedBy=multi-user.target
 
 
 def update_unit_text(plan: ServicePlan, prefix: Path) -> str:
-    """Text of the unit that completes the trial of a new version after a power cut."""
+    """Return the unit that finishes the trial of a new version after a power cut."""
     config = ["--config", str(plan.config)] if plan.config is not None else []
     resume = ("uavrt.cli", "update", "--resume", "--prefix", str(prefix), *config)
     words = python_module(prefix / "trial", *resume)
@@ -190,17 +191,17 @@ def _has_account(user: str) -> bool:
 
 
 def _literal(path: Path) -> str:
-    """Path as text at the end of a line in the unit, with ``%`` escaped for systemd."""
+    """Return a path for the end of a unit's line, with ``%`` escaped for systemd."""
     return str(path).replace("%", "%%")
 
 
 def _place(path: str) -> str:
-    """Quoted path for ``ReadWritePaths=``, with ``%`` escaped for systemd."""
+    """Return a quoted path for ``ReadWritePaths=``, with ``%`` escaped for systemd."""
     return _quoted(f"-{path}").replace("$$", "$")
 
 
 def _home_access(plan: ServicePlan) -> str:
-    """Line of the unit that hides home directories, unless program or files are in one."""
+    """Return the unit's line that hides home directories, unless the service needs one."""
     used = (plan.program, plan.directory, plan.config, *plan.writable)
     within = any(
         path.is_relative_to(home) for path in used if path is not None for home in _HOMES
@@ -235,7 +236,10 @@ def _quoted(word: str) -> str:
 
 
 def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
-    """Write unit and rule, start the service if `root` is ``/``; return what was done."""
+    """Write the unit and the udev rule; start the service if `root` is ``/``.
+
+    Returns a list of what was done.
+    """
     done = [
         _write(root / UNIT_PATH, unit_text(plan)),
         _write(root / RULE_PATH, rule_text()),
@@ -255,7 +259,10 @@ def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
 
 
 def remove(root: Path = Path("/")) -> list[str]:
-    """Stop and remove the service, not its flights; return what was done, or `UsageError`."""
+    """Stop and remove the service but keep the flights; return a list of what was done.
+
+    Raises `UsageError` if that is impossible.
+    """
     done = _call(("systemctl", "stop", UNIT)) if root == Path("/") else []
     for path in (WANTED_PATH, UNIT_PATH, UPDATE_WANTED_PATH, UPDATE_UNIT_PATH, RULE_PATH):
         try:
@@ -271,7 +278,7 @@ def remove(root: Path = Path("/")) -> list[str]:
 
 
 def status(root: Path = Path("/")) -> list[str]:
-    """Lines of text on what is installed, and on the state of the service."""
+    """Return lines of text: what is installed, and whether the service runs."""
     lines = [
         f"{'unit':<8}{_present(root / UNIT_PATH)}",
         f"{'at boot':<8}{'yes' if (root / WANTED_PATH).is_symlink() else 'no'}",

@@ -24,7 +24,10 @@ def data_home() -> Path:
 
 
 def install_starter(program: Path, place: Path) -> list[Path]:
-    """Write the menu entry and its icon; returns the files written; can be repeated."""
+    """Write the menu entry and its icon; return the files written.
+
+    A repeated call overwrites them.
+    """
     if not program.exists():
         raise NotFound(
             f"there is no {program}", remedy="Install uavrt, and call its own uavrt command"
@@ -67,7 +70,7 @@ Keywords=radio;telemetry;wildlife;drone;
 
 
 def _quoted(word: str) -> str:
-    r"""Word quoted for ``Exec=``: reserved characters escaped, then ``\`` and ``%`` doubled."""
+    r"""Quote a word for ``Exec=``: escape reserved characters, then double ``\`` and ``%``."""
     if any(letter in word for letter in "\n\r\0"):
         raise UsageError(f"{word!r} has a line break", remedy="Give a path without one")
     escaped = "".join(f"\\{letter}" if letter in '"`$\\' else letter for letter in word)

@@ -17,9 +17,11 @@ from uavrt.core.messages import Poses, SystemStatus
 HOLD_S = 60.0
 """Time for which a new version must work without a gap before it is kept [s]."""
 TRIAL_TIMEOUT_S = 180.0
-"""Longest trial of a new version from start or landing [s]; then the old one is restored."""
+"""Longest trial of a new version [s], from its start or the landing; then the previous version
+is restored."""
 GAP_S = 5.0
-"""Longest gap between records of a working version [s]; status: each 1 s, poses: each 0.5 s."""
+"""Longest gap between records that passes a trial [s]; status comes every 1 s, poses every 0.5
+s."""
 HEARD = ("waiting for ground station", "ready")
 ARMED = "autopilot_armed"
 """Counter in the connection's health: 1 if the autopilot reports armed, 0 if disarmed."""
@@ -50,7 +52,7 @@ class Needs:
 
 @dataclass(slots=True)
 class Seen:
-    """The newest records of the running system, with their times [s]."""
+    """Arrival times of the newest records [s], and the state that they report."""
 
     status_s: float | None = None
     heartbeat_s: float | None = None
@@ -89,7 +91,7 @@ class Seen:
         return heard and bool(self.armed)
 
     def missing(self, needs: Needs, now_s: float) -> str:
-        """Text that names the required records missing at present; empty if none are."""
+        """Return the names of required records that are overdue, as text; empty if none is."""
         wanted = [(self.status_s, "the service")]
         wanted += [(self.heartbeat_s, "the autopilot's heartbeat")] * needs.heartbeat
         wanted += [(self.poses_s, "poses")] * needs.poses
@@ -98,7 +100,7 @@ class Seen:
 
 
 class Trial:
-    """Trial of a new version, which must start to work in `patience_s` and last `hold_s`."""
+    """Trial of a new version: within `patience_s` it must work for `hold_s` without a gap."""
 
     def __init__(
         self,
@@ -117,7 +119,7 @@ class Trial:
         """Text on what was missing or restarted at the last failed check."""
 
     def judge(self, records: list[Any], now_s: float) -> Verdict:
-        """Evaluate new records; return the decision on the new version, or to wait."""
+        """Evaluate new records; return whether to keep or undo the update, or to wait."""
         for record in records:
             self.seen.add(record, now_s)
             if self.seen.restarted:
@@ -140,7 +142,7 @@ class Trial:
 
 
 def require_still(seen: Seen, needs: Needs, now_s: float, *, bench: bool) -> Needs:
-    """Raise `UsageError` if the vehicle may fly; return what the new version must produce.
+    """Raise `UsageError` if the vehicle may be flying; return what a trial must observe.
 
     `bench`: the drone is on a bench; heartbeat and poses are required only if present now.
     """

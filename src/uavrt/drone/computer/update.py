@@ -1,4 +1,4 @@
-"""Install another version for ``uavrt update``, try it, and keep it or go back.
+"""Install a new version for ``uavrt update``, try it, and keep it or restore the old one.
 
 A power cut may happen at any step:
 
@@ -33,12 +33,15 @@ from uavrt.drone.computer.versions import COMPLETE, Installation, version_of
 PrintText = Callable[[str], None]
 Restart = Callable[[], None]
 TrialCheck = Callable[[], tuple[Verdict, str]]
-"""Function that monitors a new version on trial; returns its decision and what was missing."""
+"""Function that monitors a new version on trial. It returns the decision, and a text on what
+failed."""
 
 EXTRAS = {"ros2": "cyclonedds", "ground": "starlette"}
-"""Optional parts of uavrt (pip extras), each with a package that is present if installed."""
+"""Optional parts of uavrt (pip extras), each with a package that shows whether the part is
+installed."""
 BUILT_HERE = "wheels"
-"""Directory of wheels that deploy/install.sh had to build, as for 64-bit ARM."""
+"""Name of the directory of wheels that deploy/install.sh built on this computer, as for 64-bit
+ARM."""
 PAGE_UNIT = "uavrt-page.service"
 KEYS = ".update-keys.pem"
 """File name, in a version's directory, of the public keys that come with the version."""
@@ -47,7 +50,7 @@ SPACE_FACTOR = 2.2
 
 
 def check(path: Path, place: Installation, *, downgrade: bool = False) -> Update:
-    """Check whether an update may be installed here; raises `UavrtError` if not."""
+    """Read an update and check that it may be installed here; raises `UavrtError` if not."""
     place.require()
     update = read_update(path, place.keys)
     if place.before() is not None:
@@ -82,7 +85,7 @@ def _require_room(place: Installation, present: Path) -> None:
 def install_beside(
     update: Update, place: Installation, *, config: Path, directory: Path
 ) -> Path:
-    """Install and test a new version in its own directory, which is returned."""
+    """Install and test a new version in its own directory; return this directory."""
     made = place.version_directory(update.name)
     try:
         if not (made / COMPLETE).exists():
@@ -100,7 +103,7 @@ def install_beside(
 
 
 def python_module(environment: Path, *words: str) -> list[str]:
-    """Make the command that runs a module of an environment as root, with ``-I``.
+    """Return the command that runs a module of an environment as root, with ``-I``.
 
     ``-I`` prevents imports from the working directory, which may belong to the service's user.
     """
@@ -161,7 +164,7 @@ def _run(command: Sequence[str], update: Update) -> None:
 
 
 def _run_isolated(command: Sequence[str]) -> "subprocess.CompletedProcess[str]":
-    """Run a command in the root directory, without the caller's Python and pip settings."""
+    """Run a command in ``/``, without the Python and pip settings of the caller."""
     kept = {name: value for name, value in os.environ.items() if name in ("PATH", "LANG")}
     kept |= {"PIP_CONFIG_FILE": "/dev/null", "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
     return subprocess.run(
@@ -188,7 +191,10 @@ def rehearse(made: Path, version: str, *, config: Path) -> None:
 def exchange(
     made: Path, place: Installation, *, restart: Restart, judge: TrialCheck, say: PrintText
 ) -> bool:
-    """Start the new version, monitor it, and keep it or go back; True if kept."""
+    """Start the new version and monitor it. If it fails, restore the previous version.
+
+    True if the new version was kept.
+    """
     before = place.current()
     place.point(place.trial, before)
     place.point(place.link, made)
@@ -198,7 +204,7 @@ def exchange(
 
 
 def finish(place: Installation, *, restart: Restart, judge: TrialCheck, say: PrintText) -> bool:
-    """Monitor a version on trial, also after a power cut; True if the version was kept."""
+    """Finish a trial, also one that a power cut interrupted; True if the version was kept."""
     before = place.before()
     if before is None:
         say("no version is on trial")
@@ -212,10 +218,10 @@ def finish(place: Installation, *, restart: Restart, judge: TrialCheck, say: Pri
         _take_keys(current, place)
         place.end_trial()
         place.remove_others(current, before)
-        say(f"{current.name} has passed its trial and stays")
+        say(f"{current.name} has passed its trial and is kept")
         return True
     place.point(place.link, before)
-    say(f"{current.name} has failed its trial ({fault}): back to {before.name}")
+    say(f"{current.name} has failed its trial ({fault}): {before.name} is restored")
     _go_back(place, before, restart, say)
     return False
 
@@ -245,7 +251,7 @@ def _take_keys(version: Path, place: Installation) -> None:
 
 
 def restart_by(command: Sequence[str]) -> None:
-    """Restart the service; raises `UavrtError` if that fails."""
+    """Restart the service by `command`; raises `UavrtError` if it fails."""
     with os_errors_as(UavrtError, f"{command[0]}"):
         done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -253,10 +259,10 @@ def restart_by(command: Sequence[str]) -> None:
 
 
 def restart_page() -> None:
-    """Restart an image's page with the present version; does nothing elsewhere.
+    """Restart the web page service of a system image, so that it runs the present version.
 
-    This separate service would otherwise use the files of the previous version until they are
-    removed.
+    This separate service would otherwise use files of the previous version, which are removed.
+    Without a system image, nothing happens.
     """
     with suppress(OSError):
         command = ["systemctl", "try-restart", PAGE_UNIT]

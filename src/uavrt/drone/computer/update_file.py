@@ -59,7 +59,7 @@ class Wheel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Manifest of an update: version, wheels and keys."""
+    """Contents of ``update.json``: version, list of wheels, and new public keys, if any."""
 
     format: int
     version: str
@@ -85,7 +85,7 @@ class Update:
 
 
 def version_key(version: str) -> tuple[object, ...]:
-    """Sort key of a version (PEP 440, without epochs); raises `FormatError`.
+    """Return a version's sort key (PEP 440, without epochs); raises `FormatError`.
 
     >>> version_key("0.10.0") > version_key("0.9.1") > version_key("0.9.1rc2")
     True
@@ -156,7 +156,7 @@ def _wheel_version(content: bytes, path: Path) -> str:
                 raise ValueError("the METADATA file is too large")
             metadata = BytesHeaderParser().parsebytes(archive.read(entry))
     except KeyError:
-        text = f"{path} is not uavrt {named}, as its name says"
+        text = f"{path} does not contain uavrt {named}, contrary to its name"
         raise FormatError(text, remedy="Give the file the name that it was made with") from None
     except (ValueError, RuntimeError, OSError, EOFError, *ZIP_FAULTS) as error:
         raise FormatError(f"{path} is not a wheel: {error}", remedy=COPY_AGAIN) from error
@@ -194,7 +194,7 @@ def _opened(path: Path) -> Iterator[tarfile.TarFile]:
 
 
 def _check_headers(path: Path) -> None:
-    """Reject impossible sizes in tar headers; `tarfile` reads names and tables whole.
+    """Reject tar headers with impossible sizes before `tarfile` reads them.
 
     Blocks of 512 bytes (POSIX.1-2017, pax): at 124 the size of the content in octal, at 156 its
     kind. Sizes beyond the file and invalid names are rejected.
@@ -244,7 +244,7 @@ def _manifest(text: bytes, path: Path) -> Manifest:
         raise FormatError(f"{path}: {MANIFEST} cannot be read: {error}") from error
     if manifest.format != FORMAT:
         text_ = f"{path} is an update of format {manifest.format}; this version reads {FORMAT}"
-        raise FormatError(text_, remedy="Update to a version in between first")
+        raise FormatError(text_, remedy="First update to an intermediate version")
     if not all(_WHEEL.fullmatch(wheel.name) for wheel in manifest.files):
         text_ = f"{path}: {MANIFEST} lists files that are not wheels"
         raise FormatError(text_, remedy=_MAKER)
@@ -255,12 +255,15 @@ def _manifest(text: bytes, path: Path) -> Manifest:
 
 
 def split_keys(text: str) -> list[str]:
-    """Separate a text into its PEM blocks, each a public key."""
+    """Return the PEM blocks of a text, one for each public key."""
     return _KEY.findall(text)
 
 
 def require_signed(content: bytes, signature: bytes, keys: Path, path: Path) -> None:
-    """Raise `UsageError` unless a key that only root can write has signed the content."""
+    """Raise `UsageError` unless the content has a valid signature.
+
+    The file of accepted keys must be writable for root only.
+    """
     trusted = _trusted(keys)
     if len(signature) == SIGNATURE_BYTES:
         with tempfile.TemporaryDirectory(prefix="uavrt-update-") as name:

@@ -32,7 +32,7 @@ COMPLETE = ".complete"
 
 @dataclass(frozen=True, slots=True)
 class Installation:
-    """Directory with the installed versions, and its links."""
+    """Directory that contains the installed versions, and the links to two of them."""
 
     prefix: Path
 
@@ -61,7 +61,7 @@ class Installation:
         return self.prefix / "update-keys.pem"
 
     def version_directory(self, name: str) -> Path:
-        """Directory of a version."""
+        """Return the directory of the version with this name."""
         return self.prefix / "versions" / name
 
     def current(self) -> Path:
@@ -91,7 +91,7 @@ class Installation:
         self.sync()
 
     def end_trial(self) -> None:
-        """Keep the running version permanently."""
+        """Remove the ``trial`` link, so that the running version is kept permanently."""
         self.trial.unlink(missing_ok=True)
         self.sync()
 
@@ -106,7 +106,7 @@ class Installation:
         sync_to_disk(self.prefix)
 
     def remove_others(self, *kept: Path) -> None:
-        """Remove versions without a link, and remains of an interrupted update."""
+        """Delete all versions except `kept`, and the remains of an interrupted update."""
         for path in (self.prefix / "versions").iterdir():
             if path not in kept:
                 shutil.rmtree(path, ignore_errors=True)
@@ -133,7 +133,7 @@ def runs_from(process_id: int, environment: Path) -> bool:
 
 
 def version_of(environment: Path) -> str:
-    """Version of uavrt in an environment; raises `UsageError`."""
+    """Return the version of uavrt in an environment; `UsageError` if it is not installed."""
     for place in environment.glob("lib/python3*/site-packages"):
         for found in distributions(name="uavrt", path=[str(place)]):
             return found.version

@@ -15,13 +15,13 @@ _PR_GET_CHILD_SUBREAPER = 37
 
 
 def adopt_orphans() -> None:
-    """Become the parent of orphaned descendants, so that they can be ended."""
+    """Become the parent of descendants whose parent has ended, so they can be ended too."""
     if sys.platform.startswith("linux"):
         ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
 
 
 def adopts_orphans() -> bool:
-    """True if adopting orphans works; it fails in an emulator of another processor."""
+    """True if `adopt_orphans` has an effect; it has none when another processor is emulated."""
     adopts = ctypes.c_int(0)
     if sys.platform.startswith("linux"):
         ctypes.CDLL(None).prctl(_PR_GET_CHILD_SUBREAPER, ctypes.byref(adopts), 0, 0, 0)

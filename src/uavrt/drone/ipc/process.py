@@ -1,4 +1,4 @@
-"""Boilerplate of a child process: link, clock, health reports, shutdown.
+"""Base of every child process: link to the supervisor, clock, health reports, shutdown.
 
 A process's main is then a short loop::
 
@@ -45,10 +45,12 @@ class ProcessFrame:
 
     @classmethod
     def start(cls, *, finishes: bool = False) -> "ProcessFrame":
-        """Open the link and wait for the assignment; SIGTERM ends the loop, SIGINT is ignored.
+        """Open the link and wait for the assignment.
 
-        With `finishes` the end of the supervisor acts as SIGTERM too, for processes that must
-        still write. The supervisor alone decides in which order processes end on Ctrl-C.
+        SIGTERM then ends the main loop; SIGINT is ignored.
+
+        With `finishes`, the end of the supervisor acts as SIGTERM too, for processes that must
+        still write. On Ctrl-C, the supervisor alone decides in which order processes end.
         """
         die_with_parent(signal.SIGTERM if finishes else signal.SIGKILL)
         signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -65,9 +67,9 @@ class ProcessFrame:
         self.running = False
 
     def send(self, topic: str, record: object) -> None:
-        """Queue a record that the supervisor passes on; it is sent with the next report.
+        """Queue a record for the supervisor; the next `report` sends it.
 
-        All records of a turn of the loop go together: each sending wakes the supervisor.
+        Sending all records of a loop pass together wakes the supervisor only once.
         """
         self.link.put(topic, record)
 
@@ -92,9 +94,10 @@ class ProcessFrame:
         last: bool = False,
         reason: str = "",
     ) -> None:
-        """Send queued records, and a health report if it is due, changed or the last one.
+        """Send queued records, and a health report if one is due.
 
-        Call it in each turn of the loop.
+        Call it in each pass of the main loop. A changed status and the end of the process are
+        reported at once.
         """
         now_s = monotonic_s()
         if not last and now_s < self._next_health_s and (status, ok, reason) == self._last:
@@ -116,7 +119,7 @@ class ProcessFrame:
         )
 
     def idle(self, reason: str) -> None:
-        """Report a fault until stopped, if a restart of the process would change nothing."""
+        """Report a fault that a restart cannot cure, until the process is stopped."""
         while self.running:
             self.receive(timeout_s=0.5)
             self.report(reason, ok=False)

@@ -39,13 +39,13 @@ HEARTBEAT_S: Final = 1.0
 """Time between two heartbeats of a tag's detector [s]; 3.6 s for the original detector."""
 
 OVERDUE_NS: Final = ns_from_s(1.0)
-"""Time after the expected end of a tag's next pulse at which it counts as missed [ns].
-Detectors report a pulse about half a second late, in steps of up to 0.44 s."""
+"""Delay after a pulse's expected end at which the pulse counts as missed [ns]. Detectors report
+a pulse about half a second late, in steps of up to 0.44 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PulseRecord:
-    """The twelve numbers of a pulse datagram."""
+    """Content of a pulse datagram: twelve numbers in the order of the table above."""
 
     tag_id: float
     frequency_hz: float = 0.0
@@ -66,7 +66,10 @@ class PulseRecord:
 
     @classmethod
     def decode(cls, payload: bytes) -> "PulseRecord":
-        """Decode 96 bytes, infinite numbers included; raises `FormatError` for another size."""
+        """Decode a record of 96 bytes; raises `FormatError` for any other size.
+
+        Numbers may be infinite.
+        """
         if len(payload) != RECORD.size:
             raise FormatError(
                 f"a pulse record has {RECORD.size} bytes, this one {len(payload)}",
@@ -88,12 +91,12 @@ def record_of_pulse(pulse: Pulse) -> PulseRecord:
 
 
 def record_of_search(report: SearchReport) -> PulseRecord:
-    """Convert a search report without a detection to a pulse record of state 3."""
+    """Convert a report of a search without detection to a pulse record of state 3."""
     return from_search_report(PulseRecord, report)
 
 
 class PulseDatagramSender:
-    """Sends pulse records and heartbeats by UDP; `LinkError` for an unknown host."""
+    """Sends pulse records and heartbeats by UDP; raises `LinkError` for an unknown host."""
 
     def __init__(self, host: str, port: int, tag_ids: Sequence[int]) -> None:
         with os_errors_as(LinkError, f"no address {host}", "Check the host's name"):
@@ -110,15 +113,15 @@ class PulseDatagramSender:
         """Number of records not sent, for lack of buffer or network."""
 
     def send_pulses(self, pulses: Iterable[Pulse]) -> None:
-        """Send pulses, each of them once."""
+        """Send a datagram for each pulse."""
         for pulse in pulses:
             self._send(record_of_pulse(pulse))
             self._note_found(pulse)
 
     def send_reports(self, reports: Iterable[SearchReport]) -> None:
-        """Send search reports without a detection, except for a tag between its pulses.
+        """Send reports of searches without detection, unless the tag is received regularly.
 
-        Reports come every second, pulses often less often; without this rule, a controller
+        Reports come every second, pulses often less often. Without this rule, a controller
         would consider a tag lost between two pulses.
         """
         for report in reports:
@@ -127,14 +130,14 @@ class PulseDatagramSender:
                 self._send(record_of_search(report))
 
     def heartbeat(self, now_s: float) -> None:
-        """Send a heartbeat for each tag once a second, by a monotonic clock."""
+        """Send a heartbeat for each tag, at most once a second by the monotonic `now_s`."""
         if now_s - self._last_heartbeat_s >= HEARTBEAT_S:
             self._last_heartbeat_s = now_s
             for tag_id in self._tag_ids:
                 self._send(PulseRecord(tag_id=tag_id))
 
     def _note_found(self, pulse: Pulse) -> None:
-        """Extend the time span in which a tag is detected, or begin a new one."""
+        """Extend the time span in which a tag is received regularly, or begin a new span."""
         next_ns = pulse.predicted_next_end_ns or pulse.end_time_ns
         begin_ns, end_ns = pulse.start_time_ns, next_ns + OVERDUE_NS
         before_ns, until_ns = self._found_ns.get(pulse.tag_id, (begin_ns, end_ns))

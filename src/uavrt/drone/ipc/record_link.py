@@ -1,7 +1,7 @@
-"""A program's end of a socket to the supervisor: a child process, or a local viewer.
+"""Client end of the socket to the supervisor, for child processes and local viewers.
 
-The socket never blocks the program: unwritten data waits in memory until the next call. When
-the supervisor is gone, a child exits.
+The socket never blocks the program: data that cannot be written waits in memory until the next
+call. A child process exits when the supervisor is gone.
 """
 
 import os
@@ -15,7 +15,8 @@ from uavrt.drone.ipc.tag_assignment import Assignment
 from uavrt.drone.ipc.topics import decode_record, encode_record
 
 LINK_VARIABLE = "UAVRT_LINK_FD"
-"""Environment variable with the descriptor of the socket to the supervisor."""
+"""Name of the environment variable that holds the file descriptor of the supervisor's
+socket."""
 
 
 FLUSH_BYTES = 16_384
@@ -62,13 +63,16 @@ class RecordSocket:
         return self._sock.fileno()
 
     def put(self, topic: str, record: object) -> None:
-        """Queue a record for the next `send`, `flush` or `receive`; raises `SupervisorGone`."""
+        """Queue a record; a later `send`, `flush` or `receive` writes it.
+
+        Raises `SupervisorGone` if a full queue cannot be written.
+        """
         self._unsent += encode_record(topic, record)
         if len(self._unsent) > FLUSH_BYTES:
             self.flush()
 
     def send(self, topic: str, record: object) -> None:
-        """Queue a record and write the queue as far as possible; raises `SupervisorGone`."""
+        """Queue a record and write as much of the queue as fits; may raise `SupervisorGone`."""
         self._unsent += encode_record(topic, record)
         self.flush()
 
@@ -89,7 +93,10 @@ class RecordSocket:
         return True
 
     def receive(self, timeout_s: float = 0.0) -> list[tuple[str, Any]]:
-        """Return (topic, record) pairs, waiting for the first; `SupervisorGone` at the end."""
+        """Return the received (topic, record) pairs; wait up to `timeout_s` for the first.
+
+        Raises `SupervisorGone` once all are read and the socket is closed.
+        """
         if not self._received and timeout_s > 0 and not self._gone:
             if self._unsent:
                 self.flush()
@@ -105,7 +112,7 @@ class RecordSocket:
         return records
 
     def wait_for_assignment(self, timeout_s: float = 10.0) -> Assignment:
-        """Return the first record, the assignment; later ones stay for `receive`."""
+        """Wait for the first record, the assignment, and return it; `receive` gets the rest."""
         deadline = time.monotonic() + timeout_s
         while not self._received and time.monotonic() < deadline:
             select.select([self._sock], [], [], deadline - time.monotonic())

@@ -49,19 +49,20 @@ HEADER = struct.Struct("<QqdfHH")
 STRETCH = struct.Struct("<qq")
 CARRIER = struct.Struct("<d")
 MAX_STRETCHES = 1024
-"""Largest number of clipped time spans in a datagram, 16 KiB; a block of 87 ms has up to 90."""
+"""Largest number of clipped time spans in a datagram (16 KiB); a radio block of 87 ms has up to
+90."""
 BACKLOG_BYTES = 16 * 1024 * 1024
-"""Largest size of the queue of samples for one detector [bytes]: 280 s of one channel."""
+"""Most samples queued for one detector [bytes]; enough for 280 s of one channel."""
 MAX_CARRIERS = 8
 _CARRIERS_BYTES = MAX_CARRIERS * CARRIER.size
 MAX_SAMPLES = 8192
-"""Largest number of a channel's samples in one block of a datagram; larger blocks are cut."""
+"""Most samples of one channel in a block of a datagram; a longer block is split."""
 MAX_DATAGRAM_BYTES = 128 * 1024
 """Largest datagram [bytes], below the default send buffer of 208 KiB."""
 
 
 class ChannelSender:
-    """Sends the blocks of several channels to one detector, without blocking."""
+    """Sends the sample blocks of several channels to one detector; never blocks."""
 
     def __init__(self, sock: socket.socket) -> None:
         sock.setblocking(False)
@@ -79,7 +80,7 @@ class ChannelSender:
         """Number of samples dropped because the detector did not read them in time."""
 
     def send(self, block: ChannelBlock) -> None:
-        """Queue a channel's block, cut if it is long; `flush` sends it."""
+        """Queue a channel's samples for `flush`; more than `MAX_SAMPLES` are split."""
         if block.clipped_ns is not self._last_clipped:
             self._last_clipped = block.clipped_ns
             self._take_clipped(block.clipped_ns[-MAX_STRETCHES:])
@@ -110,7 +111,10 @@ class ChannelSender:
         self._clipped = kept
 
     def _enqueue(self, *, more: bool) -> None:
-        """Make a datagram of the queued blocks; beyond the limit the oldest one is dropped."""
+        """Queue a datagram with the collected blocks.
+
+        Above `BACKLOG_BYTES`, drop the oldest datagrams.
+        """
         carriers = [CARRIER.pack(frequency_hz) for frequency_hz in self._carriers_hz]
         self._size += CARRIER.size * len(carriers)
         envelope = ENVELOPE.pack(len(self._parts) // 2, more, len(self._clipped), len(carriers))
@@ -127,7 +131,7 @@ class ChannelSender:
             self.samples_dropped += (len(dropped) - overhead) // 8
 
     def flush(self) -> None:
-        """End a radio block; send datagrams until the socket's buffer is full."""
+        """Complete the radio block, and send datagrams until the socket's buffer is full."""
         if self._parts:
             self._enqueue(more=False)
         while self._waiting:
@@ -141,7 +145,7 @@ class ChannelSender:
 
 
 class ChannelReceiver:
-    """Receives the channel blocks that a receiver sends to one detector."""
+    """Receives the sample blocks that the receiver process sends to one detector."""
 
     def __init__(self, sock: socket.socket) -> None:
         sock.setblocking(False)
@@ -157,7 +161,7 @@ class ChannelReceiver:
         return self._sock.fileno()
 
     def receive(self) -> list[ChannelBlock]:
-        """Return the blocks of the next valid datagram, in order; empty if none waits."""
+        """Return the sample blocks of the next valid datagram; empty if none is waiting."""
         while True:
             try:
                 datagram = self._sock.recv(MAX_DATAGRAM_BYTES)
@@ -195,7 +199,7 @@ class ChannelReceiver:
 
 
 def _pieces(datagram: bytes) -> list[int]:
-    """Offsets of a datagram's blocks [bytes]; empty if the datagram is invalid."""
+    """Return where each block in a datagram begins [bytes]; empty for an invalid datagram."""
     if len(datagram) < ENVELOPE.size:
         return []
     places = []
@@ -212,7 +216,7 @@ def _pieces(datagram: bytes) -> list[int]:
 
 
 def _begin(datagram: bytes) -> int:
-    """Offset of the first block in a datagram [bytes]."""
+    """Return where the first block of a datagram begins [bytes]."""
     clipped: int
     carriers: int
     _, _, clipped, carriers = ENVELOPE.unpack_from(datagram)
@@ -220,7 +224,7 @@ def _begin(datagram: bytes) -> int:
 
 
 def _carriers_hz(datagram: bytes) -> tuple[float, ...]:
-    """Frequencies of the carriers that a datagram reports [Hz]."""
+    """Return the frequencies of the steady carriers that a datagram reports [Hz]."""
     carriers = ENVELOPE.unpack_from(datagram)[3]
     end = _begin(datagram)
     return tuple(
@@ -229,7 +233,7 @@ def _carriers_hz(datagram: bytes) -> tuple[float, ...]:
 
 
 def _clipped_ns(datagram: bytes) -> tuple[tuple[int, int], ...]:
-    """Start and end of the time spans with clipped samples in a datagram [ns, UTC]."""
+    """Return the time spans with clipped samples in a datagram, as (start, end) [ns, UTC]."""
     end = ENVELOPE.size + STRETCH.size * ENVELOPE.unpack_from(datagram)[2]
     stretches = datagram[ENVELOPE.size : end]
     return tuple((begin, end) for begin, end in STRETCH.iter_unpack(stretches))

@@ -1,4 +1,4 @@
-"""Sockets for channel samples, made by the supervisor and never read by it."""
+"""Socket pairs for channel samples. The supervisor makes them but does not read them."""
 
 import socket
 
@@ -6,7 +6,7 @@ SEND_BUFFER_BYTES = 4 * 1024 * 1024
 
 
 def make_sample_sockets() -> tuple[socket.socket, socket.socket]:
-    """Make a pair of sockets (sender's end, receiver's end) with the largest allowed buffer."""
+    """Make a socket pair (sending end, receiving end) with the largest allowed buffer."""
     sender, receiver = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
     sender.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
     return sender, receiver

@@ -8,10 +8,10 @@ from uavrt.core.messages import FlightInfo, Tag
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Assignment:
-    """Settings, clock and task of a process: the first record that it receives."""
+    """First record that a process receives: its settings, clock, tags and sockets."""
 
     process: str
-    """Name of the process, with a number if there are several workers: ``detector-2``."""
+    """Name of the process; a detector worker's name ends with its number: ``detector-2``."""
     settings: Settings
     clock_offset_ns: int
     flight: FlightInfo | None
@@ -19,8 +19,9 @@ class Assignment:
     last_flights: tuple[str, ...] = ()
     """Directories of earlier flights with pulses that may not have reached the ground."""
     tags: tuple[Tag, ...] = ()
-    """Tags that this process serves: all, or this detector worker's share."""
+    """Tags that the process handles: all tags, or the share of one detector worker."""
     worker_of_tag: dict[int, int] = field(default_factory=dict)
-    """Number of each tag's detector worker by tag id, for the receiver."""
+    """For the receiver: number of the detector worker that searches each tag, by tag id."""
     sample_fds: tuple[int, ...] = ()
-    """Descriptors of sample sockets: the receiving one, if any, then one for each detector."""
+    """File descriptors of sample sockets: first the receiving end, if any, then one sending end
+    per detector."""

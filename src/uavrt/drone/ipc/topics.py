@@ -25,13 +25,13 @@ class Topic:
     meaning: str
     _: KW_ONLY
     newest: int | None = None
-    """Number of newest records kept for a slow or restarting consumer; None: all. Older records
+    """Number of records kept for a slow or restarting consumer; None keeps all. Older records
     are dropped and counted."""
     every_s: float | None = None
-    """Time between two records of one sender once they flow [s]; None: irregular. A rate below
-    half of this is reported as too slow (`uavrt.drone.supervisor.pace`)."""
+    """Usual time between two records of one sender [s]; None if irregular. A rate below half of
+    the usual one is reported as too slow (`uavrt.drone.supervisor.pace`)."""
     each_tag: bool = False
-    """True if `every_s` applies to each tag that the sender serves."""
+    """True if records come every `every_s` for each of the sender's tags."""
 
 
 TOPICS: dict[str, Topic] = {
@@ -42,7 +42,7 @@ TOPICS: dict[str, Topic] = {
         Topic(
             "search_report",
             messages.SearchReport,
-            "searched, nothing found, with the noise floor",
+            "a search without detection, with the noise floor",
             newest=200,
             every_s=1.0,
             each_tag=True,
@@ -86,10 +86,15 @@ TOPICS: dict[str, Topic] = {
         Topic(
             "flight_end",
             messages.FlightInfo,
-            "the flight has ended and all its pulses are on their way",
+            "the flight has ended, and all its pulses were passed on",
         ),
         Topic("motion", messages.MotionRequest, "a motion that an operator requests", newest=1),
-        Topic("motion_offer", messages.MotionOffer, "a motion to be confirmed", newest=1),
+        Topic(
+            "motion_offer",
+            messages.MotionOffer,
+            "a proposed motion that the operator must confirm",
+            newest=1,
+        ),
         Topic(
             "vehicle",
             messages.VehicleReport,
@@ -133,7 +138,7 @@ TOPICS: dict[str, Topic] = {
         Topic(
             "system_status",
             messages.SystemStatus,
-            "the state of the drone side",
+            "the state of the drone's programs, tags and flight",
             newest=2,
             every_s=1.0,
         ),
@@ -162,7 +167,7 @@ def encode_record(topic: str, record: object) -> bytes:
 
 
 def topic_of(line: bytes) -> str:
-    """Topic of a line, without decoding its record."""
+    """Return the topic of an encoded line, without decoding its record."""
     return line[: line.find(b"\t")].decode("ascii", "replace")
 
 

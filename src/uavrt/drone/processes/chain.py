@@ -1,4 +1,4 @@
-"""The chain process: receiver and detectors in one process, for a computer with one core.
+"""The chain process runs the receiver and all detectors, for a computer with one core.
 
 Receiver and detectors are the same as in separate processes, without sockets between them.
 """
@@ -20,7 +20,7 @@ class Chain(Receiver):
         super().__init__(frame, flight, [self._searcher])
 
     def close(self) -> None:
-        """Search the remaining samples and close the recording."""
+        """Search the samples not yet searched, and close the recording."""
         self._searcher.finish()
         super().close()
 

@@ -1,4 +1,4 @@
-"""The connection process: links the drone's processes to autopilot and ground stations.
+"""The connection process links the drone's processes to autopilot and ground stations.
 
 Each pulse gets its pose and is sent to the recorder and the ground at once. The process
 converts received payloads to commands, and the supervisor's replies to acknowledgements.
@@ -54,7 +54,7 @@ PEERS = ("autopilot", "ground station")
 
 
 class LinkWatch:
-    """Keeps the links at `addresses` open, numbered in order; link 0 is the autopilot's."""
+    """Opens the links at `addresses` and reopens failed ones; link 0 leads to the autopilot."""
 
     def __init__(
         self, link: Connection, addresses: Mapping[int, str], memory: SigningMemory | None
@@ -65,7 +65,7 @@ class LinkWatch:
         self._stations: frozenset[tuple[int, int]] = frozenset()
 
     def tasks(self) -> list[Coroutine[Any, Any, None]]:
-        """Coroutines that keep the links open and receive from them; empty without links."""
+        """Return the coroutines that keep the links open and receive from them."""
         served = [self._serve(number, address) for number, address in self._addresses.items()]
         return [*served, self._link.keep_time()] if served else []
 
@@ -91,7 +91,7 @@ class LinkWatch:
         return 0 in self._addresses and self._link.link is None and 0 in self._faults
 
     def keep_signing_times(self, now_ns: int, disk: DiskThread) -> None:
-        """Write the times of signed messages to the disk when due."""
+        """Store the newest signing time on disk when due, to reject replayed messages later."""
         times = None if self._memory is None else self._memory.due(now_ns)
         if self._memory is not None and times is not None:
             disk(partial(self._memory.write, times), lambda _done: None)
@@ -102,7 +102,7 @@ class LinkWatch:
         return not self._stations <= before
 
     def log_presence(self) -> None:
-        """Log when the autopilot or a ground station appears or falls silent."""
+        """Log when the autopilot or the ground stations are first received, or fall silent."""
         heard = (self._link.autopilot_present, self._link.station_present)
         for name, before, now in zip(PEERS, self._heard, heard, strict=True):
             if before != now:
@@ -112,7 +112,7 @@ class LinkWatch:
 
 
 class ConnectionProcess:
-    """Creates the parts of the connection process, and runs each in turn."""
+    """Creates the parts of the connection process and passes data between them."""
 
     def __init__(self, frame: ProcessFrame) -> None:
         settings, flight = frame.assignment.settings, frame.assignment.flight
@@ -211,7 +211,7 @@ class ConnectionProcess:
         )
 
     async def run(self) -> None:
-        """Serve the links until the supervisor ends the process."""
+        """Serve the links until the supervisor stops the process."""
         loop = asyncio.get_running_loop()
         loop.add_reader(self._frame.link.fileno(), self._take_records)
         self._disk.start()
@@ -286,9 +286,9 @@ class ConnectionProcess:
         self._frame.send("command", command)
 
     def _say(self, text: StatusText) -> None:
-        """Send a text to the operator and to the supervisor, which records it.
+        """Send a text to the ground, and to the supervisor, which records it.
 
-        The supervisor does not return the text, so it is sent to the ground here.
+        The supervisor does not return the text, so the ground gets it from here.
         """
         self._frame.send("status_text", text)
         self._send_text(text)
@@ -341,14 +341,14 @@ class ConnectionProcess:
 
 
 def _address(text: str | None) -> Address | None:
-    """Parse a link's address; None if invalid, which opening the link reports."""
+    """Parse a link's address; None if it is invalid. Opening the link reports the fault."""
     with suppress(ConfigError):
         return parse_address(text or "")
     return None
 
 
 def main() -> None:
-    """Serve the links until the supervisor ends the process."""
+    """Run the connection process until the supervisor stops it."""
     with ProcessFrame.start() as frame:
         asyncio.run(ConnectionProcess(frame).run())
 

@@ -31,18 +31,19 @@ if TYPE_CHECKING:
 log = get_logger()
 
 FAILURES_PER_TAG = 2
-"""Number of failed searches of a tag after which it is no longer searched."""
+"""Number of failures of a tag's search after which the tag is no longer searched."""
 SELECT_S = 0.2
 LIVE_NS = 1_500_000_000
-"""Age above which samples count as backlog, such as after a restart [ns]. Blocks and filters
+"""Age from which samples count as backlog [ns], such as after a restart. Blocks and filters
 alone delay samples by 0.2 s."""
 
 
 class DetectorBank:
-    """One `PulseDetector` for each tag, created with the first block of its channel.
+    """The detectors of all tags of a process, each created with the first block of its channel.
 
     A detector that fails or hangs must not disturb the search for other tags. All detectors are
-    then rebuilt, and suspect tags are searched one by one, until they fail twice.
+    then created again, and the suspect tags are searched one at a time. A tag that fails twice
+    is no longer searched.
     """
 
     def __init__(
@@ -74,7 +75,7 @@ class DetectorBank:
         self.samples_invalid = 0
 
     def put(self, block: ChannelBlock) -> None:
-        """Add a block to the detectors of its channel; `collect` searches it."""
+        """Pass a sample block to the detectors of its channel; `collect` then searches it."""
         self.samples += len(block.samples)
         self.samples_lost += block.lost_before
         self.last_sample_ns = block.time_ns + round(
@@ -140,7 +141,7 @@ class DetectorBank:
 
     @contextmanager
     def _handle_failures(self) -> Iterator[None]:
-        """Context in which an error in one tag's search restarts the detectors."""
+        """Context that catches an error of the search and restarts the detectors."""
         try:
             with self._watch:
                 yield
@@ -150,7 +151,7 @@ class DetectorBank:
             self._restart(error)
 
     def _restart(self, error: Exception) -> None:
-        """Rebuild all detectors after a failure; stop searching for a tag that failed twice."""
+        """Create all detectors again after a failure; leave out a tag that has failed twice."""
         suspects = [detector.tag for detector in self._group.last_searched]
         self.failures += 1
         # Which of several failed shows when each is searched alone; otherwise all are left out.
@@ -169,7 +170,7 @@ class DetectorBank:
         log.error("tag no longer searched: its detector failed", tag=name, reason=str(error))
 
     def _finite(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
-        """Replace non-finite samples by zeros, because they would spoil the noise estimate."""
+        """Replace non-finite samples by zeros, which do not corrupt the noise estimate."""
         if np.isfinite(samples.sum()):  # one sum shows it, and costs 2 µs
             return samples
         good = np.isfinite(samples)
@@ -178,12 +179,12 @@ class DetectorBank:
 
     @property
     def complete(self) -> bool:
-        """True once samples have arrived for every tag."""
+        """True once each searched tag has received samples."""
         coded = sum(len(one.tags) for one in self._coded.values())
         return len(self.all()) + coded >= len(self._tags) - len(self.left_out)
 
     def flush(self) -> list[Pulse]:
-        """Return the pulses in the samples received so far."""
+        """End the search of the present samples; return the pulses found."""
         pulses: list[Pulse] = []
         with self._handle_failures():
             pulses = self._group.flush()
@@ -191,11 +192,11 @@ class DetectorBank:
         return self._marked(pulses + bursts)
 
     def all(self) -> list[PulseDetector]:
-        """Detectors of all uncoded tags whose channel has delivered samples."""
+        """Return the detectors of uncoded tags whose channels have delivered samples."""
         return self._group.detectors
 
     def search_reports(self) -> list[SearchReport]:
-        """Reports of the detectors on intervals searched without a detection."""
+        """Return the detectors' reports on time intervals without a detection."""
         return [report for one in self._searching() for report in one.search_reports()]
 
     def _searching(self) -> "list[PulseDetector | CodedDetector]":
@@ -219,7 +220,7 @@ class DetectorBank:
         return total
 
     def _of_channel(self, block: ChannelBlock) -> list[Tag]:
-        """Tags still searched by this process whose nearest channel is the given one."""
+        """Return the tags of this process that are searched in the channel of this block."""
         half_spacing_hz = block.sample_rate_hz / 4
         return [
             tag
@@ -259,7 +260,7 @@ def _numbers(detector: "PulseDetector | CodedDetector") -> Iterator[tuple[str, i
 
 
 def main() -> None:
-    """Detect until stopped; then search the samples that have arrived."""
+    """Detect pulses until stopped; then search the samples that are still queued."""
     with ProcessFrame.start() as frame:
         assignment = frame.assignment
         receiver = ChannelReceiver(socket.socket(fileno=assignment.sample_fds[0]))
@@ -277,10 +278,10 @@ def main() -> None:
 
 
 class Searcher:
-    """Passes sample blocks to a bank of detectors, and sends the pulses found."""
+    """Searches sample blocks with a bank of detectors, and sends the pulses found."""
 
     samples_dropped = 0
-    """Number of dropped samples: always 0, because the radio waits for the search."""
+    """Number of dropped samples; always 0, because reading the radio waits for the search."""
 
     def __init__(self, frame: ProcessFrame, bank: DetectorBank) -> None:
         self._frame = frame
@@ -290,7 +291,10 @@ class Searcher:
         """Start time of the blocks that are not yet searched [ns]."""
 
     def send(self, block: ChannelBlock) -> None:
-        """Add a channel's block; all channels of a radio block are searched together."""
+        """Add one channel's block.
+
+        The blocks of a radio block are searched together, once the next radio block begins.
+        """
         if block.time_ns != self._time_ns:
             self._search()
             self._time_ns = block.time_ns
@@ -306,13 +310,13 @@ class Searcher:
         self._time_ns = None
 
     def flush(self) -> None:
-        """Search the waiting blocks; send pulses and reports of searches without detections."""
+        """Search the added blocks; send pulses, and reports of searches without detection."""
         self._search()
         for report in self._bank.search_reports():
             self._frame.send("search_report", report)
 
     def finish(self) -> None:
-        """Send the pulses in the remaining samples."""
+        """End the search, and send the last pulses."""
         for pulse in self._bank.flush():
             self._frame.send("pulse", pulse)
 
@@ -332,7 +336,7 @@ class Searcher:
 
 
 def detect_all(searcher: Searcher, receiver: ChannelReceiver) -> None:
-    """Search every waiting block, and send the pulses found."""
+    """Search all sample blocks that are queued, and send the pulses found."""
     while blocks := receiver.receive():
         for block in blocks:
             searcher.send(block)

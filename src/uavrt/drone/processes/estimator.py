@@ -1,4 +1,4 @@
-"""The estimator process: bearings on the drone, for ground stations with poor links.
+"""The estimator process: computes bearings on the drone, for ground stations with poor links.
 
 The process gets pulses and poses from the supervisor and sends bearings. A bearing summarises
 all pulses of a turn, so one received message replaces many lost ones.
@@ -21,13 +21,14 @@ NICENESS = 10
 """Scheduling priority below that of the detectors (Unix niceness)."""
 TICK_S = 0.2
 REPEATS_NS = tuple(ns_from_s(s) for s in (2.0, 4.0, 8.0, 16.0, 32.0))
-"""Times after which a turn's last bearing is sent again [ns]. With 50 % packet loss, one of the
-six copies arrives with probability 0.98."""
+"""Times between the repeated transmissions of a turn's last bearing [ns]. With 50 % packet
+loss, one of the six copies arrives with probability 0.98."""
 PERIOD_NS = ns_from_s(0.25)
-"""Shortest time between two bearing messages [ns]; with 64 bytes each they take a fifth of the
+"""Shortest time between two bearing messages [ns]; their 64 bytes each take a fifth of the
 slowest link."""
 SHARE = 9
-"""Ratio of waiting to computing time of bearing estimates, which limits them to 0.1 cores."""
+"""Pause after computing bearings, as a multiple of the computing time; limits the load to 0.1
+cores."""
 
 
 @dataclass(slots=True)
@@ -38,7 +39,7 @@ class _Waiting:
 
 
 class Outgoing:
-    """Queue of bearings: the newest of each tag and turn, sent at intervals."""
+    """Queue of bearings to send: for each tag and turn the newest bearing, with repeats."""
 
     def __init__(self) -> None:
         self._waiting: dict[tuple[int, int], _Waiting] = {}
@@ -48,7 +49,7 @@ class Outgoing:
         return sum(not one.sent for one in self._waiting.values())
 
     def put(self, bearing: LiveBearing, now_ns: int) -> None:
-        """Add a bearing, replacing an older one of its tag and turn."""
+        """Add a bearing; it replaces an older one of the same tag and turn."""
         key = (bearing.tag_id, bearing.start_time_ns)
         before = self._waiting.get(key)
         # A waiting bearing keeps its place, so that each of a hundred tags gets its turn.
@@ -56,7 +57,7 @@ class Outgoing:
         self._waiting[key] = _Waiting(bearing, due_ns)
 
     def next_due(self, now_ns: int) -> LiveBearing | None:
-        """Return the bearing that is due; None if none is."""
+        """Return the bearing to send now; None if none is due."""
         if now_ns < self._next_ns or not self._waiting:
             return None
         key, first = min(self._waiting.items(), key=lambda item: item[1].due_ns)
@@ -90,7 +91,7 @@ class Estimation:
         self.made = self.sent = 0
 
     def receive(self, topic: str, record: object) -> None:
-        """Handle a pulse, poses, health report or flight from the supervisor."""
+        """Handle a pulse, poses, the connection's health or a flight from the supervisor."""
         match record:
             case PulsePose():
                 self._stage.add_pulse(record)
@@ -105,7 +106,7 @@ class Estimation:
                 self._next_ns = 0  # by another clock
 
     def tick(self) -> None:
-        """Estimate bearings if there are new pulses, and send the bearing that is due."""
+        """Compute bearings if there are new pulses, and send the bearing that is due."""
         now_ns = self._frame.clock.now_ns()
         if self._new and now_ns >= self._next_ns:
             self._new = False

@@ -61,7 +61,7 @@ log = get_logger()
 
 Found = TypeVar("Found")
 RunInBackground = Callable[[Callable[[], None]], None]
-"""Function that runs slow work elsewhere, such as in a thread, and returns at once."""
+"""Function that runs slow work in the background, such as in a thread, and returns at once."""
 
 TICK_S = 0.05
 ALIVE_S = 0.5
@@ -73,13 +73,19 @@ MOST_WAITING_ORDERS = 8
 
 
 def limits_of(settings: GuidanceSettings) -> Limits:
-    """Make flight limits from the settings; raises `ConfigError` or `FormatError`."""
+    """Return the flight limits that the settings and the keep-out file define.
+
+    Raises `ConfigError` or `FormatError`.
+    """
     own = {one.name: getattr(settings, one.name) for one in fields(settings)}
     return Limits(**own, keep_out=keep_out_of(settings))
 
 
 def ground_of(settings: GuidanceSettings, home: tuple[float, float]) -> GroundAround | None:
-    """Read the terrain around home, None without a file; raises `FormatError`, `PlanError`."""
+    """Read the terrain heights around home; None if no elevation file is configured.
+
+    Raises `FormatError` or `PlanError`.
+    """
     if settings.terrain is None:
         return None
     from uavrt.localization.terrain.elevation_files import open_elevation
@@ -90,7 +96,10 @@ def ground_of(settings: GuidanceSettings, home: tuple[float, float]) -> GroundAr
 
 
 def fenced(limits: Limits, fence: VehicleFence | None) -> Limits:
-    """Add the autopilot's geofence to the limits; raises `PlanError` if it is unusable."""
+    """Return the limits with the autopilot's geofence added.
+
+    Raises `PlanError` if the fence is unusable.
+    """
     if fence is None:
         return limits
     if fence.fault is not None:
@@ -99,7 +108,10 @@ def fenced(limits: Limits, fence: VehicleFence | None) -> Limits:
 
 
 def hills_of(settings: GuidanceSettings, home: tuple[float, float]) -> "HillLosses | None":
-    """Signal loss behind hills around home, None without terrain; raises `FormatError`."""
+    """Return a model of the signal loss behind hills; None without an elevation file.
+
+    Raises `FormatError`.
+    """
     if settings.terrain is None:
         return None
     from uavrt.localization.terrain.elevation_files import open_elevation
@@ -112,7 +124,10 @@ def hills_of(settings: GuidanceSettings, home: tuple[float, float]) -> "HillLoss
 
 
 def keep_out_of(settings: GuidanceSettings) -> tuple[KeepOut, ...]:
-    """Read the areas that must not be flown over; raises `ConfigError` or `FormatError`."""
+    """Read the areas that the drone must not fly over from the configured file.
+
+    Raises `ConfigError` or `FormatError`.
+    """
     name = settings.keep_out_file
     if name is None:
         return ()
@@ -127,7 +142,10 @@ def keep_out_of(settings: GuidanceSettings) -> tuple[KeepOut, ...]:
 
 
 def equipment_of(settings: Settings) -> Equipment:
-    """Make antenna, detector and planner settings of a search; raises `UsageError`."""
+    """Return the antenna, detector and planner settings for a search.
+
+    Raises `UsageError` for an unknown antenna.
+    """
     antenna = settings.bearings.antenna
     return Equipment(
         pattern=None if antenna == MONOPOLE else pattern_named(antenna),
@@ -144,7 +162,7 @@ def _height_m(order: Order, now: VehicleNow) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _OrderRequest:
-    """A requested order, and the state of the vehicle when the order arrived."""
+    """An order to plan, with the vehicle's state, fence and tags at its arrival."""
 
     request: MotionRequest
     order: Order
@@ -197,18 +215,18 @@ def _plan(asked: _OrderRequest) -> _Planned:
     else:
         plan = plan_of(order, now, limits, behaviour)
         order = replace(order, height_m=_height_m(order, now))
-    unknown = "" if asked.fence is not None else "; own fence unknown"
+    unknown = "" if asked.fence is not None else "; geofence unknown"
     return _Planned(
         home=now.home,
         execution=OrderExecution(order, plan, limits, waits=search_run is not None),
         limits=limits,
         search_run=search_run,
-        summary=cut_text(plan.summary, f"{unknown}; out of {asked.vehicle.mode}"),
+        summary=cut_text(plan.summary, f"{unknown}; in mode {asked.vehicle.mode}"),
     )
 
 
 def _attempt(make: Callable[[], Found]) -> Found | str:
-    """Run the planning of an order; return the plan, or the error (logged if unexpected)."""
+    """Call `make`; return its result or the text of its error. Unexpected errors are logged."""
     try:
         return make()
     except UavrtError as error:
@@ -219,12 +237,12 @@ def _attempt(make: Callable[[], Found]) -> Found | str:
 
 
 def in_thread(work: Callable[[], None]) -> None:
-    """Run `work` in a thread of its own."""
+    """Run `work` in a new thread."""
     threading.Thread(target=work, name="plan", daemon=True).start()
 
 
 class Guide:
-    """Plans and flies orders, with all input from the supervisor."""
+    """Plans and flies motion orders; all its inputs are records from the supervisor."""
 
     def __init__(
         self,
@@ -291,7 +309,7 @@ class Guide:
                 self._planning = _Planning(asked, self._in_background)
 
     def _checked_request(self, request: MotionRequest, order: Order) -> _OrderRequest:
-        """Check an order as far as possible without a plan; raises `UavrtError`."""
+        """Check everything about an order that needs no plan; raises `UavrtError`."""
         vehicle = self._vehicle
         if vehicle is None:
             raise UavrtError("no contact with the vehicle", remedy="Check the autopilot's link")
@@ -365,7 +383,7 @@ class Guide:
         return None if now is None else self._energy_learning.learn(now)
 
     def _fly_order(self, vehicle: VehicleReport, now: VehicleNow | None, now_s: float) -> None:
-        """Send the request of the motion that is due in the confirmed order, if any."""
+        """If an order is confirmed, send the request for its next motion when that is due."""
         offered = self._offered
         if offered is not None and vehicle.order_id == offered.execution.order.order_id:
             self._begin(offered, vehicle, now)
@@ -411,9 +429,10 @@ class Guide:
     def _plan_again(
         self, offered: _Planned, vehicle: VehicleReport, now: VehicleNow
     ) -> OrderExecution:
-        """Plan the order again at its confirmation; raises `PlanError` if no longer valid.
+        """Plan the order again at its confirmation; raises `PlanError` if it became impossible.
 
-        Fence, terrain and return path belong to the home position of the first plan.
+        Fence, terrain and return path are those of the first plan, so home must still be the
+        same.
         """
         if distance_m(*offered.home, *now.home) > SAFETY.home_moved_m:
             raise PlanError(
@@ -468,7 +487,10 @@ class Guide:
             planner.request_decision(time_ns, now, idle=execution.idle, others=others)
 
     def _choose(self, choice: Choice, execution: OrderExecution, now: VehicleNow) -> None:
-        """Fly a search decision; if other drones search too, once its path is assigned."""
+        """Fly a search decision.
+
+        If other drones search too, first request its path from the ground.
+        """
         if choice.steps is None or choice.leg is None or self._shared.choose(choice, now):
             self._follow(choice, choice.notes, execution, now)
             return
@@ -478,7 +500,7 @@ class Guide:
     def _await_path(
         self, planner: SearchThread, execution: OrderExecution, now: VehicleNow
     ) -> None:
-        """Fly a requested path once assigned; if refused, let the search decide again."""
+        """Fly the requested path once it is assigned; if it is refused, decide again."""
         answer = self._shared.answer(now)
         if answer is None:
             return
@@ -521,7 +543,7 @@ class Guide:
         self._ending.append(planner)
 
     def tick(self) -> None:
-        """Propose finished plans, and record the summaries of ended searches."""
+        """Propose orders that are now planned, and record the summaries of ended searches."""
         self._take_plan()
         for planner in self._ending:
             for result in planner.results():

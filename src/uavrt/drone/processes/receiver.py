@@ -1,4 +1,4 @@
-"""The receiver process: converts radio samples to the channels of the tags.
+"""The receiver process: filters the radio's samples into one channel for each tag frequency.
 
 The process decimates and channelizes, and sends each used channel to the detectors of its tags.
 It records the channels' samples and, on request, the decimated band.
@@ -40,36 +40,37 @@ log = get_logger()
 
 READ_TIMEOUT_S = 0.5
 LOSS_REPORT_S = 0.1
-"""Duration of lost samples above which the loss is reported to the ground [s]."""
+"""Duration of lost samples from which the loss is reported to the ground [s]."""
 RETRY_WINDOW_S = 10.0
-"""Time between two failures within which the radio counts as failing [s]. The radio is then
-reopened every `RadioSettings.retry_s`."""
+"""Two failures of the radio within this time count as lasting [s]. The radio is then reopened
+every `RadioSettings.retry_s`, not at once."""
 
 
 CLIPPED_S = 0.1
-"""Duration of clipped samples above which clipping is reported [s]; about five pulses."""
+"""Duration of clipped samples from which clipping is reported [s]; it equals about five
+pulses."""
 
 
 class ChannelSink(Protocol):
-    """Destination of channel samples: a socket to a detector, or a detector in this process."""
+    """Consumer of channel samples: the socket to a detector process, or a detector itself."""
 
     samples_dropped: int
 
     def send(self, block: ChannelBlock) -> None:
-        """Process the next block of a channel."""
+        """Accept the next block of a channel."""
 
     def flush(self) -> None:
-        """End a radio block; also send blocks that could not be sent before."""
+        """Complete a radio block: search its blocks, or send them with any that still wait."""
 
 
 _RECORDED_AGAIN_S = 10.0
 
 
 class Receiver:
-    """Processes the radio's samples for the detectors."""
+    """Converts the radio's samples to channels for the detectors, and records them."""
 
     makes_channels = True
-    """False in a subclass that leaves the recording of channels to another process."""
+    """True if this process records the channels; a subclass may leave that to another one."""
 
     def __init__(
         self,
@@ -161,7 +162,7 @@ class Receiver:
         return output
 
     def process(self, block: IQBlock) -> None:
-        """Decimate, record, channelize and send one block."""
+        """Decimate a block, split it into channels, and send and record these."""
         if self._reopened:
             self._reopened = False
             self.samples_lost += self._missed(block)
@@ -230,7 +231,7 @@ class Receiver:
                 self._sinks[worker].send(channel)
 
     def report_losses(self, frame: ProcessFrame) -> None:
-        """Report lost samples to the ground: from 0.1 s on, then at each doubling."""
+        """Report lost samples to the ground: at 0.1 s, then whenever they have doubled."""
         lost_s = self.samples_lost / self._sample_rate_hz
         if lost_s < self._next_loss_report_s:
             return
@@ -243,9 +244,9 @@ class Receiver:
         )
 
     def restart_filters(self, *, failed: bool = True) -> None:
-        """Restart the filters at a gap in the samples.
+        """Restart the filters after a gap in the samples.
 
-        `failed`: True after a failure of the radio, False after a change of its settings.
+        `failed` is True after a failure of the radio, False after a change of its settings.
         """
         self.failures += failed
         self._reopened = True
@@ -258,12 +259,12 @@ class Receiver:
             self._beeping.clear()
 
     def flush(self) -> None:
-        """End a radio block; also send blocks that could not be sent before."""
+        """Complete a radio block: send its channel blocks and any that still wait."""
         for sink in self._sinks:
             sink.flush()
 
     def close(self) -> None:
-        """Close the recordings and end the searches."""
+        """Close all recordings, and end the search for unlisted senders."""
         self._beeps.close()
         self._report_beeps()
         self._kept.close()
@@ -298,7 +299,7 @@ class Receiver:
 
 
 def new_recording_name(directory: Path) -> Path:
-    """Unused file name, without extension, for a restarted receiver's recording."""
+    """Return an unused file name, without extension, so that a restart overwrites nothing."""
     number = 1
     while (directory / f"band_{number}.sigmf-data").exists():
         number += 1
@@ -306,12 +307,12 @@ def new_recording_name(directory: Path) -> Path:
 
 
 def main() -> None:
-    """Receive radio samples until stopped."""
+    """Receive samples with a `Receiver` until stopped."""
     run(Receiver)
 
 
 def run(kind: Callable[[ProcessFrame, FlightInfo], Receiver]) -> None:
-    """Run a receiver made by `kind`; reopen a failing radio until it works."""
+    """Run the receiver that `kind` makes, or a capture; reopen the radio after each failure."""
     with ProcessFrame.start() as frame:
         flight = frame.assignment.flight
         if flight is None:
@@ -345,7 +346,7 @@ def run(kind: Callable[[ProcessFrame, FlightInfo], Receiver]) -> None:
 def receive(
     frame: ProcessFrame, receiver: Receiver | Capture, flight: FlightInfo, last_reason: str
 ) -> None:
-    """Process samples until the radio fails, its settings change or the process stops."""
+    """Process samples until the radio fails, its settings change, or the process is stopped."""
     radio = receiver.radio
     source: SampleSource = open_radio(radio, flight.center_frequency_hz, clock=frame.clock)
     flowing = False
@@ -383,10 +384,10 @@ def _report(frame: ProcessFrame, receiver: Receiver | Capture, word: str, reason
 
 
 def take_settings(records: Iterable[tuple[str, object]], receiver: Receiver | Capture) -> None:
-    """Apply changed settings by reopening the radio at the same frequency.
+    """Apply changed radio settings by reopening the radio at the present frequency.
 
-    The radio is reopened, because its programs take settings only on their command line. The
-    frequency stays, because the filters depend on it.
+    Reopening is necessary because the radio programs read settings only from their command
+    line. The frequency stays, because the filters depend on it.
     """
     for _, record in records:
         if isinstance(record, Settings):
@@ -397,7 +398,7 @@ def take_settings(records: Iterable[tuple[str, object]], receiver: Receiver | Ca
 def wait(
     frame: ProcessFrame, receiver: Receiver | Capture, delay_s: float, reason: str
 ) -> None:
-    """Wait until the next attempt to open the radio, and report that it is absent."""
+    """Wait until the next attempt to open the radio; report meanwhile that it is missing."""
     end_s = monotonic_s() + delay_s
     frame.report("radio absent", ok=False, counters=receiver.counters, reason=reason)
     while frame.running and monotonic_s() < end_s:

@@ -1,4 +1,4 @@
-"""The recorder process: writes pulses, poses and health reports to the flight's directory.
+"""The recorder process: writes all records of a flight to the flight's directory.
 
 The process commits rarely to spare the disk, and reports a pulse as *recorded* once it is on
 disk. After a kill, uncommitted records are sent again to the next recorder, so nothing is lost.
@@ -50,24 +50,24 @@ log = get_logger()
 TURN_S = 0.25
 NO_TIME_LIMIT_NS = 2**63 - 1
 ENDED_FLIGHTS = 3
-"""Number of earlier flights whose last pulses may still be undelivered."""
+"""Number of earlier flights that are still checked for undelivered pulses."""
 POSE_TIMEOUT_S = 7.0
-"""Time to wait for a pulse's pose after `AntennaSettings.pose_wait_s` [s]. A connection that
-hangs is killed after 5 s, and restarted within two more."""
+"""Time after `AntennaSettings.pose_wait_s` from which a pulse's pose counts as lost [s]. A
+connection process that hangs is killed after 5 s, and restarted within 2 s."""
 MOST_READ_AT_ONCE = 1_000
-"""Largest number of pulses without pose that are read from the database at once."""
+"""Most pulses without pose read from the database in one query."""
 MOST_TO_REPORT = 100_000
-"""Largest number of written pulses not yet reported as recorded, if the disk fails."""
+"""Largest number of pulses whose report as recorded waits while the disk fails."""
 MOST_COMMANDS = 64
 LOCK_WAIT_S = 3.0
 DISK_CHECK_S = 2.0
-"""Time between two checks of the disk [s], which find a fault before the next commit."""
+"""Time between two disk checks [s]; they find a fault earlier than the next commit would."""
 REPORT_PERIOD_S = 30.0
-"""Time between two texts to the operator about lost poses [s]."""
+"""Shortest time between two texts to the operator about lost poses [s]."""
 
 
 class Recorder:
-    """Writes records to the present flight; between flights it writes nothing."""
+    """Writes the records of the present flight to its directory; ignores others."""
 
     def __init__(self, frame: ProcessFrame) -> None:
         self._frame = frame
@@ -93,7 +93,7 @@ class Recorder:
         self._report_at_s = self._disk_check_s = 0.0
 
     def open(self, info: FlightInfo) -> None:
-        """Open a flight, either new or begun before a restart."""
+        """Open a new flight, or continue one after a restart of this process."""
         root = Path(info.directory)
         if self._flight is not None and self._flight.layout.root == root:
             return
@@ -113,7 +113,7 @@ class Recorder:
         self._find_missing_poses()
 
     def close(self) -> None:
-        """Close the flight; pulses without a pose get a reconstructed one."""
+        """Close the flight, after reconstructing the poses that are still missing."""
         flight = self._flight
         if flight is None:
             return
@@ -134,7 +134,7 @@ class Recorder:
         self._start_ns = NO_TIME_LIMIT_NS
 
     def _check_an_ended_flight(self) -> None:
-        """Reconstruct missing poses in the next earlier flight not checked yet."""
+        """Reconstruct missing poses in the next earlier flight that is not yet checked."""
         if not self._unchecked:
             return
         root = self._unchecked.popleft()
@@ -156,7 +156,7 @@ class Recorder:
             lock.release()
 
     def turn(self, records: list[tuple[str, object]]) -> None:
-        """Write the received records to the flight; commit them to the disk when due."""
+        """Write the received records; commit if it is time, else use the pause for checks."""
         for topic, record in records:
             match record:
                 case Delivered():
@@ -289,8 +289,8 @@ class Recorder:
         self._unreported = 0
         self._frame.notify(
             5,
-            f"Poses lost on the way: {self._poses_made_up} reconstructed, "
-            f"{self._without_pose} pulses without",
+            f"Poses lost between processes: {self._poses_made_up} reconstructed, "
+            f"{self._without_pose} pulses have none",
         )
 
     def _commit(self, *, pulses_only: bool = False) -> bool:
@@ -317,7 +317,7 @@ class Recorder:
             self._to_report.clear()
 
     def _report_taken(self) -> None:
-        """Report how many records were received, all of which must be committed."""
+        """Report to the supervisor how many records were handled, once they are committed."""
         lines = self._frame.link.lines
         if lines != self._reported_lines:
             self._reported_lines = lines
@@ -325,7 +325,10 @@ class Recorder:
 
     def _report_fault(self, error: RecordingError) -> None:
         if not self._fault:
-            log.error("cannot write the flight; records wait in memory", reason=str(error))
+            log.error(
+                "cannot write the flight; records wait in memory",
+                reason=str(error),
+            )
         self._fault = str(error)
 
     def end(self) -> None:
@@ -339,7 +342,7 @@ class Recorder:
             self._report_taken()
 
     def report(self) -> None:
-        """Send a health report if it is due: recording, idle or unable to write."""
+        """Send a health report if due, with the status recording, idle or unable to write."""
         status = "idle" if self._flight is None else "recording"
         self._frame.report(
             "cannot write the flight" if self._fault else status,
@@ -367,7 +370,7 @@ class Recorder:
 
 
 def main() -> None:
-    """Record the flights until stopped."""
+    """Record flights until stopped."""
     with ProcessFrame.start(finishes=True) as frame:
         recorder = Recorder(frame)
         try:

@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 log = get_logger()
 
 TICK_S = 0.05
-"""Longest delay of a pulse to ROS 2 caused by the gateway [s]."""
+"""Longest time that a pulse waits in the gateway before it is sent to ROS 2 [s]."""
 NICENESS = 10
 """Scheduling priority below that of the detectors (Unix niceness)."""
 RETRY_S = 10.0
 
 
 def main() -> None:
-    """Exchange records with the ROS 2 network until stopped."""
+    """Pass records to the ROS 2 network, and commands back, until stopped."""
     os.nice(NICENESS)
     with ProcessFrame.start() as frame:
         participant = join(frame)
@@ -41,7 +41,7 @@ def main() -> None:
 
 
 def join(frame: ProcessFrame) -> "Participant | None":
-    """Join the ROS 2 network; while that fails, report why and try again."""
+    """Join the ROS 2 network; repeat failed attempts, and report the reason."""
     reason_sent = ""
     while frame.running:
         try:
@@ -69,7 +69,7 @@ def wait(frame: ProcessFrame, reason: str, seconds: float) -> None:
 
 
 def serve(frame: ProcessFrame, participant: "Participant") -> None:
-    """Pass records to ROS 2, and commands from ROS 2 to the supervisor."""
+    """Publish records as ROS 2 topics; pass ROS 2 commands to the supervisor."""
     assignment = frame.assignment
     gateway = Gateway(
         participant,

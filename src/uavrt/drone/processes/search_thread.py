@@ -27,13 +27,13 @@ _Job = Callable[[], Choice | SearchNote | None]
 
 @dataclass(frozen=True, slots=True)
 class SearchFailed:
-    """Reports that the search has ended with an internal error."""
+    """Result that says that the search has ended with an internal error."""
 
     reason: str
 
 
 class SearchThread:
-    """Runs a search in a thread; its methods do not block."""
+    """Runs a `SearchRun` in a thread. The methods queue work for it and return at once."""
 
     def __init__(self, search_run: SearchRun) -> None:
         self._search_run = search_run
@@ -53,11 +53,11 @@ class SearchThread:
         self._jobs.put(job)
 
     def pulse(self, pulse_pose: PulsePose) -> None:
-        """Pass a pulse to the search."""
+        """Pass a pulse with its pose to the search."""
         self._put(lambda: self._search_run.pulse(pulse_pose))
 
     def searched(self, report: SearchReport) -> None:
-        """Pass a detector's search report to the search."""
+        """Pass a report of a search without detection to the search."""
         self._put(lambda: self._search_run.searched(report))
 
     def place(self, time_ns: int, now: VehicleNow) -> None:
@@ -72,18 +72,18 @@ class SearchThread:
     def request_decision(
         self, time_ns: int, now: VehicleNow, *, idle: bool, others: Sequence[Neighbour] = ()
     ) -> None:
-        """Request the next decision, if due; it appears in `results`."""
+        """Request the next decision if one is due; `results` will return it."""
         if self.is_time(now, idle=idle):
             self._deciding, self._asked_s = True, now.time_s
             self._put(lambda: self._search_run.decide(time_ns, now, idle=idle, others=others))
 
     def is_time(self, now: VehicleNow, *, idle: bool) -> bool:
-        """True if no request is pending and the last decision was long enough ago."""
+        """True if no decision is pending and the last one is old enough for another."""
         due_s = max(self._again_s, self._asked_s + (IDLE_S if idle else SEARCH_RULES.cycle_s))
         return not self._deciding and now.time_s >= due_s
 
     def withdraw(self, now: VehicleNow) -> None:
-        """Report that the last decision is not flown; request another one soon."""
+        """Discard the last decision, which is not flown; the next is due after `RETRY_S`."""
         self._put(self._search_run.withdraw)
         self._asked_s, self._again_s = now.time_s - SEARCH_RULES.cycle_s, now.time_s + RETRY_S
 
@@ -98,7 +98,7 @@ class SearchThread:
         return self._over and self._results.empty()
 
     def results(self) -> list[Choice | SearchNote | SearchFailed]:
-        """Return decisions, log entries and a failure since the last call."""
+        """Return the decisions, notes and failure that were produced since the last call."""
         found = []
         while not self._results.empty():
             result = self._results.get()

@@ -1,4 +1,4 @@
-"""The supervisor: routes records between processes, and starts and stops the processes.
+"""The supervisor's core: routes records between processes, starts and stops the processes.
 
 The tables define the routes. Radio samples do not pass through the supervisor.
 """
@@ -54,17 +54,17 @@ DISK_PERIOD_S = 10.0
 WARNING_SEVERITY = 4
 """MAVLink severity of a warning; lower numbers are more severe."""
 LAST_POSES_S = 1.0
-"""Longest wait for the last pulses' poses at a flight's end, after
-`AntennaSettings.pose_wait_s` [s]. It usually takes 0.1 s; the recorder later adds poses lost
-with a killed process."""
+"""Longest wait at a flight's end for the poses of the last pulses, after
+`AntennaSettings.pose_wait_s` [s]. It usually takes 0.1 s. Poses lost with a killed process are
+added later by the recorder."""
 CLOSE_S = 5.0
 """Longest wait for the recorder to close a flight [s]; usually 0.1 s."""
 
 
 class Supervisor:
-    """Runs the processes, routes records, carries out commands.
+    """Runs the drone's processes, routes records between them, and carries out commands.
 
-    `on_record`: called with the line of each record.
+    `on_record`: called with each record as an encoded line.
     """
 
     def __init__(
@@ -121,13 +121,13 @@ class Supervisor:
 
     @property
     def clock(self) -> Clock:
-        """Clock of the present flight, or of the program before the first flight."""
+        """Clock of the present or last flight; before the first flight, the program's own."""
         return self.mission.flights.clock
 
     # ------------------------------------------------------------------ life
 
     def claim(self) -> None:
-        """Lock the flights' directory and resume a saved state; raises `ConfigError`."""
+        """Lock the flights' directory, resume an interrupted flight; raises `ConfigError`."""
         self._store.claim()
         self.mission.resume()
 
@@ -179,9 +179,9 @@ class Supervisor:
         self.mission.delete_saved_state()
 
     def command(self, command: Command) -> CommandReply:
-        """Carry out a command, or explain the refusal; a repeated one gets the same reply.
+        """Carry out or refuse a command; return the reply, for a repeated command the same.
 
-        The changed state is published before the reply.
+        A changed state is published before the reply.
         """
         before = self.mission.state
         reply = self.mission.command(command)
@@ -210,7 +210,7 @@ class Supervisor:
         self._restart_task = asyncio.ensure_future(self._search_again())
 
     async def _search_again(self) -> None:
-        """Restart receiver and detectors; publish the tags again, which clears old results."""
+        """Restart receiver and detectors; publish the tags again, to clear old results."""
         flight = await self._process_tree.restart_search()
         if flight is not None:
             self._publish("corrected_tags", flight)
@@ -241,7 +241,7 @@ class Supervisor:
             self.command(Command(name="stop_detection", request_id=number, source="capture"))
 
     async def _answer_radio_status(self, command: Command) -> None:
-        """Reply if the radio works: by a test or, in flight, from the receiver's health."""
+        """Reply whether the radio works: from a test or, in flight, the receiver's health."""
         if self.mission.state in (SystemState.DETECTING, SystemState.CAPTURING):
             health = next(
                 (i.health for i in self._process_tree.instances if i.row.name == "receiver"),
@@ -274,7 +274,7 @@ class Supervisor:
     # -------------------------------------------------------------- watching
 
     def _watch_wall_clock(self) -> None:
-        """Record a correction of the computer's clock; the flight's own time is unaffected."""
+        """Report a correction of the computer's clock; the flight's own clock is unaffected."""
         if self.mission.flights.flight is None:
             return
         if (again := self._wall_clock.repeated_warning(monotonic_s())) is not None:
@@ -362,7 +362,7 @@ class Supervisor:
             self._on_record(line)
 
     def _pump_soon(self, instance: Instance) -> None:
-        """Send all records for a process soon, in one call, because each call wakes it."""
+        """Schedule one call that sends all records for a process; each call wakes it."""
         if not self._to_pump:
             asyncio.get_running_loop().call_soon(self._pump)
         self._to_pump[instance.name] = instance
@@ -376,7 +376,7 @@ class Supervisor:
     # ---------------------------------------------------------------- status
 
     def status(self) -> SystemStatus:
-        """Collect the state of mission, processes and disk in one record."""
+        """Return the state of mission, processes and disk as one record."""
         mission = self.mission
         flight = mission.flights.flight
         # Until the last pulse is recorded the flight is not over for the operator.

@@ -11,14 +11,14 @@ from itertools import pairwise
 from uavrt.drone.ipc.topics import TOPICS
 
 RATE_RECORDS = 20
-"""Number of consecutive records, per topic or tag, from which the rate is computed."""
+"""Number of consecutive records of a topic or tag over which the rate is measured."""
 SLOW_RATIO = 2.0
 """Ratio of measured to specified record period above which a process is too slow."""
 REPEAT_S = 300.0
 
 
 class PaceWatch:
-    """Monitors the record rate of one process; `name` appears in warnings."""
+    """Checks the record rate of one process. Warnings contain its `name`."""
 
     def __init__(self, name: str, topics: tuple[str, ...]) -> None:
         self._name = name
@@ -31,14 +31,14 @@ class PaceWatch:
         """Topics with too low a rate, each with its measured period [s]."""
 
     def started(self, tags: int) -> None:
-        """Reset for a newly started process, which serves the given number of tags."""
+        """Reset after the process has started; it serves the given number of tags."""
         self._tags = max(1, tags)
         self.slow = {}
         for came_s in self._came_s.values():
             came_s.clear()
 
     def record_arrived(self, topic: str, now_s: float) -> None:
-        """Register that a record of the process has arrived."""
+        """Count a record that has arrived from the process."""
         came_s = self._came_s.get(topic)
         if came_s is not None:
             came_s.append(now_s)
@@ -46,7 +46,7 @@ class PaceWatch:
                 came_s.popleft()
 
     def check(self, now_s: float) -> str | None:
-        """Compute the rates; return a warning at most every five minutes, otherwise None."""
+        """Measure the rates; return a warning if one is too low, at most every five minutes."""
         self.slow = {}
         for topic, came_s in self._came_s.items():
             every_s = TOPICS[topic].every_s

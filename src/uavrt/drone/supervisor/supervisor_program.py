@@ -21,7 +21,10 @@ from uavrt.drone.supervisor.viewers import Viewers, require_unserved
 
 
 async def supervise(settings: Settings, tags: tuple[Tag, ...], launcher: Launcher) -> None:
-    """Run until SIGTERM or SIGINT; with tags or an interrupted flight, detect at once."""
+    """Run the system until SIGTERM or SIGINT.
+
+    With tags, or after an interrupted flight, detection starts at once.
+    """
     viewers = Viewers()
     supervisor = Supervisor(settings, on_record=viewers.show, launcher=launcher)
     viewers.supervisor = supervisor
@@ -49,7 +52,7 @@ async def supervise(settings: Settings, tags: tuple[Tag, ...], launcher: Launche
 
 
 def start_commands(tags: tuple[Tag, ...]) -> list[Command]:
-    """Make the commands that upload the given tags and start detection; none without tags."""
+    """Return the commands that upload tags and start detection; empty without tags."""
     if not tags:
         return []
     return [

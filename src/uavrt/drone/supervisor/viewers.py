@@ -1,4 +1,4 @@
-"""Unix socket that sends the system's records to local programs and accepts commands.
+"""Unix socket that gives local programs the system's records, and accepts their commands.
 
 The terminal view, the demo and the command line on the same computer use it. Each line is a
 record. A client that reads too slowly is disconnected. The socket is open to its owner and to
@@ -23,14 +23,14 @@ from uavrt.drone.supervisor.core import Supervisor
 log = get_logger()
 
 GATHER_S = 0.1
-"""Time for which records are collected before they are sent to viewers [s]."""
+"""Time over which records are collected before they are sent to local programs together [s]."""
 VIEWER_BUFFER_BYTES = 1_000_000
 UNWRITABLE_CARD = (errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EIO)
-"""Error numbers of a read-only, full or failing card."""
+"""Error numbers that show a read-only, full or failing card."""
 
 
 class Viewers:
-    """Sends records to the connected viewer programs, and accepts their commands."""
+    """Sends records to all connected local programs (viewers), and accepts their commands."""
 
     def __init__(self) -> None:
         self._writers: set[asyncio.StreamWriter] = set()
@@ -38,7 +38,7 @@ class Viewers:
         self.supervisor: Supervisor | None = None
 
     def show(self, line: bytes) -> None:
-        """Send a record to every viewer."""
+        """Send a record to every connected program."""
         if self._writers:
             if not self._lines:
                 asyncio.get_running_loop().call_later(GATHER_S, self._show_all)
@@ -56,7 +56,10 @@ class Viewers:
                 writer.write(data)
 
     async def serve(self, path: str) -> asyncio.Server | None:
-        """Open the socket; None if the card cannot be written, so the system still runs."""
+        """Open the socket.
+
+        Returns None if the card cannot be written; the system then runs without it.
+        """
         require_unserved(path)
         try:
             os.makedirs(os.path.dirname(path) or ".", exist_ok=True)
@@ -94,7 +97,7 @@ class Viewers:
 
 
 def require_unserved(path: str) -> None:
-    """Raise `ConfigError` if a running system serves the socket; a killed one does not."""
+    """Raise `ConfigError` if a running system serves the socket, not for a leftover file."""
     with socket.socket(socket.AF_UNIX) as asking:
         asking.settimeout(1.0)
         if asking.connect_ex(path):
@@ -107,7 +110,7 @@ def require_unserved(path: str) -> None:
 
 @contextlib.contextmanager
 def _restrict_access() -> Iterator[None]:
-    """Context in which new files are open only to their owner and the owner's own group."""
+    """Context in which only the owner, and the owner's private group, may access new files."""
     old_mask = os.umask(0o117 if _has_own_group() else 0o177)
     try:
         yield
@@ -116,7 +119,7 @@ def _restrict_access() -> Iterator[None]:
 
 
 def _has_own_group() -> bool:
-    """True if this user's group is private (useradd(8), USERGROUPS_ENAB)."""
+    """True if the present user has a private group (useradd(8), USERGROUPS_ENAB)."""
     try:
         return grp.getgrgid(os.getegid()).gr_name == pwd.getpwuid(os.geteuid()).pw_name
     except KeyError:

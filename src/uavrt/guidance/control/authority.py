@@ -25,7 +25,7 @@ from uavrt.guidance.safety import SAFETY
 
 
 class ControlStage(StrEnum):
-    """Stages of control over the vehicle: none, order confirmed, commands being sent."""
+    """Stage of control over the vehicle: none, order confirmed, or commands sent."""
 
     OUT = "out"
     CONFIRMED = "confirmed"
@@ -35,8 +35,8 @@ class ControlStage(StrEnum):
 class Authority:
     """Permits or refuses each command to one vehicle, as the last check before it is sent.
 
-    A take-off is refused unless `may_take_off`. `unwatched_channels`: channels of the
-    remote control without switch or stick, which are ignored.
+    A take-off is refused unless `may_take_off`. `unwatched_channels` are numbers of RC channels
+    without a switch or stick, which are ignored.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class Authority:
     ) -> None:
         self._writer, self.behaviour = writer, writer.behaviour
         self._may_take_off, self._unwatched = may_take_off, unwatched_channels
-        self.reason = "nothing was confirmed"
+        self.reason = "no order was confirmed"
         """Reason why this program may not command the drone, for the operator."""
         self.out_s = 0.0
         self.nearest_m: float | None = None
@@ -60,7 +60,7 @@ class Authority:
 
     @property
     def standing(self) -> ControlStage:
-        """Present state: out, confirmed or in command."""
+        """Present stage: out, order confirmed, or in command."""
         if self._order is None:
             return ControlStage.OUT
         begun = self._order.motion is not None
@@ -68,11 +68,11 @@ class Authority:
 
     @property
     def order_id(self) -> int | None:
-        """Number of the order that is confirmed or being flown; None if there is none."""
+        """Number of the order that is confirmed or being flown; None without one."""
         return None if self._order is None else self._order.offer.order_id
 
     def offer(self, order_id: int, nonce: int, now_s: float, *, takeoff: bool = False) -> None:
-        """Propose an order to the operator for confirmation, instead of an earlier one."""
+        """Propose an order for the operator's confirmation; it replaces an earlier proposal."""
         mode, place, home = self._check_vehicle(now_s, takeoff=takeoff)
         vehicle = self.vehicle
         rests = self._order is None and vehicle.in_own_mode
@@ -100,9 +100,9 @@ class Authority:
     ) -> None:
         """Accept the operator's confirmation of the proposed order.
 
-        With `sticks_unseen` the operator accepts that a pilot's sticks are not monitored.
-        Raises `CommandRefused` if the order is not the proposed one, the confirmation is late,
-        or the vehicle's state has changed.
+        With `sticks_unseen` the operator accepts that the RC sticks are not monitored. Raises
+        `CommandRefused` if the order is not the proposed one, the confirmation is late, or the
+        vehicle's state has changed.
         """
         offer = self._offers.confirmed(order_id, nonce, now_s)
         vehicle, before = self.vehicle, self._order
@@ -111,7 +111,9 @@ class Authority:
         if not sticks_unseen and not vehicle.sticks_reported(now_s, SAFETY.sticks_age_s):
             what = "the RC sticks are not received, so a takeover would go unnoticed"
             if vehicle.sticks_reported(now_s, SAFETY.sticks_lost_s):
-                what = f"the RC sticks are reported less than every {SAFETY.sticks_age_s} s"
+                what = (
+                    f"the RC sticks are reported less often than every {SAFETY.sticks_age_s} s"
+                )
             raise CommandRefused(
                 what, remedy="Switch the remote control on, or confirm to fly without it"
             )
@@ -133,36 +135,39 @@ class Authority:
     def _check_vehicle(
         self, now_s: float, *, takeoff: bool
     ) -> tuple[ModeReport, PositionReport, HomeReport]:
-        """Return the vehicle's state; `CommandRefused` if the vehicle cannot be flown now."""
+        """Return mode, position and home; raise `CommandRefused` if no order is possible."""
         fault = self.fault(now_s, takeoff=takeoff)
         if fault is not None:
             raise CommandRefused(*fault[:1], remedy=fault[1])
         return self.vehicle.known
 
     def fault(self, now_s: float, *, takeoff: bool = False) -> tuple[str, str] | None:
-        """Reason why no order can be confirmed now, with the remedy; None if one can."""
+        """Return why no order can be confirmed now, and the remedy; None if one can."""
         if takeoff and not self._may_take_off:
             remedy = "Take off by hand, or set guidance.may_take_off = true on the drone"
             return "this drone may not take off by itself", remedy
         return self.vehicle.fault(now_s, takeoff=takeoff)
 
     def stop(self, now_s: float, reason: str = "stopped by the operator") -> None:
-        """End the order for a given reason, such as the operator's stop."""
+        """End the order. The reason, such as the operator's stop, is shown to the operator."""
         self._end(reason, now_s)
 
     def planner_alive(self, now_s: float) -> None:
-        """Register a heartbeat of the planning process, whose silence ends the order."""
+        """Note that the guide process, which plans motions, is alive.
+
+        Its silence ends an order.
+        """
         if self._order is not None:
             self._order.planner_alive(now_s)
 
     def command(
         self, order_id: int, manoeuvre: Manoeuvre, now_s: float, *, stops: bool = False
     ) -> VehicleCommand:
-        """Return the command to send now, once, for a requested motion.
+        """Check a requested motion; return its command, which must be sent now and only once.
 
-        With `stops` the command stops the drone in its present mode. It may be an order's first
-        command while the previous order is still flown. Raises `CommandRefused`: nothing may be
-        sent; the request is dropped.
+        With `stops`, the command stops the drone in its present mode; it may be an order's
+        first while the previous order is still flown. `CommandRefused` means that nothing may
+        be sent, and that the request is dropped.
         """
         self.tick(now_s)
         order = self._order
@@ -180,19 +185,19 @@ class Authority:
 
     @property
     def taking_off(self) -> bool:
-        """True while a take-off order is in command; the drone is not stopped during it."""
+        """True while a take-off order is flown; the drone must not be stopped meanwhile."""
         order = self._order
         return order is not None and order.offer.takeoff and order.motion is not None
 
     @property
     def climbs(self) -> bool:
-        """True from the take-off command until the next command; the drone climbs meanwhile."""
+        """True while the drone climbs by the take-off command, until the next command."""
         motion = None if self._order is None else self._order.motion
         return motion is not None and isinstance(motion.manoeuvre, TakeOff)
 
     @property
     def flies_ours(self) -> bool:
-        """True while the vehicle flies a command of this order or of the previous order."""
+        """True while the vehicle flies a command of the present or of the previous order."""
         return self._order is not None and self._order.leg is not None
 
     def vehicle_seen(
@@ -203,7 +208,7 @@ class Authority:
         requests_refused: int = 0,
         ground_silent_s: float = 0.0,
     ) -> VehicleStatus | None:
-        """Vehicle state for `OrderExecution`; None without a position or a home."""
+        """Return the vehicle's state for `OrderExecution`; None without position or home."""
         position, home, order = self.vehicle.position, self.vehicle.home, self._order
         if position is None or home is None:
             return None
@@ -231,12 +236,12 @@ class Authority:
 
     @property
     def obeyed(self) -> bool:
-        """True if the autopilot's reports show that it carries out the last command."""
+        """True if the reports show that the autopilot follows the last command."""
         motion = None if self._order is None else self._order.motion
         return motion is not None and motion.obeyed
 
     def observe(self, seen: Observation) -> None:
-        """Handle a report of the vehicle; a change that no command caused ends the order."""
+        """Handle a report of the vehicle. A change that no command caused ends the order."""
         restarted = self.vehicle.restarted(seen)
         if restarted is not None:
             self._end(restarted, seen.time_s)
@@ -249,12 +254,12 @@ class Authority:
             self._end(self._order.observe(seen, self.vehicle), seen.time_s)
 
     def tick(self, now_s: float) -> None:
-        """End an order or proposal that has timed out."""
+        """End the order if it has timed out, or if required reports are missing."""
         if self._order is not None:
             self._end(self._order.overdue(self.vehicle, now_s), now_s)
 
     def _end(self, reason: str | None, time_s: float) -> None:
-        """End control and withdraw any proposed order; keeps the reason of an earlier end."""
+        """End the order and withdraw any proposed one, unless `reason` is None."""
         if reason is None:
             return
         self._offers.clear()

@@ -1,4 +1,4 @@
-"""Monitor the last command: the drone must fly this command and nothing else; no I/O."""
+"""Check that the drone follows the last command and nothing else; no I/O."""
 
 from dataclasses import InitVar, dataclass, field
 from math import cos, hypot, nan, radians, sin
@@ -20,23 +20,23 @@ OTHERS_TARGET, OTHERS_HEIGHT = (
 
 @dataclass(slots=True, kw_only=True)
 class Commanded:
-    """The last command, and checks of whether the drone carries it out."""
+    """The last command, and the checks whether the vehicle's reports agree with it."""
 
     manoeuvre: Manoeuvre
     behaviour: Behaviour
     sent_s: float
     first: bool
-    """True for an order's first command, which may change the mode."""
+    """True for the first command of an order, which may change the mode."""
     before: TargetReport | None
-    """Target that the autopilot reported before the command; None without one."""
+    """Target that the autopilot reported before this command; None if it reported none."""
     start: PositionReport
     """Position of the drone when the command was sent."""
     turning_deg_s: InitVar[float]
-    """Rate at which the drone's heading changed when the command was sent [°/s]."""
+    """Turn rate of the drone when the command was sent [°/s]."""
     previous: InitVar["Commanded | None"]
-    """Previous command of the same order; None for the order's first."""
+    """Previous command of the same order; None for the first command."""
     left_m: float = field(init=False)
-    """Shortest distance to the target reached since the command [m]."""
+    """Smallest distance from the target since the command was sent [m]."""
     slack_m: float = field(init=False)
     lowest_m: float = field(init=False)
     highest_m: float = field(init=False)
@@ -44,13 +44,13 @@ class Commanded:
     target_yaw: YawWatch | None = field(init=False, default=None)
     progress: Progress = field(init=False, default_factory=Progress)
     top_m: float = field(init=False)
-    """Highest altitude above sea level so far, in a take-off [m]."""
+    """Highest altitude above sea level since the command was sent [m]; used for a take-off."""
     obeyed: bool = field(init=False, default=False)
     settled: bool = field(init=False, default=False)
     """True once the drone has been within `Behaviour.settles_m` of its target."""
     not_settled_yet: bool = field(init=False, default=False)
-    """True while the drone is near its target but has not been within `settles_m` of it; a
-    pilot's pause there looks like arrival."""
+    """True while the drone is near its target, but has not yet been within
+    `Behaviour.settles_m` of it. A pilot's pause there would look like an arrival."""
 
     def __post_init__(self, turning_deg_s: float, previous: "Commanded | None") -> None:
         manoeuvre, start = self.manoeuvre, self.start
@@ -78,23 +78,23 @@ class Commanded:
 
     @property
     def _wanted_yaw_deg(self) -> float | None:
-        """Commanded heading [°]; None without one, or if the autopilot accepts none."""
+        """Commanded heading [°]; None without one, or if DO_REPOSITION cannot set it."""
         if isinstance(self.manoeuvre, FlyThere) and self.behaviour.yaw_in_reposition:
             return self.manoeuvre.yaw_deg
         return None
 
     @property
     def takes_off(self) -> bool:
-        """True for a take-off command; the autopilot may then report no target."""
+        """True for commands of a take-off, when the autopilot may report no target."""
         return isinstance(self.manoeuvre, TakeMode | TakeOff)
 
     @property
     def turned_deg(self) -> float:
-        """Angle turned so far by a turn in place [°]."""
+        """Angle by which a turn in place has turned so far [°]."""
         return 0.0 if self.yaw is None else self.yaw.turned_deg
 
     def overdue(self, now_s: float, target_age_s: float) -> str | None:
-        """Text if reaction to the command, progress or a report is overdue; else None."""
+        """Return which reaction, progress or report is overdue; None if none is."""
         rises = isinstance(self.manoeuvre, TakeOff)
         longest_s = SAFETY.takeoff_begins_within_s if rises else SAFETY.obeyed_within_s
         if not self.obeyed:
@@ -110,15 +110,15 @@ class Commanded:
         return "the target is no longer reported" if lost else None
 
     def in_own_mode(self) -> None:
-        """Record that the vehicle is in the mode for commands, which completes a `TakeMode`."""
+        """Note that the vehicle is in the mode for commands. This completes a `TakeMode`."""
         self.obeyed |= isinstance(self.manoeuvre, TakeMode)
 
     def observe_target(
         self, seen: TargetReport, position: PositionReport | None, turning_deg_s: float
     ) -> str | None:
-        """Text if the reported target cannot be that of our command; None if it may be.
+        """Return why a reported target contradicts the command; None if it agrees.
 
-        `turning_deg_s`: rate of change of the reported target heading [°/s].
+        `turning_deg_s` is the turn rate of the reported target heading [°/s].
         """
         match self.manoeuvre:
             case GoHome():
@@ -143,7 +143,7 @@ class Commanded:
     def observe_target_yaw(
         self, seen: TargetReport, position: PositionReport | None, turning_deg_s: float
     ) -> str | None:
-        """Text if the heading reported with the target deviates from the command, or None."""
+        """Return how a reported target heading contradicts the command; else None."""
         if seen.yaw_deg is None or not self.behaviour.yaw_in_reposition:
             return None
         if not isinstance(self.manoeuvre, FlyThere):
@@ -161,7 +161,7 @@ class Commanded:
         return self.target_yaw.fault(self._made_s(seen), seen.yaw_deg, *here)
 
     def _observe_target_of_takeoff(self, seen: TargetReport) -> str | None:
-        """Text if a take-off's target is not above the start at the order's height, or None."""
+        """Return why a target contradicts a take-off; None if it is valid for one."""
         height = seen.altitude_amsl_m
         if seen.latitude_deg is None or height is None:
             return None
@@ -176,16 +176,16 @@ class Commanded:
         return same_place(one, other, self.behaviour.target_m)
 
     def _made_s(self, seen: TargetReport | PositionReport) -> float:
-        """Time at which the autopilot made a report [s, monotonic], despite delays here."""
+        """Return when the autopilot made a report [s, monotonic], even if it was read late."""
         by_its_clock_s = self.start.time_s + seen.boot_s - self.start.boot_s
         return max(min(seen.time_s, by_its_clock_s), seen.time_s - SAFETY.stall_s)
 
     def _waits(self, seen: TargetReport) -> bool:
-        """True if the report may date from before the autopilot's reaction to the command."""
+        """True if a report may be from before the autopilot's reaction to the command."""
         return not self.obeyed and self._made_s(seen) - self.sent_s < SAFETY.target_changes_s
 
     def _may_be_before(self, seen: TargetReport, position: PositionReport | None) -> bool:
-        """True if a target may still be the previous one, or be set by the change of mode."""
+        """True if a target may be older than the command, or be set by its mode change."""
         if not self._waits(seen):
             return False
         if self.before is not None and self._same(seen, self.before):
@@ -195,7 +195,7 @@ class Commanded:
         return between_m(seen, position) < SAFETY.astray_m + stops_within_m(position.speed_m_s)
 
     def observe_position(self, seen: PositionReport, turning_deg_s: float) -> str | None:
-        """Text if the position deviates from the command; None if not."""
+        """Return how a position or heading contradicts the command; None if both agree."""
         manoeuvre = self.manoeuvre
         if isinstance(manoeuvre, GoHome):
             return None
@@ -230,7 +230,7 @@ class Commanded:
         return self.yaw.fault(made_s, seen.yaw_deg, bearing_deg, away_m, course_deg)
 
     def _observe_climb(self, seen: PositionReport) -> str | None:
-        """Text if the drone does not climb straight up (`TakeMode`: does not stay down)."""
+        """Return how a position contradicts a vertical take-off; None if it does not."""
         altitude, rises = seen.altitude_amsl_m, isinstance(self.manoeuvre, TakeOff)
         done_m = SAFETY.takeoff_done_m
         self.top_m = max(self.top_m, altitude)
@@ -247,7 +247,7 @@ class Commanded:
         return self._observe_yaw(seen)
 
     def _left(self, seen: PositionReport, turning_deg_s: float) -> tuple[Remaining, ...]:
-        """Remaining distance, height and angle of a flight to a position, or of a turn."""
+        """Return the remaining distance, height and angle of a flight, or angle of a turn."""
         manoeuvre, yaw = self.manoeuvre, self.yaw
         if not isinstance(manoeuvre, FlyThere):
             return _left_of_turn(yaw)
@@ -274,7 +274,10 @@ class Commanded:
 def _left_of_heading(
     yaw_deg: float, ahead_deg: float, asked_deg: float | None, turning_deg_s: float
 ) -> Remaining:
-    """Remaining angle to a commanded heading, or to the bearing `ahead_deg` (NaN: unknown)."""
+    """Return the remaining angle to the commanded heading, else to the target's bearing.
+
+    The bearing `ahead_deg` is NaN if the target is too near.
+    """
     off = wrap_degrees_180((ahead_deg if asked_deg is None else asked_deg) - yaw_deg)
     stops_deg = turning_deg_s * abs(turning_deg_s) / (2.0 * SAFETY.turn_braking_deg_s2)
     return Remaining(
@@ -287,7 +290,7 @@ def _left_of_heading(
 
 
 def _left_of_turn(yaw: YawWatch | None) -> tuple[Remaining, ...]:
-    """Remaining angle of a turn in place; empty if the heading is not reported."""
+    """Return the remaining angle of a turn in place; empty if no heading is reported."""
     if yaw is None or yaw.turn_deg is None:
         return ()
     left = abs(yaw.turn_deg) - yaw.turned_deg

@@ -1,6 +1,6 @@
-"""Delay of the vehicle's reports, from the timestamps in them; no I/O.
+"""Measure how late the autopilot's reports arrive, from their timestamps; no I/O.
 
-Queued on a slow link, the report of a pilot's takeover arrives seconds late.
+On a slow link with queues, the report of a pilot's takeover may arrive seconds late.
 """
 
 from uavrt.guidance.control.observed import BootTimeReport
@@ -8,10 +8,10 @@ from uavrt.guidance.safety import SAFETY
 
 
 class ReportDelay:
-    """Delay of reports by the autopilot's time, from TIMESYNC or the earliest message.
+    """Delay of the autopilot's reports.
 
-    Uses TIMESYNC if available. Otherwise the message with the smallest offset since the link
-    came up counts as not delayed.
+    It is measured by TIMESYNC if available. Otherwise the fastest message since the link came
+    up counts as not delayed, and others are compared with it.
     """
 
     def __init__(self) -> None:
@@ -22,7 +22,7 @@ class ReportDelay:
         """Delay of the autopilot's last message on its way to this computer [s]."""
 
     def observe(self, seen: BootTimeReport) -> None:
-        """Update `late_s` by a message that contains the autopilot's time since its start."""
+        """Update `late_s` from a message with the autopilot's time since its start."""
         self._boot_s = max(seen.boot_s, self._boot_s)
         offset_s = seen.time_s - seen.boot_s
         expected_s = offset_s
@@ -39,7 +39,7 @@ class ReportDelay:
 
     @property
     def fault(self) -> str | None:
-        """Text if reports arrive too late for any command to be sent; None if they do not."""
+        """Text on a delay that forbids commands; None if the delay is small enough."""
         if self.late_s <= SAFETY.latest_telemetry_s:
             return None
         return f"the autopilot's messages arrive {self.late_s:.1f} s late"

@@ -1,4 +1,4 @@
-"""Reports of the vehicle, each with its monotonic time of arrival [s]."""
+"""Reports of the vehicle, each with its time of arrival [s, monotonic]."""
 
 from dataclasses import dataclass
 from math import atan2, cos, degrees, hypot, radians
@@ -11,20 +11,20 @@ from uavrt.core.units import wrap_degrees_180
 
 @dataclass(frozen=True, slots=True)
 class ModeReport:
-    """Flight mode, from a HEARTBEAT or CURRENT_MODE."""
+    """Report of the flight mode, from HEARTBEAT or CURRENT_MODE."""
 
     time_s: float
     mode: int
-    """Flight mode, as the autopilot's number (MAVLink ``custom_mode``)."""
+    """Number of the flight mode (MAVLink ``custom_mode``)."""
     armed: bool | None = None
-    """True if the motors are armed; None: not in the message."""
+    """True if the motors are armed; None if the message does not contain it."""
     failsafe: bool = False
     """True if the autopilot's system status is critical or worse."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionReport:
-    """Position and velocity, from GLOBAL_POSITION_INT."""
+    """Report of position and velocity, from GLOBAL_POSITION_INT."""
 
     time_s: float
     boot_s: float
@@ -49,7 +49,7 @@ class PositionReport:
         return degrees(atan2(self.velocity_m_s[1], self.velocity_m_s[0]))
 
     def way_to(self, place: FlyThere) -> tuple[float, float]:
-        """Bearing [deg] and distance [m] to a position."""
+        """Return the bearing [deg] and the distance [m] from here to a position."""
         east = wrap_degrees_180(place.longitude_deg - self.longitude_deg)
         north = place.latitude_deg - self.latitude_deg
         bearing = degrees(atan2(east * cos(radians(self.latitude_deg)), north))
@@ -58,14 +58,14 @@ class PositionReport:
 
 @dataclass(frozen=True, slots=True)
 class PositionLost:
-    """Report of the autopilot that it has no position."""
+    """Report that the autopilot has no position."""
 
     time_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TargetReport:
-    """Present target of the autopilot: POSITION_TARGET_GLOBAL_INT."""
+    """Report of the autopilot's present target, from POSITION_TARGET_GLOBAL_INT."""
 
     time_s: float
     boot_s: float
@@ -76,23 +76,23 @@ class TargetReport:
     altitude_amsl_m: float | None
     yaw_deg: float | None
     yaw_rate_deg_s: float | None = None
-    """Rate of change of the target heading [°/s]; None if not reported."""
+    """Turn rate of the target heading [°/s]; None if not reported."""
 
 
 @dataclass(frozen=True, slots=True)
 class SticksReport:
-    """Channels of the remote control [µs]: RC_CHANNELS; empty without a signal."""
+    """Report of the remote control's channels, from RC_CHANNELS; empty without a signal."""
 
     time_s: float
     channels_us: tuple[int, ...]
-    """Positions of the roll, pitch, throttle and yaw sticks, as pulse widths [µs]."""
+    """Pulse widths of RC channels 1 to 4 [µs]: roll, pitch, throttle and yaw sticks."""
     switches_us: tuple[int, ...] = ()
     """Pulse widths of the RC channels from 5 on [µs], mostly switches; 0 if unused."""
 
 
 @dataclass(frozen=True, slots=True)
 class HomeReport:
-    """Home position, from HOME_POSITION."""
+    """Report of the home position, from HOME_POSITION."""
 
     time_s: float
     latitude_deg: float
@@ -102,11 +102,11 @@ class HomeReport:
 
 @dataclass(frozen=True, slots=True)
 class LandedReport:
-    """Landed state, from EXTENDED_SYS_STATE."""
+    """Report whether the vehicle is on the ground, from EXTENDED_SYS_STATE."""
 
     time_s: float
     on_ground: bool | None
-    """True if the vehicle is on the ground; None: unknown to the autopilot."""
+    """True if the vehicle is on the ground; None if the autopilot reports it as unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,17 +119,17 @@ class FailsafeReport:
 
 @dataclass(frozen=True, slots=True)
 class BootTimeReport:
-    """Autopilot's time since its start, from any message with a time stamp."""
+    """Report of the autopilot's time since its start, from any message with a timestamp."""
 
     time_s: float
     boot_s: float
     late_s: float | None = None
-    """Delay of the message after its time stamp, by TIMESYNC [s]; None: unknown."""
+    """Delay of the message on the link, measured by TIMESYNC [s]; None if unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class AutopilotStarted:
-    """Event: a new or restarted autopilot was found."""
+    """Event: an autopilot was found that is new or has restarted."""
 
     time_s: float
 
@@ -150,13 +150,13 @@ Located = PositionReport | TargetReport | HomeReport | FlyThere
 
 
 def between_m(one: Located, other: Located) -> float:
-    """Horizontal distance of two positions [m]; 0 if one is missing."""
+    """Return the horizontal distance between two positions [m]; 0 if one is missing."""
     a, b, c, d = one.latitude_deg, one.longitude_deg, other.latitude_deg, other.longitude_deg
     return 0.0 if a is None or b is None or c is None or d is None else distance_m(a, b, c, d)
 
 
 def same_place(one: Located, other: Located, within_m: float) -> bool:
-    """True if two targets have the same position and height, or neither has one."""
+    """True if two targets agree in position and height within `within_m`, or both lack one."""
     if one.latitude_deg is None or other.latitude_deg is None:
         return one.latitude_deg is other.latitude_deg
     a, b = one.altitude_amsl_m, other.altitude_amsl_m

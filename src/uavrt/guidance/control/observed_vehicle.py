@@ -1,4 +1,4 @@
-"""State of the vehicle from its last reports, and reasons against a command; no I/O."""
+"""The vehicle's state from its last reports, and reasons that forbid a command; no I/O."""
 
 from math import inf
 
@@ -23,7 +23,7 @@ from uavrt.guidance.safety import SAFETY
 
 
 class ObservedVehicle:
-    """Newest report of each kind from one vehicle."""
+    """Newest report of each kind from one vehicle, and the state that follows from them."""
 
     def __init__(self, behaviour: Behaviour, failsafe: FailsafeReport | None = None) -> None:
         self.behaviour = behaviour
@@ -44,7 +44,7 @@ class ObservedVehicle:
         self._lateness = ReportDelay()
 
     def store(self, seen: Observation) -> bool:
-        """Store a report; False if a newer report of the kind has arrived before."""
+        """Store a report; False if it is older than a stored one of the same kind."""
         match seen:
             case PositionReport():
                 if self.position is not None and seen.boot_s < self.position.boot_s:
@@ -81,7 +81,7 @@ class ObservedVehicle:
         return True
 
     def restarted(self, seen: Observation) -> str | None:
-        """Text if a report shows that the autopilot has restarted; None if it does not."""
+        """Return a text if a report shows a new or restarted autopilot; else None."""
         if isinstance(seen, AutopilotStarted):
             return "another autopilot"
         restarted = isinstance(seen, BootTimeReport) and self._lateness.starts_again(seen)
@@ -89,7 +89,7 @@ class ObservedVehicle:
 
     @property
     def known(self) -> tuple[ModeReport, PositionReport, HomeReport]:
-        """Mode, position and home of the vehicle; call it only if `fault` is None."""
+        """Mode, position and home. All three are known if `fault` returns None."""
         assert self.mode is not None
         assert self.position is not None
         assert self.home is not None
@@ -97,7 +97,7 @@ class ObservedVehicle:
 
     @property
     def heading_rests(self) -> bool:
-        """True if the heading is steady; a new turn then comes from a command or a pilot."""
+        """True if the heading is steady, so that a turn must come from a command or a pilot."""
         position = self.position
         if position is None or self._rest is None:
             return False
@@ -116,11 +116,11 @@ class ObservedVehicle:
 
     @property
     def late(self) -> str | None:
-        """Text if reports arrive too late for any command to be sent; None if they do not."""
+        """Text on a delay of reports that forbids commands; None if it is small enough."""
         return self._lateness.fault
 
     def fault(self, now_s: float, *, takeoff: bool = False) -> tuple[str, str] | None:
-        """Reason why no order can be confirmed now, with the remedy; None if one can."""
+        """Return why no order can be confirmed now, and the remedy; None if one can."""
         if self.mode is None or now_s - self.mode.time_s > SAFETY.mode_age_s:
             return "the autopilot's mode is unknown", "Check the link to the autopilot"
         if self.heartbeat is None or now_s - self.heartbeat.time_s > SAFETY.heartbeat_lost_s:
@@ -151,7 +151,7 @@ class ObservedVehicle:
         return None
 
     def lost(self, now_s: float) -> str | None:
-        """Text if a report has been missing for so long that an order ends; else None."""
+        """Return which report has been missing long enough to end an order, or None."""
         if self.mode is None or now_s - self.mode.time_s > SAFETY.mode_lost_s:
             return "the mode is no longer reported"
         if self.heartbeat is None or now_s - self.heartbeat.time_s > SAFETY.heartbeat_lost_s:
@@ -161,7 +161,10 @@ class ObservedVehicle:
         return None
 
     def on_ground(self, now_s: float) -> bool:
-        """True if the vehicle is on the ground, as reported, else by its height above home."""
+        """True if the vehicle is on the ground.
+
+        Without a recent report, its height above home decides.
+        """
         landed, position = self.landed, self.position
         fresh = landed is not None and now_s - landed.time_s <= SAFETY.landed_age_s
         if fresh and landed is not None and landed.on_ground is not None:
@@ -173,19 +176,22 @@ class ObservedVehicle:
         return inf if self.target is None else now_s - self.target.time_s
 
     def sticks_reported(self, now_s: float, within_s: float) -> bool:
-        """True if the sticks of a remote control were reported recently."""
+        """True if the RC sticks were reported in the last `within_s` [s]."""
         seen = self.sticks
         return seen is not None and bool(seen.channels_us) and now_s - seen.time_s <= within_s
 
     def rc(self, now_s: float, unwatched: frozenset[int]) -> RcWatch | None:
-        """Start a monitor of the remote control; None without a remote control."""
+        """Return a new monitor of the remote control; None if no remote control is received."""
         if self.sticks is None or not self.sticks_reported(now_s, SAFETY.sticks_lost_s):
             return None
         return RcWatch(self.sticks, unwatched)
 
 
 def ended_by(seen: Observation) -> str | None:
-    """Text if a report (failsafe, disarming, lost position) ends any order; else None."""
+    """Return why a report ends any order: failsafe, disarming, or lost position.
+
+    None if it does not.
+    """
     match seen:
         case FailsafeReport():
             return f"failsafe: {seen.cause}"
@@ -199,7 +205,7 @@ def ended_by(seen: Observation) -> str | None:
 
 
 def _apart_deg(one: PositionReport, other: PositionReport) -> float:
-    """Difference of the headings in two position reports [°]; 0 if one is not reported."""
+    """Return the angle between the headings of two reports [°]; 0 if one has no heading."""
     if one.yaw_deg is None or other.yaw_deg is None:
         return 0.0
     return abs(wrap_degrees_180(one.yaw_deg - other.yaw_deg))
@@ -210,7 +216,7 @@ def _turning(
     seen: PositionReport | TargetReport,
     known: float,
 ) -> float:
-    """Rate of turn between two reports [°/s]; `known` if both have the same time."""
+    """Return the turn rate between two reports [°/s]; `known` if they have the same time."""
     gap_s = 0.0 if before is None else seen.boot_s - before.boot_s
     if before is None or gap_s <= 0.0:
         return known

@@ -1,4 +1,4 @@
-"""Orders proposed to the operator for confirmation, and reasons to withdraw them; no I/O."""
+"""Orders proposed to the operator, and changes that make a proposal invalid; no I/O."""
 
 from dataclasses import dataclass
 
@@ -32,26 +32,29 @@ class Offer:
     made_s: float
     mode: int
     rests: bool
-    """True if the vehicle was in its command mode without an order when it was proposed."""
+    """True if, at the proposal, the vehicle hovered in the mode for commands without an
+    order."""
     target: TargetReport | None
-    """Target reported by a vehicle at rest; a change shows that another station commands."""
+    """Target reported by a hovering vehicle; a change shows that another station commands
+    it."""
     place: PositionReport
     home: HomeReport
     rc: RcWatch | None
-    """Monitor of the remote control since the proposal; None without one."""
+    """Monitor of the remote control since the proposal; None without a remote control."""
     yaw: RestingYaw | None
     target_yaw: RestingYaw | None
-    """Monitors of a resting vehicle's heading and target heading; None: moving or unknown."""
+    """Monitors of the heading and target heading of a hovering vehicle; None if it moves or the
+    heading is unknown."""
 
     def turned(self, seen: PositionReport | TargetReport) -> bool:
-        """True if another station or a pilot has turned the vehicle since the proposal."""
+        """True if a report shows that another station or a pilot has turned the vehicle."""
         watch = self.yaw if isinstance(seen, PositionReport) else self.target_yaw
         if watch is None or seen.yaw_deg is None:
             return False
         return watch.turned(seen.boot_s, seen.yaw_deg)
 
     def objection(self, seen: Observation, vehicle: ObservedVehicle) -> str | None:
-        """Text if a report shows that a pilot flew the vehicle since the proposal, or None."""
+        """Return how a report shows a pilot's action since the proposal; else None."""
         match seen:
             case ModeReport() if seen.mode != self.mode:  # also if it comes back
                 return f"the mode has changed to {vehicle.behaviour.mode_name(seen.mode)}"
@@ -62,7 +65,7 @@ class Offer:
         return None
 
     def check(self, vehicle: ObservedVehicle) -> None:
-        """Raise `CommandRefused` if someone has taken over the vehicle since the proposal."""
+        """Raise `CommandRefused` if another station or a pilot has acted since the proposal."""
         then, now, within_m = self.target, vehicle.target, vehicle.behaviour.target_m
         given = then is not None and now is not None and not same_place(then, now, within_m)
         if given or (self.rests and then is None and is_elsewhere(now, self.place)):
@@ -75,7 +78,7 @@ class Offer:
 
 
 class Offers:
-    """Holds at most one proposed order; each nonce is valid once."""
+    """Holds the proposed order, if any. Each nonce is valid for one proposal."""
 
     def __init__(self) -> None:
         self._offer: Offer | None = None
@@ -84,7 +87,7 @@ class Offers:
         self._used: set[int] = set()
 
     def add(self, offer: Offer) -> None:
-        """Replace the proposed order; raises `CommandRefused` for a used nonce."""
+        """Replace the proposed order; raises `CommandRefused` if its nonce was used before."""
         if offer.nonce in self._used:
             raise CommandRefused(
                 "the order repeats an earlier nonce", remedy="Request the motion again"
@@ -93,7 +96,10 @@ class Offers:
         self._withdrawn, self._offer = None, offer
 
     def confirmed(self, order_id: int, nonce: int, now_s: float) -> Offer:
-        """Return the proposed order for confirmation; `CommandRefused` if not allowed."""
+        """Remove and return the proposed order.
+
+        Raises `CommandRefused` if another order, or too late a confirmation, is given.
+        """
         offer, self._offer = self._offer, None
         if offer is None and self._withdrawn is not None and self._withdrawn[0] == nonce:
             raise CommandRefused(self._withdrawn[1], remedy=PILOT_FLIES)
@@ -115,7 +121,7 @@ class Offers:
         self._offer = None
 
     def observe(self, seen: Observation, vehicle: ObservedVehicle) -> None:
-        """Withdraw the proposed order if a report shows that a pilot or other station acts."""
+        """Withdraw the proposed order if a report shows a pilot's action or a moved home."""
         offer = self._offer
         if offer is None:
             return
@@ -129,7 +135,7 @@ class Offers:
 def resting(
     seen: PositionReport | TargetReport | None, now_s: float, turning: float, tolerance: float
 ) -> RestingYaw | None:
-    """Start a monitor of a resting vehicle's heading; None if no heading is reported."""
+    """Return a monitor for the heading of a hovering vehicle; None without a heading."""
     if seen is None or seen.yaw_deg is None:
         return None
     boot_s = seen.boot_s + now_s - seen.time_s
@@ -142,10 +148,10 @@ def resting(
 
 
 def is_elsewhere(target: TargetReport | None, place: PositionReport | None) -> bool:
-    """True if the first reported target is not where the vehicle holds its position.
+    """True if a first reported target is not where the vehicle hovers or will stop.
 
-    Then another station commands the vehicle. In Guided, ArduPilot reports no target before it
-    has one; a target where the vehicle holds or comes to rest belongs to no order.
+    Another station then commands the vehicle. In Guided, ArduPilot reports no target until it
+    gets one.
     """
     if target is None or target.latitude_deg is None or place is None:
         return False

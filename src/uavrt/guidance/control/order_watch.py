@@ -1,7 +1,7 @@
-"""Monitor a confirmed order for changes that no command caused, and check commands; no I/O.
+"""Monitor a confirmed order for changes that no command caused, and check its commands; no I/O.
 
-Until the first command the vehicle must stay as it was at the confirmation, or fly on to the
-previous order's target. After the first command, it must follow the command (`Commanded`).
+Until the first command, the vehicle must stay as it was at the confirmation, or continue to the
+target of the previous order. Afterwards it must follow the commands (`Commanded`).
 """
 
 from dataclasses import dataclass, field
@@ -30,14 +30,14 @@ from uavrt.guidance.safety import SAFETY
 
 @dataclass(slots=True)
 class JumpWatch:
-    """Detects jumps of position or altitude; a correction of home's altitude is allowed."""
+    """Detects jumps of position or altitude. Corrections of home's altitude are allowed."""
 
     before: PositionReport
     jumped_m: float = 0.0
-    """Sum of changes of altitude above sea level that the height over home did not show [m]."""
+    """Sum of changes of altitude without an equal change of the height above home [m]."""
 
     def observe(self, seen: PositionReport) -> str | None:
-        """Text if position or altitude jumped since the last report; else None."""
+        """Return a text if position or altitude jumped since the previous report; else None."""
         before, self.before = self.before, seen
         gap_s = max(0.0, seen.boot_s - before.boot_s)
         rise = seen.altitude_amsl_m - before.altitude_amsl_m
@@ -56,28 +56,30 @@ class JumpWatch:
 
 @dataclass(slots=True, kw_only=True)
 class OrderWatch:
-    """Monitor of one order, from its confirmation to its end."""
+    """Monitors one order from its confirmation to its end."""
 
     offer: Offer
-    """The confirmed order, with the vehicle's state when it was proposed."""
+    """The proposal that was confirmed, with the vehicle's state at that time."""
     confirmed_s: float
     planner_s: float
-    """Time of the last heartbeat of the planning process [s, monotonic]."""
+    """Time of the guide process's last heartbeat [s, monotonic]."""
     place: PositionReport
     home: HomeReport
     """Home position when the order was confirmed."""
     target: TargetReport | None
-    """Newest target reported before the first command; None without one."""
+    """Newest target reported since the confirmation; None if none was reported."""
     rc: RcWatch | None
-    """Monitor of the remote control since the confirmation; None without one."""
+    """Monitor of the remote control since the confirmation; None without a remote control."""
     sticks_unseen: bool
-    """True if the operator accepted that sticks are not monitored."""
+    """True if the operator has accepted that the RC sticks are not monitored."""
     flown: Commanded | None
-    """Command of the previous order, flown until this order's first command; or None."""
+    """Command of the previous order that is flown until the first one of this order; None
+    without one."""
     motion: Commanded | None = None
     own_mode_seen: bool = False
     in_air_s: float | None = None
-    """Time of the first report of a vehicle in the air before its take-off [s], or None."""
+    """Time since which a vehicle that has not taken off is reported in the air [s]; None if it
+    is not."""
     jumps: JumpWatch = field(init=False)
 
     def __post_init__(self) -> None:
@@ -85,23 +87,23 @@ class OrderWatch:
 
     @property
     def datum_m(self) -> float:
-        """Reference altitude of the order's heights [m]; kept even if home changes."""
+        """Altitude of home at the confirmation [m]; the order's heights are relative to it."""
         return self.place.altitude_amsl_m - self.place.altitude_relative_m
 
     @property
     def leg(self) -> Commanded | None:
-        """Command being flown, of this order or still of the previous one; None if none is."""
+        """Command that is flown now, of this order or the previous one; None without one."""
         return self.motion or self.flown
 
     @property
     def nearest_m(self) -> float | None:
-        """Shortest distance to the target reached on this leg [m]; None: no leg."""
+        """Smallest distance from the present target so far [m]; None without a target."""
         leg = self.leg
         flies = leg is not None and isinstance(leg.manoeuvre, FlyThere)
         return round(leg.left_m, 2) if leg is not None and flies else None
 
     def planner_alive(self, now_s: float) -> None:
-        """Record a heartbeat of the planning process."""
+        """Note that the guide process is alive."""
         self.planner_s = now_s
 
     def check(
@@ -113,7 +115,7 @@ class OrderWatch:
         first: bool,
         stops: bool,
     ) -> None:
-        """Raise `CommandRefused` if a request must not become a command now."""
+        """Raise `CommandRefused` if the requested motion must not be commanded now."""
         self._check_seen(vehicle, now_s)
         mode, _, _ = vehicle.known
         if self.offer.takeoff != isinstance(manoeuvre, TakeMode | TakeOff):
@@ -152,7 +154,7 @@ class OrderWatch:
             raise CommandRefused("the drone is still moving or turning")
 
     def _check_seen(self, vehicle: ObservedVehicle, now_s: float) -> None:
-        """Raise `CommandRefused` if reports are so old that a takeover could be unnoticed."""
+        """Raise `CommandRefused` if reports are so old that a takeover could go unnoticed."""
         if vehicle.mode is None or now_s - vehicle.mode.time_s > SAFETY.mode_age_s:
             raise CommandRefused("the last mode report is older than 1 s")
         if vehicle.position is None or now_s - vehicle.position.time_s > SAFETY.position_age_s:
@@ -169,7 +171,7 @@ class OrderWatch:
     def sent(
         self, manoeuvre: Manoeuvre, vehicle: ObservedVehicle, now_s: float, *, first: bool
     ) -> None:
-        """Record a sent command; from now on the vehicle must follow it."""
+        """Note a command that is sent now; the vehicle must follow it from now on."""
         self.motion = Commanded(
             manoeuvre=manoeuvre,
             behaviour=vehicle.behaviour,
@@ -183,9 +185,12 @@ class OrderWatch:
         self.flown = None
 
     def overdue(self, vehicle: ObservedVehicle, now_s: float) -> str | None:
-        """Text if reaction to the command, progress or a report is overdue; else None."""
+        """Return what is overdue: a report, the guide, the reaction to a command, or progress.
+
+        None if nothing is.
+        """
         if now_s - self.planner_s > SAFETY.planner_lost_s:
-            return "the guide is silent"
+            return "the guide process is silent"
         lost = vehicle.lost(now_s)
         if lost is None and self.rc is not None:
             unseen = not vehicle.sticks_reported(now_s, SAFETY.sticks_lost_s)
@@ -200,7 +205,7 @@ class OrderWatch:
         return None
 
     def observe(self, seen: Observation, vehicle: ObservedVehicle) -> str | None:
-        """Text on a reported change that no command caused; None if there is none."""
+        """Return how a report shows a change that no command caused; None if it does not."""
         match seen:
             case PositionReport():
                 return self._observe_position(seen, vehicle)
@@ -262,7 +267,7 @@ class OrderWatch:
         return leg.observe_position(seen, vehicle.turning_deg_s)
 
     def _turned(self, seen: PositionReport | TargetReport) -> bool:
-        """True if a pilot or station turns a resting vehicle before the first command."""
+        """True if a pilot or station turns a hovering vehicle before the first command."""
         return self.motion is None and self.offer.rests and self.offer.turned(seen)
 
     def _observe_landed(self, seen: LandedReport) -> str | None:
@@ -273,7 +278,7 @@ class OrderWatch:
         return "the vehicle has landed" if seen.on_ground and (rises or not takes_off) else None
 
     def _observe_in_air(self, seen: LandedReport) -> str | None:
-        """Text if a vehicle flies before its take-off command; None if not.
+        """Return a text if the vehicle flies before its take-off command; else None.
 
         PX4 1.17 reports flight for about a second after arming on the ground. Until it reports
         the ground again, `check` refuses the command.
@@ -297,10 +302,10 @@ class OrderWatch:
 
 
 def _setpoint_turns(motion: Commanded, vehicle: ObservedVehicle) -> bool:
-    """True if the heading setpoint turns although the drone needs no other heading.
+    """True if the heading setpoint turns although the drone has no reason to turn.
 
-    It has the commanded heading, or is so near its target that PX4 keeps the heading. Another
-    station may then have begun a turn, which a further command would undo.
+    The drone then has the commanded heading, or is so near its target that PX4 keeps the
+    heading. Another station may have begun the turn, and a further command would undo it.
     """
     target, seen = vehicle.target, vehicle.position
     if target is None or target.yaw_rate_deg_s is None or motion.yaw is None:

@@ -1,4 +1,4 @@
-"""Detect a pilot at the remote control: sticks and all other channels; no I/O.
+"""Detect a pilot at the remote control from its sticks and switches; no I/O.
 
 A moved stick means that a pilot flies. The same holds for any switch: PX4's mode switch set to
 Hold during a command in Hold changes neither mode nor target.
@@ -9,11 +9,11 @@ from uavrt.guidance.safety import SAFETY
 
 
 class RcWatch:
-    """Detects a stick or switch that has moved.
+    """Detects a stick or switch that has moved since the first report.
 
-    A single message may be a receiver's glitch. So a switch counts as moved after two messages,
-    or after one and 0.1 s without a contrary one. `unwatched`: numbers of channels
-    without a control, such as one that carries the RSSI.
+    One message may be wrong. So a switch counts as moved after two messages, or after one that
+    no other contradicts for 0.1 s. `unwatched` are numbers of channels without a control, such
+    as one with the RSSI.
     """
 
     def __init__(self, then: SticksReport, unwatched: frozenset[int]) -> None:
@@ -22,11 +22,11 @@ class RcWatch:
 
     @property
     def unsure(self) -> bool:
-        """True if a switch has moved in one message only."""
+        """True if only one message so far shows that a switch has moved."""
         return bool(self._off_since_s)
 
     def observe(self, seen: SticksReport) -> str | None:
-        """Compare a report with the first one; text on a moved stick or switch, or None."""
+        """Compare a report with the first one; return what has moved, or None."""
         off = self._elsewhere(seen.switches_us)
         again = [number for number in off if number in self._off_since_s]
         self._off_since_s = {
@@ -39,7 +39,7 @@ class RcWatch:
         return _switched(again)
 
     def sure(self, now_s: float) -> str | None:
-        """Text on a switch that has been off its first position for 0.1 s; else None."""
+        """Return which switch has been off its first position for 0.1 s; else None."""
         since_s = self._off_since_s.items()
         return _switched(
             [one for one, at_s in since_s if now_s - at_s >= SAFETY.switch_moved_s]
@@ -57,7 +57,7 @@ class RcWatch:
 
 
 def _switched(channels: list[int]) -> str | None:
-    """Text on the first moved RC channel, with a remedy if it is not a switch; or None."""
+    """Return a text on the first of the moved channels; None if none has moved."""
     if not channels:
         return None
     unless = "(guidance.unwatched_channels leaves it out)"

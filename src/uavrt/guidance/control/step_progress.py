@@ -1,6 +1,6 @@
-"""Detect that an unfinished step has come to rest; no I/O.
+"""Detect that the drone has stopped before a step is complete; no I/O.
 
-A pause of ArduCopter shows in no message: mode and target stay, the drone stops. Whatever the
+No message of ArduCopter shows a pause: mode and target stay, and the drone stops. Whatever the
 cause, a step without progress for 3 s counts as stopped.
 """
 
@@ -13,18 +13,19 @@ from uavrt.guidance.safety import SAFETY
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Remaining:
-    """Remaining distance [m] or angle [°] of a motion."""
+    """Remaining distance [m] or angle [°] of a step, and how much of it counts as progress."""
 
     now: float
-    """Present remaining distance or angle; NaN: the bearing to a place below is undefined."""
+    """Remaining distance [m] or angle [°]; NaN for the bearing of a target below the drone."""
     soon: float
-    """Remaining distance or angle where the drone would stop if it braked now."""
+    """Distance or angle that would remain if the drone braked now."""
     least: float
     """Smallest decrease of `now` in `SAFETY.no_progress_s` that counts as progress."""
     tolerance: float
-    """Remaining distance or angle up to which the motion counts as done."""
+    """Remaining distance or angle at which the motion counts as complete."""
     needed: bool = True
-    """False if the motion may end above `tolerance`; the value then only shows progress."""
+    """False if the step may be complete with `now` above `tolerance`; `now` then only shows
+    progress."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,15 +36,15 @@ class _Sample:
 
 
 class Progress:
-    """Monitors the progress of one step, beginning with its command."""
+    """Monitors the progress of one step since its command."""
 
     def __init__(self) -> None:
         self._samples: deque[_Sample] = deque()
 
     def observe(self, time_s: float, *parts: Remaining, free: bool = False) -> None:
-        """Add the present remaining values, in the same order at each call.
+        """Add the present remaining values; each call must give them in the same order.
 
-        `free`: True if the drone has no reason to brake before the first value has decreased.
+        `free` is True if the drone has no reason yet to brake for its target.
         """
         if all(part.now <= part.tolerance for part in parts if part.needed):
             self._samples.clear()
@@ -55,13 +56,13 @@ class Progress:
             self._samples.popleft()
 
     def stopped(self, time_s: float, for_s: float = SAFETY.no_progress_s) -> bool:
-        """True if the step is unfinished and no remaining value decreased for `for_s` [s]."""
+        """True if the step is incomplete and has made no progress for `for_s` [s]."""
         if not self._samples or time_s - self._samples[0].time_s < for_s:
             return False
         return not self._nearer(time_s, for_s)
 
     def brakes(self, time_s: float) -> bool:
-        """True if the drone slows down without a reason: the stopping point comes no nearer."""
+        """True if the drone brakes although it is not yet near its target."""
         if not self._samples or not self._samples[-1].free:
             return False
         old = (
@@ -71,7 +72,7 @@ class Progress:
         return any(now.soon > then.parts[0].soon - SAFETY.braking_m for then in islice(old, 1))
 
     def _nearer(self, time_s: float, within_s: float) -> bool:
-        """True if a remaining distance or angle fell enough for progress in `within_s` [s]."""
+        """True if a remaining distance or angle has decreased enough within `within_s` [s]."""
         share = within_s / SAFETY.no_progress_s
         now = self._samples[-1].parts
         return any(

@@ -13,7 +13,7 @@ from uavrt.guidance.control.observed import HomeReport, between_m
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleCommand:
-    """A command to the autopilot, sent as COMMAND_INT."""
+    """A command for the autopilot; it is sent as COMMAND_INT."""
 
     name: Literal[
         "DO_REPOSITION", "CONDITION_YAW", "NAV_RETURN_TO_LAUNCH", "DO_SET_MODE", "NAV_TAKEOFF"
@@ -31,19 +31,26 @@ class VehicleCommand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandWriter:
-    """Converts requested motions for one autopilot, within its limits."""
+    """Converts requested motions to commands for one kind of autopilot.
+
+    Motions beyond the limits are refused.
+    """
 
     behaviour: Behaviour
     lowest_m: float = 20.0
     highest_m: float = 120.0
-    """Upper limit of commanded heights above home [m]."""
+    """Largest allowed height of a commanded target above home [m]."""
     farthest_m: float = 1000.0
-    """Upper limit of commanded distances from home [m]."""
+    """Largest allowed distance of a commanded target from home [m]."""
 
     def command(
         self, manoeuvre: Manoeuvre, *, first: bool, datum_m: float, home: HomeReport | None
     ) -> VehicleCommand:
-        """Make a motion's command, with heights above `datum_m`; raises `CommandRefused`."""
+        """Return the command for a motion.
+
+        `datum_m` is the altitude to which heights relate [m]. Raises `CommandRefused` beyond
+        the limits.
+        """
         match manoeuvre:
             case FlyThere():
                 return self._fly_there(
@@ -105,7 +112,7 @@ class CommandWriter:
         )
 
     def _take_off(self, manoeuvre: TakeOff, first: bool, above_m: float) -> VehicleCommand:
-        """Make the take-off command: PX4 takes an altitude, ArduPilot a height above home."""
+        """Return the take-off command. PX4 needs an altitude, ArduPilot a height above home."""
         if first == self.behaviour.own_mode_first:
             raise CommandRefused("the autopilot is not in its take-off mode")
         self._check_height(above_m)

@@ -1,4 +1,4 @@
-"""Check that the heading moves as commanded; no I/O."""
+"""Check that the drone's heading turns only as commanded; no I/O."""
 
 from collections import deque
 from dataclasses import dataclass, field
@@ -12,16 +12,17 @@ FOREIGN_TURN = "another program turns the drone"
 
 @dataclass(slots=True, kw_only=True)
 class YawWatch:
-    """Monitors a heading from a command on; `fault` returns a deviation.
+    """Monitors the heading after a command; `fault` returns how the heading contradicts it.
 
-    The heading may stay as it was or come nearer to its aim: the requested heading or, while
-    the target is not near, its bearing. It may turn away only towards the drone's recent
-    course.
+    The heading may stay as it was or approach its aim. The aim is the requested heading or,
+    without one, the bearing of a target that is not near. Away from the aim, the heading may
+    turn only towards the drone's recent course.
 
-    `start_s`: time of the command [s]. `yaw_deg`: heading at that time [°]. `tolerance_deg`:
-    for gusts and overshoot. `wanted_deg`: requested heading. `turn_deg`, `rate_deg_s`: angle,
-    clockwise, and rate of a turn in place instead. `turning_deg_s`: rate of turn when the
-    command was sent. `exact`: the heading is a setpoint, without gusts.
+    `start_s` is the time of the command [s], `yaw_deg` the heading at that time [°], and
+    `turning_deg_s` the turn rate at that time [°/s]. `tolerance_deg` allows for gusts and
+    overshoot [°]. `wanted_deg` is the requested heading [°]. For a turn in place, `turn_deg` is
+    its angle, positive clockwise [°], and `rate_deg_s` its rate [°/s]. `exact` means that the
+    heading is a setpoint, which gusts do not move.
     """
 
     start_s: float
@@ -33,36 +34,38 @@ class YawWatch:
     turning_deg_s: float = 0.0
     exact: bool = False
     turned_deg: float = 0.0
-    """Angle turned so far in the requested direction, by a turn in place [°]."""
+    """Angle that a turn in place has turned so far, positive in its requested direction [°]."""
     _aim_deg: float | None = None
     _first_deg: float = 0.0
     _best_deg: float = 0.0
     _near: bool = False
     _aligned_since_s: float | None = None
     _aligned: bool = False
-    """True once the heading was close to its expected value for `SAFETY.aligned_s`."""
+    """True once the heading has been close to its aim for `SAFETY.aligned_s`."""
     _moved_s: float = 0.0
     _turns: bool = False
     _settles: bool = False
     _swept: "_Swept | None" = None
-    """Bearings of the target since the drone came near; None while it is farther away."""
+    """Bearings of a near target since the drone came near it; None while the target is farther
+    away."""
     _on_deg: float = 0.0
-    """Angle by which the heading setpoint has continued an earlier turn since `_turn_s` [°]."""
+    """Angle by which the heading setpoint has continued an earlier turn, since `_turn_s`
+    [°]."""
     _ended: bool = False
     _side_deg: float = 0.0
-    """Signed angle from the heading to its expected value at the last report [°]."""
+    """Angle from the heading to its aim at the last report, positive clockwise [°]."""
     _step_deg: float = 0.0
     """Change of the heading between the last two reports [°]."""
     _courses: deque[tuple[float, float, float]] = field(default_factory=deque)
-    """Times [s], headings and courses over ground [°] of the last `SAFETY.course_follow_s`."""
-    _turn_s: float = field(init=False)
-    """Start of the time in which an earlier turn may continue [s]: the command, or the last
-    time at which the heading setpoint passed its aim."""
-    _seen_s: float = field(init=False)
-    """Time of the last report of a heading [s]."""
-    _stood_s: float = 0.0
-    """Time for which the drone has been at rest after moving [s], up to
+    """(time [s], heading [°], course over ground [°]) of each report in the last
     `SAFETY.course_follow_s`."""
+    _turn_s: float = field(init=False)
+    """Time from which an earlier turn may still continue [s]: that of the command, or the last
+    at which the heading setpoint passed its aim."""
+    _seen_s: float = field(init=False)
+    """Time of the last report with a heading [s]."""
+    _stood_s: float = 0.0
+    """Time without motion since the drone last moved [s], up to `SAFETY.course_follow_s`."""
 
     def __post_init__(self) -> None:
         self._turn_s = self._seen_s = self.start_s
@@ -73,7 +76,7 @@ class YawWatch:
 
     @property
     def begun(self) -> bool:
-        """True if the requested heading is reached or the heading has come nearer to it."""
+        """True if the heading has reached the requested one or has turned towards it."""
         if self.wanted_deg is None:
             return True
         return self._best_deg < max(
@@ -88,7 +91,7 @@ class YawWatch:
         away_m: float = 0.0,
         course_deg: float | None = None,
     ) -> str | None:
-        """Add a heading; return a text on its deviation from course or target, or None."""
+        """Add a heading; return a text if it contradicts the command, else None."""
         before_deg, self.yaw_deg = self.yaw_deg, yaw_deg
         step = wrap_degrees_180(yaw_deg - before_deg)
         if self.turn_deg is not None:
@@ -122,7 +125,7 @@ class YawWatch:
 
     @property
     def turns_on_s(self) -> float:
-        """Time in which a setpoint may complete a turn that began before the command [s]."""
+        """Time that a setpoint needs to stop a turn from before the command [s]."""
         return abs(self.turning_deg_s) / SAFETY.setpoint_braking_deg_s2 if self.exact else 0.0
 
     @property
@@ -132,9 +135,9 @@ class YawWatch:
         )
 
     def _follows_course(self, time_s: float, yaw_deg: float, course_deg: float | None) -> bool:
-        """True if the heading turns from its old direction towards the recent course.
+        """True if the heading turns from its previous direction towards a recent course.
 
-        A drone that reverses its course is at rest for a moment; this time does not count.
+        A drone that reverses its course hovers for a moment; this time does not count.
         """
         if self._courses and course_deg is None:
             stood_s = self._stood_s + time_s - self._seen_s
@@ -152,7 +155,7 @@ class YawWatch:
         return follows
 
     def _align(self, time_s: float, off_deg: float) -> None:
-        """Update the time since which a measured heading is aligned with its aim."""
+        """Update whether the heading has been aligned with its aim for long enough."""
         if self.exact or self._near or self._aligned:
             return
         if off_deg > SAFETY.turn_done_deg:
@@ -163,9 +166,9 @@ class YawWatch:
             self._aligned = time_s - self._aligned_since_s >= SAFETY.aligned_s
 
     def _pass_aim(self, time_s: float, side_deg: float, step_deg: float) -> None:
-        """Allow a setpoint that turns past its moving aim the angle that it needs to stop.
+        """Allow a setpoint that passes its moving aim to turn as far as it needs to stop.
 
-        A heading that begins to turn at its aim does not pass it.
+        A setpoint that begins to turn at its aim does not pass the aim.
         """
         before_deg, self._side_deg = self._side_deg, side_deg
         turned_deg, self._step_deg = self._step_deg, step_deg
@@ -182,20 +185,20 @@ class YawWatch:
             self._may_stop(time_s, max(turned_deg, step_deg, key=abs) / gap_s)
 
     def _may_stop(self, time_s: float, turning_deg_s: float) -> None:
-        """Allow a setpoint that turns at a rate [°/s] the angle that it needs to stop."""
+        """Allow a setpoint that turns at this rate [°/s] to turn as far as it needs to stop."""
         self.turning_deg_s = turning_deg_s
         self._turn_s, self._on_deg, self._ended = time_s, 0.0, False
 
     @property
     def _turns_on(self) -> bool:
-        """True while the setpoint may still brake a turn away from its aim."""
+        """True while a setpoint may still complete an earlier turn away from its aim."""
         longest = _setpoint_turns_on_deg(self.turning_deg_s)
         return bool(longest) and not self._ended
 
     def _turned_on_deg(self, time_s: float, step_deg: float, off_deg: float) -> float:
-        """Largest angle by which an earlier turn may still lead away from the aim [°].
+        """Return how far an earlier turn may still lead away from the aim [°].
 
-        A setpoint first completes a turn that began before the command, or near the target.
+        A setpoint first completes a turn that began before the command or near the target.
         """
         if not self.exact:
             return _turns_on_deg(self.turning_deg_s)
@@ -215,7 +218,7 @@ class YawWatch:
     def _aim(
         self, step_deg: float, bearing_deg: float | None, away_m: float
     ) -> tuple[float, float]:
-        """Expected heading (commanded, bearing or unchanged) and its uncertainty [°]."""
+        """Return the aim (requested heading, bearing or old heading) and its error [°]."""
         yaw_deg = self.yaw_deg
         if self.wanted_deg is not None:
             return self.wanted_deg, 0.0
@@ -241,7 +244,7 @@ class YawWatch:
         return self._aim_deg, 0.0
 
     def _turning(self, time_s: float, step_deg: float) -> str | None:
-        """Text on how a turn in place deviates: backwards, or too fast; None if it does not."""
+        """Return a text if a turn in place goes backwards or too fast; else None."""
         assert self.turn_deg is not None
         self.turned_deg += step_deg if self.turn_deg >= 0.0 else -step_deg
         self._best_deg = max(self._best_deg, self.turned_deg)
@@ -253,27 +256,30 @@ class YawWatch:
 
 @dataclass(slots=True)
 class _Swept:
-    """Bearings of a near target, at any of which PX4's heading setpoint may come to rest."""
+    """Range of a near target's bearings; PX4's heading setpoint may stop at any of them."""
 
     first_deg: float
     least_deg: float = 0.0
     most_deg: float = 0.0
-    """Greatest clockwise change of the bearing since the first one [°]; `least_deg` is the
-    greatest change counterclockwise, negative."""
+    """Largest change of the bearing since the first one, clockwise [°]. `least_deg` is the
+    largest counterclockwise change, as a negative number."""
 
     def add(self, bearing_deg: float) -> None:
-        """Add a bearing to the swept range."""
+        """Extend the range to include a bearing."""
         change = wrap_degrees_180(bearing_deg - self.first_deg)
         self.least_deg = min(self.least_deg, change)
         self.most_deg = max(self.most_deg, change)
 
     def nearest_deg(self, yaw_deg: float) -> float:
-        """Bearing among those swept that is nearest to a heading [°]."""
+        """Return the bearing in the range that is nearest to a heading [°]."""
         change = wrap_degrees_180(yaw_deg - self.first_deg)
         return self.first_deg + max(self.least_deg, min(self.most_deg, change))
 
     def rests(self, yaw_deg: float, step_deg: float) -> float:
-        """Nearest bearing [°]; once the heading rests at one, only that remains."""
+        """Return the nearest bearing in the range [°].
+
+        If the heading rests there, reduce the range to it.
+        """
         aim = self.nearest_deg(yaw_deg)
         off = abs(wrap_degrees_180(aim - yaw_deg))
         if abs(step_deg) < SAFETY.settled_deg and off < SAFETY.target_yaw_deg:
@@ -282,7 +288,7 @@ class _Swept:
 
 
 def _turns_to(goal_deg: float, yaw_deg: float, before_deg: float, tolerance_deg: float) -> bool:
-    """True if a heading has turned towards a goal and not far beyond the goal."""
+    """True if a heading has turned towards a goal, and not far beyond it."""
     left = wrap_degrees_180(goal_deg - before_deg)
     turned = wrap_degrees_180(yaw_deg - before_deg)
     towards = turned if left >= 0.0 else -turned
@@ -292,12 +298,12 @@ def _turns_to(goal_deg: float, yaw_deg: float, before_deg: float, tolerance_deg:
 
 
 def _turns_on_deg(turning_deg_s: float) -> float:
-    """Largest angle by which a drone continues an earlier turn [°]; up to 50° were measured."""
+    """Return how far a drone may continue an earlier turn [°]; up to 50° were measured."""
     return 1.5 * abs(turning_deg_s) + 15.0 if abs(turning_deg_s) > SAFETY.turning_deg_s else 0.0
 
 
 def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
-    """Angle that PX4's heading setpoint needs to stop a turn, with a margin of 3° [°]."""
+    """Return how far PX4's heading setpoint turns until it stops, with a margin of 3° [°]."""
     if abs(turning_deg_s) <= SAFETY.turning_deg_s:
         return 0.0
     return turning_deg_s**2 / (2.0 * SAFETY.setpoint_braking_deg_s2) + 3.0
@@ -305,21 +311,22 @@ def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
 
 @dataclass(slots=True, kw_only=True)
 class RestingYaw:
-    """Monitors the heading of a drone that rests without an order.
+    """Monitors the heading of a drone that hovers without an order.
 
-    A turn in progress may finish and be reversed as after a command. Times are the autopilot's
-    since its start, because reports are processed late after a stall of this process.
+    A turn in progress may be completed and reversed, as after a command. Times count from the
+    autopilot's start, because this process may read reports late after a pause.
     """
 
     start_boot_s: float
     yaw_deg: float
-    """Heading that the drone should keep [°]: at the start, or after its turn so far."""
+    """Heading that the drone should keep [°]: that at the start, or that of a turn completed
+    since."""
     turning_deg_s: float
     tolerance_deg: float
     _moved_boot_s: float = -1.0
 
     def turned(self, boot_s: float, yaw_deg: float) -> bool:
-        """Add a heading; True if a pilot or station has turned the drone."""
+        """Add a heading; True if a pilot or another station has turned the drone."""
         step = wrap_degrees_180(yaw_deg - self.yaw_deg)
         if abs(self.turning_deg_s) > SAFETY.turning_deg_s:
             since_s = max(self._moved_boot_s, self.start_boot_s)

@@ -1,1 +1,1 @@
-"""Read areas, paths and missions of other programs, and write plans for them."""
+"""Read areas, paths and missions in other programs' formats, and write missions in them."""

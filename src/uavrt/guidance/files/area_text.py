@@ -1,6 +1,7 @@
-"""Read outlines of areas in the text of GeoJSON, KML and QGroundControl's plans; no I/O.
+"""Read outlines of areas from GeoJSON, KML and QGroundControl's plans; no I/O.
 
-QGroundControl's plans (version 1) have a survey's ``polygon``, a fence's polygons and circles.
+In a plan (version 1), these are the ``polygon`` of a survey, and the polygons and circles of a
+fence.
 """
 
 from collections.abc import Iterator
@@ -18,16 +19,16 @@ from uavrt.core.messages import KeepOut
 from uavrt.guidance.operator_orders import Place
 
 CIRCLE_CORNERS = 20
-"""Number of corners of the polygon that replaces a circle, as many as an order may have."""
+"""Number of corners of the polygon that approximates a circle; an order may have as many."""
 MOST_KEEP_OUT = 100
 MOST_OUTLINES = 1000
 MOST_CORNERS = 1000
-"""Largest number of corners in an outline; planning time grows with its square."""
+"""Largest number of corners of an outline; planning time grows with its square."""
 MOST_NAME = 24
 _NOT_OUTLINES = frozenset(
     ("Point", "LineString", "LinearRing", "Track", "MultiTrack", "Model", "NetworkLink")
 )
-"""KML elements that do not outline an area: points, lines, models, links to other files."""
+"""KML elements that are not areas: points, lines, models, links to other files."""
 _REMEDY = (
     "Draw one outline without holes, in QGIS or on geojson.io (GeoJSON), in Google Earth "
     "(KML), or as a survey in QGroundControl (.plan)"
@@ -39,8 +40,11 @@ _KEEP_OUT_REMEDY = (
 
 
 def area_in(text: str, name: str) -> tuple[Place, ...]:
-    """Read the only outline in a file's text, without excluded areas; raises `FormatError`."""
-    with in_words(f"{name} gives no area", _REMEDY):
+    """Return the corners of the only area to search in a file's text.
+
+    Raises `FormatError` if there is not exactly one.
+    """
+    with in_words(f"{name} contains no usable area", _REMEDY):
         outlines = [one for one in _read(text) if not one.keep_out]
         if len(outlines) != 1:
             raise ValueError(f"the file has {len(outlines)} outlines; give exactly one")
@@ -50,15 +54,15 @@ def area_in(text: str, name: str) -> tuple[Place, ...]:
 
 
 def keep_out_in(text: str, name: str, *, every: bool = False) -> tuple[KeepOut, ...]:
-    """Read the areas over which nothing may fly.
+    """Return the areas in a file's text over which nothing may fly.
 
-    GeoJSON: features with ``"keep_out": true`` (a Point needs ``radius_m``). KML: polygons
-    whose name begins with "keep out". Plans: the exclusion fences. Any other marked feature is
-    refused by name, so that no area is left out. `every`: every outline, and every Point of
-    GeoJSON, is an excluded area, marked or not. Raises `FormatError`: the text is in none of
-    the three formats, or one area is invalid.
+    In GeoJSON these are features with ``"keep_out": true`` (a Point needs ``radius_m``), in KML
+    polygons with a name that begins with "keep out", and in a plan the exclusion fences. Any
+    other feature that is marked so raises an error with its name, so that none is overlooked.
+    With `every`, all outlines and all GeoJSON Points are excluded areas, marked or not. Raises
+    `FormatError` if the text has none of the three formats, or if an area is invalid.
     """
-    with in_words(f"{name} gives no keep-out areas", _KEEP_OUT_REMEDY):
+    with in_words(f"{name} contains no usable keep-out areas", _KEEP_OUT_REMEDY):
         found = tuple(
             _kept(one)
             for one in _read(text, every=every)
@@ -76,7 +80,7 @@ class _Outline:
     corners: list[tuple[float, float]]
     keep_out: bool = False
     mixed: bool = True
-    """True if the file format does not state whether the outline is searched or excluded."""
+    """True if the format does not define whether an outline is to be searched or excluded."""
     radius_m: float | None = None
     name: str = ""
     holes: bool = False
@@ -84,7 +88,7 @@ class _Outline:
 
 @contextmanager
 def in_words(what: str, remedy: str) -> Iterator[None]:
-    """Context that converts parsing errors to `FormatError`, whose text begins with `what`."""
+    """Context that converts errors of parsing to a `FormatError` that begins with `what`."""
     try:
         yield
     except (
@@ -130,14 +134,14 @@ def _checked(corners: list[tuple[float, float]], least: int = 3) -> tuple[Place,
 
 
 def check_places(places: tuple[Place, ...]) -> None:
-    """Raise `ValueError` for an invalid latitude or longitude."""
+    """Raise `ValueError` if a latitude or longitude is invalid."""
     for north, east in places:
         if not (abs(north) <= 90 and abs(east) <= 180):
             raise ValueError(f"{north:g}, {east:g} is not a position on earth")
 
 
 def _kept(one: _Outline) -> KeepOut:
-    """Make an excluded area from an outline; holes in the outline are excluded, too."""
+    """Convert an outline to an excluded area; its holes are excluded too."""
     radius, name = one.radius_m, one.name[:MOST_NAME].encode("utf-8", "replace").decode()
     if radius is None:
         if len(one.corners) == 1:
@@ -149,7 +153,10 @@ def _kept(one: _Outline) -> KeepOut:
 
 
 def circle(center: Place, radius_m: float) -> tuple[Place, ...]:
-    """Make the polygon that replaces a circle; `FormatError` for a radius of 0 or less."""
+    """Return the corners of a polygon that approximates a circle.
+
+    Raises `FormatError` unless the radius is positive [m].
+    """
     if not 0.0 < radius_m < 1e5:
         raise FormatError(
             f"the circle's radius of {radius_m:g} m is not positive",
@@ -170,7 +177,7 @@ def _of_json(text: str, every: bool) -> Iterator[_Outline]:
 
 
 def _shapes(found: Any, properties: Any, every: bool) -> Iterator[_Outline]:
-    """Find the polygons of GeoJSON, and the points to exclude."""
+    """Yield the polygons in GeoJSON, and the points that are to be excluded."""
     keep_out = bool(properties.get("keep_out", False))
     name = str(properties.get("name") or "")
     match found["type"]:
@@ -200,12 +207,16 @@ def _shapes(found: Any, properties: Any, every: bool) -> Iterator[_Outline]:
 
 
 def _not_understood(name: str, kind: object) -> ValueError:
-    """Error for the excluded area `name`, whose shape `kind` is not supported."""
-    return ValueError(f'"{name[:MOST_NAME]}" is a {kind} without an outline')
+    """Return the error for an excluded area `name` of the unsupported kind `kind`."""
+    who = f'"{name[:MOST_NAME]}"' if name else "an unnamed feature"
+    return ValueError(f"{who} is a {kind} without an outline")
 
 
 def _of_plan(found: Any) -> Iterator[_Outline]:
-    """Find the areas of a QGroundControl plan: survey, else inclusion fence; and exclusions."""
+    """Yield the survey areas of a QGroundControl plan, then its exclusion fences.
+
+    Without a survey, the inclusion fences replace it.
+    """
     surveyed = [
         _Outline(corners=[(north, east) for north, east, *_ in item["polygon"]], mixed=False)
         for item in found.get("mission", {}).get("items", [])
@@ -251,7 +262,7 @@ def _of_kml(text: str, every: bool) -> Iterator[_Outline]:
 
 
 def _check_kml(root: ET.Element, names: dict[ET.Element, str], every: bool) -> None:
-    """Raise an error for an excluded feature that is not a polygon."""
+    """Raise `ValueError` for a feature marked as excluded that is not a polygon."""
     polygons = [one for one in root.iter() if _named(one, "Polygon")]
     within = {inner for polygon in polygons for inner in polygon.iter()}
     for one in root.iter():

@@ -29,7 +29,8 @@ CORNER_WITHIN, CORNER_OUTSIDE, CIRCLE_WITHIN, CIRCLE_OUTSIDE = 5001, 5002, 5003,
 """MAV_CMD numbers of fence corners and circles, inclusion and exclusion."""
 FULL_SCALE_DEG = 1e7
 _SAME_FRAMES = {5: 0, 6: 3}
-"""MAV_FRAME numbers GLOBAL_INT and GLOBAL_RELATIVE_ALT_INT, with their older equivalents."""
+"""MAV_FRAME numbers GLOBAL_INT and GLOBAL_RELATIVE_ALT_INT, and the older numbers with the same
+meaning."""
 _SAME_PLACE, _SAME_HEIGHT_M = 1, 0.011
 """Tolerances when items are read back [1e-7 deg; m]; ArduPilot stores whole centimetres."""
 _REMEDY = "Draw the vehicle's fence again in QGroundControl, and upload it"
@@ -37,23 +38,26 @@ _REMEDY = "Draw the vehicle's fence again in QGroundControl, and upload it"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionItem:
-    """A mission or fence item, with the fields of MISSION_ITEM_INT."""
+    """An item of a mission or fence, with the fields of MISSION_ITEM_INT."""
 
     command: int
     frame: int = ABSOLUTE_FRAME
     params: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     x: int = 0
-    """Latitude of the mission item [1e-7 deg]."""
+    """Latitude of the item [1e-7 deg]."""
     y: int = 0
-    """Longitude of the mission item [1e-7 deg]."""
+    """Longitude of the item [1e-7 deg]."""
     z: float = 0.0
-    """Height of the mission item in its frame [m]."""
+    """Height of the item, relative to the reference of its frame [m]."""
 
     @classmethod
     def at(
         cls, command: int, frame: int, place: Place, height_m: float = 0.0, first: float = 0.0
     ) -> "MissionItem":
-        """Make the item of a position; `first`: parameter 1. A waypoint sets no heading."""
+        """Return an item at a position. `first` is its parameter 1.
+
+        A waypoint leaves the heading to the autopilot.
+        """
         return cls(
             command=command,
             frame=frame,
@@ -69,7 +73,7 @@ class MissionItem:
         return self.x / FULL_SCALE_DEG, self.y / FULL_SCALE_DEG
 
     def flies_as(self, other: "MissionItem") -> bool:
-        """True if an autopilot flies another item in the same way, within rounding."""
+        """True if an autopilot flies both items in the same way, apart from rounding."""
         if self.command != other.command:
             return False
         if self.command == RETURN:
@@ -85,21 +89,21 @@ class MissionItem:
 
 
 NOT_CHECKED = "the vehicle's fence, home, battery, and the ground below the path"
-"""Text on the checks left to the operator when a survey is saved to a file."""
+"""What the operator must check when a survey is saved to a file."""
 NOT_CHECKED_ABOARD = "its battery, and the ground below the path"
-"""Text on the checks left to the operator when a survey is uploaded to a vehicle."""
+"""What the operator must check when a survey is uploaded to a vehicle."""
 
 
 def survey_items(
     order: Order, limits: Limits | None = None, home: Place | None = None
 ) -> tuple[MissionItem, ...]:
-    """Convert a survey to a mission: its path at the height above home, then the return.
+    """Convert a survey to a mission: its path at a height above home, then the return.
 
-    The mission has no take-off: a pilot takes off and starts it. `order`: a survey along lines
-    or around; turns at positions differ between autopilots. `limits`: heights; with `home` also
-    the distance from home and the vehicle's fence. `home`: the vehicle's; without one only the
-    path is checked. Raises `PlanError`: no height is given, the outline is invalid, or the path
-    crosses an excluded area. With a home, also if path or return leave the fence or its radius.
+    The mission has no take-off: a pilot takes off and starts it. The `order` must be a survey
+    along lines or around an area, because autopilots fly turns at positions differently.
+    `limits` restrict the height. With the vehicle's `home`, also the distance from home and the
+    vehicle's fence are checked for path and return. Raises `PlanError` if the order has no
+    height, its outline is invalid, or the path crosses an excluded area or breaks a limit.
     """
     if order.action != "survey" or order.pattern == "points":
         raise PlanError(
@@ -123,7 +127,7 @@ def survey_items(
 
 
 def _check_keep_out(order: Order, places: Sequence[Place]) -> None:
-    """Raise `PlanError` if a path, or with a home its return, crosses an excluded area."""
+    """Raise `PlanError` if the path crosses an excluded area of the order."""
     plane = TangentPlane(latitude_deg=places[0][0], longitude_deg=places[0][1])
     east, north = plane.to_local(*np.array(places).T)
     area = SearchArea(
@@ -150,7 +154,7 @@ def _check_with_home(
 
 
 def difference(sent: Sequence[MissionItem], held: Sequence[MissionItem]) -> str | None:
-    """Text on how a mission read back from the vehicle differs from the one sent, or None."""
+    """Return how the mission on the vehicle differs from the one that was sent; else None."""
     if len(sent) != len(held):
         return f"the vehicle has {len(held)} items, not {len(sent)}"
     for number, (one, other) in enumerate(zip(sent, held, strict=True), 1):
@@ -160,7 +164,7 @@ def difference(sent: Sequence[MissionItem], held: Sequence[MissionItem]) -> str 
 
 
 def fence_of(items: Iterable[MissionItem]) -> VehicleFence:
-    """Read the fence of a vehicle from its items; raises `FormatError` for an invalid one."""
+    """Convert a vehicle's fence items to areas; raises `FormatError` for an invalid fence."""
     within: list[KeepOut] = []
     outside: list[KeepOut] = []
     rest = iter(items)
@@ -184,7 +188,7 @@ def fence_of(items: Iterable[MissionItem]) -> VehicleFence:
 
 
 def _corners(first: MissionItem, rest: Iterator[MissionItem]) -> tuple[Place, ...]:
-    """Read the corners of a fence polygon; each item contains the number of corners."""
+    """Return the corners of a fence polygon; every item contains their number."""
     count = first.params[0]
     if not (isfinite(count) and 3.0 <= count <= 1000.0):
         raise FormatError(f"the vehicle's fence has {count:g} corners", remedy=_REMEDY)

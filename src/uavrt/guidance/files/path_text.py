@@ -1,7 +1,7 @@
-"""Read paths in the text of GeoJSON, KML and QGroundControl's plans; no I/O.
+"""Read flight paths from GeoJSON, KML and QGroundControl's plans; no I/O.
 
-QGroundControl's plans (version 1) have waypoints (MAVLink commands 16 to 22 with a position)
-and lines of surveys (``VisualTransectPoints``).
+In a plan (version 1), these are waypoints (MAVLink commands 16 to 22 with a position) and the
+lines of surveys (``VisualTransectPoints``).
 """
 
 from collections.abc import Iterator
@@ -14,12 +14,15 @@ from uavrt.guidance.operator_orders import Place
 _WAYPOINTS = range(16, 23)
 _RETURN = 20
 _MOST_LINE_PLACES = 20_000
-_REMEDY = "Name a plan of QGroundControl (.plan), GeoJSON or KML"
+_REMEDY = "Give a QGroundControl plan (.plan), GeoJSON or KML file"
 
 
 def path_in(text: str, name: str) -> tuple[Place, ...]:
-    """Read the path in a file's text; empty if the text has none. Raises `FormatError`."""
-    with in_words(f"{name} gives no path", _REMEDY):
+    """Return the positions of the path in a file's text, empty if it has none.
+
+    Raises `FormatError`.
+    """
+    with in_words(f"{name} contains no usable path", _REMEDY):
         kml = text.lstrip("\ufeff \t\r\n")[:1] == "<"
         places = tuple(_of_kml(text) if kml else _of_json(read_json(text, SHAPES)))
         if len(places) > _MOST_LINE_PLACES:

@@ -1,6 +1,6 @@
-"""Make the text of QGroundControl plan files of surveys and fences; no I/O.
+"""Write surveys and fences as text of QGroundControl plan files; no I/O.
 
-Plan format, version 1, its missions and fences, version 2
+The plan has version 1, its mission and fence version 2
 (https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html).
 """
 
@@ -16,7 +16,7 @@ _PX4, _MULTIROTOR, _ABOVE_HOME = 12, 2, 1
 
 
 def survey_file(order: Order, speed_m_s: float) -> str:
-    """Write a survey as a .plan: its path at the given height, then the return.
+    """Return a survey as the text of a plan file: path and return at a height above home.
 
     A pilot uploads and starts the plan without uavrt. Excluded areas become exclusion fences.
     `uavrt.guidance.files.mission.survey_items` checks the order and raises `PlanError`.
@@ -27,7 +27,7 @@ def survey_file(order: Order, speed_m_s: float) -> str:
 
 
 def fence_file(fence: VehicleFence, home: Place | None = None) -> str:
-    """Write a vehicle's fence as a .plan without a mission."""
+    """Return a vehicle's fence as the text of a plan file without a mission."""
     within, outside = (
         _fences(areas, inclusion=inclusion)
         for areas, inclusion in ((fence.within, True), (fence.keep_out, False))
@@ -84,7 +84,7 @@ def _item(item: MissionItem, number: int) -> dict[str, Any]:
 
 
 def _fences(areas: Iterable[KeepOut], *, inclusion: bool) -> dict[str, list[dict[str, Any]]]:
-    """Circles and polygons of a plan file, as inclusion or exclusion fences."""
+    """Return the circles and polygons of a fence in the format of a plan file."""
     areas = tuple(areas)
     return {
         "circles": [

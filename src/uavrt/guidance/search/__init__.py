@@ -1,1 +1,1 @@
-"""Search for tags in flight: from pulses to decisions and reports."""
+"""Search for tags in flight: evaluate pulses, decide where to fly, and report."""

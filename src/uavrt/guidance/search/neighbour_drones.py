@@ -1,4 +1,4 @@
-"""Positions and paths of other drones in the same search; no I/O.
+"""Positions and paths of the other drones in a shared search; no I/O.
 
 The drones have no common clock. So the whole straight path from a drone's last known position
 to its goal is reserved for it, and nothing depends on the delay of messages.
@@ -21,17 +21,17 @@ from uavrt.planning.shares import tags_by_drone
 
 SEPARATION = Separation()
 _OWN = 0
-"""Vehicle number of this drone among all drones; other drones have 1 or more."""
+"""Number of this drone in calculations; other drones have numbers from 1."""
 _Metres = tuple[float, float]
 
 
 def paths_of(others: Sequence[Neighbour], plane: TangentPlane) -> tuple[Strip, ...]:
-    """Reserved strips of the other drones: paths being flown, and those assigned next."""
+    """Return the strips reserved for other drones, along their present and assigned paths."""
     return tuple(strip for one in others for strip in pairwise(_corners(one, plane)))
 
 
 def _corners(one: Neighbour, plane: TangentPlane) -> list[_Metres]:
-    """Present position of another drone, its goal, and its next goal (east, north) [m]."""
+    """Return another drone's position, goal, and leg assigned next, as (east, north) [m]."""
     course = one.course
     if course is None:
         return []
@@ -54,7 +54,7 @@ def other_drones_of(
     *,
     speed_m_s: float,
 ) -> tuple[OtherDrones, tuple[int, ...]]:
-    """Select the other drones for the planner, and the tags that this drone searches for."""
+    """Return the planner's data on other drones, and the tags that this drone searches for."""
     starts = {_OWN: Start(east_m=state.east_m, north_m=state.north_m)}
     owners, listening = dict.fromkeys(held, _OWN), []
     for one in others:
@@ -86,7 +86,7 @@ def other_drones_of(
 
 
 def _path(corners: list[_Metres], state: VehicleState, speed_m_s: float) -> Path:
-    """Predict times and positions of a drone that flies `corners` from now at `speed_m_s`."""
+    """Return a drone's predicted path along `corners`, from now on and at `speed_m_s`."""
     east, north = np.array(corners).T
     steps = np.hypot(np.diff(east), np.diff(north))
     yaw = np.degrees(np.arctan2(np.diff(east), np.diff(north)))
@@ -102,7 +102,7 @@ def _path(corners: list[_Metres], state: VehicleState, speed_m_s: float) -> Path
 
 
 def nearest_m(drones: OtherDrones, places: Sequence[_Metres]) -> float:
-    """Shortest distance of a path from the other drones' paths [m]."""
+    """Return the smallest distance between a path and the other drones' paths [m]."""
     return min(
         float(drones.strip_distance_m(begin, np.array([end[0]]), np.array([end[1]]))[0])
         for begin, end in pairwise(places)

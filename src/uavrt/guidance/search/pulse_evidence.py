@@ -1,7 +1,7 @@
-"""Detected and missed pulses, with the antenna's pose at those times; no I/O.
+"""Convert detected and missed pulses to evidence on where tags are; no I/O.
 
-A detected pulse brings its own pose. A missed pulse is known later, and only for times that a
-detector reports as searched: without a radio, no pulse counts as missed.
+A detected pulse contains the antenna's pose. A missed pulse is found later, and only at times
+that a detector reports as searched. So without a working radio, no pulse counts as missed.
 """
 
 from collections import deque
@@ -32,7 +32,7 @@ class Antenna:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """A detected or missed pulse of a tag, with antenna pose and SNR or threshold."""
+    """A detected or missed pulse: antenna pose, and its SNR or the detection threshold."""
 
     tag_id: int
     time_s: float
@@ -41,34 +41,39 @@ class Evidence:
 
 @dataclass(slots=True)
 class _TagSearch:
-    """Searched times, threshold and pulse counts of one tag."""
+    """Search of one tag: times searched, thresholds, noise, and numbers of pulses."""
 
     slot_s: float
-    """Length of the time slot in which one pulse is expected [s]: interval plus uncertainty."""
+    """Length of a time slot that must contain a pulse [s]: pulse interval plus its
+    uncertainty."""
     late_s: float
     gap_s: float
-    """Longest time between two search reports of an uninterrupted search [s]."""
+    """Largest time between two search reports without an interruption of the search [s]."""
     threshold_db: float
-    """Detection threshold, as pulse ENR, for missed and for stronger received pulses [dB]."""
+    """Detection threshold for missed pulses, and for received ones above it [dB, ratio of pulse
+    energy to noise density]."""
     least_db: float
-    """Detection threshold of the pulse ENR for received pulses below `threshold_db` [dB]."""
+    """Detection threshold for received pulses below `threshold_db` [dB, ratio of pulse energy
+    to noise density]."""
     from_s: float | None = None
-    """Start of the search without gaps that is in progress [s]; None: not searched."""
+    """Start of the uninterrupted search in progress [s]; None if the tag was not searched."""
     to_s: float = 0.0
     next_s: float = 0.0
-    """Start of the first pulse slot not evaluated yet [s]."""
+    """Start of the first time slot that is not yet evaluated [s]."""
     first_psds: dict[str, float] = field(default_factory=dict)
     noise_db: float = 0.0
-    """Latest noise power density relative to the first measured one [dB]."""
+    """Latest noise power density, relative to the first measured value [dB]."""
     heard_s: list[float] = field(default_factory=list)
     pulses: int = 0
     missed: int = 0
 
     def set_noise(self, measured_by: str, psd: float) -> None:
-        """Update `noise_db`; the noise, unlike a pulse's energy, may change with the heading.
+        """Update `noise_db` from a noise power density `psd`.
 
-        `measured_by`: reports measure a channel, pulses one frequency; each has its own first
-        value. `psd`: noise power density.
+        Unlike a pulse's energy, noise may change with the heading.
+
+        Reports measure the noise of a channel, pulses that at one frequency. So each kind
+        (`measured_by`) has its own first value.
         """
         if isfinite(psd) and psd > 0.0:
             before = 10.0 ** (self.noise_db / 10.0)
@@ -77,18 +82,19 @@ class _TagSearch:
 
 
 def threshold_db(k: int, *, coded: bool = False) -> float:
-    """ENR at which half of the groups of K equal pulses, or of K coded bursts, are found [dB].
+    """Return the detection threshold of K pulses, or coded bursts, searched together [dB].
 
-    Fitted to `uavrt.detection.sensitivity.enr_needed_db` for 20 ms tags with exact and usual
-    intervals: 11.4 dB for one pulse, 7.8 and 8.6 for three, 4.1 and 5.3 for ten. That function
-    would need scipy.stats, twice the guide's memory. One coded burst of four pulses takes 9.7
-    dB per pulse, three 6.0, ten 2.7.
+    The threshold is the ratio of one pulse's energy to the noise density at which half of such
+    groups are found. It is fitted to `uavrt.detection.sensitivity.enr_needed_db` for 20 ms tags
+    with exact and usual intervals: 11.4 dB for one pulse, 7.8 and 8.6 for three, 4.1 and 5.3
+    for ten. That function would need scipy.stats, twice the guide's memory. One coded burst of
+    four pulses takes 9.7 dB per pulse, three 6.0, ten 2.7.
     """
     return (9.7 if coded else 11.4) - 6.6 * log10(max(1, k))
 
 
 class PulseEvidence:
-    """Converts pulses, search reports and poses to evidence on the tags' positions."""
+    """Converts pulses, search reports and antenna poses to evidence on tag positions."""
 
     def __init__(
         self,
@@ -112,18 +118,18 @@ class PulseEvidence:
         """Number of unused pulses: without pose, doubtful, repeated, or a receiver artefact."""
 
     def counts(self, tag_id: int) -> tuple[int, int]:
-        """Numbers of detected and missed pulses of a tag."""
+        """Return how many pulses of a tag were detected, and how many were missed."""
         search = self._searches[tag_id]
         return search.pulses, search.missed
 
     def place(self, place: Antenna) -> None:
-        """Store the antenna's present pose, for pulses missed about this time."""
+        """Store the antenna's present pose; missed pulses at this time will use it."""
         self._places.append(place)
         while self._places[0].time_s < place.time_s - SEARCH_RULES.kept_s:
             self._places.popleft()
 
     def pulse(self, pulse_pose: PulsePose, time_s: float) -> Evidence | None:
-        """Add a pulse received at `time_s`; return its evidence, or None without any."""
+        """Add a pulse received at `time_s`; return its evidence, None if it cannot be used."""
         pulse, pose = pulse_pose.pulse, pulse_pose.pose
         search = self._searches.get(pulse.tag_id)
         if search is None or pulse.detection_status == "subthreshold":
@@ -150,7 +156,7 @@ class PulseEvidence:
         return self._evidence(pulse.tag_id, place, pulse.snr_db, search)
 
     def searched(self, report: SearchReport, time_s: float) -> None:
-        """Store a detector's report that it has searched for a tag until `time_s`."""
+        """Note a detector's report that it has searched for a tag until `time_s`."""
         search = self._searches.get(report.tag_id)
         if search is None:
             return
@@ -162,7 +168,7 @@ class PulseEvidence:
         search.set_noise("report", report.noise_psd)
 
     def missed(self) -> list[Evidence]:
-        """Evidence of expected pulses that were not detected, and can no longer be reported."""
+        """Return evidence of pulses that were expected, but not reported in time."""
         found = []
         for tag_id, search in self._searches.items():
             if search.from_s is None:
@@ -215,9 +221,11 @@ def _pulse_search(tag: Tag, k: int) -> _TagSearch:
 
 
 def _coded_search(tag: Tag, codes: int) -> _TagSearch:
-    """Search state of a coded tag, whose strong bursts are reported within two seconds.
+    """Return the initial search state of a coded tag.
 
-    Weak bursts found in groups come later: up to 18 intervals in a group of ten.
+    Strong bursts are reported within two seconds. Weak bursts that are found only as a group
+    come later, up to 18 intervals in a group of ten, so they do not delay the count of missed
+    ones.
     """
     (interval,) = tag.pulse_intervals_s
     return _TagSearch(

@@ -1,4 +1,4 @@
-"""Decide what a search flies, within its order, the wind, and other drones' paths; no I/O."""
+"""Decide where a search flies, within its order, the wind and other drones' paths; no I/O."""
 
 from collections.abc import Sequence
 from math import atan2, degrees, hypot
@@ -20,24 +20,24 @@ from uavrt.planning.search import Found, Search
 from uavrt.planning.situation import Decision
 
 RADIUS50_OF_95 = 0.481
-"""Ratio of 50 % to 95 % radius of a circular normal distribution: sqrt(ln 2 / ln 20)."""
+"""Ratio of 50 % radius to 95 % radius of a circular normal distribution: sqrt(ln 2 / ln 20)."""
 ROUNDED_M = 0.5
-"""Largest rounding error of a found tag's radius in a report of another drone [m]."""
+"""Rounding error of the radius with which another drone reports a found tag [m]."""
 _POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
 
 class SearchDecisions:
-    """Makes the decisions of one search; `held` are the tags that this drone searches for."""
+    """Makes the decisions of one search. `held` are the tags that this drone searches for."""
 
     def __init__(self, task: SearchTask, search: Search) -> None:
         self._task, self._search = task, search
         self.held: tuple[int, ...] = ()
 
     def judge(self, time_s: float, others: Sequence[Neighbour]) -> list[int]:
-        """Mark tags as found, by this or a credible other drone; return the new ones.
+        """Mark tags that this or another drone has found; return the newly found ones.
 
-        A false report could end this search. So another drone's finding counts only at the
-        accuracy set here, within the area, and while that drone searches.
+        A false report could end this search. So another drone's result counts only if it meets
+        the accuracy of this search, is within the area, and that drone is still searching.
         """
         new = []
         for one in others:
@@ -78,7 +78,10 @@ class SearchDecisions:
     def decide(
         self, state: VehicleState, now: VehicleNow, others: Sequence[Neighbour]
     ) -> Decision:
-        """Choose the next action; a stay if its path meets an excluded area or a drone."""
+        """Return the next action.
+
+        It is a hover if the path would meet an excluded area or another drone.
+        """
         task, search = self._task, self._search
         drones = None
         if others:
@@ -92,7 +95,7 @@ class SearchDecisions:
                 speed_m_s=task.limits.speed_m_s,
             )
         if state.time_s >= task.order.duration_s and not search.finished:
-            return Decision(action=Return(), reason="the time is over")
+            return Decision(action=Return(), reason="the search time is over")
         windy = too_windy(now, task.limits)
         if windy is not None:
             return Decision(action=Return(), reason=windy)
@@ -109,9 +112,9 @@ class SearchDecisions:
         )
 
     def _entered(self, action: Action, state: VehicleState, now: VehicleNow) -> str | None:
-        """Text on an excluded area that an action crosses; None if it crosses none.
+        """Return a text on an excluded area that an action's path crosses; else None.
 
-        The path is checked from the present position and from the stopping point.
+        The path may begin at the present position or at the point where the drone stops.
         """
         goal = goal_of(action)
         if goal is None:
@@ -124,7 +127,7 @@ class SearchDecisions:
         return None
 
     def text(self, action: Action, now: VehicleNow) -> str:
-        """Describe an action for the operator: ``fly 40 m NW``."""
+        """Return an action as text for the operator: ``fly 40 m NW``."""
         goal = goal_of(action)
         if goal is None:
             return str(action)
@@ -135,7 +138,7 @@ class SearchDecisions:
 
 
 def _meets(action: Action, state: VehicleState, drones: OtherDrones) -> str | None:
-    """Text on another drone's path that an action approaches too closely; None without one."""
+    """Return a text if an action's path is too close to another drone's path; else None."""
     goal = goal_of(action)
     if goal is None:
         return None
@@ -146,5 +149,5 @@ def _meets(action: Action, state: VehicleState, drones: OtherDrones) -> str | No
 
 
 def goal_of(action: Action) -> tuple[float, float] | None:
-    """East and north of an action's goal [m]; None unless it flies to a position."""
+    """Return where an action flies to, as (east, north) [m]; None if it does not fly."""
     return (action.east_m, action.north_m) if isinstance(action, FlyTo) else None

@@ -1,4 +1,4 @@
-"""Make a search's records for the flight: decisions, findings, likely tag positions; no I/O."""
+"""Make a search's log entries for the flight's records; no I/O."""
 
 from dataclasses import replace
 from typing import Literal
@@ -13,12 +13,12 @@ from uavrt.planning.beliefs import TagBelief
 from uavrt.planning.search import Search
 
 CELLS = 8
-"""Number of cells along each side of the area in the record of tags not yet found."""
+"""Number of cells along each side of the area, in the list of the likeliest cells of a tag."""
 MOST_CELLS = 6
 
 
 class SearchNotes:
-    """Makes the log entries of one search."""
+    """Makes the log entries of one search: its begin, decisions, found tags and end."""
 
     def __init__(self, task: SearchTask, search: Search, evidence: PulseEvidence) -> None:
         self._task, self._search, self._evidence = task, search, evidence
@@ -35,7 +35,10 @@ class SearchNotes:
         goal_m: tuple[float, float] | None = None,
         likely: bool = False,
     ) -> SearchNote:
-        """Make a log entry; with `likely` also the likeliest cells of tags not yet found."""
+        """Return a log entry.
+
+        With `likely`, it lists the likeliest cells of each tag not yet found.
+        """
         return SearchNote(
             time_ns=time_ns,
             order_id=self._task.order.order_id,
@@ -52,13 +55,13 @@ class SearchNotes:
         )
 
     def found(self, tag_id: int, time_ns: int, elapsed_s: float, now: VehicleNow) -> SearchNote:
-        """Make the log entry of a found tag, with the reason."""
+        """Return the log entry on a found tag, with the reason why it counts as found."""
         reason = self._search.found[tag_id].reason
         note = self.note("found", time_ns, elapsed_s, now, f"tag {tag_id} found", reason)
         return replace(note, tag_id=tag_id)
 
     def all_found(self) -> tuple[FoundTag, ...]:
-        """Positions of all tags found so far, for the other drones."""
+        """Return positions and accuracies of all found tags, for the other drones."""
         return tuple(
             FoundTag(
                 tag_id=tag_id,
@@ -87,7 +90,7 @@ class SearchNotes:
         )
 
     def _likely(self, belief: TagBelief) -> tuple[tuple[float, float, float], ...]:
-        """Cells where a tag is most probable, given that it is in the area."""
+        """Return the likeliest cells of a tag, as (latitude, longitude, probability)."""
         box = belief.prior.area
         some = belief.hypotheses(4000)
         share, east, north = np.histogram2d(

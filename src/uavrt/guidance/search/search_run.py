@@ -1,4 +1,4 @@
-"""Search for tags: evaluate pulses, update beliefs, decide, and report reasons; no I/O."""
+"""Search for tags: evaluate pulses, update position estimates, decide where to fly; no I/O."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -31,35 +31,35 @@ from uavrt.planning.drone_model.planner_actions import Action, FlyTo, Hold, Retu
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """Result of a decision: steps to fly, a text for the operator, and log entries."""
+    """Result of a search decision: steps to fly, log entries, and a text for the operator."""
 
     steps: tuple[Step, ...] | None
-    """Steps to fly from now on; None: continue the present ones."""
+    """Steps to fly from now on; None to continue the present ones."""
     status_text: str
-    """Text for the operator on the decision, one line."""
+    """The decision and its reason as one line for the operator."""
     notes: tuple[SearchNote, ...]
     leg: tuple[Place, Place] | None = None
-    """Start and end of the path that the steps fly, equal for a stay; None: no change."""
+    """Start and end of the path to fly, equal for a hover; None if the path does not change."""
     returning: bool = False
     held: tuple[int, ...] = ()
-    """Tags that this drone searches for, if other drones search too."""
+    """Tags that this drone searches for, if several drones share the search."""
     found: tuple[FoundTag, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Course:
-    """Place to which the last search decision sends the drone."""
+    """Where the last search decision sends the drone, and the reason."""
 
     goal_m: tuple[float, float] | None = None
-    """Coordinates (east, north) of the place to fly to [m]; None if the drone stays."""
+    """Position to fly to, as (east, north) [m]; None if the drone hovers."""
     near: float = 0.0
-    """Probability at the decision that an animal was nearer than its protected distance."""
+    """Probability, at the decision, that an animal was nearer than its protected distance."""
     over: bool = False
     status_text: str = "searching"
 
 
 class SearchRun:
-    """Runs one search; raises `PlanError`, with reason and remedy, if it cannot be flown."""
+    """Runs one search for tags. Raises `PlanError` if the search cannot be flown."""
 
     def __init__(
         self,
@@ -86,7 +86,7 @@ class SearchRun:
         self._course = self._course_before = _Course()
 
     def check(self, now: VehicleNow) -> None:
-        """Raise `PlanError` if a search cannot begin at the drone's position."""
+        """Raise `PlanError` if the search cannot begin at the drone's present position."""
         task, here = self._task, ((now.latitude_deg, now.longitude_deg),)
         check_keep_out(task.order, task.limits, task.plane, here)
         check_map(now, task.limits)
@@ -97,12 +97,12 @@ class SearchRun:
 
     @property
     def area(self) -> SearchArea:
-        """Area of the search without its excluded parts."""
+        """The area to search, with its excluded parts and flight limits."""
         return self._search.settings.area
 
     @property
     def plan(self) -> Plan:
-        """Make first step and description of the search, for the operator to confirm."""
+        """Description of the search that the operator confirms; it has no steps yet."""
         order, tags = self._task.order, self._task.tags
         hectares = self.area.search.area_m2 / 1e4
         sought = f"tag {tags[0].tag_id}" if len(tags) == 1 else f"{len(tags)} tags"
@@ -116,7 +116,7 @@ class SearchRun:
         )
 
     def begin(self, time_ns: int, now: VehicleNow) -> Choice:
-        """Start with a stay at the present position and the height of the search."""
+        """Start the search with a hover here, at the height of the search."""
         self._begun_ns, task = time_ns, self._task
         planner = task.equipment.planner
         note = self._notes.note("begun", time_ns, 0.0, now, self.plan.summary, planner)
@@ -129,7 +129,7 @@ class SearchRun:
         )
 
     def place(self, time_ns: int, now: VehicleNow) -> None:
-        """Store the drone's present position, to locate missed pulses."""
+        """Note the drone's present position, where pulses may be missed."""
         if self._begun_ns is None:
             return
         east, north = self._task.here_m(now)
@@ -147,7 +147,7 @@ class SearchRun:
         )
 
     def pulse(self, pulse_pose: PulsePose) -> None:
-        """Update the belief about a tag's position with a received pulse."""
+        """Update a tag's position estimate with a received pulse."""
         pulse = pulse_pose.pulse
         time_s = self._elapsed_s((pulse.start_time_ns + pulse.end_time_ns) // 2)
         if self._begun_ns is not None and time_s >= 0.0:
@@ -156,13 +156,13 @@ class SearchRun:
                 self._listen(evidence)
 
     def searched(self, report: SearchReport) -> None:
-        """Use a detector's report of a search without detection: pulses may be missed."""
+        """Note a detector's report of a search without detection, for missed pulses."""
         time_s = self._elapsed_s(report.time_ns)
         if self._begun_ns is not None and time_s >= 0.0:
             self._evidence.searched(report, time_s)
 
     def _listen(self, evidence: Evidence) -> None:
-        """Update the belief about a tag's position with a received or missed pulse."""
+        """Update a tag's position estimate with a received or missed pulse."""
         tag_id = evidence.tag_id
         self._latest_s[tag_id] = max(self._latest_s.get(tag_id, 0.0), evidence.time_s)
         self._search.listen(tag_id, self._latest_s[tag_id], evidence.listening)
@@ -170,7 +170,10 @@ class SearchRun:
     def decide(
         self, time_ns: int, now: VehicleNow, *, idle: bool, others: Sequence[Neighbour] = ()
     ) -> Choice:
-        """Mark found tags, and decide where to fly; `idle` if the last decision is done."""
+        """Mark found tags, and decide where to fly.
+
+        `idle` is True if the last decision was flown to its end.
+        """
         for evidence in self._evidence.missed():
             self._listen(evidence)
         time_s, search, course = self._elapsed_s(time_ns), self._search, self._course
@@ -214,17 +217,17 @@ class SearchRun:
         )
 
     def withdraw(self) -> None:
-        """Forget the last decision, because it is not flown."""
+        """Discard the last decision, because it is not flown."""
         self._course = self._course_before
 
     def end(self, time_ns: int, now: VehicleNow, reason: str) -> SearchNote:
-        """Make the log entry of the search's end, whatever its reason."""
+        """Return the log entry on the end of the search, for any reason."""
         text = f"{len(self._search.found)} of {len(self._task.tags)} found"
         time_s = self._elapsed_s(time_ns)
         return self._notes.note("ended", time_ns, time_s, now, text, reason, likely=True)
 
     def _approached(self, state: VehicleState) -> bool:
-        """True if an animal has probably come too close since the drone began to stay."""
+        """True if an animal has probably come too close since the hover began."""
         near = self._search.near(state)
         return (
             near > 1.0 - SEARCH_RULES.kept_away
@@ -232,7 +235,7 @@ class SearchRun:
         )
 
     def _steps(self, action: Action, now: VehicleNow, stand: Place) -> tuple[Step, ...]:
-        """Make the steps that fly an action, with a stop first if needed."""
+        """Return the steps that fly an action; a hover or turn takes place at `stand`."""
         task, height = self._task, self._task.height_m
         match action:
             case FlyTo():
@@ -248,7 +251,7 @@ class SearchRun:
                 return (Home(),)
 
     def _stopping_point(self, now: VehicleNow, goal_m: tuple[float, float] | None) -> Place:
-        """Present position, or the stopping point during a flight."""
+        """Return where the drone can stop on the way to a goal, or its position without one."""
         if goal_m is None:
             return (now.latitude_deg, now.longitude_deg)
         return stopping_place(now, self._task.place(*goal_m))
@@ -257,7 +260,7 @@ class SearchRun:
         return 0.0 if self._begun_ns is None else s_from_ns(time_ns - self._begun_ns)
 
     def _state(self, time_s: float, now: VehicleNow, *, idle: bool) -> VehicleState:
-        """Drone's state at the start of a new action: in flight, where it can stop."""
+        """Return the drone's state when its next action begins; in flight, where it stops."""
         stand = self._stopping_point(now, None if idle else self._course.goal_m)
         east, north = self._task.local_m(*stand)
         return VehicleState(

@@ -1,4 +1,4 @@
-"""Tags, area and constants of a search, made once from an order; no I/O."""
+"""Area, tags and settings of a search, derived once from its order; no I/O."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -31,24 +31,26 @@ from uavrt.planning.stopping import AccuracyStop
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Equipment:
-    """Antenna, detector and prior knowledge of a search."""
+    """Antenna, detector and planner of a search, with data on terrain and tags."""
 
     pattern: AntennaPattern | None
-    """Antenna pattern; None: an upright monopole."""
+    """Directional antenna pattern; None for a vertical monopole."""
     yaw_offset_deg: float = 0.0
-    """Boresight of the antenna, clockwise from the drone's nose [°]."""
+    """Direction of the antenna's main lobe, clockwise from the drone's nose [°]."""
     k: int = 0
-    """Number of pulses that the detector sums for one decision; 0: as set for each tag."""
+    """Number of pulses that the detector searches together; 0 to use the number set for each
+    tag."""
     planner: str = "mi_rate"
     seed: int = 1
     hills: HillLosses | None = None
-    """Terrain around home, which weakens pulses and explains missed ones; None: level."""
+    """Model of the signal loss behind hills; None for level ground."""
     known: Mapping[int, TagPrior] = field(default_factory=dict)
-    """Known strength and motion of tags, by id; other tags have the default prior."""
+    """Prior for signal strength and motion of known tags, by tag id; others have the default
+    prior."""
 
 
 class SearchTask:
-    """Tags, area and constants of a search order; raises `PlanError` for an invalid order."""
+    """Area, tags and settings of a search order. Raises `PlanError` for an invalid order."""
 
     def __init__(
         self,
@@ -68,7 +70,10 @@ class SearchTask:
         check_height(self.height_m, lowest_m=limits.lowest_m, highest_m=limits.highest_m)
 
     def search(self, now: VehicleNow) -> Search:
-        """Make the search with prior beliefs; `PlanError` if area or battery forbid it."""
+        """Return the search before its first pulse.
+
+        Raises `PlanError` if area, battery or settings do not permit it.
+        """
         order, limits, away = self.order, self.limits, self.limits.keep_away_m
         area = area_of(order, self.outline, now, limits)
         check_battery(now, limits, 0.0, self.here_m(now), self.height_m)
@@ -127,7 +132,10 @@ class SearchTask:
         )
 
     def _planner(self) -> Planner:
-        """Make the planner of the settings; uavrt's own also gets the duration of a turn."""
+        """Return the planner named in the settings.
+
+        The default planner also needs the duration of a turn.
+        """
         if self.equipment.planner != "mi_rate":
             return planner_named(self.equipment.planner)
         turning = self.turn_s
@@ -137,26 +145,26 @@ class SearchTask:
 
     @property
     def turn_s(self) -> float:
-        """Duration of a turn with one pulse of each tag at each heading [s]."""
+        """Duration of a full turn that allows a pulse of each tag at each heading [s]."""
         interval = max(max(tag.pulse_intervals_s) for tag in self.tags)
         return max(12.0, self.limits.headings * interval)
 
     def place(self, east_m: float, north_m: float) -> Place:
-        """Latitude and longitude of a point in the local plane [deg]."""
+        """Convert a point in the local plane to latitude and longitude [deg]."""
         latitude, longitude = self.plane.to_geodetic(east_m, north_m)
         return float(latitude), float(longitude)
 
     def local_m(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-        """East and north of a position in the local plane [m]."""
+        """Convert a position to (east, north) in the local plane [m]."""
         east, north = self.plane.to_local(latitude_deg, longitude_deg)
         return float(east), float(north)
 
     def here_m(self, now: VehicleNow) -> tuple[float, float]:
-        """East and north of the drone in the local plane [m]."""
+        """Return the drone's position in the local plane, as (east, north) [m]."""
         return self.local_m(now.latitude_deg, now.longitude_deg)
 
     def battery(self, now: VehicleNow) -> Battery | None:
-        """Charge and reserve of the battery [Wh]; None if size or charge is unknown."""
+        """Return the battery's charge and reserve [Wh]; None if one of them is unknown."""
         size, percent = self.limits.battery_wh, now.battery_percent
         if size is None or percent is None:
             return None
@@ -164,7 +172,10 @@ class SearchTask:
 
 
 def _wanted(order: Order, listed: Sequence[Tag]) -> tuple[Tag, ...]:
-    """Tags that the order names for the search; by default all listed tags."""
+    """Return the tags to search: those named in the order, or all listed ones.
+
+    Raises `PlanError` if one is unknown.
+    """
     if not listed:
         raise PlanError(
             "the drone searches for no tag", remedy="Send the tags and start detection first"
@@ -180,7 +191,10 @@ def _wanted(order: Order, listed: Sequence[Tag]) -> tuple[Tag, ...]:
 
 
 def _circle(order: Order, now: VehicleNow, plane: TangentPlane) -> tuple[Place, ...]:
-    """Corners of a circular search area around the drone; `PlanError` without a radius."""
+    """Return the corners of a circular area around the drone.
+
+    Raises `PlanError` for a missing or invalid radius.
+    """
     radius = order.radius_m
     if radius is None or not 10.0 <= radius <= 10_000.0:
         raise PlanError(

@@ -1,8 +1,8 @@
-"""One drone's part in a shared search: others' paths, requests, and its own reports; no I/O.
+"""One drone's part in a search with several drones; no I/O.
 
 While a ground station serves several drones, a path is flown only after the ground has assigned
-it. A path chosen without all the other paths is never assigned. So without an answer a drone
-completes the path assigned to it and stays there.
+it to the drone. The ground assigns no path that was chosen without the latest paths of all
+others. A drone that gets no answer completes its assigned path and hovers there.
 """
 
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ class _RequestedLeg:
 
 
 class SharedSearch:
-    """Other drones of a search, and the paths assigned to this drone."""
+    """The other drones in a search, and the paths requested by or assigned to this drone."""
 
     def __init__(self, sequence: int = 0) -> None:
         self._sequence = self._number = sequence % _ROUND
@@ -52,7 +52,7 @@ class SharedSearch:
         self._returning = False
 
     def receive(self, report: Neighbour, now_s: float) -> None:
-        """Store the ground station's report of another drone, with its answer to a request."""
+        """Store a report on another drone, and the answer to a request if it has one."""
         self._reported_s = now_s
         asked = self._asked
         if asked is not None and asked.number in (report.granted, report.denied):
@@ -61,26 +61,26 @@ class SharedSearch:
             self._others[report.vehicle] = (report, now_s)
 
     def informed(self, now_s: float) -> bool:
-        """True if a ground station has reported other drones recently."""
+        """True if a ground station has recently reported on other drones."""
         return self._reported_s is not None and now_s - self._reported_s < SAFETY.report_age_s
 
     def must_report(self, now_s: float) -> bool:
-        """True if this drone must send its course: it awaits a path, or others are reported."""
+        """True if the ground needs this drone's course, for a request or for other drones."""
         return self.informed(now_s) or self.waits
 
     def has_others(self, now_s: float) -> bool:
-        """True if other drones search, so that paths must be requested."""
+        """True if there may be other drones, so that each path must be requested."""
         return bool(self._others) or self.informed(now_s)
 
     def others(self, now_s: float) -> tuple[Neighbour, ...]:
-        """All known drones, each with the present age of its report."""
+        """Return the reports on all other drones, each with its present age."""
         return tuple(
             replace(one, age_s=one.age_s + now_s - reported_s)
             for one, reported_s in self._others.values()
         )
 
     def check(self, now: VehicleNow, height_m: float) -> None:
-        """Raise `PlanError` for a search too close to another drone or at the same height."""
+        """Raise `PlanError` if another drone searches too close, or at a similar height."""
         plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
         here = plane.to_local(now.latitude_deg, now.longitude_deg)
         amsl = target_amsl_m(now.altitude_amsl_m, now.altitude_relative_m, height_m)
@@ -104,7 +104,7 @@ class SharedSearch:
                 )
 
     def begin(self, now_s: float) -> None:
-        """Reset for a new order, and forget drones whose reports are outdated."""
+        """Reset for a new order; remove drones with outdated reports."""
         self._others = {
             vehicle: (one, reported_s)
             for vehicle, (one, reported_s) in self._others.items()
@@ -114,24 +114,26 @@ class SharedSearch:
         self.end()
 
     def end(self) -> None:
-        """Give up all paths requested by or assigned to this drone, as its order has ended."""
+        """Release all requested and assigned paths, because the order has ended."""
         self._asked = self._granted = self._goal = None
         self._returning = False
 
     def begin_decision(self, now_s: float) -> tuple[Neighbour, ...]:
-        """Return all known drones for the next decision, and record their versions."""
+        """Return the reports for the next decision; remember their versions for the request."""
         self._given = {vehicle: one.version for vehicle, (one, _) in self._others.items()}
         return self.others(now_s)
 
     @property
     def waits(self) -> bool:
-        """True while a requested path is unanswered."""
+        """True while a requested path has no answer."""
         return self._asked is not None
 
     def choose(self, choice: "Choice", now: VehicleNow) -> bool:
-        """Handle a choice; True if it is flown at once, False if it is requested first.
+        """Handle a decision.
 
-        A path already assigned needs no request. Nor does the return: drones differ in height.
+        True if it may be flown at once, False if its path is first requested.
+
+        A hover needs no request. Nor does a return, because each drone has its own height.
         """
         assert choice.leg is not None
         begin, end = choice.leg
@@ -146,7 +148,10 @@ class SharedSearch:
         return False
 
     def answer(self, now: VehicleNow) -> "tuple[Choice, bool] | None":
-        """The requested choice, and whether it was assigned; None while unanswered."""
+        """Return the requested decision, and whether its path is assigned.
+
+        None while there is no answer.
+        """
         asked, choice = self._asked, self._choice
         if asked is None or choice is None:
             return None
@@ -159,7 +164,7 @@ class SharedSearch:
         return choice, True
 
     def _clear(self, now: VehicleNow, end: Place) -> bool:
-        """True if the path to `end` keeps the required distance to other drones' paths."""
+        """True if a flight to `end` keeps the required distance from other drones' paths."""
         plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
         here = (now.latitude_deg, now.longitude_deg)
         stand = here if self._goal is None else stopping_place(now, self._goal)
@@ -170,13 +175,16 @@ class SharedSearch:
         return off >= SEPARATION.distance_m
 
     def go(self, goal: Place | None, *, returning: bool = False) -> None:
-        """Set the goal of a flight that needs no assignment; None: the drone stays."""
+        """Set the goal of a flight that needs no assigned path; None if the drone hovers."""
         self._asked, self._goal, self._returning = None, goal, returning
 
     def course(
         self, now: VehicleNow, *, searching: bool = False, height_m: float | None = None
     ) -> Course:
-        """Report of this drone's course; its lists begin with a different tag each time."""
+        """Return the report on this drone's position, path and tags.
+
+        Each report begins with a different tag, because the link cuts long lists.
+        """
         self._sequence = (self._sequence + 1) % _ROUND
         here = (now.latitude_deg, now.longitude_deg)
         height = now.altitude_relative_m if height_m is None else height_m

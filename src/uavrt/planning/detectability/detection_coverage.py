@@ -42,9 +42,9 @@ class AntennaPath:
     height_m: _Floats
     """(n,) height of the antenna above the ground beneath [m]."""
     headings: Headings | None = None
-    """Headings of the antenna; None is equal gain in all directions."""
+    """Headings of the antenna at the pulses; None for equal gain in all directions."""
     noise_db: _Floats | None = None
-    """(n,) noise at each pulse over the link budget's noise [dB]; None: no difference."""
+    """(n,) noise at each pulse above that of the link budget [dB]; None for no difference."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,39 +55,39 @@ class Coverage:
     heard: _Singles
     """(rows, columns) detection probability, the southern row first; NaN is unknown."""
     groups: int
-    """Number of pulse groups (of K pulses) on the path; 1 or 0 if `whole_flight`."""
+    """Number of groups of K pulses on the path; with `whole_flight` at most 1."""
     whole_flight: bool = False
-    """True if all pulses are combined, as by `uavrt integrate`."""
+    """True if all pulses are searched together, as by `uavrt integrate`."""
     limitations: tuple[str, ...] = ()
-    """Sentences on what the coverage leaves out, such as hills."""
+    """Sentences on effects that the coverage does not include, such as hills."""
 
     @property
     def mean(self) -> float:
-        """Mean detection probability of all cells of known height; NaN without any."""
+        """Mean detection probability over all cells with known height; NaN without any."""
         known = self.heard[np.isfinite(self.heard)]
         return float(known.mean()) if known.size else math.nan
 
     @property
     def known_km2(self) -> float:
-        """Area of the cells of known height [km²], to which mean and shares refer."""
+        """Total area of the cells with known height [km²], to which mean and shares refer."""
         return float(np.isfinite(self.heard).sum()) * self.ground.cell_m**2 / 1e6
 
     def share_above(self, probability: float) -> float:
-        """Share of the cells of known height with at least a given detection probability."""
+        """Return the share of cells with known height that reach a detection probability."""
         known = self.heard[np.isfinite(self.heard)]
         return float((known >= probability).mean()) if known.size else math.nan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Absence:
-    """Probability that an undetected tag is absent from an area."""
+    """Probabilities that a tag without detection is, or is not, in an area."""
 
     prior: float
-    """Prior probability that the undetected tag is in the area."""
+    """Probability before the flight that the tag is in the area."""
     heard: float
-    """Mean probability, over the area, that the flight would have detected the tag."""
+    """Probability, averaged over the area, that the flight would have detected the tag."""
     not_here: float
-    """Posterior probability that the undetected tag is not in the area."""
+    """Probability after the flight that the tag is not in the area."""
 
 
 def planned_antenna_path(
@@ -98,10 +98,9 @@ def planned_antenna_path(
     interval_s: float,
     nose_first: bool = False,
 ) -> AntennaPath:
-    """Compute the antenna's positions and headings at a tag's pulses on a planned flight.
+    """Return the antenna's position and heading at each pulse of a tag on straight paths.
 
-    The drone flies straight lines between `corners_m` (east and north); with `nose_first`, the
-    antenna points along them.
+    With `nose_first` the antenna points along the path; otherwise its heading is unknown.
     """
     points = np.array(corners_m, np.float64)
     legs = np.hypot(*np.diff(points, axis=0).T)
@@ -195,7 +194,7 @@ def _by_whole_flight(
     pulses: int,
     on_pulse: Callable[[int, int], None] | None,
 ) -> _Floats:
-    """(errors, rows, columns) probability of a detection from all pulses together."""
+    """Return the probability (errors, rows, columns) that all pulses together are detected."""
     for number in range(2 * pulses):
         step = judged.look if number < pulses else judged.add
         step(view.energies(number % pulses))
@@ -224,7 +223,10 @@ def absence(coverage: Coverage, inside: NDArray[np.bool_], prior: float | None) 
 
 @lru_cache(maxsize=64)
 def _found_by_enr(tag: Tag, frequency_window_hz: float) -> _Singles:
-    """Log-probability of missing a pulse group, tabulated by ENR in steps of 0.25 dB."""
+    """Return a table of the log-probability of missing a group of pulses.
+
+    Its argument is the pulse energy to noise density ratio, in steps of 0.25 dB.
+    """
     found = [
         detection_probability(tag, float(enr), frequency_window_hz=frequency_window_hz)
         for enr in _GROUP_ENR_DB
@@ -233,7 +235,7 @@ def _found_by_enr(tag: Tag, frequency_window_hz: float) -> _Singles:
 
 
 class _View:
-    """Energies of one pulse for tags at all cells, computed again when the drone has moved."""
+    """Energies of a pulse from a tag at each cell, computed again only after a movement."""
 
     def __init__(
         self,

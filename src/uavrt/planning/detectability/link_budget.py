@@ -45,7 +45,7 @@ class LinkBudget:
 
     @property
     def enr_at_one_metre_db(self) -> float:
-        """ENR with one metre of free space between tag and antenna [dB]."""
+        """Pulse energy to noise density ratio at one metre from the tag in free space [dB]."""
         return (
             self.tag_eirp_dbm
             + self.antenna_gain_dbi
@@ -59,7 +59,7 @@ class LinkBudget:
 
     @property
     def free_space_db(self) -> float:
-        """Free space loss of the first metre [dB]."""
+        """Path loss over one metre of free space [dB]."""
         return 20.0 * math.log10(4.0 * math.pi * self.frequency_hz / SPEED_OF_LIGHT_M_S)
 
     def enr_db(self, ground_m: np.ndarray, *, rise_m: np.ndarray | float = 0.0) -> np.ndarray:
@@ -79,7 +79,10 @@ class LinkBudget:
         return np.asarray(found)
 
     def distance_m(self, needed_db: float) -> float | None:
-        """Maximum distance at which an ENR is reached [m], at most 100 km; None if nowhere."""
+        """Return the largest distance at which an energy to noise ratio is reached [m].
+
+        The result is at most 100 km, and None if the ratio is reached nowhere.
+        """
         places = np.concatenate(
             ([0.0], np.geomspace(1.0, PLANNING.farthest_m, PLANNING.range_places))
         )
@@ -89,7 +92,7 @@ class LinkBudget:
         return None if short[0] == 0 else float(places[short[0] - 1])
 
     def lines(self, needed_db: float, distance_m: float) -> list[tuple[str, float, str]]:
-        """Name, value and unit of each term of the budget."""
+        """Return name, value and unit of each term of the link budget, for a table."""
         enr = float(self.enr_db(np.array([distance_m]))[0])
         loss = self.enr_at_one_metre_db + self.free_space_db - enr
         return [

@@ -48,9 +48,9 @@ _SKEWNESSES = np.linspace(0.01, 2.0, 100)
 
 
 class WholeFlightSum:
-    """Computes the detection probability of a whole flight for each map cell.
+    """Computes the probability that a whole-flight search finds a tag in each map cell.
 
-    All pulses are passed to `look`, then all again to `add`.
+    All pulses must be passed to `look`, then all again to `add`.
     """
 
     def __init__(
@@ -72,13 +72,13 @@ class WholeFlightSum:
         self._spread: _Singles | None = None
 
     def look(self, energy: _Singles) -> None:
-        """First pass: record each cell's strongest pulse."""
+        """First pass: store the energy of each cell's strongest pulse."""
         if self._strongest is None:
             self._strongest = np.array(energy)
         np.maximum(self._strongest, energy, out=self._strongest)
 
     def add(self, energy: _Singles) -> None:
-        """Second pass: add a weighted pulse to each cell's sum."""
+        """Second pass: add a pulse to each cell's weighted sum."""
         assert self._strongest is not None
         if self._squares is None:
             self._squares, self._cubes = np.zeros_like(energy), np.zeros_like(energy)
@@ -99,7 +99,7 @@ class WholeFlightSum:
             self._spread[number] += square * self._variance[row]
 
     def found(self) -> _Floats:
-        """(errors, …) detection probability for each error of the level and each cell."""
+        """Return the detection probability (errors, …) for each level error and each cell."""
         if self._squares is None or self._cubes is None:
             raise ValueError("no pulse was added")
         assert self._shift is not None
@@ -117,7 +117,7 @@ class WholeFlightSum:
 def whole_flight_enr_db(
     tag: Tag, gain_db: _Floats, probabilities: Sequence[float]
 ) -> list[float]:
-    """ENR of the strongest pulse with which a whole flight detects a tag [dB]."""
+    """Return the strongest pulse's energy to noise ratio that a whole flight needs [dB]."""
     levels_db = np.arange(-15.0, 30.25, 0.25)
     judged = WholeFlightSum(tag, len(gain_db), 500.0, levels_db)
     energies = (10.0 ** (0.1 * (gain_db - gain_db.max()))).astype(np.float32)
@@ -131,7 +131,7 @@ def whole_flight_enr_db(
 def _log_probability(
     tag: Tag, pulses: int, frequency_window_hz: float, most_drift: float
 ) -> float:
-    """Log-probability of one hypothesis in noise at the detection threshold."""
+    """Return the log-probability of a false detection by one hypothesis in noise alone."""
     interval_s = tag.pulse_intervals_s[0]
     slot_s = MODEL.slot_pulses * tag.pulse_width_s
     phases = interval_s / slot_s

@@ -57,7 +57,7 @@ class Path:
     yaw_deg: _Floats
 
     def state(self, number: int) -> VehicleState:
-        """State of the drone at the time step with this number."""
+        """Return the drone's state at the time step with this number."""
         return VehicleState(
             time_s=float(self.time_s[number]),
             east_m=float(self.east_m[number]),
@@ -69,7 +69,7 @@ class Path:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Legs:
-    """Straight paths or turns in place from the present position, with equally many samples."""
+    """Candidate straight paths or turns in place, each sampled at equally many points."""
 
     duration_s: _Floats
     """(legs,) durations of paths or turns in place [s]; infinite if the wind is too strong."""
@@ -81,7 +81,7 @@ class Legs:
 
 
 class Vehicle(Protocol):
-    """Interface of a drone for planners."""
+    """Interface by which planners predict a drone's motion."""
 
     @property
     def speed_m_s(self) -> float:
@@ -94,7 +94,7 @@ class Vehicle(Protocol):
     def durations(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> _Floats:
-        """(positions,) duration of the path to each [s]; infinite if the wind is too strong."""
+        """Return the durations of paths to positions [s]; infinite in too strong a wind."""
 
     def along(
         self,
@@ -104,7 +104,7 @@ class Vehicle(Protocol):
         wind: Wind,
         time_s: _Floats,
     ) -> Legs:
-        """Sample the paths to positions (legs,) at times (legs, samples) from now."""
+        """Return the paths to positions (legs,), sampled at times (legs, samples) from now."""
 
 
 def ground_speed_m_s(airspeed_m_s: float, course_rad: _Floats, wind: Wind) -> _Floats:
@@ -116,7 +116,7 @@ def ground_speed_m_s(airspeed_m_s: float, course_rad: _Floats, wind: Wind) -> _F
 
 
 def headwind(state: VehicleState, home_m: tuple[float, float], speed_m_s: float) -> Wind:
-    """Wind of a given speed that blows straight against the return."""
+    """Return the wind of a given speed that blows directly against the flight home."""
     east, north = home_m[0] - state.east_m, home_m[1] - state.north_m
     against = -speed_m_s / max(hypot(east, north), 1e-9)
     return Wind(east_m_s=against * east, north_m_s=against * north)
@@ -135,7 +135,7 @@ class Multirotor:
     """Acceleration of the drone [m/s²]; infinite if its speed changes at once."""
     yaw_rate_deg_s: float = 45.0
     turns_first: bool = False
-    """True if the drone turns to its course before it moves."""
+    """True if the drone turns towards its target before it begins to move."""
     airspeed_m_s: float | None = None
     """Maximum airspeed [m/s], for an autopilot that holds `speed_m_s` over ground against the
     wind; None if `speed_m_s` is the airspeed."""
@@ -161,7 +161,7 @@ class Multirotor:
     def _profile(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> tuple[_Floats, _Floats, _Floats, _Floats, _Floats]:
-        """(legs,) distance [m], ground speed [m/s], turn [deg], times of turn and leg [s]."""
+        """Return each leg's distance [m], speed [m/s], turn [deg], turn and leg time [s]."""
         dx, dy = east_m - state.east_m, north_m - state.north_m
         distance = np.hypot(dx, dy)
         course = np.arctan2(dx, dy)
@@ -185,7 +185,7 @@ class Multirotor:
     def durations(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> _Floats:
-        """(positions,) duration of the path to each [s]; infinite if the wind is too strong."""
+        """Return the durations of paths to positions [s]; infinite in too strong a wind."""
         _, _, _, turning, flying = self._profile(state, east_m, north_m, wind)
         return turning + flying if self.turns_first else np.maximum(turning * 0.0, flying)
 
@@ -197,7 +197,7 @@ class Multirotor:
         wind: Wind,
         time_s: _Floats,
     ) -> Legs:
-        """Sample the paths to positions (legs,) at times (legs, samples) from now."""
+        """Return the paths to positions (legs,), sampled at times (legs, samples) from now."""
         distance, speed, turn, turning, flying = self._profile(state, east_m, north_m, wind)
         wait = turning if self.turns_first else np.zeros_like(turning)
         moving = np.clip(time_s - wait[:, None], 0.0, flying[:, None])
@@ -218,7 +218,7 @@ class Multirotor:
     def _gone_m(
         self, moving_s: _Floats, distance_m: _Floats, speed_m_s: _Floats, flying_s: _Floats
     ) -> _Floats:
-        """(legs, samples) distance flown while accelerating, steady and braking [m]."""
+        """Return the distance flown until each sample of each leg [m], (legs, samples)."""
         a = self.acceleration_m_s2
         ramp = np.minimum(np.maximum(speed_m_s, 0.0) / a, 0.5 * flying_s)[:, None]
         left = flying_s[:, None] - moving_s
@@ -250,7 +250,7 @@ class FixedWing:
     def _turns(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats
     ) -> tuple[_Floats, _Floats, _Floats]:
-        """(legs,) first turn's side (+1 right) and angle [rad], and straight part [m]."""
+        """Return each leg's turn side (+1 right), turn angle [rad] and straight part [m]."""
         yaw = np.radians(state.yaw_deg)
         dx, dy = east_m - state.east_m, north_m - state.north_m
         ahead = dx * np.sin(yaw) + dy * np.cos(yaw)
@@ -269,7 +269,7 @@ class FixedWing:
     def durations(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> _Floats:
-        """(positions,) durations [s]: a circle in still air, a straight part in the wind."""
+        """Return the durations of paths to positions [s]; the turn is computed without wind."""
         _, angle, straight = self._turns(state, east_m, north_m)
         course = np.arctan2(east_m - state.east_m, north_m - state.north_m)
         speed = ground_speed_m_s(self.speed_m_s, course, wind)
@@ -284,7 +284,7 @@ class FixedWing:
         wind: Wind,
         time_s: _Floats,
     ) -> Legs:
-        """Sample the paths to positions (legs,) at times (legs, samples) from now."""
+        """Return the paths to positions (legs,), sampled at times (legs, samples) from now."""
         side, angle, straight = (one[:, None] for one in self._turns(state, east_m, north_m))
         total = self.durations(state, east_m, north_m, wind)
         radius, yaw = self.turn_radius_m, np.radians(state.yaw_deg)
@@ -312,7 +312,10 @@ def flown(
     wind: Wind | None = None,
     step_s: float = 1.0,
 ) -> Path:
-    """Positions at each time step of an action; `ConfigError` if the wind is too strong."""
+    """Return the drone's positions at each time step of an action.
+
+    Raises `ConfigError` if the wind is too strong.
+    """
     air = wind or Wind()
     if isinstance(action, Rotate | Hold):
         return _in_place(vehicle, state, action, air, step_s)

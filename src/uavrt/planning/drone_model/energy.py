@@ -25,7 +25,8 @@ class EnergyModel:
     climb_j_per_m: float = 60.0
     """Energy added to that of level flight for each metre of climb [J]."""
     scale: float = 1.0
-    """Ratio of used to modelled battery power: payload, air, age of the battery."""
+    """Ratio of the used power to the modelled one; it depends on payload, air density and
+    battery age."""
     scale_sigma: float = 0.2
     """Standard deviation of the ratio of used to modelled battery power."""
 
@@ -45,7 +46,7 @@ class EnergyModel:
         return float(self.scale * max(self.hover_w - relieved + drag, 0.3 * self.hover_w))
 
     def used_wh(self, duration_s: float, airspeed_m_s: float, climb_m: float = 0.0) -> float:
-        """Energy of a stretch of flight [Wh]; a descent recovers none."""
+        """Return the energy used in a part of a flight [Wh]; a descent recovers none."""
         climb = self.scale * self.climb_j_per_m * max(climb_m, 0.0)
         return (self.power_w(airspeed_m_s) * duration_s + climb) / 3600.0  # J in a Wh
 
@@ -84,7 +85,10 @@ class EnergyModel:
         return_height_m: float = 0.0,
         sigmas: float = 2.0,
     ) -> float:
-        """Energy to climb, fly home and descend [Wh]; infinite if the wind is too strong."""
+        """Return the energy to climb, fly home and descend [Wh].
+
+        It is infinite if the wind is too strong.
+        """
         east, north = np.array([home_m[0]]), np.array([home_m[1]])
         flying = float(vehicle.durations(state, east, north, wind)[0])
         if not isfinite(flying):
@@ -107,11 +111,11 @@ class EnergyModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Battery:
-    """Energy left in the battery, and the reserve required at home."""
+    """Remaining energy of the battery, and the reserve that must be left on arrival at home."""
 
     remaining_wh: float
     reserve_wh: float = 15.0
 
     def must_return(self, way_home_wh: float, next_leg_wh: float = 0.0) -> bool:
-        """True if the next leg would use energy that the return needs."""
+        """True if, after the next leg, too little energy remains for return and reserve."""
         return self.remaining_wh - next_leg_wh <= way_home_wh + self.reserve_wh

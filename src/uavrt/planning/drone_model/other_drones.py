@@ -37,27 +37,29 @@ class Separation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherDrones:
-    """State of the other drones of a search, as known before a decision."""
+    """What a decision uses about the other drones in a search."""
 
     separation: Separation
     listening: tuple[Path, ...] = ()
-    """Planned paths of drones that report; information from there counts as already gained."""
+    """Predicted paths of the other drones; information that they will gain there has no value
+    for this drone."""
     left: frozenset[int] = frozenset()
     """Tags that other drones search for, so that this drone does not."""
     strips: tuple[Strip, ...] = ()
-    """Straight paths, each reserved for one drone at all times: drones share no clock."""
+    """Straight paths reserved for other drones. Each is reserved at all times, because the
+    drones have no common clock."""
 
     def strip_distance_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """(paths,) least distance of straight paths from the paths of all other drones [m]."""
+        """Return the smallest distance of each straight path from other drones' paths [m]."""
         least = np.full(len(east_m), np.inf)
         for one in self.strips:
             least = np.minimum(least, segment_distance_m(start_m, (east_m, north_m), one))
         return least
 
     def legs(self, time_s: float) -> Legs | None:
-        """Sampled remaining paths of the other drones that report; None if there are none."""
+        """Return samples of the other drones' predicted paths; None without other drones."""
         if not self.listening:
             return None
         shares = (np.arange(PLANNING.drones_samples) + 0.5) / PLANNING.drones_samples

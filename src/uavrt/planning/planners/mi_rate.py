@@ -34,35 +34,40 @@ class _PathRating:
     """Constants by which candidate paths are generated and rated."""
 
     samples: int = 8
-    """Number of points of a candidate path; each represents the pulses around it."""
+    """Number of points at which a candidate path is sampled; each represents the pulses around
+    it."""
     directions: int = 16
-    """Number of evenly spread directions of exploratory paths, which do not head for a tag."""
+    """Number of exploratory paths, in evenly spread directions without regard to tags."""
     horizons_cycles: tuple[float, ...] = (1.0, 3.0)
-    """Lengths of exploratory paths, which do not head for a tag [decision cycles]."""
+    """Lengths of the exploratory paths [decision cycles]."""
     hypotheses: int = 48
     """Number of position hypotheses of each tag used to rate a candidate path."""
     turn_s: float = 2.0
-    """Assumed time to turn before each path of a round to the remaining tags [s]."""
+    """Time assumed for the turn before each path in a round of the remaining tags [s]."""
     stay_s: float = 4.0
     """Time that the drone stays at the end of a path to a tag [s]."""
     finished_share: float = 0.1
-    """Share of a tag's needed information still missing, below which a round skips the tag."""
+    """Fraction of a tag's needed information that may be missing when a round leaves the tag
+    out."""
     # Value of a path: a power of the share of the needed information that it gives, plus a
     # factor times the share. Finishing one tag then counts for more than beginning two; the
     # second term decides while no tag is nearly found.
     value_power: float = 8.0
     value_linear: float = 0.002
     explore_nats: float = 2.5
-    """Missing position information of every tag above which all directions are rated [nats]."""
+    """Missing information on the best known tag's position above which exploratory paths are
+    rated too [nats]."""
     change_gain: float = 0.15
-    """Relative gain required to change the target tag, if animals or drones are avoided."""
+    """Gain of a path to another target tag over the present one that justifies the change
+    [ratio]; used if animals or drones must be avoided."""
     turn_nats: float = 1.5
-    """Minimum information on an animal possibly near that justifies a turn in place [nats]."""
+    """Least information on an animal that may be near for which the drone turns in place
+    [nats]."""
     near_probability: float = 0.25
-    """Minimum probability that an animal is near at which the drone leaves without a turn."""
+    """Probability that an animal is near from which the drone leaves without a turn."""
     vague_factor: float = 1.5
-    """Minimum ratio of an animal's position spread to the distance to keep, for a turn in place
-    to help."""
+    """Position uncertainty of an animal, as a multiple of the distance to keep, from which a
+    turn in place helps."""
 
 
 _RATING = _PathRating()
@@ -101,7 +106,7 @@ class MiRate:
         legs: Legs,
         goals: list[int | None],
     ) -> Decision:
-        """Choose the best of the allowed paths and the turn, which is the last candidate."""
+        """Return the best allowed path, or the turn in place, which is the last candidate."""
         wanted = situation.wanted
         count = len(ways.east_m)
         turns = len(spans) > count
@@ -149,7 +154,7 @@ class MiRate:
     def _ways(
         self, situation: Situation, *, exploring: bool
     ) -> tuple[CandidatePaths, _Floats, Legs, list[int | None]]:
-        """Candidate paths, their times, samples, and target tags; the turn is the last."""
+        """Return candidate paths with times, samples and target tags; the last is a turn."""
         state, vehicle = situation.state, situation.vehicle
         reach = vehicle.speed_m_s * situation.cycle_s
         horizons = _RATING.horizons_cycles if exploring else ()
@@ -202,10 +207,10 @@ class MiRate:
         return [tangents(start, middle, radius), tangents(start, middle, wide)]
 
     def _explores(self, situation: Situation) -> bool:
-        """True while no tag is near its target accuracy; paths then cover all directions.
+        """True while no tag is near its target accuracy; then all directions are rated.
 
-        Otherwise only paths to the tags count. A path past many walking tags gives a little
-        information on each again and again, and none is found.
+        Afterwards only paths to the tags count. A path past many walking tags would give a
+        little information on each, again and again, and none would be found.
         """
         needed = min(situation.stop.needed_nats(one) for one in situation.wanted)
         return needed > _RATING.explore_nats
@@ -214,7 +219,7 @@ class MiRate:
         return here(situation).refused[0] is None
 
     def _least_disturbing(self, situation: Situation, ways: CandidatePaths) -> Decision:
-        """Choose the path that disturbs animals least, if the area allows one."""
+        """Return the path that disturbs animals least, if the area allows any."""
         stays = self._wait_or_turn(situation)
         if stays is not None:
             return stays
@@ -230,7 +235,7 @@ class MiRate:
         )
 
     def _wait_or_turn(self, situation: Situation) -> Decision | None:
-        """Wait, or turn to locate an animal that may be near; None if neither helps."""
+        """Return a wait, or a turn to locate an animal that may be near, or None."""
         stay = here(situation)
         if stay.refused[0] is None:
             return Decision(
@@ -275,7 +280,7 @@ class MiRate:
 
 
 def _worth(situation: Situation, nats: _Floats, spans_s: _Floats) -> _Floats:
-    """(tags, paths) share of each tag's needed information that each path gives."""
+    """Return which share of each tag's needed information each path gives, (tags, paths)."""
     out = np.empty_like(nats)
     for number, belief in enumerate(situation.wanted):
         needed = situation.stop.needed_nats(belief)
@@ -298,7 +303,7 @@ def _with_round(
     worth: _Floats,
     spans_s: _Floats,
 ) -> _Floats:
-    """(paths,) value per second of each path with a round to the remaining tags after it."""
+    """Return the value per second of each path, if a round of the remaining tags follows it."""
     places = [one.spread() for one in situation.wanted]
     tags_x = np.array([one.east_m for one in places])
     tags_y = np.array([one.north_m for one in places])

@@ -17,7 +17,7 @@ PLANNERS: Registry[Callable[[], Planner]] = Registry("uavrt.planners", _OWN)
 
 
 def planner_named(name: str) -> Planner:
-    """Make the planner with the given name; raises `UsageError` for an unknown name."""
+    """Return a new planner of the given name; raises `UsageError` for an unknown name."""
     if name not in PLANNERS:
         raise NotFound(
             f"there is no planner {name!r}", remedy=f"Choose from {', '.join(PLANNERS)}"

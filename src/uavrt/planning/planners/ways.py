@@ -22,9 +22,9 @@ class CandidatePaths:
     refused: list[str | None]
     """Reason why each candidate path may not be flown; None if it may."""
     disturbs: NDArray[np.bool_]
-    """(paths,) True for paths refused only because they may come near an animal."""
+    """(paths,) True for paths whose only fault is that they may come near an animal."""
     kept: _Floats
-    """(paths,) probability of keeping the set distance to the most endangered animal."""
+    """(paths,) probability of keeping the required distance from the nearest animal."""
 
     @property
     def allowed(self) -> NDArray[np.bool_]:
@@ -39,7 +39,7 @@ class CandidatePaths:
 def headings(
     situation: Situation, count: int, distance_m: float, *, first_deg: float = 0.0
 ) -> tuple[_Floats, _Floats]:
-    """East and north of the ends of equally long paths in evenly spread directions [m]."""
+    """Return the ends of equally long paths in evenly spread directions [m]."""
     angle = np.radians(first_deg + np.arange(count) * 360.0 / count)
     state = situation.state
     return (
@@ -82,7 +82,10 @@ def checked(
 def _near_others(
     situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
 ) -> list[str | None]:
-    """Refuse paths close to other drones' paths; a drone close to one may only move away."""
+    """Refuse paths that come too close to other drones' paths.
+
+    A drone that is already too close may only move away.
+    """
     others, state = situation.others, situation.state
     if others is None or not others.strips:
         return refused
@@ -98,7 +101,7 @@ def _near_others(
 
 
 def here(situation: Situation) -> CandidatePaths:
-    """Path of zero length: the drone stays at its position for a cycle."""
+    """Return a path of zero length: the drone stays where it is for one decision cycle."""
     state = situation.state
     place = np.array([state.east_m]), np.array([state.north_m])
     return checked(situation, *place, stays_s=situation.cycle_s)
@@ -107,7 +110,7 @@ def here(situation: Situation) -> CandidatePaths:
 def _circling(
     situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
 ) -> list[str | None]:
-    """Refuse a fixed wing's paths if the curve flown, or a turn back, is not allowed."""
+    """Refuse a fixed wing's paths if its curves, or a turn back at the end, leave the area."""
     state, vehicle = situation.state, situation.vehicle
     spans = vehicle.durations(state, east_m, north_m, situation.wind)
     spans = np.where(np.isfinite(spans), np.maximum(spans, 1.0), 1.0)
@@ -123,7 +126,7 @@ def _circling(
 
 
 def _no_room(situation: Situation, legs: Legs, number: int) -> str | None:
-    """Reason if no full circle fits in the area after a cycle or at a path's end; else None."""
+    """Return a text if the area leaves no room for a circle to turn back; else None."""
     radius = getattr(situation.vehicle, "turn_radius_m", 0.0)
     at_cycle = int(np.searchsorted(legs.time_s[number], situation.cycle_s))
     turn = np.linspace(0.0, 2.0 * np.pi, 25)
@@ -143,7 +146,7 @@ def _no_room(situation: Situation, legs: Legs, number: int) -> str | None:
 def sampled(
     situation: Situation, east_m: _Floats, north_m: _Floats, spans_s: _Floats, samples: int
 ) -> Legs:
-    """Sample paths (paths,) at the middles of equal shares of their times."""
+    """Return paths sampled at equally spaced times, each in the middle of its time span."""
     shares = (np.arange(samples) + 0.5) / samples
     return situation.vehicle.along(
         situation.state, east_m, north_m, situation.wind, spans_s[:, None] * shares
@@ -151,7 +154,7 @@ def sampled(
 
 
 def turning(state: VehicleState, turn_deg: float, duration_s: float, samples: int) -> Legs:
-    """Positions and headings during a turn in place, in the form of sampled paths."""
+    """Return the samples of a turn in place: constant position, changing heading."""
     shares = (np.arange(samples) + 0.5) / samples
     return Legs(
         duration_s=np.array([duration_s]),

@@ -1,7 +1,8 @@
-"""Handlers for everything the connection process receives, in two tables.
+"""Handlers for everything that the connection process receives, in two tables.
 
-Messages of ground stations are looked up by their type number; for a sealed message, by that of
-its content. Records of the supervisor are looked up by their class.
+The message type selects the handler of a ground station's message. For a sealed (authenticated)
+message, this is the type of its content. The class of a record selects the handler of the
+supervisor's records.
 """
 
 from collections.abc import Callable
@@ -62,14 +63,14 @@ log = get_logger()
 
 
 class _Handler(Protocol):
-    """Handler of one type of message from a ground station."""
+    """Function that handles one type of message from a ground station."""
 
     def __call__(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
-        """Handle a message's payload; `sealed`: it had a valid authentication code."""
+        """Handle a payload. `sealed` is True if its authentication code was valid."""
 
 
 class ConnectionInbox:
-    """Passes each message and record to the part that handles it; others are ignored."""
+    """Calls the handler of each message and record; unknown types are ignored."""
 
     def __init__(
         self,
@@ -126,10 +127,10 @@ class ConnectionInbox:
             }
 
     def payload(self, payload_type: int, payload: bytes, peer: Peer) -> None:
-        """Handle a payload by its row in the table of link messages, sealed ones first.
+        """Open a sealed (authenticated) payload, then call the handler of its type.
 
-        Sealed (authenticated) messages are checked first, so a flood of unsealed messages
-        cannot block them. Rate limits apply only to messages without a valid seal.
+        Rate limits apply only to unsealed messages, so a flood of them cannot block sealed
+        ones.
         """
         if payload_type == SEALED_TYPE:
             opened = self.stations.gate.open(payload, peer.place, self._link.place)

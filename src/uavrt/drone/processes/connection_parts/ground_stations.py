@@ -1,6 +1,6 @@
-"""Ground stations of a drone: which one commands, and on which link each is answered.
+"""Ground stations of a drone: which one is in command, and which link reaches each.
 
-The station in command has its own share of the link; its answers are sent before pulses.
+The station in command has its own rate limit; its answers are sent before pulses.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ MAVLINK_SOURCE = "mavlink "
 
 
 class GroundStations:
-    """Accepts or drops messages of ground stations, and sends the answers."""
+    """Applies rate limits to ground stations' messages, and sends answers to them."""
 
     def __init__(self, link: Connection, gate: Gate, now_ns: Callable[[], int]) -> None:
         self._link, self.gate, self._now_ns = link, gate, now_ns
@@ -29,11 +29,14 @@ class GroundStations:
         self._next_session_ns = 0
 
     def asked(self, peer: Peer) -> None:
-        """Store the link on which a station's message arrived, for the answer."""
+        """Remember the link on which a station's message arrived; the answer uses this link."""
         self._asked_on[peer.place] = peer.link
 
     def commander(self, source: str | None) -> None:
-        """Set the station in command, from the source name of its commands."""
+        """Set the station in command from a command's source, ``mavlink SYSTEM/COMPONENT``.
+
+        Other sources are ignored.
+        """
         if source is None or not source.startswith(MAVLINK_SOURCE):
             return
         system_id, _, component_id = source.removeprefix(MAVLINK_SOURCE).partition("/")
@@ -42,19 +45,20 @@ class GroundStations:
         self._limits.commander(place)
 
     def accepted(self, requester: Place) -> None:
-        """If no station is in command, assume this one is, until the supervisor decides."""
+        """Treat a station as in command until the supervisor decides, if no other one is."""
         if not self._limits.has_commander:
             self._limits.commander(requester)
 
     @property
     def dropped(self) -> int:
-        """Number of messages dropped because an allowance was used up."""
+        """Number of ground stations' messages dropped by rate limits."""
         return self._limits.dropped
 
     def admits(self, peer: Peer, answers: int = 0) -> bool:
-        """True if an unauthenticated message may be handled; `answers`: number of replies.
+        """True if the rate limits allow an unauthenticated message.
 
-        All senders share one limit if the drone has a key.
+        `answers` is the number of replies that it causes. If the drone has a key, all senders
+        share one limit.
         """
         place = (0, 0) if self.gate.locked else peer.place
         return self._limits.admits(place, self._now_ns(), answers=answers)
@@ -62,23 +66,29 @@ class GroundStations:
     def admits_file_request(self, peer: Peer, *, detecting: bool) -> bool:
         """True if the rate limits allow a file request.
 
-        With a key, stations without proof of it have a lower limit while `detecting`.
+        If the drone has a key, unauthenticated stations have a lower limit while `detecting`.
         """
         proof = not (self.gate.locked and detecting) or self.gate.asks_for_files(peer.place)
         return self._limits.admits_file_request(peer.place, self._now_ns(), proof=proof)
 
     def file_received(self, peer: Peer, trip_s: float) -> None:
-        """Adapt a link's rate to a file transfer's round trip [s], if it carries no pulses."""
+        """Adapt a link's send rate to the round-trip time of a file transfer [s].
+
+        Transfers to stations not in command do not change the link that carries pulses.
+        """
         others = self._limits.has_commander and not self._limits.commands(peer.place)
         if not (others and peer.link == self._link.tunnel.link):
             self._link.tunnel.rate_of(peer.link).acknowledged(trip_s, self._now_ns())
 
     def silent_s(self) -> dict[Place, float]:
-        """Silence of each station [s]; if it has sent sealed messages, only these count."""
+        """Time since each station's last message [s].
+
+        For a station that sends sealed (authenticated) messages, only these count.
+        """
         return self._link.stations_silent_s() | self.gate.silent_s()
 
     def answer(self, answer: Answer | None, *, urgent: bool = True) -> None:
-        """Send an answer: before pulses to the station in command, after pulses to others."""
+        """Send an answer to a station: before pulses if it is in command, else after them."""
         if answer is not None:
             first = urgent and self._limits.commands(answer.requester)
             priority = Priority.ACK if first else Priority.OTHER
@@ -87,7 +97,7 @@ class GroundStations:
             )
 
     def answer_motion(self, payload: bytes, requester: Place | None) -> None:
-        """Report the progress of a motion order to the given station, or to all if None."""
+        """Report a motion order's progress to `requester`, or to all stations if None."""
         if requester is None:
             self._link.tunnel.send_tunnel(payload, Priority.STATUS, None, MOTION_STATE_TYPE)
             return
@@ -96,7 +106,11 @@ class GroundStations:
         self._link.tunnel.send_tunnel(payload, priority, self._peer(requester), kind)
 
     def answer_parameter(self, value: ParamValue, requester: Peer | None) -> None:
-        """Report a parameter's value to all stations or, with low priority, to `requester`."""
+        """Report a parameter's value to all stations, or only on the link of `requester`.
+
+        Only that link is used, at low priority, if the station is not in command or if the
+        drone has a key.
+        """
         tunnel = self._link.tunnel
         if requester is None or (
             self._limits.commands(requester.place) and not self.gate.locked
@@ -106,18 +120,18 @@ class GroundStations:
             tunnel.send_message(value, Priority.OTHER, requester.link)
 
     def answer_keepalive(self, payload: bytes, peer: Peer) -> None:
-        """Answer a station's keepalive with its nonce, and the session for sealed commands."""
+        """Return a keepalive's nonce to its station, with the session for sealed commands."""
         self.asked(peer)
         session = self.gate.keepalive(payload, peer.place, self._link.place)
         if session is not None:
             self._link.tunnel.send_tunnel(session, Priority.ACK, peer, SESSION_TYPE)
 
     def announce_session(self, now_ns: int) -> None:
-        """Announce, once a second, the session in which sealed commands are valid.
+        """Send, once a second, the session in which sealed (authenticated) commands are valid.
 
-        An announcement is valid only for the drone's present number, so that number must be
-        known. A ground station must have been received, too: before that, messages wait in a
-        queue.
+        The announcement is valid only for the drone's present system id, so this must be known.
+        A ground station must have been received too, because messages wait in a queue until
+        then.
         """
         component = self._link.component
         ready = component.discovery.known and component.has_number(now_ns)

@@ -1,4 +1,4 @@
-"""Status messages for the ground, each kind at its rate: heartbeat, detectors, texts, load.
+"""Status messages for the ground: heartbeats, detector reports, texts, computer load.
 
 Part of the connection process. The link may carry only 1200 bytes a second, so each kind of
 message has its own rate.
@@ -33,19 +33,25 @@ from uavrt.link.tunnel.own_messages.beep import BEEP_TYPE, encode_beep
 
 HEARTBEAT_NS = ns_from_s(1.0)
 COMPUTER_NS = ns_from_s(10.0)
-"""Time between two reports of the computer's load [ns]; 250 bytes: 2 % of the slowest link."""
+"""Time between two reports of the computer's load [ns]; their 250 bytes take 2 % of the slowest
+link."""
 FAULTS_NS = ns_from_s(2.0)
 FAULT_REPEAT_NS = ns_from_s(30.0)
-"""Time between two reports of a lasting fault [ns]: below 1 % of the slowest link."""
+"""Time between two reports of a lasting fault [ns], which take less than 1 % of the slowest
+link."""
 SEARCH_REPORT_NS = ns_from_s(5.0)
-"""Shortest time between two search reports of a tag on the link [ns]; pulses share the link."""
+"""Shortest time between two search reports about a tag [ns]; the rest of the link is for
+pulses."""
 ALIVE_NS = ns_from_s(3.0)
 """Shortest time between two heartbeats of a tag's detector [ns]. The original ground station
-waits for one during K + 1 pulse intervals (K pulses per group) and one second, about 6 s."""
+waits K + 1 pulse intervals plus 1 s for one, about 6 s, where K is the number of pulses that
+are searched together."""
 ALIVE_PER_TAG_NS = ns_from_s(0.1)
-"""Shortest time between two detector heartbeats of all tags together [ns]; 10 a second."""
+"""Shortest time between the detector heartbeats of two tags [ns], which limits the sum to 10 a
+second."""
 BEEP_NS = ns_from_s(5.0)
-"""Time between two reports to the ground on beeping senders [ns]; each sender has its turn."""
+"""Time between two reports about unlisted beeping senders [ns]; each report describes one
+sender, in turn."""
 THERMAL_ZONE = Path("/sys/class/thermal/thermal_zone0/temp")
 UNKNOWN_U8 = 0xFF
 UNKNOWN_I8 = 127
@@ -53,7 +59,7 @@ UNKNOWN_U32 = 0xFFFFFFFF
 
 
 class GroundStatus:
-    """Sends the status messages that are due."""
+    """Sends each status message when it is due; limits the rates of texts and reports."""
 
     def __init__(
         self, exchange: Exchange, sender: TunnelSender, root: Path, disk: Disk = at_once
@@ -81,15 +87,15 @@ class GroundStatus:
 
     @property
     def texts_left_out(self) -> int:
-        """Number of texts dropped because there were too many."""
+        """Number of operator texts dropped by the rate limits."""
         return self._limiter.left_out + self._tag_limiter.left_out
 
     def tags(self, count: int) -> None:
-        """Set the number of searched tags, on which the rate of their reports depends."""
+        """Set the number of searched tags; with more tags, each tag is reported less often."""
         self._tags = count
 
     def tick(self, state: SystemState, now_ns: int) -> None:
-        """Send the messages that are due, and a heartbeat whenever the state changes."""
+        """Send the messages that are due; send a heartbeat at once if the state has changed."""
         if state is not self._state:
             self._state = state
             self._next_ns.pop("heartbeat", None)
@@ -103,16 +109,16 @@ class GroundStatus:
             self._report_computer()
 
     def begin_flight(self, shift_ns: int) -> None:
-        """Use the time of a new flight, and clear the last flight's beeping senders."""
+        """Set the clock shift of a new flight, and delete the list of beeping senders."""
         self._shift_ns = shift_ns
         self._beeps.clear()
 
     def clear_beeps(self) -> None:
-        """Clear the beeping senders, because the list of tags has changed."""
+        """Delete the list of beeping senders, because the list of tags has changed."""
         self._beeps.clear()
 
     def radio_set(self, radio: RadioSettings) -> None:
-        """Clear the beeping senders if the radio's frequency correction has changed."""
+        """Delete the list of beeping senders if the radio's frequency correction changes."""
         if radio.frequency_correction_ppm != self._ppm:
             self._ppm = radio.frequency_correction_ppm
             self._beeps.clear()
@@ -132,7 +138,7 @@ class GroundStatus:
         self._next_beep += 1
 
     def text(self, text: StatusText, now_ns: int) -> None:
-        """Send a text to the operator, unless there are too many."""
+        """Send a text to the operator, unless the rate limit forbids it."""
         if self._limiter.allows(text.severity, text.text, now_ns):
             self._sender.send_text(text.severity, text.text)
 
@@ -144,7 +150,10 @@ class GroundStatus:
         *,
         new_station: bool,
     ) -> None:
-        """Repeat lasting faults for stations that missed them; at once if `new_station`."""
+        """Repeat the texts of lasting faults, for stations that did not receive them.
+
+        With `new_station`, send all of them at once.
+        """
         if not new_station and not self._due("faults", FAULTS_NS, now_ns):
             return
         for fault in (*map(_fault_of, filter(lambda one: one.reason, processes)), *others):
@@ -154,14 +163,14 @@ class GroundStatus:
                 self.text(fault, now_ns)
 
     def tag_text(self, text: str, now_ns: int) -> bool:
-        """Send a text about a tag; False if dropped because there are too many."""
+        """Send a text about a tag; False if the rate limit forbids it."""
         allowed = self._tag_limiter.allows(MavSeverity.INFO, text, now_ns)
         if allowed:
             self._sender.send_text(MavSeverity.INFO, text)
         return allowed
 
     def search_report(self, report: SearchReport, now_ns: int) -> None:
-        """Send a tag's search report or, soon after one, only that the detector works."""
+        """Send a tag's search report or, soon after another one, a detector heartbeat."""
         if self._due(f"search {report.tag_id}", SEARCH_REPORT_NS, now_ns):
             self._send(self._exchange.search_report(report))
         else:
@@ -184,9 +193,12 @@ class GroundStatus:
             self._sender.send_tunnel(payload, Priority.STATUS)
 
     def _report_computer(self) -> None:
-        """Report load and free disk space; the last known space if the disk does not answer.
+        """Send the computer's load and free disk space.
 
-        A pending query is not repeated, because many queries would delay file transfers later.
+        If the disk does not answer, use the last known space.
+
+        A pending query is not repeated, because queued queries would delay file transfers
+        later.
         """
         asked = not self._asking
         if asked:
@@ -234,7 +246,7 @@ class GroundStatus:
 
 
 def _fault_of(process: ProcessStatus) -> StatusText:
-    """Text on a process that is not ok: its name, its state and the reason."""
+    """Return a text on a faulty process: its name, its state and the reason."""
     words = process.reason
     if not words.startswith(process.process):
         words = f"{process.process}: {process.status} (reason {words})"

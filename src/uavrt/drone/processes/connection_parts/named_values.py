@@ -13,16 +13,18 @@ from uavrt.link.mavlink.dialect import NamedValueFloat
 from uavrt.link.mavlink.sending.named_value import value_name
 
 PERIOD_NS = ns_from_s(0.25)
-"""Time between two NAMED_VALUE_FLOAT messages [ns]; they take a tenth of the slowest link."""
+"""Time between two NAMED_VALUE_FLOAT messages [ns]; at this rate they take a tenth of the
+slowest link."""
 TAG_PERIOD_NS = ns_from_s(1.0)
 """Time between two NAMED_VALUE_FLOAT messages about the same tag [ns]."""
 FRESH_NS = ns_from_s(5.0)
-"""Age at which an unsent SNR and pulse count is dropped [ns]; the next pulse repeats it."""
+"""Age from which an unsent SNR and pulse count is dropped [ns]; the next pulse brings newer
+ones."""
 NS_PER_MS = 1_000_000
 
 
 class NamedValues:
-    """Message source (`pacing.Source`) with each tag's newest SNR and pulse count."""
+    """Queues each tag's newest SNR and pulse count as a message source (`pacing.Source`)."""
 
     def __init__(
         self,
@@ -47,11 +49,11 @@ class NamedValues:
         self._outgoing.clear()
 
     def restore(self, counts: Mapping[int, int]) -> None:
-        """Add pulses counted in this flight before this process started."""
+        """Add the pulses that this flight had before a restart of this process."""
         self._counts.update(counts)
 
     def heard(self, pulse: Pulse, now_ns: int) -> None:
-        """Count a pulse, if confirmed, and use its SNR for the tag's next message."""
+        """Count a confirmed pulse, and keep its SNR for the tag's next message."""
         if pulse.confirmed and self._which != "off":
             self._counts[pulse.tag_id] += 1
             self._news[pulse.tag_id] = now_ns, pulse.snr_db
@@ -69,7 +71,7 @@ class NamedValues:
         return None if first_ns is None else max(gap_ns, first_ns)
 
     def take(self, now_ns: int, rate_bytes_s: float) -> NamedValueFloat | None:
-        """Return the message that is due, or None; a tag's pulse count follows its SNR."""
+        """Return the message that is due, or None. A tag's SNR comes first, then its count."""
         if self.wait_ns(now_ns) != 0:
             return None
         if not self._outgoing:

@@ -1,7 +1,7 @@
-"""Position and heading of a receiver without autopilot: from settings or a GPS receiver.
+"""Position and heading of a station without autopilot, from the settings or a GPS receiver.
 
-A mast has a measured position and heading. A person or cart has a receiver that speaks NMEA or
-gpsd, and a compass or a heading typed while moving.
+A mast has a measured position and heading in the settings. A person or cart has a GPS receiver
+that speaks NMEA or gpsd; the heading comes from a compass or is typed while moving.
 """
 
 import asyncio
@@ -25,20 +25,27 @@ log = get_logger()
 FIXED_PERIOD_S = 0.5
 """Time between two poses of a fixed station [s]; poses are interpolated."""
 CLOSEST_NS = ns_from_s(0.02)
-"""Shortest time between two used positions [ns]; a GPS receiver sends 1 to 20 a second."""
+"""Shortest time between two GPS positions that are used [ns]; a receiver sends 1 to 20 a
+second."""
 SILENCE_NS = ns_from_s(5.0)
-"""Age above which a GPS position is outdated [ns]; receivers send one a second."""
+"""Age from which a GPS position is too old to use [ns]; receivers send at least one a
+second."""
 ALTITUDE_HOLDS_NS = ns_from_s(3.0)
-"""Time after a GPS position with altitude in which positions without one are dropped [ns]."""
+"""Time after a GPS position with altitude during which positions without altitude are dropped
+[ns]."""
 WATCH_PERIOD_S = 3.0
-"""Time between requests for data to a silent gpsd [s]; a restarted gpsd needs a new request."""
+"""Time between two requests for data from a silent gpsd [s], which needs a new one after a
+restart."""
 GPSD = "127.0.0.1:2947"
 WAIT_S = 1.5
 """Longest time that a pulse waits for the GPS receiver's next position [s]."""
 
 
 def pose_address(settings: PoseSettings) -> Address | None:
-    """Get the GPS receiver's address, None for a fixed station; raises `ConfigError`."""
+    """Return the GPS receiver's address, or None for a fixed station.
+
+    Raises `ConfigError` if the settings lack or contradict it.
+    """
     if settings.source == "fixed":
         missing = [
             name
@@ -96,7 +103,7 @@ class OwnPose:
 
     @property
     def status(self) -> str | None:
-        """Text on what is missing, position or heading; None if both are known."""
+        """Return a text on the missing position or heading; None if both are known."""
         now_ns = self._clock_ns()
         if self._fault is not None:
             return f"no position: {self._fault}"

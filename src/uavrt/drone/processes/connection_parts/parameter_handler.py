@@ -1,4 +1,4 @@
-"""Parameters of the drone, which ground stations can list and the supervisor sets.
+"""MAVLink parameters of the drone, which ground stations can read and set.
 
 Connects MAVLink parameters (`uavrt.link.mavlink.services.parameter_service`) to the table of
 settings (`uavrt.config.parameters`) and the supervisor, which alone changes them. Part of the
@@ -31,7 +31,7 @@ PENDING = 64
 
 
 class ParameterHandler:
-    """Answers requests for parameters and passes changes to the supervisor."""
+    """Answers parameter requests of ground stations; passes changes to the supervisor."""
 
     def __init__(
         self,
@@ -68,7 +68,10 @@ class ParameterHandler:
         *,
         sealed: bool = False,
     ) -> None:
-        """Handle a request; `refusal`: the reason why no parameter may be set, or None."""
+        """Handle a request to list, read or set parameters.
+
+        `refusal` is the reason why setting is forbidden, or None.
+        """
         answer = self._server.receive(message)
         if isinstance(answer, list):
             for value in answer:
@@ -91,7 +94,7 @@ class ParameterHandler:
     def receive_sealed(
         self, inside: bytes, peer: Peer, refusal: str | None, request_id: int
     ) -> None:
-        """Handle an authenticated request by name or index; a value of NaN means: read."""
+        """Handle an authenticated request to list, read or set parameters."""
         try:
             name, value = read_parameter(inside)
         except TunnelError as error:
@@ -108,9 +111,10 @@ class ParameterHandler:
         self.receive(request, peer, refusal, request_id, sealed=True)
 
     def reply(self, reply: CommandReply) -> None:
-        """Answer a change: the parameter's present value, and the reason if it was refused.
+        """Answer a station's request to set a parameter.
 
-        Changed settings arrive before the reply, so the value is the new one.
+        The answer is the present value, or the reason why the change was refused. Changed
+        settings arrive before this reply, so the value is the new one.
         """
         name, peer = self._pending.pop(reply.request_id, (None, None))
         if name is None or peer is None:
@@ -121,7 +125,7 @@ class ParameterHandler:
             self._refuse(name, reply.message, peer)
 
     def changed(self, settings: Settings) -> None:
-        """Apply changed settings, and report values that another station has set."""
+        """Apply changed settings, and send stations the values that another station has set."""
         before, now = parameter_values(self._settings), parameter_values(settings)
         self._settings = settings
         for name, value in now.items():
@@ -129,7 +133,7 @@ class ParameterHandler:
                 self._send(self._server.value(name), None)
 
     def running(self, running: bool) -> None:
-        """Set whether detection runs; must precede `reply` to the command that changed it."""
+        """Set whether detection runs; call it before `reply` to the start or stop command."""
         changed, self._running = self._running is not running, running
         if changed and not self._is_pending(RUN.name):
             self._send(self._server.value(RUN.name), None)

@@ -29,18 +29,20 @@ from uavrt.localization.pose.ring import PoseRing
 log = get_logger()
 
 POSE_PERIOD_NS = 50_000_000
-"""Time between recorded poses [ns]. Interpolation over 50 ms errs by less than 0.1° at the
-start of a turn of 60°/s."""
+"""Time between two recorded poses [ns]. Interpolation over 50 ms has an error below 0.1° when a
+turn of 60°/s starts."""
 OWN_POSE_PERIOD_NS = 250_000_000
-"""Time between recorded poses without autopilot [ns]; such stations turn more slowly."""
+"""Time between two recorded poses of a station without autopilot [ns]; it turns more slowly
+than a drone."""
 REPORT_PERIOD_NS = NANOSECONDS_PER_SECOND
 """Time between two reports of the position of a station without autopilot [ns]."""
 RECORD_NS = ns_from_s(TOPICS["poses"].every_s or 0.5)
-"""Time after which the collected poses are sent to the recorder, as one record [ns]."""
+"""Time for which poses are collected before they are sent to the recorder together [ns]."""
 POSES_KEPT_NS = 200 * POSE_PERIOD_NS
-"""Lag of recorded poses above which recording continues with the newest pose [ns]."""
+"""Delay of pose recording above which older poses are skipped [ns]."""
 SAME_CLOCK_NS = 1_000_000
-"""Clock difference of two flights up to which known poses are kept [ns]; 0.03° at 30°/s."""
+"""Largest clock change at the start of a flight that keeps the poses received before [ns]. At
+30°/s of turn it is an error of 0.03°."""
 
 _POSE_KNOWN = StatusText(severity=6, text="Position and heading known")
 _STALE_CLOCK = StatusText(
@@ -54,7 +56,7 @@ def _missing_text(missing: str) -> StatusText:
 
 
 class PoseCollector:
-    """Collects attitude and position samples; computes the poses of pulses."""
+    """Collects attitudes and positions, and computes the antenna's pose at each pulse."""
 
     def __init__(
         self,
@@ -102,7 +104,7 @@ class PoseCollector:
             self._own.use(settings)
 
     def use_clock(self, offset_ns: int) -> None:
-        """Use the clock of a new flight; `offset_ns`: UTC minus CLOCK_MONOTONIC [ns]."""
+        """Set the clock of a new flight. `offset_ns` is UTC minus CLOCK_MONOTONIC [ns]."""
         before_ns, self.shift_ns = self.shift_ns, offset_ns - self._clock.offset_ns
         if abs(self.shift_ns - before_ns) > SAME_CLOCK_NS:
             self._ring.clear()
@@ -119,11 +121,14 @@ class PoseCollector:
             log.info("autopilot's clock synchronized", **counters())
 
     def attitude(self, sample: AttitudeSample) -> None:
-        """Add an attitude, timed by the clock of this process."""
+        """Add an attitude, whose time is in the clock of this process."""
         self._ring.add_attitude(replace(sample, time_ns=sample.time_ns + self.shift_ns))
 
     def position(self, sample: PositionSample) -> None:
-        """Add a position, timed by the clock of this process; record the poses it completes."""
+        """Add a position, whose time is in the clock of this process.
+
+        Record the poses that can now be interpolated.
+        """
         self._ring.add_position(replace(sample, time_ns=sample.time_ns + self.shift_ns))
         newest_ns = self._ring.newest_ns
         if newest_ns is None:
@@ -149,7 +154,7 @@ class PoseCollector:
         self._attacher.add(pulse, self._clock.now_ns() + self.shift_ns)
 
     def ready(self) -> list[PulsePose]:
-        """Remove and return the pulses with a known pose, and those that will not get one."""
+        """Remove and return the pulses whose pose is known or will never be known."""
         return self._marked(self._attacher.ready(self._clock.now_ns() + self.shift_ns))
 
     def flush(self) -> list[PulsePose]:
@@ -172,9 +177,9 @@ class PoseCollector:
         return replace(pose, extrapolated=True)
 
     def missing(self) -> str | None:
-        """Text on what is missing for the station's own pose, or None.
+        """Return a text on what the station's own pose lacks, or None.
 
-        A change of the text is reported to the operator.
+        Report a changed text to the operator.
         """
         assert self._own is not None
         missing = self._own.status
@@ -185,12 +190,12 @@ class PoseCollector:
         return missing
 
     def faults(self) -> list[StatusText]:
-        """Lasting faults of pose and clock, which are repeated to the ground."""
+        """Return texts on lasting faults of pose and clock, to be sent repeatedly."""
         faults = [_STALE_CLOCK] if self._clock_is_stale else []
         return faults if self._missing is None else [*faults, _missing_text(self._missing)]
 
     def due(self, now_ns: int) -> Pose | None:
-        """Position of the station itself when a report is due; None with an autopilot."""
+        """Return the position of a station without autopilot if a report is due; else None."""
         if self._own is None or now_ns < self._next_report_ns:
             return None
         self._next_report_ns = now_ns + REPORT_PERIOD_NS

@@ -1,8 +1,8 @@
-"""Deliver pulses to the ground: queue them, send them, and read unsent ones from disk.
+"""Deliver pulses to ground stations, and read pulses from disk that a station lacks.
 
-Connects the sender (`uavrt.link.tunnel.pulses.reliable`) to the flight's database
-(`uavrt.flight.database.spool`). Part of the connection process. `Disk` reads the database, so
-that a slow disk does not delay queued pulses.
+This part of the connection process links the pulse sender (`uavrt.link.tunnel.pulses.reliable`)
+to the flight's database (`uavrt.flight.database.spool`). `Disk` reads the database in the
+background, so that a slow disk does not delay other pulses.
 """
 
 from collections import deque
@@ -28,16 +28,17 @@ log = get_logger()
 
 REFILL = 512
 FLIGHTS = 4
-"""Largest number of flights with undelivered pulses; the recorder has the same limit."""
+"""Number of flights whose undelivered pulses are still sent; the recorder has the same
+limit."""
 RECENT = 2_000
 RECENT_NS = ns_from_s(60.0)
-"""Time for which up to `RECENT` delivered pulses are remembered [ns]. The recorder commits
-every three seconds; if it takes longer than this time, some pulses are sent twice."""
+"""Time for which the last `RECENT` delivered pulses are remembered [ns]. The recorder commits
+every three seconds; if a commit takes longer than this time, some pulses are sent twice."""
 REFILL_PERIOD_NS = ns_from_s(0.5)
 
 
 class PulseOutlet:
-    """Sends pulses to the ground, and reads unsent ones from the flights' databases."""
+    """Sends pulses to ground stations, also unsent ones from the flights' databases."""
 
     def __init__(
         self,
@@ -61,9 +62,10 @@ class PulseOutlet:
         self.receipts = 0
 
     def flight(self, directory: str, *, resumed: bool = False) -> None:
-        """Begin a flight, or resume it after a restart of this process.
+        """Add a flight, new or (`resumed`) begun before this process was restarted.
 
-        A new flight is not read yet, because the recorder is creating its database.
+        Pulses of a new flight are not read from disk yet, because the recorder is still
+        creating its database.
         """
         if directory not in self._flights:
             self._flights.append(directory)
@@ -71,19 +73,22 @@ class PulseOutlet:
             self.sender.stores.mark_all_on_disk()
 
     def recorded(self, keys: Sequence[PulseKey]) -> None:
-        """Register recorded pulses; those that a station may lack are read from disk."""
+        """Note that pulses are on disk; read those that a station may lack from there."""
         known = [self.delivery.recorded(key) for key in keys]
         if not all(known):
             self.sender.stores.mark_all_on_disk()
 
     def add(self, pulse_pose: PulsePose) -> None:
-        """Add a pulse with its pose, to be sent."""
+        """Queue a pulse with its pose for all ground stations."""
         self.sender.pulses.add(pulse_pose.pulse.key, pulse_pose)
 
     def receipt(
         self, payload: bytes, place: tuple[int, int], now_ns: int
     ) -> tuple[bool, float | None]:
-        """Handle a receipt; return if it acknowledged a pulse, and round trip [s] or None."""
+        """Handle a station's receipt; return (valid, round trip).
+
+        The first is True for a confirmed station, the second is a time [s] or None.
+        """
         try:
             receipt = Receipt.decode(payload)
         except TunnelError as error:
@@ -100,7 +105,7 @@ class PulseOutlet:
         return receipt.store in stores.confirmed, self.sender.underway.fresh_trip_s
 
     def tick(self, now_ns: int) -> None:
-        """Report deliveries to stations without receipts; read pulses from disk if needed."""
+        """Report pulses sent to stations without receipts; read unsent pulses from disk."""
         self._delivered(PLAIN, self.sender.pulses.sent_plain(), now_ns)
         for number, key in self.sender.settled():
             self._delivered(number, [key], now_ns)
@@ -160,7 +165,7 @@ class PulseOutlet:
 def _read(
     flights: Sequence[str], store: int, room: int, without: Collection[ItemKey]
 ) -> tuple[list[PulsePose], bool]:
-    """Read up to `room` unsent pulses that are not in `without`, and whether more exist."""
+    """Read up to `room` unsent pulses, except those in `without`; also return if more exist."""
     found: list[PulsePose] = []
     more = False
     for directory in flights:

@@ -1,4 +1,4 @@
-"""Path of pulses through the connection: pose, recorder, ground stations, receipts."""
+"""The way of a pulse through the connection process: pose, recorder, ground, receipt."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -22,12 +22,12 @@ from uavrt.link.tunnel.drone_exchange import Exchange
 log = get_logger()
 
 FIRST_REFILL_NS = 4_000_000_000
-"""Wait for the recorder's commit after a start [ns]. Then pulses on disk that no ground station
-has received are sent."""
+"""Time from the start until unsent pulses are read from disk [ns]; the recorder must commit
+first."""
 
 
 class PulsePath:
-    """Passes on the pulses of the present flight; to the ground only if `linked`."""
+    """Sends pulses of the present flight to the recorder and, if `linked`, to the ground."""
 
     def __init__(
         self,
@@ -67,7 +67,7 @@ class PulsePath:
             disk(partial(_heard_before, flight.directory), self._restore_tags)
 
     def begin_flight(self, flight: FlightInfo) -> None:
-        """Begin to pass on the pulses of a new flight, timed by the flight's clock."""
+        """Reset for a new flight, and use its clock."""
         self._poses.use_clock(flight.clock_offset_ns)
         self._status.begin_flight(self._poses.shift_ns)
         self.outlet.flight(flight.directory)
@@ -76,16 +76,16 @@ class PulsePath:
         self._named_values.begin_flight()
 
     def add(self, pulse: Pulse) -> None:
-        """Add a detector's pulse, which waits for its pose."""
+        """Accept a detector's pulse; it is sent as soon as its pose is known."""
         self._status.detector_alive(pulse.tag_id, self._now_ns())
         self._poses.add(pulse)
 
     def searched(self, report: SearchReport) -> None:
-        """Report that a detector has searched without a detection."""
+        """Report to the ground that a detector has searched without a detection."""
         self._status.search_report(report, self._now_ns())
 
     def tick(self, now_ns: int) -> None:
-        """Pass on pulses with a known pose; repeat those not acknowledged."""
+        """Send pulses whose pose is now known, and repeat those without acknowledgement."""
         self.pass_on(self._poses.ready())
         sender = self.outlet.sender
         sender.station_present(self._link.station_present, now_ns)
@@ -96,7 +96,7 @@ class PulsePath:
     def pass_on(self, pulse_poses: Iterable[PulsePose]) -> None:
         """Send pulses with poses to recorder and ground, unless they were sent before.
 
-        This includes pulses to which the recorder has given a reconstructed pose.
+        The recorder itself sends those whose pose it has reconstructed.
         """
         for pulse_pose in pulse_poses:
             if self.outlet.delivery.may_send(pulse_pose.pulse.key):
@@ -109,7 +109,7 @@ class PulsePath:
             self._send(pulse_pose)
 
     def recorded(self, record: Recorded) -> None:
-        """Register pulses that are now in the flight's database."""
+        """Note which pulses are now in the flight's database."""
         self.outlet.recorded(record.pulses)
 
     def _send(self, pulse_pose: PulsePose) -> None:
@@ -119,7 +119,7 @@ class PulsePath:
             self._link.tunnel.wake()
 
     def _report_tag(self, pulse: Pulse) -> None:
-        """Send a tag's SNR, count and texts to stations that cannot decode uavrt's pulses."""
+        """Report a tag's SNR, pulse count and text to stations that cannot decode pulses."""
         now_ns = self._now_ns()
         self._named_values.heard(pulse, now_ns)
         text = self._tag_texts.text(pulse)
@@ -127,7 +127,7 @@ class PulsePath:
             self._tag_texts.reported(pulse.tag_id)
 
     def receipt(self, payload: bytes, place: tuple[int, int]) -> None:
-        """Handle a ground station's receipt for pulses."""
+        """Handle a station's receipt for pulses; adapt the send rate to the round-trip time."""
         now_ns = self._now_ns()
         confirmed, trip_s = self.outlet.receipt(payload, place, now_ns)
         if confirmed:

@@ -19,14 +19,14 @@ BEHIND_S, BEHIND_AFTER_BOOT_S = 3.0, 40.0
 
 
 class SigningKept(msgspec.Struct):
-    """Contents of the file of signing times, and the boot in which it was written."""
+    """Contents of the file: newest signing times, and the boot in which they were written."""
 
     boot_id: str
     times: SigningTimes
 
 
 class SigningMemory:
-    """Stores the newest times of frames signed by one `Signing` in a file of a directory."""
+    """Stores the newest signing times of `Signing` in a file, and loads them at the start."""
 
     def __init__(self, signing: Signing, directory: Path) -> None:
         self._signing = signing
@@ -37,7 +37,7 @@ class SigningMemory:
         self._load()
 
     def due(self, now_ns: int) -> SigningKept | None:
-        """Data to be written by `write`; None if not due or unchanged."""
+        """Return the signing times to be written now; None if not due or unchanged."""
         if now_ns < self._next_ns:
             return None
         self._next_ns = now_ns + PERIOD_NS

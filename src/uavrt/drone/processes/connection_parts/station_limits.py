@@ -1,4 +1,4 @@
-"""Limit the rate of processed ground-station messages, so that a flood delays no pulses.
+"""Rate limits for ground stations' messages, so that a flood of them delays no pulses.
 
 The station in command has its own allowance. All others share one, since one sender can use
 many names. Messages beyond it are counted and dropped.
@@ -24,7 +24,7 @@ OPEN_FILES_BURST, OPEN_FILES_PER_S = 8, 1
 
 
 class StationLimits:
-    """Decides which messages of ground stations are processed."""
+    """Rate limits for ground stations: admits or drops each of their messages."""
 
     def __init__(self) -> None:
         self._commander: Place | None = None
@@ -48,13 +48,13 @@ class StationLimits:
             self._own = Allowance(burst=OWN_BURST, per_s=OWN_PER_S)
 
     def commands(self, place: Place) -> bool:
-        """True for the station in command, which is answered before pulses are sent."""
+        """True for the station in command; its answers are sent before pulses."""
         return place == self._commander
 
     def admits_file_request(self, place: Place, now_ns: int, *, proof: bool = True) -> bool:
-        """True if a file request may be handled.
+        """True if the limits allow a file request.
 
-        `proof`: it is authenticated, or needs no authentication.
+        `proof` is True if the request is authenticated or needs no authentication.
         """
         allowance = self._files if proof else self._open_files
         admitted = (proof and place == self._commander) or allowance.take(now_ns)
@@ -62,7 +62,7 @@ class StationLimits:
         return admitted
 
     def admits(self, place: Place, now_ns: int, *, answers: int = 0) -> bool:
-        """True if a message may be processed; `answers`: number of messages in reply."""
+        """True if the limits allow a message that causes `answers` messages in reply."""
         if place == self._commander:
             admitted = self._own.take(now_ns)
         elif answers:

@@ -7,12 +7,16 @@ from uavrt.core.units import s_from_ns
 
 SILENCE_S = 30.0
 SILENCE_INTERVALS = 10
-"""Silence after which a tag is received "again" [pulse intervals], and at least `SILENCE_S`. It
-exceeds the time per turn in which the tag is behind the antenna, and one or two lost groups."""
+"""Pulse intervals without a pulse after which a tag is reported as received again; at least
+`SILENCE_S`. This is longer than the part of a turn in which the antenna points away, plus one
+or two missed groups of pulses."""
 
 
 class TagTexts:
-    """Decides when to report a tag as received; an unsent text is due with the next pulse."""
+    """Decides when to report that a tag is received.
+
+    A text that could not be sent is due again at the next pulse.
+    """
 
     def __init__(self, tags: Iterable[Tag] = ()) -> None:
         self.begin_flight(tags)
@@ -25,14 +29,17 @@ class TagTexts:
         """Tags with a text due, and the silence before it [s]; None for the first reception."""
 
     def restore(self, ends_ns: Mapping[int, int]) -> None:
-        """Set when each tag was last received in this flight, before this process started."""
+        """Set when each tag was last received in this flight, before this process restarted."""
         for tag_id, end_ns in ends_ns.items():
             self._last_ns[tag_id] = max(end_ns, self._last_ns.get(tag_id, end_ns))
             if tag_id in self._due and self._due[tag_id] is None:
                 del self._due[tag_id]
 
     def text(self, pulse: Pulse) -> str | None:
-        """Register a pulse, if confirmed; return the text due about its tag, or None."""
+        """Handle a pulse; return the text to send about its tag, or None.
+
+        Only confirmed pulses count.
+        """
         if not pulse.confirmed:
             return None
         tag_id = pulse.tag_id
@@ -47,7 +54,7 @@ class TagTexts:
         return self._words(pulse) if tag_id in self._due else None
 
     def reported(self, tag_id: int) -> None:
-        """Record that the text about a tag was sent."""
+        """Note that the text about a tag was sent."""
         self._due.pop(tag_id, None)
 
     def _silence_s(self, tag_id: int) -> float:

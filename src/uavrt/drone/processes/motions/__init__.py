@@ -1,4 +1,4 @@
-"""Parts of the connection that send motion commands and report the vehicle's state.
+"""Parts of the connection process that send motion commands and report the vehicle's state.
 
-`motion_orders` receives orders, `motion_control` accepts or refuses them.
+`motion_orders` receives the orders, and `motion_control` carries them out or refuses them.
 """

@@ -37,11 +37,11 @@ class FenceWatch:
         self._counted: Counter[str] = Counter()
 
     def autopilot_found(self) -> None:
-        """Discard the fence, because the autopilot may be another one."""
+        """Discard the geofence, because it may belong to another autopilot."""
         self._download, self._known, self._next_s = None, None, -inf
 
     def vehicle(self, message: Message, now_s: float) -> None:
-        """Handle an autopilot's message, which may be part of the fence being downloaded."""
+        """Handle a message from the autopilot, which may be part of a requested geofence."""
         download = self._download
         if download is not None:
             sender = (self._place()[0], MavComponent.COMP_ID_AUTOPILOT1)
@@ -49,7 +49,10 @@ class FenceWatch:
             self._end(download)
 
     def tick(self, now_s: float, *, resting: bool) -> None:
-        """Send the requests that are due; a download starts only if `resting` (no order)."""
+        """Send download requests that are due.
+
+        A download begins only while no order is flown (`resting`).
+        """
         if self._download is None and resting and now_s >= self._next_s:
             own = self._place()
             peer = Peer(own[0], MavComponent.COMP_ID_AUTOPILOT1)

@@ -1,4 +1,4 @@
-"""Send the motion commands that the authority permits, until control ends.
+"""Send motion commands while the authority permits them, until control ends.
 
 The authority (`uavrt.guidance`) decides from the autopilot's messages whether a command may be
 sent. An operator ends control by *Take back*.
@@ -35,19 +35,19 @@ log = get_logger()
 
 Requester = tuple[int, int]
 STOP_WITHIN_S = 1.5
-"""Longest wait to send the stop command [s]; then control ends without it."""
+"""Longest time in which to send the stop command [s]; afterwards control ends without it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionOutputs:
-    """Functions that send messages of motion control to their receivers."""
+    """Functions that send commands, reports and texts of motion control."""
 
     command: Callable[[Message], None]
     """Function that sends a command to the autopilot at once."""
     leaves: Callable[[], bool]
-    """Function that returns True if a command could be sent without waiting."""
+    """Function that returns True if the link can send a command at once."""
     state: Callable[[bytes, Requester | None], None]
-    """Function that sends the state of a motion order to one station, or to all if None."""
+    """Function that sends an order's state to one ground station, or to all if None."""
     ask: Callable[[Command], None]
     record: Callable[[str, object], None]
     """Function that sends a record to the guide process, through the supervisor."""
@@ -55,7 +55,7 @@ class MotionOutputs:
 
 
 class MotionControl:
-    """Sends the commands of the confirmed order, if `Authority` permits them."""
+    """Sends the commands of the confirmed order to the autopilot, if `Authority` permits."""
 
     def __init__(
         self,
@@ -76,7 +76,7 @@ class MotionControl:
         self._late_reported = False
 
     def use(self, kind: AutopilotName | None) -> None:
-        """Set the kind of autopilot; None: unknown, so that no command can be sent."""
+        """Set the kind of autopilot. While it is None (unknown), no command can be sent."""
         if kind is None:
             self.authority = None
             return
@@ -95,7 +95,7 @@ class MotionControl:
 
     @property
     def text(self) -> str:
-        """State of the order, as a text for the operator."""
+        """State of the order for the operator, or why no command is sent."""
         if self.authority is None:
             return "the autopilot's type is unknown"
         if self.authority.standing is ControlStage.OUT:
@@ -104,27 +104,30 @@ class MotionControl:
         return self._status_text if late is None else f"{late}: no command is sent"
 
     def watch(self, now_s: float) -> None:
-        """Report the state of control at once if it has changed."""
+        """If the stage of control has changed, report it at once."""
         standing = ControlStage.OUT if self.authority is None else self.authority.standing
         if standing is not self.standing:
             self.standing = standing
             self._changed(now_s)
 
     def wake(self, now_s: float, *, turn: bool = False) -> None:
-        """End control if this process was paused so long that received messages may be old."""
+        """End control after a long pause of this process; unread reports may be outdated.
+
+        `turn` is True once in each pass of the main loop.
+        """
         pause_s = self.stalls.wake(now_s, turn=turn)
         if pause_s > SAFETY.stall_s:
             self.end(f"the drone's program paused for {pause_s:.0f} s", now_s)
 
     def observe(self, observations: Iterable[Observation], now_s: float) -> None:
-        """Pass the autopilot's reports to `authority`, which may end control."""
+        """Pass the autopilot's reports to `Authority`, which ends control after a takeover."""
         if self.authority is not None:
             for one in observations:
                 self.authority.observe(one)
             self.watch(now_s)
 
     def end(self, reason: str, now_s: float) -> None:
-        """End our control of the drone, for the given reason; no more commands are sent."""
+        """End uavrt's control of the drone for a given reason; then no command is sent."""
         if self.authority is not None:
             self.authority.stop(now_s, reason)
             self.watch(now_s)
@@ -135,7 +138,7 @@ class MotionControl:
             self.authority.tick(now_s)
 
     def offer(self, offer: MotionOffer) -> None:
-        """Propose an order for confirmation; raises `CommandRefused`."""
+        """Make an order ready for the operator's confirmation; raises `CommandRefused`."""
         authority = self.known
         mode = authority.vehicle.mode_name
         if offer.mode != mode:
@@ -143,7 +146,7 @@ class MotionControl:
         authority.offer(offer.order_id, offer.nonce, monotonic_s(), takeoff=offer.takeoff)
 
     def confirm(self, confirmation: MotionConfirmation, now_s: float) -> None:
-        """Begin the order that the operator has confirmed; raises `CommandRefused`."""
+        """Take control for the order that the operator confirmed; raises `CommandRefused`."""
         self.known.confirm(
             confirmation.order_id,
             confirmation.nonce,
@@ -183,7 +186,7 @@ class MotionControl:
     def command(
         self, order_id: int, manoeuvre: Manoeuvre, now_s: float, *, stops: bool = False
     ) -> bool:
-        """Send a motion command if it is permitted and can be sent at once; True if sent."""
+        """Send a motion command if it is permitted and the link is free; True if sent."""
         authority = self.known
         try:
             if not self._out.leaves():
@@ -215,17 +218,17 @@ class TakeBack:
 
     @property
     def under_way(self) -> bool:
-        """True from *Take back* until the stop command is sent."""
+        """True from the operator's *Take back* until control has ended."""
         return self._by_s > 0.0
 
     def begin(self, now_s: float) -> None:
-        """Stop a drone that flies this order, end control, withdraw a proposed order."""
+        """Stop the drone if it flies an order; end control and withdraw proposed orders."""
         if self._control.authority is not None:
             self._by_s = self._by_s or now_s + STOP_WITHIN_S
             self.go_on(now_s)
 
     def go_on(self, now_s: float) -> None:
-        """End control once the stop command is sent, or after `STOP_WITHIN_S`."""
+        """End control once the stop command is sent, at the latest after `STOP_WITHIN_S`."""
         authority = self._control.authority
         if authority is None or not self.under_way:
             return

@@ -29,7 +29,7 @@ from uavrt.link.mavlink.message import Message
 
 
 class MotionHandler:
-    """Passes each message of autopilot and guide to the parts that need it, in a safe order."""
+    """Passes the autopilot's messages and the guide's requests to their handlers."""
 
     def __init__(
         self,
@@ -54,7 +54,7 @@ class MotionHandler:
         self.neighbours = NeighbourReports(outlets, autopilot, own_place)
 
     def autopilot_found(self) -> None:
-        """Reset, because the autopilot is new or another one."""
+        """Reset all state, because another autopilot may have connected."""
         now_s = monotonic_s()
         self.control.observe([AutopilotStarted(now_s)], now_s)
         self.control.use(None)
@@ -66,7 +66,7 @@ class MotionHandler:
     ) -> None:
         """Handle a message from the autopilot.
 
-        `age_s`: time since its arrival. `late_s`: delay of the message on the link.
+        `age_s` is the time since its arrival [s], `late_s` its delay on the link [s].
         """
         now_s, before = monotonic_s(), self._autopilot.kind
         self.control.wake(now_s)
@@ -80,14 +80,14 @@ class MotionHandler:
             self._fence.vehicle(message, now_s)
 
     def handle_request(self, request: VehicleRequest) -> None:
-        """Handle a motion request from the guide process, which plans orders."""
+        """Handle a request of the guide: a motion, a sign of life, or an order's end."""
         now_s, authority = monotonic_s(), self.control.authority
         self.control.wake(now_s)
         if authority is None:
             return
         if request.order_id is None:
             if request.ends:
-                self.control.end("the guide has restarted", now_s)
+                self.control.end("the guide process has restarted", now_s)
                 self._fence.repeat()
         elif request.order_id == authority.order_id:
             authority.planner_alive(now_s)
@@ -98,7 +98,7 @@ class MotionHandler:
             self.control.watch(now_s)
 
     def tick(self, silent_s: Mapping[Requester, float]) -> None:
-        """End or continue control, and send requests and reports that are due."""
+        """Check the conditions of control, and send requests and reports that are due."""
         now_s = monotonic_s()
         self.control.wake(now_s, turn=True)
         self._reports.stations_silent(silent_s)

@@ -1,4 +1,4 @@
-"""Motion orders of ground stations: check, permission, proposal and confirmation."""
+"""Motion orders of ground stations: check authentication and permission, propose, confirm."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -29,10 +29,11 @@ log = get_logger()
 
 PENDING = 16
 SUPERVISOR_TIMEOUT_S = 2.0
-"""Longest wait for the supervisor when an order is confirmed [s]; stations wait no longer."""
+"""Longest time in which the supervisor must permit a confirmation [s]; stations do not wait
+longer."""
 SENDER_S = 10.0
-"""Silence of the station that reports other drones after which another station may do so [s].
-Two stations at once could assign the same path twice."""
+"""Silence after which a ground station no longer counts as the one that reports other drones
+[s]. Two such stations at once could assign the same path twice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +45,10 @@ class _PendingRequest:
 
 
 class MotionOrders:
-    """Handles stations' motion orders; `next_request_id`: makes numbers for queries."""
+    """Handles motion orders of ground stations.
+
+    `next_request_id` numbers the queries to the supervisor.
+    """
 
     def __init__(
         self,
@@ -66,7 +70,10 @@ class MotionOrders:
     def receive(
         self, payload: bytes, requester: Requester, refusal: str | None, *, sealed: bool
     ) -> None:
-        """Handle a ground station's message about motion; `refusal`: why it may not command."""
+        """Handle a station's motion message.
+
+        `refusal` is the reason why the station may not command, or None.
+        """
         try:
             message = decode_motion(payload, requester)
         except TunnelError as error:
@@ -74,7 +81,7 @@ class MotionOrders:
             log.seldom(self.refused, "motion order refused", reason=error.message)
             return
         if refusal is None and not sealed and not self._autopilot.takes_unsealed:
-            refusal = "motion orders must be sealed: give drone and ground a key"
+            refusal = "motion orders must be sealed (authenticated): set a key on both sides"
         if refusal is None and not isinstance(message, MotionStop):
             refusal = self._autopilot.link_fault
         if refusal is not None:
@@ -115,7 +122,7 @@ class MotionOrders:
         )
 
     def reply(self, reply: CommandReply) -> None:
-        """Handle the supervisor's answer on whether a station may command."""
+        """Handle the supervisor's reply to the query whether a station may command."""
         question = self._pending.get(reply.request_id)
         if question is None or question.name != reply.name:
             return
@@ -148,7 +155,7 @@ class MotionOrders:
         self._reports.confirmed(requester, confirmation.request_id, now_s)
 
     def offer(self, offer: MotionOffer) -> None:
-        """Send a proposed order, or the refusal of a request, to the requesting station."""
+        """Send a proposed order, or its refusal, to the station that requested it."""
         answer, requester, number = self._reports.answer, offer.requester, offer.request_id
         if offer.refused:
             answer("refused", offer.summary, requester, number)
@@ -164,7 +171,7 @@ class MotionOrders:
 
 
 class NeighbourReports:
-    """Passes one ground station's reports on other drones to the guide process."""
+    """Passes one ground station's reports about other drones to the guide process."""
 
     def __init__(
         self,
@@ -180,9 +187,9 @@ class NeighbourReports:
     def receive(
         self, payload: bytes, requester: Requester, refusal: str | None, *, sealed: bool
     ) -> None:
-        """Handle a report on another drone.
+        """Handle a report about another drone.
 
-        `refusal`: reason why the reporting station may not command, or None.
+        `refusal` is the reason why the reporting station may not command, or None.
         """
         now_s = monotonic_s()
         try:

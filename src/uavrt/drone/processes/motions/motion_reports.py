@@ -1,4 +1,4 @@
-"""Reports on motion order and vehicle: to ground stations, operator and guide."""
+"""Reports about the motion order and the vehicle, for ground stations, operator and guide."""
 
 from collections.abc import Mapping
 from math import inf
@@ -19,7 +19,7 @@ UNKNOWN = "the autopilot's type is unknown. Use a multirotor with PX4 or ArduPil
 
 
 class MotionReports:
-    """Sends reports and answers about the motion order in progress."""
+    """Sends answers to motion requests, and reports about the order in progress."""
 
     def __init__(
         self, outlets: MotionOutputs, control: MotionControl, autopilot: ReportedAutopilot
@@ -43,7 +43,7 @@ class MotionReports:
         order_id: int = 0,
         nonce: int = 0,
     ) -> None:
-        """Answer a station, or all stations if `requester` is None."""
+        """Send an answer to the station `requester`, or to all stations if it is None."""
         authority = self._control.authority
         state = MotionState(
             kind=kind,
@@ -59,7 +59,7 @@ class MotionReports:
         self._out.state(payload, requester)
 
     def is_repeated(self, requester: Requester, request_id: int) -> bool:
-        """True if a request repeats the last one; its answer is then sent again."""
+        """True if a request repeats the previous one, whose answer is then sent again."""
         if (requester, request_id) != self._request:
             self._request, self._answered = (requester, request_id), None
             return False
@@ -68,13 +68,13 @@ class MotionReports:
         return True
 
     def confirmed(self, requester: Requester, request_id: int, now_s: float) -> None:
-        """Report that a station has confirmed the order."""
+        """Report that the station `requester` has confirmed the order."""
         self._confirmer = requester
         self.answer("state", "confirmed", requester, request_id)
         self.report(now_s)
 
     def standing_changed(self, now_s: float) -> None:
-        """Report to operator, stations and guide that control has begun or ended."""
+        """Report a new stage of control to operator, stations and guide."""
         control = self._control
         ended = control.authority if control.standing is ControlStage.OUT else None
         log.info(
@@ -100,19 +100,19 @@ class MotionReports:
         self.answer("state", self._control.text, None, 0)
 
     def stations_silent(self, silent_s: Mapping[Requester, float]) -> None:
-        """Set for how long each ground station has been silent [s]."""
+        """Set the time since each ground station's last message [s]."""
         self._silent_s = silent_s
 
     @property
     def _ground_silent_s(self) -> float:
-        """Silence of the station that confirmed the order; else the shortest of all [s]."""
+        """Silence of the station that confirmed the order, else the shortest of all [s]."""
         silent_s = self._silent_s
         if self._control.standing is ControlStage.OUT or self._confirmer is None:
             return min((NEVER_S, *silent_s.values()))
         return min(NEVER_S, silent_s.get(self._confirmer, NEVER_S))
 
     def report(self, now_s: float) -> None:
-        """Report the vehicle's state to the guide process."""
+        """Send the state of vehicle and order to the guide process."""
         self._next_report_s = now_s + REPORT_S
         self._out.record("vehicle", self._vehicle_report(now_s))
 

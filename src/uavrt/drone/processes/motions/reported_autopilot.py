@@ -1,4 +1,4 @@
-"""Type, battery and wind of the autopilot, as reported by its messages, and its link."""
+"""Type, identity, battery and wind that the autopilot reports in its messages."""
 
 from collections.abc import Callable
 from math import inf
@@ -18,11 +18,11 @@ TCP_IS_LATE = (
     "Set mavlink.address to a serial port or UDP"
 )
 SIMULATOR_NUMBER = 0x75617672
-"""Hardware id (``uavr``) of `uavrt.simulation.vehicle.fake_autopilot`."""
+"""Hardware id (``uavr``) that `uavrt.simulation.vehicle.fake_autopilot` reports."""
 
 
 class ReportedAutopilot:
-    """State reported by the present autopilot; `link` is the address of its link."""
+    """Latest values reported by the autopilot. `link` is the address of its link."""
 
     def __init__(self, link: Address | None) -> None:
         self._on_loopback = link is not None and link.is_loopback
@@ -32,7 +32,7 @@ class ReportedAutopilot:
         self.reset()
 
     def reset(self) -> None:
-        """Clear everything, because the autopilot is new or another one."""
+        """Delete all values, because another autopilot may have connected."""
         self.kind: AutopilotName | None = None
         self._simulated: bool | None = None
         self._identity_asked_s = -inf
@@ -41,7 +41,7 @@ class ReportedAutopilot:
         self._battery_s = self._wind_s = -inf
 
     def receive(self, message: Message, arrived_s: float) -> None:
-        """Handle an autopilot's message: store its type, identity, battery or wind."""
+        """Store the type, identity, battery charge or wind of an autopilot's message."""
         match message:
             case dialect.Heartbeat():
                 self.kind = kind_of(message)
@@ -56,13 +56,13 @@ class ReportedAutopilot:
 
     @property
     def takes_unsealed(self) -> bool:
-        """True if unauthenticated orders are accepted: from this computer's simulator."""
+        """True if orders need no authentication: a simulator runs on this computer."""
         return bool(self._simulated) and self._on_loopback
 
     def ask_identity(
         self, send: Callable[[Message], None], system_id: int, now_s: float
     ) -> None:
-        """Request the autopilot's identity when due, until a real autopilot has answered."""
+        """Request the autopilot's identity at intervals, until a real autopilot answers."""
         asks = self.kind is not None and self._simulated is not False
         if asks and now_s - self._identity_asked_s > IDENTITY_S:
             self._identity_asked_s = now_s

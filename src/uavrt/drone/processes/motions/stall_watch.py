@@ -1,18 +1,17 @@
-"""Detect pauses of this process, after which received messages may be old."""
+"""Detect pauses of this process, because messages read after a pause may be old."""
 
 from uavrt.guidance.safety import SAFETY
 
 LATE_S = 0.2
-"""Time between two turns of the main loop (normally 50 ms) that counts as a pause [s].
-
-After a pause, waiting messages of the autopilot are read before a command is sent, and before
-the autopilot counts as silent."""
+"""Time between two passes of the main loop from which it counts as a pause [s]; 50 ms is
+normal. After a pause, messages of the autopilot that waited are read before a command is sent,
+and before the autopilot counts as silent."""
 LATE_TURNS = 2
-"""Number of turns of the main loop after a pause until all messages have been read."""
+"""Number of main loop passes after a pause in which all waiting messages are read."""
 
 
 class StallWatch:
-    """Measures pauses of this process, in which messages wait; `now_s`: present time."""
+    """Measures pauses of this process; messages wait unread during a pause."""
 
     def __init__(self, now_s: float) -> None:
         self._awake_s = now_s
@@ -21,13 +20,13 @@ class StallWatch:
 
     @property
     def late(self) -> bool:
-        """True if messages that arrived during a pause may still be unread."""
+        """True if messages from a pause may still be unread."""
         return self._late_turns > 0
 
     def wake(self, now_s: float, *, turn: bool = False) -> float:
-        """Register that the process runs; return the pause before [s].
+        """Note that the process runs; return the time since the previous call [s].
 
-        `turn`: True at the beginning of a turn of the main loop.
+        `turn` is True once in each pass of the main loop.
         """
         pause_s, self._awake_s = now_s - self._awake_s, now_s
         if pause_s > LATE_S:
@@ -39,5 +38,8 @@ class StallWatch:
         return pause_s
 
     def silence_counts(self, now_s: float) -> bool:
-        """True if silence of the autopilot counts; false for `SAFETY.stall_s` after a pause."""
+        """True if silence of the autopilot is real.
+
+        After a pause this is False for `SAFETY.stall_s`, or until all messages are read.
+        """
         return not self.late or now_s >= self._silence_counts_from_s

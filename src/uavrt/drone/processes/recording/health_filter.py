@@ -1,4 +1,4 @@
-"""Select the health reports to record: every change, and one in thirty of the rest.
+"""Select which health reports are recorded: every change, and one in thirty of the others.
 
 Each process reports once a second, with 450 bytes of counters. Arming and landing count as
 changes, because they separate turns in flight from carrying the drone.
@@ -12,7 +12,10 @@ PERIOD_NS = ns_from_s(30.0)
 
 
 class HealthFilter:
-    """Selects health reports to record; always includes the last one of a process."""
+    """Selects the health reports that are recorded.
+
+    The last one of each process is always among them.
+    """
 
     def __init__(self) -> None:
         self._recorded: dict[str, Health] = {}
@@ -22,7 +25,7 @@ class HealthFilter:
         """Number of health reports that were not recorded."""
 
     def to_record(self, health: Health) -> list[Health]:
-        """Select the reports to record now; after a change also the last one before it."""
+        """Return the reports to record now. A change also records the report before it."""
         process = health.process
         before, last = self._recorded.get(process), self._last.pop(process, None)
         same = before is not None and _state(before) == _state(health)
@@ -37,7 +40,7 @@ class HealthFilter:
         return [last, health]
 
     def last(self) -> list[Health]:
-        """Return each process's last report at the end of a flight, and reset."""
+        """At the end of a flight, return each process's last unrecorded report, and reset."""
         last = list(self._last.values())
         self._last.clear()
         self._recorded.clear()

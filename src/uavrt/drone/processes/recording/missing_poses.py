@@ -1,7 +1,7 @@
-"""Reconstruct poses of pulses that the connection can no longer provide.
+"""Reconstruct the pose of pulses for which the connection process sent none.
 
-The connection normally adds the pose. If the connection is killed or stopped, pulses waiting
-there get none. The recorder has those pulses and the vehicle's recorded poses.
+Normally the connection process adds the pose. If it is killed, pulses that wait there lose
+theirs. The recorder has both these pulses and the recorded poses of the vehicle.
 """
 
 from collections import OrderedDict
@@ -14,14 +14,15 @@ from uavrt.core.units import ns_from_s
 from uavrt.localization.pose.ring import MAX_EXTRAPOLATION_S, MAX_GAP_S, PoseRing
 
 REACH_NS = ns_from_s(MAX_GAP_S + MAX_EXTRAPOLATION_S)
-"""Longest time from a pulse to a recorded pose used for it [ns]."""
+"""Largest time difference between a pulse and a recorded pose used for it [ns]."""
 MOST_POSES = 200
 
 
 class AwaitedPoses:
-    """Pulses that wait for a pose, and a check for poses that will never arrive.
+    """Pulses whose pose has not arrived yet.
 
-    A pose counts as lost once the pose of a later pulse has arrived, or after `patience_s`.
+    A pose counts as lost once a later pulse of the same tag has its pose, or after
+    `patience_s`.
     """
 
     def __init__(self, patience_s: float) -> None:
@@ -32,12 +33,15 @@ class AwaitedPoses:
         return sum(map(len, self._tags.values()))
 
     def add(self, pulse: Pulse, now_s: float) -> None:
-        """Add a pulse; a pulse that is already waiting keeps its time."""
+        """Add a pulse; adding it again does not extend its deadline."""
         waiting = self._tags.setdefault(pulse.tag_id, OrderedDict())
         waiting.setdefault(pulse.start_time_ns, (pulse, now_s + self._timeout_s))
 
     def pose_arrived(self, pulse: Pulse) -> list[Pulse]:
-        """Remove a pulse with its pose; return the tag's earlier pulses, which get no pose."""
+        """Remove a pulse whose pose has arrived; return the tag's earlier pulses, removed too.
+
+        Their poses count as lost.
+        """
         waiting = self._tags.get(pulse.tag_id)
         if waiting is None or pulse.start_time_ns not in waiting:
             return []
@@ -49,7 +53,7 @@ class AwaitedPoses:
             vain.append(first)
 
     def overdue(self, now_s: float) -> list[Pulse]:
-        """Remove and return the pulses that have waited too long."""
+        """Remove and return the pulses whose deadline has passed."""
         vain: list[Pulse] = []
         for waiting in self._tags.values():
             while waiting:
@@ -68,7 +72,10 @@ class AwaitedPoses:
 def pose_from_records(
     pulse: Pulse, poses: Iterable[Pose], antenna: AntennaSettings
 ) -> PulsePose:
-    """Compute a pulse's antenna pose from recorded vehicle poses near it, if any."""
+    """Compute the antenna's pose at a pulse from recorded poses of the vehicle.
+
+    Without a near enough pose, the result has none.
+    """
     ring = PoseRing(antenna, capacity=MOST_POSES)
     for pose in poses:
         ring.add_pose(pose)

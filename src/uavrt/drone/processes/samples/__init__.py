@@ -1,1 +1,5 @@
-"""Parts of receiver and detector: raw capture, channel recording, hang detection, latency."""
+"""Parts of the receiver and detector processes.
+
+They record raw captures and channels, search for unlisted senders, detect hanging searches and
+measure the latency.
+"""

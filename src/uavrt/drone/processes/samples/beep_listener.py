@@ -1,4 +1,4 @@
-"""Search for unlisted beeping senders in a thread, while the radio is read.
+"""Search for unlisted beeping senders in a thread, so that reading the radio continues.
 
 A batch of the search takes up to 0.2 s on a slow computer; a radio's pipe buffers 40 ms.
 """
@@ -16,16 +16,17 @@ from uavrt.detection.beeps.beep_search import BeepSearch
 log = get_logger()
 
 MOST_WAITING: Final = 6
-"""Largest number of sample blocks queued for the search, 12 MB at 3 MS/s."""
+"""Most sample blocks queued for the search; 12 MB at 3 MS/s."""
 _CLOSE_S: Final = 2.0
 
 
 _Item = tuple[BeepSearch, IQBlock | None, IQBlock | None]
-"""Queued work: the search, then samples of the radio's band and of the tags' band (or None)."""
+"""Queued work: the search object, a block of the radio's band and one of the tags' band (None
+if not needed)."""
 
 
 class BeepListener:
-    """Runs a search made by `make` in a thread; collects the beeping senders found."""
+    """Runs the search for beeping senders in a thread. `make` creates a search object."""
 
     def __init__(self, make: Callable[[], BeepSearch]) -> None:
         self._make = make
@@ -41,7 +42,7 @@ class BeepListener:
         self._thread.start()
 
     def add(self, block: IQBlock, band: IQBlock) -> None:
-        """Queue a block of the whole radio band and, for the same time, of the tags' band."""
+        """Queue a block of the radio's band and the simultaneous block of the tags' band."""
         wanted = self._search.due(block, band)
         if wanted == (None, None):
             return
@@ -60,7 +61,7 @@ class BeepListener:
         return [beep for search, beep in found if search is self._search]
 
     def begin_again(self) -> None:
-        """Discard all samples and results, because the radio's frequency has changed."""
+        """Start a new search without old samples, because the radio's settings have changed."""
         self._search = self._make()
 
     @property
@@ -69,7 +70,7 @@ class BeepListener:
         return self._search.dropped
 
     def close(self) -> None:
-        """Search the queued samples, then end the thread."""
+        """Search the queued samples, then end the thread; wait for it a limited time."""
         self._put(None)
         self._thread.join(_CLOSE_S)
 

@@ -1,4 +1,4 @@
-"""Raw capture: record the radio's decimated band for a set time, instead of detection.
+"""Raw capture: record the radio's band for a set time, instead of detecting pulses.
 
 The capture runs in the receiver process, in place of the receiver.
 """
@@ -20,7 +20,10 @@ from uavrt.radio.sanity import SampleCheck
 
 
 class Capture:
-    """Decimates and records samples up to a set duration; raises `RecordingError`."""
+    """Records the decimated band up to a set duration.
+
+    Raises `RecordingError` if the recording cannot start.
+    """
 
     def __init__(self, frame: ProcessFrame, flight: FlightInfo) -> None:
         assert flight.capture_s is not None
@@ -70,7 +73,7 @@ class Capture:
         return "captured" if self.status_text() else "not captured"
 
     def status_text(self) -> str:
-        """Text on the samples recorded and the reason if incomplete; empty if none were."""
+        """Text on the recorded samples, with the reason if there are too few; empty if none."""
         recorded = self._earlier + self._recorder.written_samples
         if not recorded:
             return ""
@@ -81,7 +84,7 @@ class Capture:
         return f"{seconds:.1f} of {self._capture_s:g} s in {where}{parts}{why}"
 
     def process(self, block: IQBlock) -> None:
-        """Decimate and record a block; samples beyond the set duration are dropped."""
+        """Decimate and record a block; drop samples after the set duration."""
         band = self._front_end.decimate(block)
         self._lost += block.lost_before
         self._check.check(band)
@@ -94,10 +97,10 @@ class Capture:
             self._taken += len(samples)
 
     def flush(self) -> None:
-        """Do nothing, because no samples are buffered here."""
+        """Do nothing; a capture keeps no samples in a queue."""
 
     def restart_filters(self, *, failed: bool = True) -> None:
-        """Restart the filter, because the next samples do not continue the last ones."""
+        """Restart the decimation filter after a gap in the samples."""
         self.failures += failed
         self._front_end.reset()
         self._check = SampleCheck("the radio")

@@ -1,9 +1,9 @@
-"""Abort a tag's search that hangs, and identify the tag.
+"""Abort a search that hangs, and identify its tag, which the supervisor could not do.
 
-A timer of processor time checks which step runs (`DetectorGroup.last_searched`). The same step
-at several checks in a row counts as a hang and raises an exception, so that the process
-continues. The supervisor cannot identify the tag. Processor time excludes pauses of the process
-or computer. A hang in one library call is left to the supervisor.
+A timer of processor time checks which step runs (`DetectorGroup.last_searched`). If several
+checks in a row find the same step, it counts as hanging. An exception then ends it, and the
+process continues. Processor time excludes pauses of the process or computer. A hang within one
+library call is left to the supervisor.
 """
 
 import signal
@@ -12,20 +12,21 @@ from collections.abc import Callable
 from types import FrameType, TracebackType
 
 CHECK_S = 0.8
-"""Processor time between two checks for a hanging search [s]."""
+"""Processor time between two checks of the search [s]."""
 CHECKS = 5
-"""Number of checks in the same step that counts as a hang: 3.2 to 4 s. The supervisor kills the
-process after 5 s of silence; the longest normal step takes some tenths of a second."""
+"""Number of consecutive checks in one step of the search that counts as a hang: 3.2 to 4 s. The
+supervisor kills the process after 5 s of silence; a normal step takes some tenths of a second
+at most."""
 
 
 class SearchHangs(RuntimeError):
-    """Raised when the search for a tag's pulses does not end."""
+    """Raised when a step of the search for pulses takes too long."""
 
 
 class HangWatch:
-    """Reusable context that raises `SearchHangs` if one step of the search does not end.
+    """Context that raises `SearchHangs` if one step of the search takes too long.
 
-    `turn`: returns the present step, as a different object for each step.
+    `turn` returns the present step, as a different object for each step.
     """
 
     def __init__(self, turn: Callable[[], object]) -> None:

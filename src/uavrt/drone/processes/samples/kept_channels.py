@@ -9,7 +9,7 @@ from uavrt.flight.samples.channel_recorder import ChannelRecorder
 
 
 class KeptChannels:
-    """Records channel samples if this is configured, and reports dropped samples."""
+    """Records channel samples if the settings say so, and reports dropped samples."""
 
     def __init__(
         self, frame: ProcessFrame, flight: FlightInfo, *, switched_on: bool = True
@@ -28,7 +28,7 @@ class KeptChannels:
             )
 
     def put(self, channels: list[ChannelBlock]) -> None:
-        """Queue the channels of one radio block for writing; never waits."""
+        """Queue the channel blocks of a radio block for writing; never wait for the disk."""
         if self._recorder is not None and channels:
             self._recorder.put(channels)
             self._report_once(self._recorder)
@@ -39,7 +39,9 @@ class KeptChannels:
             self._notify(5, "Disk: channel samples dropped. Detection goes on")
         if recorder.removed_pieces and not self._ring_reported:
             self._ring_reported = True
-            self._notify(6, f"Channel recordings: {self._budget_mb:.0f} MB used, oldest go")
+            self._notify(
+                6, f"Channel recordings: {self._budget_mb:.0f} MB used, oldest are removed"
+            )
 
     def close(self) -> None:
         """Write the queued samples and close the files."""

@@ -1,4 +1,4 @@
-"""Age of samples at the end of their search: median and 99th percentile [ms]."""
+"""Latency of the search: age of samples when they have been searched."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ class Latencies:
         self._until_s = 0.0
 
     def add(self, latency_s: float, now_s: float) -> None:
-        """Add a latency, measured at a time `now_s` of any clock."""
+        """Add a latency [s] that was measured at the time `now_s`, from any clock."""
         if now_s >= self._until_s:
             self._until_s = now_s + WINDOW_S
             self._past, self._present = self._present, self._past
@@ -25,7 +25,7 @@ class Latencies:
         self._present[min(max(step, 0), MOST_MS)] += 1
 
     def percentile_ms(self, percent: float) -> float | None:
-        """Latency that the given percentage of values does not exceed [ms]; None if empty."""
+        """Return the given percentile of the latencies [ms]; None without values."""
         up_to = np.cumsum(self._past + self._present)
         if not up_to[-1]:
             return None
@@ -33,7 +33,7 @@ class Latencies:
         return min(step + 1, MOST_MS) * STEP_MS
 
     def counters(self) -> dict[str, float]:
-        """Median and 99th percentile of the latencies, rounded up to 1 ms, for health."""
+        """Return median and 99th percentile of the latency, rounded up to 1 ms."""
         median_ms, slow_ms = self.percentile_ms(50.0), self.percentile_ms(99.0)
         if median_ms is None or slow_ms is None:
             return {}

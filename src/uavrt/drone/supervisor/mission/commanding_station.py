@@ -1,9 +1,9 @@
-"""Decide which station may command: the first one, until it is silent for a minute.
+"""Decide which ground station may command: the first one, until it is silent for a minute.
 
-Telemetry radios are open to everybody. The first commanding station is in command from its tag
-upload to the flight's end. Others take over only with a sealed command, which proves the
-drone's key, or after `SILENCE_S`. Senders choose their own names, so this prevents mistakes,
-not an attack (docs/how-to/lock-the-link.md).
+Anyone can send to a telemetry radio. The first station that sends a command stays in command
+from its tag upload to the flight's end. Another station takes over only by a sealed
+(authenticated) command, which proves that it has the drone's key, or after `SILENCE_S`. Senders
+choose their own names, so this prevents mistakes, not an attack (docs/how-to/lock-the-link.md).
 """
 
 from collections.abc import Callable
@@ -13,14 +13,17 @@ from uavrt.core.commands import COMMANDS, PermittedSender
 from uavrt.core.messages import Command
 
 SILENCE_S = 60.0
-"""Silence of the commanding station after which another station may command [s]; longer than a
-restart takes."""
+"""Silence of the station in command after which another station may take over [s]; a restart
+takes less."""
 OWN_SOURCES = ("capture", "command line")
 """Command sources on the drone itself: the supervisor and the program that started it."""
 
 
 class CommandingStation:
-    """Stores which station commands the drone; unless `pinned`, every station may command."""
+    """Decides who may command and remembers the station in command.
+
+    Unless `pinned`, every station may command.
+    """
 
     def __init__(
         self,
@@ -37,12 +40,12 @@ class CommandingStation:
         self._flight_over = False
 
     def heard(self, source: str, silent_s: float) -> None:
-        """Record that a station was last received `silent_s` ago [s]."""
+        """Note that the station `source` was last received `silent_s` ago [s]."""
         if source == self.name:
             self._heard_s = max(self._heard_s, self._clock_s() - silent_s)
 
     def refusal(self, command: Command) -> str | None:
-        """Text that explains why a command is refused; None if it is allowed."""
+        """Return the reason why a command must be refused; None if it is allowed."""
         permitted_sender = COMMANDS[command.name].permitted_sender
         if (
             not self._pinned
@@ -60,16 +63,16 @@ class CommandingStation:
             return None
         self.refused += 1
         return (
-            f"{self.name} is in command. Send a sealed command, or wait until it "
-            f"has been silent for {SILENCE_S:.0f} s"
+            f"{self.name} is in command. Send an authenticated command, or wait "
+            f"until it has been silent for {SILENCE_S:.0f} s"
         )
 
     def flight_ended(self) -> None:
-        """Allow any station to take command with its next upload of tags."""
+        """After a flight, allow any station to take command by uploading tags."""
         self._flight_over = True
 
     def accepted(self, command: Command) -> bool:
-        """Register an accepted command; True if its sender is now in command."""
+        """Note an accepted command; True if its sender has now taken command."""
         if COMMANDS[command.name].permitted_sender is PermittedSender.ANYBODY or _is_own(
             command.source
         ):

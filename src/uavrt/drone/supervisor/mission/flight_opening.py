@@ -13,17 +13,18 @@ from uavrt.core.errors import RecordingError
 from uavrt.core.messages import FlightInfo, Tag
 
 _CHEAP_SHARE_TAGS = 16
-"""Number of tags that one detector process may have while others have none; 2 % of a core."""
+"""Number of tags that one detector process may get even if another gets none; they use 2 % of a
+core."""
 
 
 def share_tags(
     tags: Sequence[Tag], workers: int, *, window_hz: float, receiver: Receiver | None = None
 ) -> tuple[tuple[Tag, ...], ...]:
-    """Distribute the tags over detector processes, evenly.
+    """Distribute the tags evenly over the detector processes.
 
-    Tags with overlapping bands share pulses and must be compared, so one process gets them all.
-    Tags that may be receiver ghosts of each other are kept together, up to an equal share or
-    16.
+    Tags with overlapping bands must be compared, because they may show the same pulse; one
+    process gets them all. Tags that may be spurious signals of each other in the receiver are
+    kept together too, up to an equal share or 16 tags.
     """
     together = tags_by_band(tags, window_hz)
     if receiver is not None and workers > 1:
@@ -38,7 +39,7 @@ def share_tags(
 def _with_ghosts(
     together: list[list[Tag]], receiver: Receiver, window_hz: float, most: int
 ) -> list[list[Tag]]:
-    """Join groups of tags that may be ghosts of each other, up to `most` tags per group."""
+    """Join groups whose tags may be spurious signals of each other, up to `most` tags."""
     group_of = {tag.tag_id: group for group in together for tag in group}
     multiples = (
         (receiver.multiple(ghost.frequency_hz, tag.frequency_hz, window_hz), tag, ghost)
@@ -64,7 +65,7 @@ def new_flight(
     center_frequency_hz: float,
     capture_s: float | None = None,
 ) -> FlightInfo:
-    """Create a flight's directory and description; with `capture_s`, those of a capture."""
+    """Create a directory for a flight or raw capture (`capture_s`); return its description."""
     start_ns = clock.now_ns()
     return FlightInfo(
         directory=str(_make_directory(Path(settings.recording.directory), start_ns)),
@@ -78,13 +79,13 @@ def new_flight(
 
 
 def last_written_ns(directory: Path) -> int | None:
-    """Time of the last change of a flight's files [ns, wall clock]; None without files."""
+    """Return when a flight's files were last changed [ns, wall clock]; None without files."""
     times = [path.stat().st_mtime_ns for path in directory.glob("*") if path.is_file()]
     return max(times, default=None)
 
 
 def _make_directory(parent: Path, start_ns: int) -> Path:
-    """Make ``flight_log_<UTC>``; a second flight in the same second gets a number appended."""
+    """Create ``flight_log_<UTC>``; if it exists, append a number to the name."""
     for attempt in range(1, 100):
         suffix = "" if attempt == 1 else f"_{attempt}"
         directory = parent.resolve() / f"flight_log_{flight_stamp(start_ns)}{suffix}"

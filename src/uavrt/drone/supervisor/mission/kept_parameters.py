@@ -1,7 +1,7 @@
-"""Parameters that an operator can change, also in flight; they survive restarts.
+"""Parameters that the operator has set, also in flight; they are kept over restarts.
 
-A file stores each parameter together with the value in the settings file at that time. If the
-settings file has changed since, its value is used and the stored one dropped.
+A file stores each parameter with the value that the settings file had at that time. If the
+settings file has changed since, its value applies and the stored one is dropped.
 """
 
 from collections.abc import Callable, Mapping
@@ -23,7 +23,7 @@ PARAMETERS_NAME = "parameters.json"
 
 
 class KeptValue(msgspec.Struct, frozen=True):
-    """A stored parameter value and the value in the settings file that it replaces."""
+    """A parameter's value set by the operator, and the value in the settings file."""
 
     value: float
     instead_of: float
@@ -31,7 +31,10 @@ class KeptValue(msgspec.Struct, frozen=True):
 
 
 class SettingsInForce:
-    """The settings with the operator's parameters applied; `on_change`: gets changed ones."""
+    """Settings with the operator's parameters applied.
+
+    `on_change` is called with changed settings.
+    """
 
     def __init__(self, settings: Settings, on_change: Callable[[Settings], None]) -> None:
         path = Path(settings.recording.directory) / PARAMETERS_NAME
@@ -54,7 +57,7 @@ class SettingsInForce:
         """Radio gain given with a start command; None: gain of the settings."""
 
     def resume(self, gain: int | None, waiting: Mapping[str, float]) -> None:
-        """Restore a resumed flight's gain, and its values of parameters that change later."""
+        """Restore a resumed flight's settings, which may differ from those for the next."""
         with suppress(UavrtError):
             self._use_gain(gain)
         self.in_flight = self.now
@@ -64,17 +67,17 @@ class SettingsInForce:
 
     @property
     def waiting(self) -> dict[str, float]:
-        """Parameters that will change at the next flight, with this flight's values."""
+        """Present values, by name, of the parameters that change at the next start."""
         now = parameter_values(self.now)
         in_flight = parameter_values(self.in_flight)
         return {name: one for name, one in in_flight.items() if one != now[name]}
 
     def begin_flight(self) -> None:
-        """Apply the settings for the next flight."""
+        """Use the latest settings for the flight that begins now."""
         self.in_flight = self.now
 
     def set(self, name: str | None, value: float | None, *, detecting: bool) -> str:
-        """Set a parameter, now and for later flights; return a text on when it applies."""
+        """Set and store a parameter; return a text on when it applies, now or next start."""
         if name is None or value is None:
             raise UavrtError("the parameter or its value is missing")
         waits = detecting and not PARAMETERS[name].live
@@ -91,7 +94,10 @@ class SettingsInForce:
         return f"{name} = {value:.7g}{', from the next start' if waits else ''}"
 
     def use_start(self, command: Command) -> None:
-        """Apply frequency and gain of a start command; raises `ConfigError` if invalid."""
+        """Check a start command's frequency and gain, and apply the gain.
+
+        Raises `ConfigError` if one is invalid.
+        """
         check_start(self.now, command.center_frequency_hz, command.gain)
         self._use_gain(command.gain)
 

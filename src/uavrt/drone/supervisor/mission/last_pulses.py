@@ -1,6 +1,6 @@
-"""Count pulses that have no pose yet, so that a flight is closed only when all have one.
+"""Count pulses without a pose, so that a flight is not closed before they have one.
 
-The supervisor forwards each pulse twice: from its detector, and again with its pose.
+The supervisor forwards each pulse twice: first from its detector, then again with its pose.
 """
 
 import asyncio
@@ -9,7 +9,7 @@ FOUND, POSED = "pulse", "pulse_pose"
 
 
 class LastPulses:
-    """Counts the pulses that still wait for their poses."""
+    """Counts the pulses that were forwarded without a pose and not yet again with one."""
 
     def __init__(self) -> None:
         self._waiting = 0
@@ -18,7 +18,7 @@ class LastPulses:
 
     @property
     def waiting(self) -> int:
-        """Number of pulses without a pose, including pulses lost with a killed process."""
+        """Number of pulses still without a pose, even if a killed process has lost them."""
         return self._waiting
 
     def flight_started(self) -> None:
@@ -37,7 +37,7 @@ class LastPulses:
                 self._posed.set()
 
     async def posed_within(self, limit_s: float) -> bool:
-        """Wait until all pulses have poses; False if some have none after `limit_s`."""
+        """Wait until each pulse has a pose; False if `limit_s` passes first."""
         try:
             async with asyncio.timeout(limit_s):
                 await self._posed.wait()

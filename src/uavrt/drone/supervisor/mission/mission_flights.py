@@ -26,23 +26,25 @@ from uavrt.drone.supervisor.mission.tag_upload import TagUpload, check_tag
 from uavrt.link.tunnel.tag_lists import searched_text
 
 LAST_FLIGHTS = 3
-"""Number of ended flights whose last pulses can still be recorded and sent."""
+"""Number of ended flights whose last pulses are still recorded and sent."""
 RESUME_WITHIN_S = 900.0
-"""Largest age of a flight that resumes after a restart of the computer [s]. This covers a
-battery change or brown-out in the air, but not last week's flight."""
+"""Age up to which a flight is resumed after the computer has restarted [s]. A battery change or
+a brown-out in the air takes less; last week's flight is older."""
 _MOST_PAIRS_LISTED = 3
-"""Number of confusable code pairs listed at a flight's start; the page lists all."""
+"""Most pairs of similar codes named to the operator at a flight's start; the page shows all."""
 _USABLE_HALF_BAND = 0.4
-"""Half of the usable bandwidth as a fraction of the radio's sample rate."""
+"""Largest usable distance from the radio's centre frequency, as a fraction of the sample
+rate."""
 _USUAL_WINDOW_HZ = 500.0
-"""Largest half-width of a tag's searched band that fits a channel at any tag frequency [Hz]."""
+"""Largest search range on either side of a tag's frequency that always fits into one channel
+[Hz]."""
 
 Notify = Callable[[int, str], None]
 Tuner = Callable[[TuningRequest], Tuning]
 
 
 class Flights:
-    """Begins, resumes and ends flights; holds the present one and the last ended ones."""
+    """Begins, resumes and ends flights and raw captures; holds the present flight."""
 
     def __init__(
         self,
@@ -65,10 +67,10 @@ class Flights:
         """True while a flight's last pulses are recorded; no flight can begin meanwhile."""
 
     def resume(self, saved: SavedState) -> SystemState | None:
-        """Resume the flight of an earlier supervisor; return its state, None without one.
+        """Resume the flight that an earlier supervisor saved; return the new state or None.
 
-        Within one boot the flight keeps its clock. After a restart of the computer a new flight
-        with a new clock begins; see `RESUME_WITHIN_S`.
+        If the computer has not restarted, the flight continues with its clock. Otherwise a new
+        flight with a new clock begins; see `RESUME_WITHIN_S`.
         """
         flight = saved.flight
         same_boot = saved.boot_id == boot_id()
@@ -99,7 +101,10 @@ class Flights:
     def _continue_capture(
         self, flight: FlightInfo, clock_offset_ns: int | None
     ) -> SystemState | None:
-        """Continue a raw capture; after a reboot, report what was recorded and return None."""
+        """Continue a raw capture and return the state.
+
+        If that is impossible, report where the recording is and return None.
+        """
         if clock_offset_ns is None or not Path(flight.directory).is_dir():
             self._notify(4, f"Raw capture ended by a restart: kept in {flight.directory}")
             return None
@@ -120,7 +125,7 @@ class Flights:
         return SystemState.DETECTING
 
     def begin(self, center_frequency_hz: float | None) -> FlightInfo:
-        """Begin a flight at the operator's, the configured or the computed radio frequency."""
+        """Begin a flight, at the given, the configured or a computed radio frequency [Hz]."""
         self._check_free()
         settings = self._settings.now
         tags = tags_with_overrides(settings, self._upload.tags.values())
@@ -157,7 +162,7 @@ class Flights:
         return words
 
     def begin_capture(self, center_frequency_hz: float | None) -> FlightInfo:
-        """Begin recording the band at the given, the configured or the computed frequency."""
+        """Begin a raw capture, at the given, the configured or a computed frequency [Hz]."""
         self._check_free()
         settings = self._settings.now
         radio, recording = settings.radio, settings.recording
@@ -203,7 +208,10 @@ class Flights:
         )
 
     def correct(self, tag: Tag | None) -> tuple[FlightInfo, str, tuple[str, ...]] | None:
-        """Correct a tag in the present flight; return text and warnings, None if unchanged."""
+        """Change a tag's frequency or interval in the present flight.
+
+        Returns the flight, a text and warnings; None if nothing changed.
+        """
         flight, listed = self.flight, self._upload.tags
         known = None if tag is None else listed.get(tag.tag_id)
         if tag is None or known is None or flight is None:
@@ -239,12 +247,12 @@ class Flights:
         return self.flight, words, warnings
 
     def mark_ending(self) -> str:
-        """Mark the flight as ending; return its directory, or an empty string if none."""
+        """Note that the flight is ending; return its directory, ``""`` without a flight."""
         self.ending = True
         return self.flight.directory if self.flight else ""
 
     def ended(self) -> FlightInfo | None:
-        """Close the flight after its last pulse; return the flight, or None without one."""
+        """End the present flight, once its last pulse is recorded; return it, or None."""
         flight, self.flight = self.flight, None
         if flight is not None:
             self.last.append(flight.directory)

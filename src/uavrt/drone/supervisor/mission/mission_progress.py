@@ -1,6 +1,7 @@
-"""Progress of starting and ending a flight, as `Operation` records for the ground station.
+"""Report the progress of a flight's start and end as `Operation` records.
 
-A start is acknowledged before the radio delivers samples, so its success is reported here.
+A start command is acknowledged before the radio delivers samples, so its success is reported
+here.
 """
 
 from collections.abc import Callable
@@ -12,18 +13,20 @@ from uavrt.core.messages import FlightInfo, Health, Operation
 CAPTURED, NOT_CAPTURED = "captured", "not captured"
 """Status texts by which the receiver reports the end of a raw capture."""
 NO_SAMPLES_LIMIT_S = 30.0
-"""Time without samples after the planned length of a raw capture until it fails [s]."""
+"""Time without samples, after a raw capture's planned length, at which the capture fails
+[s]."""
 
 NO_SAMPLES = "the radio delivers no samples. Check that it is plugged in"
 FEW_SAMPLES = "the radio delivers too few samples. Check its cable, or set a lower sample rate"
 SLOW_DISK = "the samples could not be written in time. Record to a faster disk, or record less"
 
 _LONGEST_CAPTURE = 3.0
-"""Longest extra time for a raw capture with slow samples, as a multiple of its length."""
+"""Longest extension of a raw capture whose samples arrive slowly, as a multiple of its
+length."""
 
 
 class FlightProgress:
-    """Tracks the start and end of a flight or capture; calls `publish` with each step."""
+    """Follows the start and end of a flight or capture; passes each step to `publish`."""
 
     def __init__(self, publish: Callable[[Operation], None]) -> None:
         self._publish = publish
@@ -48,7 +51,7 @@ class FlightProgress:
         self._say("running", "waiting for samples")
 
     def heard(self, health: Health) -> None:
-        """Update from a process's health report; only that of the receiver is used."""
+        """Evaluate a health report of the receiver; other processes are ignored."""
         if not health.process.startswith("receiver"):
             return
         if self._capture_s is not None and health.ok:
@@ -70,7 +73,7 @@ class FlightProgress:
             self._fault = "" if health.status == CAPTURED else "the samples were not recorded"
 
     def capture_over(self) -> bool:
-        """True if the capture has ended by itself or has failed."""
+        """True if a capture has recorded all its samples, or has failed."""
         if self._capture_s is None:
             return False
         if monotonic_s() > self._deadline_s and not self._over:
@@ -78,7 +81,7 @@ class FlightProgress:
         return self._over
 
     def stopping(self) -> None:
-        """Report that the flight's end was commanded."""
+        """Report that the flight is ending, on a command."""
         if self._capture_s is None:
             self._name = "stop_detection"
             self._say("running", "waiting for the last pulses")

@@ -1,4 +1,4 @@
-"""Decide on the operator's commands, and hold the resulting state, tags and flight."""
+"""Carry out or refuse the operator's commands; hold the resulting state, tags and flight."""
 
 import math
 from collections.abc import Callable
@@ -29,10 +29,10 @@ REPLIES_KEPT = 64
 
 
 class Mission:
-    """The system's state, tags and flight; every change is saved before it is acknowledged.
+    """State, tags and flight of the system; each change is saved before it is acknowledged.
 
-    `store`: saves the state across an unclean end. `notify`: sends (severity, text) to the
-    operator.
+    `store` saves the state, so that a killed supervisor can resume. `notify` sends a text with
+    its MAVLink severity to the operator.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class Mission:
     # ------------------------------------------------------------------ memory
 
     def resume(self) -> bool:
-        """Restore the state saved by a supervisor that was killed; True if detecting."""
+        """Restore the state that a killed supervisor saved; True if detection continues."""
         saved = self._store.read()
         if saved is None:
             return False
@@ -83,7 +83,7 @@ class Mission:
         return self.state is SystemState.DETECTING
 
     def delete_saved_state(self) -> None:
-        """Delete the saved state, after a clean end."""
+        """Delete the saved state, because the supervisor ends normally."""
         self._store.remove()
 
     def _save(self) -> None:
@@ -106,7 +106,10 @@ class Mission:
     # ---------------------------------------------------------------- commands
 
     def command(self, command: Command) -> CommandReply:
-        """Carry out or refuse a command; a repeated command gets the first reply again."""
+        """Carry out or refuse a command; return the reply.
+
+        A repeated command gets its first reply.
+        """
         key = (command.source, command.request_id)
         if key not in self._replies:
             self._replies[key] = reply = self._decide(command)
@@ -118,7 +121,7 @@ class Mission:
         return self._replies[key]
 
     def drop_replies(self) -> None:
-        """Drop stored replies, because a restarted process uses its request numbers again."""
+        """Delete stored replies, because a restarted process reuses its request numbers."""
         self._replies.clear()
 
     def _decide(self, command: Command) -> CommandReply:
@@ -127,7 +130,7 @@ class Mission:
         return self._decide_order(command)
 
     def _decide_run(self, command: Command) -> CommandReply:
-        """Handle the parameter that starts detection with the last tags, or stops it."""
+        """Handle the parameter that starts detection with the last tags, or stops detection."""
         try:
             start = run_wanted(math.nan if command.value is None else command.value)
         except UavrtError as error:
@@ -182,9 +185,7 @@ class Mission:
         mavlink = self.settings.now.mavlink
         locked = mavlink.key_file is not None and mavlink.key_required
         if locked and not command.sealed and command.source == "ros2":
-            return (
-                "this drone has a key and accepts only sealed commands; ROS 2 cannot seal them"
-            )
+            return "this drone has a key, so it refuses unauthenticated commands, as from ROS 2"
         return self.commander.refusal(command)
 
     def _note_commander(self, command: Command) -> None:
@@ -240,10 +241,10 @@ class Mission:
         return words
 
     def _has_no_list(self, command: Command) -> bool:
-        """True if a start needs the last complete list of tags to be loaded first.
+        """True if a start must first load the last complete list of tags.
 
-        Another station's unfinished upload is replaced only on a sealed (authenticated)
-        command, or after that station was silent for a minute.
+        Another station's unfinished upload is replaced only by a sealed (authenticated)
+        command, or after a minute of that station's silence.
         """
         if self.state is SystemState.RECEIVING_TAGS:
             alone = self.settings.now.mavlink.first_commands
@@ -251,7 +252,7 @@ class Mission:
         return self.state is SystemState.IDLE
 
     def flight_ended(self) -> FlightInfo | None:
-        """Close the flight after its last pulse; return the flight, or None without one."""
+        """End the present flight, once its last pulse is recorded; return it, or None."""
         flight = self.flights.ended()
         self.commander.flight_ended()
         self._save()

@@ -22,7 +22,7 @@ TIMEOUT_S = 7.5
 
 
 class RadioTest:
-    """Starts a test of the radio in a child process; call `answer` in a thread."""
+    """Starts a radio test in a child process; `answer` then waits for its result."""
 
     def __init__(self, settings: RadioSettings) -> None:
         question = msgspec.json.encode(settings).decode()
@@ -37,16 +37,16 @@ class RadioTest:
 
     @property
     def pid(self) -> int:
-        """Process id of the radio test."""
+        """Process id of the child process that tests the radio."""
         return self._process.pid
 
     def stop(self) -> None:
-        """Kill the test, because a flight needs the radio; `answer` then returns a failure."""
+        """Kill the test, because a flight needs the radio; `answer` then reports a failure."""
         with suppress(ProcessLookupError):
             os.killpg(self.pid, signal.SIGKILL)
 
     def answer(self) -> tuple[bool, str]:
-        """Wait for the result: (radio found, text for the operator)."""
+        """Wait for the result; return whether the radio works, and a text."""
         try:
             output, _ = self._process.communicate(timeout=TIMEOUT_S)
             answer = json.loads(output)
@@ -62,7 +62,7 @@ class RadioTest:
 
 
 def main() -> None:
-    """Test the radio given as JSON in the arguments; print the answer."""
+    """Test the radio described by the JSON argument; print the result."""
     from uavrt.radio.checking import check_device
 
     die_with_parent()

@@ -1,4 +1,4 @@
-"""The supervisor's state in a file, replaced atomically at each change.
+"""The supervisor's saved state: a file that is replaced atomically at each change.
 
 The next supervisor resumes from it after a kill or power cut. A clean stop deletes it.
 """
@@ -22,23 +22,23 @@ class SavedState:
 
     boot_id: str
     clock_offset_ns: int
-    """Flight's clock minus monotonic clock [ns]; valid only until the computer restarts."""
+    """Flight clock minus monotonic clock [ns]; valid until the computer restarts."""
     state: SystemState
     tags: tuple[Tag, ...]
     flight: FlightInfo | None
     tags_sent: int = 0
-    """Number of tags that the sender announced for the last upload; 0 if unknown."""
+    """Number of tags in the last upload, as its sender announced; 0 if unknown."""
     last_flights: tuple[str, ...] = ()
     gain: int | None = None
-    """Radio gain given with a start command; None: gain of the settings."""
+    """Radio gain of the last start command; None if it is that of the settings."""
     waiting: dict[str, float] = field(default_factory=dict)
     """This flight's values of the parameters that will change at the next flight."""
     commander: str | None = None
-    """Source name of the station in command; None if every station may command."""
+    """Name of the station in command; None if there is none."""
 
 
 class StateStore(KeptFile[SavedState]):
-    """The state file in the flights' directory, and the lock that admits one supervisor."""
+    """Reads and writes the state file, and locks the flights' directory for one supervisor."""
 
     def __init__(self, directory: Path) -> None:
         super().__init__(directory / STATE_NAME, SavedState, "saved state")

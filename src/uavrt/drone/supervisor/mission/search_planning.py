@@ -22,28 +22,29 @@ from uavrt.core.messages import Tag
 from uavrt.drone.supervisor.start.launcher import Launcher
 
 TIMEOUT_S = 15.0
-"""Longest wait for the plan of a search [s]. Imports take 0.3 s and measuring a long list 2 s,
-several times that on a busy small computer."""
+"""Longest wait for the computed radio frequency [s]. Imports take 0.3 s and measuring the cost
+of a long list 2 s; on a busy small computer, several times that."""
 UNMEASURED_TAGS = 100
-"""Largest number of tags that two cores can surely search; with more, the cost is measured."""
+"""Number of tags that two cores can always search; the cost of a longer list is measured."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuningRequest:
-    """The tags and settings for which a radio frequency is wanted."""
+    """Question for a radio frequency: tags, sample rate, and search settings."""
 
     tags: tuple[Tag, ...]
     sample_rate_hz: float
     detection: DetectionSettings
     center_frequency_hz: float | None = None
-    """Frequency set by the operator [Hz]; None: compute one."""
+    """Frequency set by the operator [Hz]; None if one must be computed."""
     spare_cores: int | None = None
-    """Processor cores available for detectors; None: do not check the cost of the search."""
+    """Number of processor cores that the search may use; None if its cost need not be
+    checked."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tuning:
-    """The computed radio frequency with warnings, or the reason why there is none."""
+    """Radio frequency [Hz] with warnings, or the reason why no frequency is suitable."""
 
     center_frequency_hz: float = 0.0
     warnings: tuple[str, ...] = ()
@@ -51,7 +52,7 @@ class Tuning:
 
 
 def request_tuning(question: TuningRequest, launcher: Launcher | None = None) -> Tuning:
-    """Get a radio frequency that receives all the tags; `TunerError` if there is none."""
+    """Compute a radio frequency that receives all tags; `TunerError` if none does."""
     try:
         answer = msgspec.json.decode(_answer(question, launcher or Launcher()), type=Tuning)
     except (OSError, ValueError) as error:
@@ -65,7 +66,7 @@ def request_tuning(question: TuningRequest, launcher: Launcher | None = None) ->
 
 
 def _answer(question: TuningRequest, launcher: Launcher) -> bytes:
-    """Run this module as a program with a request; return the JSON answer."""
+    """Run this module as a program with the request; return its JSON answer."""
     asked = os.memfd_create("question")  # a command line holds 128 kB
     try:
         with open(asked, "wb", closefd=False) as file:
@@ -115,7 +116,7 @@ def _read_all(descriptor: int) -> bytes:
 
 
 def main() -> None:
-    """Read a request from the descriptor named in the arguments; print the answer."""
+    """Read a request from the file descriptor given as argument; print the answer."""
     from uavrt.core.clock import cpu_s
     from uavrt.detection.search_plan import plan_search
     from uavrt.drone.ipc.parent import die_with_parent

@@ -14,13 +14,17 @@ from uavrt.flight.kept_file import KeptFile
 log = get_logger()
 
 LAST_TAGS_NAME = "last_tags.json"
-"""File with the last complete list, for a start without an upload (parameter `DET_RUN`)."""
+"""Name of the file with the last complete list of tags; parameter `DET_RUN` starts with this
+list."""
 _MOST_TAGS = 1000
 """Largest number of tags in a list unless `detection.maximum_tags` is set."""
 
 
 class TagUpload:
-    """List of tags for the next flight, as uploaded; methods raise `UavrtError` to refuse."""
+    """Receives the list of tags for the next flight.
+
+    Methods raise `UavrtError` to refuse a command.
+    """
 
     def __init__(self, directory: Path) -> None:
         self._last = KeptFile(directory / LAST_TAGS_NAME, tuple[Tag, ...], "last tags")
@@ -30,16 +34,22 @@ class TagUpload:
 
     @property
     def tags(self) -> Mapping[int, Tag]:
-        """The uploaded tags by tag number."""
+        """The received tags by tag number."""
         return self._tags
 
     def begin(self, tags: Sequence[Tag] = (), sent: int = 0) -> None:
-        """Begin a new list; `tags` and `sent` restore an interrupted upload."""
+        """Begin a new list.
+
+        To resume an interrupted upload, pass its `tags` and the number `sent`.
+        """
         self._tags = {tag.tag_id: tag for tag in tags}
         self.sent = sent
 
     def add(self, tag: Tag | None, maximum_tags: int | None) -> None:
-        """Add a tag, or an equal tag again; at most `maximum_tags` tags (None: 1000)."""
+        """Add a tag; adding an equal tag again has no effect.
+
+        At most `maximum_tags` tags are allowed (None: 1000).
+        """
         if tag is None:
             raise UavrtError("the tag is missing")
         if self._tags.get(tag.tag_id, tag) != tag:
@@ -53,7 +63,7 @@ class TagUpload:
         self._tags[tag.tag_id] = tag
 
     def end(self, tag_count: int | None) -> str:
-        """End the upload; store the list if it is complete; return its size as text."""
+        """End the upload and store a complete list; return a text with its size."""
         if not self._tags:
             raise UavrtError("no tag was sent: send TAG before END_TAGS")
         for one, two in same_codes(tuple(self._tags.values())):
@@ -65,7 +75,7 @@ class TagUpload:
         return counted(len(self._tags), "tag")
 
     def check_complete(self, tag_count: int | None) -> None:
-        """Raise `UavrtError` if fewer tags arrived than the sender announced."""
+        """Raise `UavrtError` if fewer tags were received than the sender announced."""
         sent = max(self.sent, tag_count or 0)
         if len(self._tags) < sent:
             raise UavrtError(
@@ -73,7 +83,7 @@ class TagUpload:
             )
 
     def correct(self, tag: Tag) -> None:
-        """Replace a tag's values in the list and in its copy on disk."""
+        """Replace the values of a tag, both in the list and in the stored file."""
         self._tags[tag.tag_id] = tag
         self._last.keep(tuple(self._tags.values()))
 

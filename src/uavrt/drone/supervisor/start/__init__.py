@@ -1,5 +1,5 @@
 """Start processes, and measure their CPU time and memory.
 
-`launcher` starts processes, by a fork of the `nursery` where possible. `restarts` decides on
-restarts and `usage` measures CPU and memory.
+`launcher` starts processes, if possible by a fork of the fork server (`nursery`), which is
+faster. `restarts` decides when to restart them, and `usage` measures CPU time and memory.
 """

@@ -1,7 +1,7 @@
-"""Start processes: forked from the nursery if it is ready, otherwise by exec.
+"""Start processes: by the fork server (`nursery`) if it is ready, otherwise by exec.
 
-This module has few imports. The nursery starts before the supervisor imports the rest, so that
-both import at the same time.
+This module has few imports. The supervisor starts the fork server before it imports the rest,
+so that both import at the same time.
 """
 
 import json
@@ -23,20 +23,23 @@ from uavrt.drone.supervisor.start.usage import children_of
 log = get_logger()
 
 ANSWER_S = 1.0
-"""Longest wait for the fork server's answer [s]; a fork takes 5 ms."""
+"""Longest wait for the fork server's answer to a request [s]; a fork takes 5 ms."""
 PING_S = 2.0
 SILENCE_S = 3.0
-"""Period of the fork server's life checks, and silence after which it is killed [s]."""
+"""Silence after which the fork server is killed [s]; it is checked every `PING_S`."""
 IMPORT_S = 20.0
-"""Longest silence of the fork server in its imports [s], which take 0.6 s of CPU time."""
+"""Longest silence of the fork server while it imports modules [s]; imports take 0.6 s of CPU
+time."""
 FIRST_WAIT_S = 10.0
-"""Longest wait for the fork server's imports when the system starts [s]."""
+"""Longest time that the first processes wait for the fork server's imports [s]; then they start
+without it."""
 ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
-"""Environment that limits BLAS to one thread, since more threads compete for few cores."""
+"""Environment variables that limit BLAS to one thread, because more would compete for few
+cores."""
 
 
 class Launcher:
-    """Starts processes, through the fork server (`nursery`) if it runs."""
+    """Starts processes: through the fork server (`nursery`) if it is ready, else by exec."""
 
     def __init__(self) -> None:
         self._environment = blas_environment() | ENVIRONMENT
@@ -65,7 +68,7 @@ class Launcher:
 
     @property
     def importing(self) -> bool:
-        """True while the fork server is importing modules for the first time."""
+        """True while the first processes should wait for the fork server's imports."""
         return (
             self._process is not None
             and not self._ever_ready
@@ -73,11 +76,14 @@ class Launcher:
         )
 
     def fileno(self) -> int | None:
-        """Descriptor that is readable if the fork server sends or ends; None without one."""
+        """Return a descriptor that is readable if the fork server has answered or ended.
+
+        None if it does not run.
+        """
         return self._sock.fileno() if self._sock is not None else None
 
     def warm_up(self) -> None:
-        """Start the fork server, which then imports its modules."""
+        """Start the fork server; it then imports its modules."""
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             environment = {NURSERY_VARIABLE: str(theirs.fileno())}
@@ -98,7 +104,10 @@ class Launcher:
         self._restarts.started(self._asked_s)
 
     def tend(self) -> str | None:
-        """Check the fork server, restart it when due; return a text if it ended, or None."""
+        """Check the fork server, and restart it when due.
+
+        If it has ended, return the reason, else None.
+        """
         now_s = monotonic_s()
         if self._process is None:
             if now_s >= self._restarts.not_before_s:
@@ -154,7 +163,10 @@ class Launcher:
         environment: Mapping[str, str],
         arguments: Sequence[str] = (),
     ) -> int:
-        """Start ``python -m MODULE`` in its own process group; return its id, to be reaped."""
+        """Start ``python -m MODULE`` in its own process group; return the process id.
+
+        The caller must reap the process.
+        """
         environment = {**self._environment, **environment}
         pid = self._fork(module, name, output, fds, environment, arguments)
         if pid is not None:
@@ -174,20 +186,23 @@ class Launcher:
     # ------------------------------------------------------- what was started
 
     def watch(self, pid: int) -> int:
-        """Get a descriptor that becomes readable when the process ends; raises `OSError`."""
+        """Return a file descriptor that becomes readable when the process ends.
+
+        Raises `OSError` if that is impossible.
+        """
         return os.pidfd_open(pid)
 
     def signal(self, pid: int, number: int) -> None:
-        """Send a signal to a process group; raises `ProcessLookupError` if it has ended."""
+        """Send a signal to a process group; raises `ProcessLookupError` if it is gone."""
         os.killpg(pid, number)
 
     def reap(self, pid: int) -> tuple[int, float]:
-        """Reap an ended process; return its exit code and CPU time [s]."""
+        """Collect an ended process; return its exit code and its CPU time [s]."""
         _, status, usage = os.wait4(pid, 0)
         return os.waitstatus_to_exitcode(status), usage.ru_utime + usage.ru_stime
 
     def children(self) -> tuple[int, ...]:
-        """Process ids of all living children of this program."""
+        """Return the process ids of this program's living children."""
         return children_of(os.getpid())
 
     def _fork(
@@ -239,8 +254,8 @@ class Launcher:
         return answer or None
 
     def _give_up(self, fault: str) -> None:
-        """Mark the fork server as failed; `tend` will restart it."""
-        log.warning("killed the process that forks the others; it restarts", reason=fault)
+        """Kill the fork server because of a fault; `tend` will restart it."""
+        log.warning("fork server killed; it restarts", reason=fault)
         self._ready = False
         self._fault = fault
         if self._process is not None:

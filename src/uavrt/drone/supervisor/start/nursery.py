@@ -1,4 +1,4 @@
-"""The nursery: a process with all modules imported, from which the other processes are forked.
+"""The fork server (nursery): imports all modules once; other processes are forked from it.
 
 ``python -m uavrt.drone.supervisor.start.nursery``, started by
 `uavrt.drone.supervisor.start.launcher`. Imports cost each process 0.1 to 0.4 s of CPU and 13 to
@@ -28,36 +28,43 @@ from dataclasses import dataclass
 from typing import Any
 
 NURSERY_VARIABLE = "UAVRT_NURSERY_FD"
-"""Environment variable with the descriptor of the fork server's socket to the supervisor."""
+"""Name of the environment variable that holds the file descriptor of the fork server's
+socket."""
 MODULES = (
     "uavrt.drone.processes.receiver",
     "uavrt.drone.processes.detector",
     "uavrt.drone.processes.connection",
     "uavrt.drone.processes.recorder",
 )
-"""Modules that the fork server imports before its first fork: those needed on every drone."""
+"""Modules that the fork server imports before its first fork: processes that every drone
+runs."""
 MAX_REQUEST_BYTES = 65_536
 MAX_FDS = 200
 FIRST_FREE_FD = 500
-"""Lowest number of a descriptor's temporary copy; the requested numbers are below it."""
+"""Lowest number for a temporary copy of a file descriptor; requested numbers are smaller."""
 _PR_SET_NAME = 15
 """Option number of prctl(2) that sets the process name shown by ``top``."""
 
 
 @dataclass(frozen=True, slots=True)
 class ForkedProcess:
-    """Data that a just forked process needs to set itself up."""
+    """What a newly forked process needs to set up its environment."""
 
     request: dict[str, Any]
     """Request of `Launcher`: module, name, arguments, environment, parent, descriptors."""
     fds: list[int]
-    """Received descriptors: one per requested number, then one to confirm the fork."""
+    """Received file descriptors: one for each requested number, then one to confirm the
+    fork."""
     parent_id: int
-    """Process id of the short-lived parent between the fork server and this process."""
+    """Process id of the intermediate process between the fork server and this one."""
 
 
 def serve(sock: socket.socket) -> ForkedProcess | None:
-    """Fork on request; return the data of each new process there, None without supervisor."""
+    """Fork a process for each request.
+
+    Returns its data in the new process, and None in the fork server when the supervisor has
+    ended.
+    """
     while True:
         data, fds, _, _ = socket.recv_fds(sock, MAX_REQUEST_BYTES, MAX_FDS)
         if not data:
@@ -80,7 +87,10 @@ def serve(sock: socket.socket) -> ForkedProcess | None:
 
 
 def fork_twice(request: dict[str, Any], fds: list[int]) -> ForkedProcess | int:
-    """Fork a child of the supervisor; returns its id here, and its data in the new process."""
+    """Fork a process that becomes a child of the supervisor.
+
+    Returns its process id here, and its data in the new process.
+    """
     reader, writer = os.pipe()
     try:
         parent_id = os.fork()
@@ -114,7 +124,7 @@ def fork_twice(request: dict[str, Any], fds: list[int]) -> ForkedProcess | int:
 
 
 def set_up(process: ForkedProcess) -> None:
-    """Set up environment, descriptors and name of a forked process as exec would do."""
+    """Give a forked process the environment, file descriptors and name that exec would."""
     request = process.request
     # The kernel will end us with our parent (below), so wait for the right one.
     while (parent := os.getppid()) == process.parent_id:
@@ -134,7 +144,10 @@ def set_up(process: ForkedProcess) -> None:
 
 
 def place_descriptors(fds: list[int], places: list[int]) -> None:
-    """Move each descriptor to its requested number; standard error becomes standard output."""
+    """Move file descriptors to the requested numbers.
+
+    Standard error becomes a copy of standard output.
+    """
     raised = [fcntl.fcntl(fd, fcntl.F_DUPFD_CLOEXEC, FIRST_FREE_FD) for fd in fds]
     for fd in fds:
         os.close(fd)
@@ -162,7 +175,7 @@ def set_process_name(name: str, module: str) -> None:
 
 
 def main() -> None:
-    """Import the modules and serve requests; in a forked process, run its ``main``."""
+    """Import the modules, then fork on request. In a forked process, run its ``main``."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     sock = socket.socket(fileno=int(os.environ.pop(NURSERY_VARIABLE)))
     from uavrt.core.runtime.heap import fill_pools

@@ -1,21 +1,22 @@
-"""Decide when to restart an ended process: at once, then after growing delays."""
+"""Decide when to restart a process: at first at once, later after increasing delays."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RestartPolicy:
-    """Restart delays for one row of the table of processes."""
+    """Delays before the restarts of a process, and when it counts as degraded."""
 
     delays_s: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0, 5.0)
-    """Waits before the first, second, … consecutive restart [s]; the last wait is repeated."""
+    """Delays before the first, second, … restart in a row [s]; the last delay applies to all
+    others."""
     settled_s: float = 10.0
-    """Running time after which a process's next unexpected end counts as its first [s]."""
+    """Running time after which the count of restarts in a row begins again [s]."""
     degraded_after: int = 4
-    """Number of consecutive unexpected ends after which a process is reported as degraded."""
+    """Number of unexpected ends in a row from which a process is reported as degraded."""
 
     def words(self) -> str:
-        """Describe the policy as text: ``after 0, 0.5 s …; degraded after 4``."""
+        """Return the policy as text: ``after 0, 0.5 s …; degraded after 4``."""
         delays = ", ".join(f"{delay_s:g}" for delay_s in self.delays_s)
         return f"after {delays} s …; degraded after {self.degraded_after}"
 
@@ -26,7 +27,7 @@ FLIGHT_RESTARTS = RestartPolicy()
 
 @dataclass(slots=True)
 class Restarts:
-    """Counts the consecutive ends of one process and computes its next start."""
+    """Counts unexpected ends of one process, and computes when to start it again."""
 
     policy: RestartPolicy = FLIGHT_RESTARTS
     total: int = 0
@@ -37,15 +38,15 @@ class Restarts:
     _started_s: float = 0.0
 
     def started(self, now_s: float) -> None:
-        """Register a start of the process."""
+        """Note that the process has started."""
         self._started_s = now_s
 
     def reset_count(self) -> None:
-        """Reset the count of consecutive ends, after the operator ended the flight."""
+        """Reset the count of ends in a row, because the operator has ended the flight."""
         self.in_a_row, self.not_before_s = 0, 0.0
 
     def ended(self, now_s: float, reason: str) -> float:
-        """Register an unexpected end; return the wait before the restart [s]."""
+        """Count an unexpected end; return the delay before the restart [s]."""
         delays_s = self.policy.delays_s
         if now_s - self._started_s > self.policy.settled_s:
             self.in_a_row = 0
@@ -57,6 +58,6 @@ class Restarts:
         return delay_s
 
     def degraded(self, now_s: float) -> bool:
-        """True if the process keeps ending soon after its starts."""
+        """True if the process has repeatedly ended soon after its start."""
         often = self.in_a_row >= self.policy.degraded_after
         return often and now_s - self._started_s <= self.policy.settled_s

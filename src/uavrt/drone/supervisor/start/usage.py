@@ -10,16 +10,16 @@ MOST_BYTES = 16_384
 
 @dataclass(frozen=True, slots=True)
 class Usage:
-    """CPU time and memory of a process tree."""
+    """CPU time and memory of a process, or of several together."""
 
     cpu_s: float
-    """User and system time of living descendants and of reaped children [s]."""
+    """CPU time (user and system), including that of ended children [s]."""
     memory_mb: float
-    """Resident memory [MB]; pages shared by processes count in each."""
+    """Resident memory [MB]; a page shared by processes counts in each of them."""
 
 
 def read_proc(path: str) -> str:
-    """Read a file of ``/proc`` (at most 16 kB) without a file object, five times faster."""
+    """Read up to 16 kB of a file in ``/proc``, five times faster than by a file object."""
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
         return os.read(descriptor, MOST_BYTES).decode("utf-8", "replace")
@@ -28,7 +28,7 @@ def read_proc(path: str) -> str:
 
 
 def children_of(pid: int) -> tuple[int, ...]:
-    """Process ids of a process's living children; empty if it has ended."""
+    """Return the ids of a process's living children; empty if the process has ended."""
     try:
         text = read_proc(f"/proc/{pid}/task/{pid}/children")
     except OSError:
@@ -45,12 +45,12 @@ def is_alive(pid: int) -> bool:
 
 
 def own_usage(pid: int) -> Usage:
-    """Measure one process without its children; zeros if it has ended."""
+    """Measure a process without its living children; zeros if it has ended."""
     return _usages(pid)[0]
 
 
 def descendants_of(pid: int) -> tuple[int, ...]:
-    """Process ids of all living descendants of a process."""
+    """Return the ids of a process's living descendants."""
     found: list[int] = []
     waiting = [pid]
     while waiting:
@@ -66,7 +66,7 @@ def usage_of(pid: int) -> Usage:
 
 
 def measure(pid: int) -> tuple[Usage, Usage]:
-    """Measure a process without, and with, its living descendants; zeros if it has ended."""
+    """Measure a process without and with its living descendants; zeros if it has ended."""
     own, family = _usages(pid)
     cpu_s, memory_mb = family.cpu_s, family.memory_mb
     for current in descendants_of(pid):
@@ -77,10 +77,10 @@ def measure(pid: int) -> tuple[Usage, Usage]:
 
 
 def _usages(pid: int) -> tuple[Usage, Usage]:
-    """Processor time and memory of a process, alone and with its ended children.
+    """Return the usage of a process without and with its ended children; zeros if it has ended.
 
-    After the name, state is field 0; utime, stime and those of reaped children are 11 to 14,
-    rss is 21 (proc(5)).
+    In ``/proc/PID/stat``, counted from the state after the name (0), fields 11 to 14 are utime
+    and stime of the process and of its reaped children, and field 21 is rss (proc(5)).
     """
     try:
         fields = read_proc(f"/proc/{pid}/stat").rpartition(") ")[2].split()

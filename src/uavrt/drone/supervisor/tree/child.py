@@ -1,4 +1,4 @@
-"""A supervised child process: started, read from, written to, stopped and reaped."""
+"""A running child process of the supervisor: its start, records, output, stop and end."""
 
 import asyncio
 import os
@@ -20,14 +20,16 @@ log = get_logger()
 
 LineHandler = Callable[[bytes], None]
 READ_BYTES = 65_536
-"""Most bytes read at once from a process; glibc would map memory for each read of 128 KiB."""
+"""Most bytes read from a process in one call. For reads of 128 KiB, glibc would map new memory
+each time."""
 
 
 class Child:
-    """A running process of the table, with a socket to the supervisor and a pipe for output.
+    """A running process with a socket for records and a pipe for its output.
 
-    `intake`: schedules reads of records. `outbox`: records to send; it outlives the child.
-    Raises `OSError` if it cannot be started, or cannot be watched and runs as an orphan.
+    `intake` schedules the reading of records; `outbox` holds the records to send, and outlives
+    the process. Raises `OSError` if the process cannot be started, or cannot be watched; then
+    it runs as an orphan.
     """
 
     def __init__(
@@ -87,7 +89,7 @@ class Child:
         self.pump()
 
     def pump(self) -> None:
-        """Send waiting records until the socket is full."""
+        """Send queued records until the socket is full."""
         if self.exit_code is not None:
             return
         try:
@@ -101,16 +103,16 @@ class Child:
         self._writing = not done
 
     def terminate(self) -> None:
-        """Send SIGTERM to the process."""
+        """Send SIGTERM to the process group of this process."""
         self._signal_group(signal.SIGTERM)
 
     def kill(self) -> None:
-        """Send SIGKILL to the process and its whole process group."""
+        """Send SIGKILL to the process group of this process."""
         self.killed = True
         self._signal_group(signal.SIGKILL)
 
     def measure(self) -> float:
-        """Measure CPU time and memory; return resident memory, children included [MB]."""
+        """Measure CPU time and memory; return the resident memory including children [MB]."""
         if self.exit_code is not None:
             return 0.0
         own, usage = measure(self.pid)

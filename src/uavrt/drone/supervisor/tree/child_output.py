@@ -1,8 +1,8 @@
-"""Store each line that the processes print, with its time.
+"""Write each line that a process prints to a file, with its time.
 
-During a flight the files are in the flight's directory, in the layout of the thesis
-(`uavrt.flight.flight_layout`). The radio program's output gets a file of its own. Otherwise
-they are in ``system_log/`` of the flights' folder.
+During a flight, the files are in the flight's directory, in the layout of the thesis
+(`uavrt.flight.flight_layout`); the radio program's output has its own file. At other times, the
+files are in ``system_log/`` of the flights' directory.
 """
 
 import json
@@ -15,14 +15,14 @@ from uavrt.flight.flight_layout import FlightLayout
 from uavrt.flight.logs.process_log import ProcessLog
 
 RADIO_EVENTS = (b'"event": "radio says"', b'"event": "starting radio"')
-"""Receiver log events that carry a line printed by the radio program, or its command line."""
+"""Log events of the receiver that contain the radio program's output or its command line."""
 
 _SEVERITY = {"warning": 4, "error": 3, "critical": 2}
 _PLAIN_KEYS = {"event", "level", "timestamp", "process"}
 
 
 def warning_text(process: str, line: bytes) -> StatusText | None:
-    """Convert a printed line to an operator's text; None for less than a warning."""
+    """Convert a log line to a text for the operator; None if it is less than a warning."""
     try:
         event = json.loads(line)
         severity = _SEVERITY[event["level"]]
@@ -34,7 +34,10 @@ def warning_text(process: str, line: bytes) -> StatusText | None:
 
 
 class OutputLog:
-    """Writes printed lines to files; drops and counts them if the disk is full."""
+    """Writes the lines that processes print to files.
+
+    Lines that do not fit on the disk are dropped and counted.
+    """
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
@@ -42,21 +45,21 @@ class OutputLog:
         self._logs: dict[Path, ProcessLog] = {}
 
     def open_flight(self, directory: Path) -> None:
-        """Write to files in a flight's directory from now on."""
+        """From now on, write to files in the directory of this flight."""
         self._flight = FlightLayout(directory)
 
     def close_flight(self) -> None:
-        """Write to files in the flights' folder from now on."""
+        """From now on, write to files in ``system_log/`` of the flights' directory."""
         self._flight = None
         self._logs.clear()
 
     @property
     def lost_lines(self) -> int:
-        """Number of lines that could not be written to the open files."""
+        """Number of lines that could not be written since the files were opened."""
         return sum(log.lost_lines for log in self._logs.values())
 
     def write(self, process: str, line: bytes) -> None:
-        """Write a line that a process printed to its file, with the present time."""
+        """Write a line of a process to its file, with the present time."""
         path = self._path("radio" if any(e in line for e in RADIO_EVENTS) else process)
         log = self._logs.setdefault(path, ProcessLog(path))
         stamp = time.strftime("%Y-%m-%dT%H:%M:%SZ ", time.gmtime())

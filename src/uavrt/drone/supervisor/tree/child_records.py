@@ -10,13 +10,12 @@ import select
 from collections.abc import Callable
 
 PERIOD_S = 0.05
-"""Time between two reads of processes' records under load [s]. A pulse passes the supervisor
-three times on its way to the ground, so its delay is 0.15 s at most. A block of radio samples
-lasts 87 ms."""
+"""Shortest time between two reads of processes' records under load [s]. A pulse passes the
+supervisor three times, so its delay is at most 0.15 s. A block of radio samples lasts 87 ms."""
 
 
 class Intake:
-    """Reads the processes' sockets in turn, by one epoll descriptor in the event loop."""
+    """Calls the read functions of processes whose sockets have data, at limited rate."""
 
     def __init__(self, period_s: float = PERIOD_S) -> None:
         self._period_s = period_s
@@ -26,14 +25,14 @@ class Intake:
         self._timer: asyncio.TimerHandle | None = None
 
     def add(self, fd: int, read: Callable[[], object]) -> None:
-        """Call `read` whenever a descriptor is readable."""
+        """From now on, call `read` when the descriptor is readable."""
         self._readers[fd] = read
         self._epoll.register(fd, select.EPOLLIN)
         if self._timer is None:
             self._listen(True)
 
     def remove(self, fd: int) -> None:
-        """Stop reading a descriptor; call it before closing. An unknown one is ignored."""
+        """Stop watching a descriptor, before it is closed; an unknown one is ignored."""
         if self._readers.pop(fd, None) is not None:
             self._epoll.unregister(fd)
         if not self._readers:
@@ -56,7 +55,10 @@ class Intake:
         self._listening = wanted
 
     def _take(self) -> None:
-        """Read all waiting records; then pause, or wait for input if there were none."""
+        """Read all records that have arrived.
+
+        Then pause or, if there were none, wait for input.
+        """
         self._timer = None
         ready = self._epoll.poll(0)
         try:

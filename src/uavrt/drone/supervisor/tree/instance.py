@@ -1,4 +1,4 @@
-"""State of one process of the table of processes, kept across restarts."""
+"""State of one process of the process table; it is kept when the process is restarted."""
 
 import os
 from collections.abc import Iterable
@@ -18,7 +18,7 @@ from uavrt.drone.supervisor.tree.waiting_records import Outbox
 
 @dataclass(slots=True)
 class Instance:
-    """One process of the table of processes, running or not; kept across restarts."""
+    """State of one process of the process table: queue, budget, restarts and last report."""
 
     name: str
     row: ProcessRow
@@ -31,16 +31,17 @@ class Instance:
     health: Health | None = None
     stop_asked_s: float | None = None
     cpu_s_before: float = 0.0
-    """CPU time of the process's earlier runs, including child processes [s]."""
+    """CPU time of all earlier runs of the process, with its children [s]."""
     own_cpu_s_before: float = 0.0
-    """CPU time of the process's earlier runs, without child processes [s]."""
+    """CPU time of all earlier runs of the process, without its children [s]."""
     memory_mb: float = 0.0
     silence_reported: bool = False
-    """True if the operator was warned that the process is silent."""
+    """True if the operator has been warned of the process's silence."""
     tag_ids: tuple[int, ...] = ()
     """Numbers of the tags assigned to the process at its last start."""
     last_error: str = ""
-    """Last warning or error that the process printed, for the operator if it ends."""
+    """Last warning or error that the process printed; shown to the operator if the process
+    ends."""
 
     def __post_init__(self) -> None:
         self.outbox = Outbox(self.row.backlog, keeps=self.row.acknowledges_records)
@@ -53,7 +54,7 @@ class Instance:
         )
 
     def status(self) -> ProcessStatus:
-        """Describe the process now; measures its CPU time and memory."""
+        """Measure CPU time and memory, and return the state of the process."""
         child, health = self.child, self.health
         if child is not None:
             self.memory_mb = child.measure()
@@ -78,7 +79,7 @@ class Instance:
         )
 
     def over_budget(self, now_s: float) -> str | None:
-        """Warning if the process uses more than its row's budget; None otherwise."""
+        """Return a warning if the process exceeds its budget; else None."""
         child = self.child
         if child is None:
             return None
@@ -90,7 +91,7 @@ class Instance:
 def self_status(
     state: SystemState, instances: Iterable[Instance], usage: Usage, counters: dict[str, float]
 ) -> ProcessStatus:
-    """Describe the supervisor itself, including records dropped from its queues."""
+    """Return the state of the supervisor itself, with counts of records dropped from queues."""
     return ProcessStatus(
         process="supervisor",
         running=True,

@@ -1,17 +1,17 @@
-"""Compare a process's use of CPU and memory with the budget in the table of processes."""
+"""Check a process's CPU time and memory against the budget in the table of processes."""
 
 from collections import deque
 
 WINDOW_S = 20.0
-"""Time over which CPU use is averaged [s], so that imports or a slow disk raise no alarm."""
+"""Time over which CPU time is averaged [s]; imports or a slow disk then cause no alarm."""
 CPU_ALLOWANCE = 4.0
-"""Factor by which a Raspberry Pi 5 core may exceed the CPU budgets, which are for the reference
-machine with 100 tags."""
+"""Factor by which a process may exceed its CPU budget. Budgets are for the reference machine
+with 100 tags; a core of a Raspberry Pi 5 is slower."""
 REPEAT_S = 300.0
 
 
 class BudgetWatch:
-    """Compares one process's usage with its budget; `name` appears in warnings."""
+    """Checks one process against its budget. Warnings contain its `name`."""
 
     def __init__(self, name: str, *, cpu_percent: float, memory_mb: float) -> None:
         self._name = name
@@ -21,7 +21,7 @@ class BudgetWatch:
         self._quiet_until_s = 0.0
 
     def check(self, now_s: float, cpu_s: float, memory_mb: float) -> str | None:
-        """Add a measurement; return a warning at most every five minutes, otherwise None."""
+        """Add a measurement; return a warning if it exceeds the budget, at most every 5 min."""
         self._past.append((now_s, cpu_s))
         while len(self._past) > 2 and self._past[1][0] <= now_s - WINDOW_S:
             self._past.popleft()

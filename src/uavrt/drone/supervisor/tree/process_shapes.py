@@ -23,7 +23,7 @@ SHAPES: dict[Shape, tuple[ProcessRow, ...]] = {
         replace(
             _row("receiver"),
             module="uavrt.drone.processes.chain",
-            meaning="radio samples to pulses; also records the band",
+            meaning="converts radio samples to pulses; also records the band",
             samples_to=None,
             produces=("pulse", "search_report", "beep", "health", "status_text"),
             cpu_budget_percent=10.2,
@@ -35,5 +35,5 @@ SHAPES: dict[Shape, tuple[ProcessRow, ...]] = {
 
 
 def rows_for(settings: Settings) -> tuple[ProcessRow, ...]:
-    """Rows of the table that the given settings need."""
+    """Return the rows of the process table that these settings need."""
     return tuple(row for row in SHAPES[settings.detection.shape] if row.configured(settings))

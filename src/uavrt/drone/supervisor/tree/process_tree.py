@@ -1,4 +1,4 @@
-"""The running processes of the table of processes: start, monitor, restart and stop them."""
+"""Start, monitor, restart and stop the processes of the process table."""
 
 import asyncio
 import contextlib
@@ -30,13 +30,14 @@ log = get_logger()
 LineHandler = Callable[[Instance, bytes], None]
 
 SILENCE_REPORT_S = 4.0
-"""Silence after which a process with a longer silence limit is reported [s]."""
+"""Silence of a process that is reported to the operator [s], if its limit for a kill is
+longer."""
 
 
 class ProcessTree:
-    """Starts, monitors and stops the processes in the table, in the table's order.
+    """Starts, monitors and stops the processes of the table, in the order of the table.
 
-    `mission`: source of state, tags, flight, settings and clock. `wake`: called when a process
+    `mission` provides state, tags, flight, settings and clock. `wake` is called when a process
     has ended.
     """
 
@@ -76,11 +77,11 @@ class ProcessTree:
 
     @property
     def instances(self) -> Iterable[Instance]:
-        """State of all processes that ever ran or had a record to receive."""
+        """State of each process that has run or has records to receive."""
         return self._instances.values()
 
     def instance_of(self, row: ProcessRow) -> Instance:
-        """Get the state of the process of a row that has only one process, running or not."""
+        """Return the state of a row's only process, whether it runs or not."""
         return self._instance(row.name, row, 0)
 
     def _instance(self, name: str, row: ProcessRow, worker: int) -> Instance:
@@ -92,7 +93,7 @@ class ProcessTree:
     # ------------------------------------------------------------------ running
 
     def ensure(self) -> None:
-        """Start missing processes that should run; kill silent and orphaned ones."""
+        """Start processes that should run; kill processes that are silent or orphaned."""
         self._check_nursery()
         self._end_orphans()
         if self._launcher.importing:
@@ -119,7 +120,7 @@ class ProcessTree:
                 loop.add_reader(nursery_fd, self._on_nursery, nursery_fd)
 
     def _on_nursery(self, nursery_fd: int) -> None:
-        """Wake the supervisor when the fork server has done its imports or has ended."""
+        """Wake the supervisor: the fork server has finished its imports or has ended."""
         asyncio.get_running_loop().remove_reader(nursery_fd)
         self._wake()
 
@@ -216,7 +217,7 @@ class ProcessTree:
 
     @contextlib.contextmanager
     def exempt(self, pid: int) -> Iterator[None]:
-        """Context in which a child that is not in the table of processes is not killed."""
+        """Context in which the child `pid` is not killed although it is not in the table."""
         self._exempt.add(pid)
         try:
             yield
@@ -224,10 +225,10 @@ class ProcessTree:
             self._exempt.discard(pid)
 
     def _end_orphans(self) -> None:
-        """Kill processes that a killed child has left behind, such as a radio program.
+        """Kill processes whose parent was killed, such as a radio program.
 
-        A process that hangs in the kernel, as on a USB device, ends later; it is not waited
-        for.
+        A process that hangs in the kernel, as on a USB device, ends later; this method does not
+        wait for it.
         """
         known = {i.child.pid for i in self._instances.values() if i.child is not None}
         if self._launcher.pid is not None:
@@ -255,7 +256,10 @@ class ProcessTree:
         self._sockets = {}
 
     async def restart_search(self) -> FlightInfo | None:
-        """Restart receiver and detectors; return the flight with its tags, None if it ended."""
+        """Restart receiver and detectors.
+
+        Returns the flight with its tags; None if it has ended.
+        """
         flight = self._mission.flights.flight
         self._restarts_waiting += 1
         try:
@@ -323,7 +327,7 @@ class ProcessTree:
         return tuple(fds)
 
     async def wait_until_acknowledged(self, topic: str, limit_s: float) -> bool:
-        """Wait until processes acknowledged a topic's records; False after `limit_s` [s]."""
+        """Wait until a topic's records are acknowledged; False after `limit_s` seconds."""
         deadline_s = monotonic_s() + limit_s
         receivers = [i for i in self._instances.values() if i.row.acknowledges_records]
         while any(instance.outbox.holds(topic) for instance in receivers):
@@ -358,7 +362,7 @@ class ProcessTree:
 
 
 def exit_text(exit_code: int) -> str:
-    """Describe how a process ended, from its exit code; negative codes are signals."""
+    """Return a text on how a process ended. A negative exit code is a signal's number."""
     if exit_code >= 0:
         return f"ended (exit {exit_code})"
     try:

@@ -1,4 +1,4 @@
-"""Report to systemd that the system is ready and alive (sd_notify(3)), if run by systemd."""
+"""Report to systemd that the system is ready and alive (sd_notify(3))."""
 
 import contextlib
 import os
@@ -6,7 +6,7 @@ import socket
 
 
 class SystemdNotifier:
-    """Sends state messages to the socket that systemd names in the environment."""
+    """Sends state messages to the socket in the environment variable that systemd has set."""
 
     def __init__(self) -> None:
         address = os.environ.get("NOTIFY_SOCKET", "")
@@ -20,7 +20,7 @@ class SystemdNotifier:
         self._send("READY=1")
 
     def alive(self, status: str) -> None:
-        """Report that the main loop runs, with the system's state."""
+        """Report the system's state, which also shows that the main loop runs."""
         self._send(f"WATCHDOG=1\nSTATUS={status}")
 
     def stopping(self) -> None:
@@ -39,7 +39,7 @@ class SystemdNotifier:
 
 
 def _watchdog_s() -> float | None:
-    """Half of systemd's watchdog time [s]; None without a watchdog."""
+    """Return half of systemd's watchdog time [s]; None if no watchdog is set."""
     microseconds = os.environ.get("WATCHDOG_USEC", "")
     pid = os.environ.get("WATCHDOG_PID", str(os.getpid()))
     if not microseconds.isdigit() or pid != str(os.getpid()):

@@ -16,28 +16,28 @@ Predicate = Callable[[SystemState], bool]
 
 
 def always(state: SystemState) -> bool:
-    """Always true: the process runs in every state."""
+    """Return True: the process runs in every state."""
     return state in SystemState
 
 
 def while_detecting(state: SystemState) -> bool:
-    """True between start and stop of detection."""
+    """True for the state in which tags are searched."""
     return state is SystemState.DETECTING
 
 
 def while_receiving(state: SystemState) -> bool:
-    """True while the radio is needed, for detection or a raw capture."""
+    """True for the states that need the radio: detection and raw capture."""
     return state in (SystemState.DETECTING, SystemState.CAPTURING)
 
 
 def on_every_drone(settings: Settings) -> bool:
-    """Always true: the process is needed with any settings."""
+    """Return True: every drone needs the process, with any settings."""
     return isinstance(settings, Settings)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProcessRow:
-    """One process in the table of processes."""
+    """One row of the process table: what a process runs, receives, sends and may use."""
 
     name: str
     module: str
@@ -47,27 +47,29 @@ class ProcessRow:
     """Topics that the supervisor forwards to the process of this row."""
     produces: tuple[str, ...]
     configured: Callable[[Settings], bool] = on_every_drone
-    """Function of the settings that returns True if the process is needed."""
+    """Function that returns True if the settings need this process."""
     backlog: int | None = None
-    """Largest number of one topic's records queued for the process; None: no limit. Bursts must
-    fit: a hundred tags with pulses at the same time give hundreds of records."""
+    """Most records of one topic that are queued for the process; None for no limit. A burst
+    must fit: a hundred tags with simultaneous pulses cause hundreds of records."""
     acknowledges_records: bool = False
-    """True if the process acknowledges handled records; others are resent after a restart."""
+    """True if the process acknowledges records. Those not acknowledged are sent again after a
+    restart."""
     per_worker: bool = False
-    """True if one such process runs for each detector worker."""
+    """True if there is one process of this row for each detector worker."""
     samples_to: str | None = None
-    """Name of the row whose processes receive samples from this one, or None."""
+    """Name of the row whose processes receive samples from this process; None if none do."""
     silence_limit_s: float = 5.0
-    """Silence after which the process is killed [s]; a healthy one reports once a second."""
+    """Silence after which the process is killed [s]; it should report once a second."""
     start_limit_s: float = 20.0
-    """Longest wait for the first report after the start [s], which includes the imports."""
+    """Longest time from the start to the first report [s], including imports."""
     restart: RestartPolicy = FLIGHT_RESTARTS
-    """Delays of restarts after the process ended unexpectedly."""
+    """When the process is restarted after an unexpected end."""
     cpu_budget_percent: float
-    """CPU budget [% of one core of the reference machine], with 100 tags."""
+    """CPU time that the process may use with 100 tags [% of one core of the reference
+    machine]."""
     memory_limit_mb: float
     stop_timeout_s: float = 5.0
-    """Longest time for the process to end after SIGTERM, before SIGKILL [s]."""
+    """Time from SIGTERM after which the process gets SIGKILL [s]."""
 
 
 PROCESSES: tuple[ProcessRow, ...] = (
@@ -102,7 +104,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
     ProcessRow(
         name="connection",
         module="uavrt.drone.processes.connection",
-        meaning="MAVLink to the autopilot and the ground; gives each pulse its pose",
+        meaning="links autopilot and ground stations by MAVLink; adds its pose to each pulse",
         runs=always,
         consumes=(
             "pulse",
@@ -229,7 +231,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
     ProcessRow(
         name="receiver",
         module="uavrt.drone.processes.receiver",
-        meaning="radio samples to channels; also records the band",
+        meaning="converts radio samples to channels; also records the band",
         runs=while_receiving,
         samples_to="detector",
         consumes=("settings",),
@@ -247,5 +249,5 @@ SUPERVISOR_TOPICS = ("command", "health", "status_text", "records_handled")
 def consumers_of(
     topic: str, rows: tuple[ProcessRow, ...] = PROCESSES
 ) -> tuple[ProcessRow, ...]:
-    """Rows of the table that consume a given topic."""
+    """Return the rows whose processes receive the records of a topic."""
     return tuple(row for row in rows if topic in row.consumes)

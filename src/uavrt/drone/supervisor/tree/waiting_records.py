@@ -1,10 +1,11 @@
-"""Queue of records to be sent to one process; the queue outlives the process.
+"""Queue of records to be sent to one process; the queue is kept when the process ends.
 
-Records of lossless topics wait until the process takes them. Only the newest records of other
-topics are kept; dropped ones are counted.
+Records of lossless topics wait until the process reads them. Of other topics, only the newest
+records are kept; dropped ones are counted.
 
-A process may end before it has read or stored records that were sent. If the process reports
-its progress (`ProcessRow.acknowledges_records`), such records are sent again to its next run.
+A process may end before it has read or stored records that were sent to it. If it acknowledges
+records (`ProcessRow.acknowledges_records`), those not acknowledged are sent again when it is
+restarted.
 """
 
 import socket
@@ -15,17 +16,17 @@ from uavrt.drone.ipc.topics import TOPICS, decode_record, topic_of
 
 BYTES_AT_ONCE = 32_768
 MOST_KEPT = 20_000
-"""Largest number of a process's unacknowledged records: 10 MB, 30 min with a failing disk."""
+"""Most unacknowledged records of a process that are kept: 10 MB, 30 min of a failing disk."""
 RUNS_WITHOUT_PROGRESS = 3
-"""Number of consecutive runs of a process without an acknowledgement after which unacknowledged
-records are dropped, because one may crash the process."""
+"""Number of runs without an acknowledgement after which a process's unacknowledged records are
+dropped, because one of them may make it crash."""
 
 Line = tuple[str, bytes]
-"""A record: its topic, and the encoded line with its newline."""
+"""A record to send: its topic and its encoded line, with newline."""
 
 
 class Outbox:
-    """Queue of records for one process; with `keeps`, also sent but unacknowledged records."""
+    """Queue of records for one process. With `keeps`, sent records stay until acknowledged."""
 
     def __init__(self, backlog: int | None = None, *, keeps: bool = False) -> None:
         self._backlog = backlog
@@ -47,15 +48,15 @@ class Outbox:
 
     @property
     def flight(self) -> FlightInfo | None:
-        """Flight to which the first unacknowledged line belongs; None outside of flights."""
+        """Flight of the first record in the queue; None if it belongs to no flight."""
         return None if self._flight is None else decode_record(self._flight)[1]
 
     def holds(self, name: str) -> bool:
-        """True if a line of the topic is not yet sent or (`keeps`) not yet acknowledged."""
+        """True if a record of this topic is still to be sent or (with `keeps`) acknowledged."""
         return any(topic == name for lines in (self._kept, self._lines) for topic, _ in lines)
 
     def put(self, line: bytes) -> None:
-        """Add a line with its newline; drop the topic's oldest line if there are too many."""
+        """Add an encoded record; if its topic has too many, drop the oldest of them."""
         name = topic_of(line)
         newest = TOPICS[name].newest
         self._lines.append((name, line))
@@ -65,25 +66,28 @@ class Outbox:
             self._drop_oldest(name)
 
     def put_first(self, line: bytes) -> None:
-        """Add a line before all others, for a process that has just been started."""
+        """Add a record before all others; used when a process starts."""
         self._written = 0
         self._lines.appendleft((topic_of(line), line))
         self._waiting[topic_of(line)] += 1
 
     def remove_topic(self, name: str) -> None:
-        """Remove all lines of a topic, such as an outdated assignment."""
+        """Remove all records of a topic from the queue, such as an outdated assignment."""
         self._lines = deque(item for item in self._lines if item[0] != name)
         self._waiting[name] = 0
         self._written = 0
 
     def remove_acknowledged(self, count: int) -> None:
-        """Remove kept lines; `count`: number that this run of the process has acknowledged."""
+        """Remove sent records up to the number that this run has acknowledged."""
         while self._acknowledged < count and self._kept:
             self._acknowledged += 1
             self._update_flight(*self._kept.popleft())
 
     def process_ended(self, *, by_itself: bool) -> None:
-        """Queue the unacknowledged lines again, before all waiting ones."""
+        """Queue the unacknowledged records again, before all others.
+
+        After `RUNS_WITHOUT_PROGRESS` unexpected ends, drop them.
+        """
         self._runs_without_progress = (
             self._runs_without_progress + 1 if by_itself and not self._acknowledged else 0
         )
@@ -98,7 +102,7 @@ class Outbox:
         self._kept.clear()
 
     def write_to(self, sock: socket.socket) -> bool:
-        """Send lines until the socket is full; True if none remains."""
+        """Send records until the socket is full; True if all are sent."""
         while self._lines:
             try:
                 sent = sock.send(self._next_bytes())
@@ -120,7 +124,7 @@ class Outbox:
             self._acknowledged += 1
 
     def _next_bytes(self) -> bytes:
-        """Join waiting lines to be sent by one call, because each call wakes the receiver."""
+        """Join queued records for one send call, because each call wakes the receiver."""
         size, lines = 0, []
         for _, line in self._lines:
             lines.append(line)

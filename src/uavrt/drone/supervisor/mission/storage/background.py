@@ -10,9 +10,9 @@ T = TypeVar("T")
 
 
 async def in_background(work: Callable[[], T]) -> T:
-    """Run `work` in a daemon thread, which the program's end does not await.
+    """Run `work` in a daemon thread; the program can end without waiting for it.
 
-    Unlike with `asyncio.to_thread`, the program can end while a drive does not answer.
+    With `asyncio.to_thread`, the program could not end while a drive does not respond.
     """
     loop = asyncio.get_running_loop()
     future: asyncio.Future[T] = loop.create_future()

@@ -1,4 +1,4 @@
-"""Copy flights to a drive, and remove flights; both can be stopped at any time."""
+"""Copy flights to a drive, or remove flights. A caller can stop both at any time."""
 
 import os
 import shutil
@@ -16,12 +16,12 @@ Wanted = Callable[[], bool]
 
 CHUNK_BYTES = 1 << 20
 SYNC_BYTES = 8 * CHUNK_BYTES
-"""Largest amount of data waiting to be written to the drive [bytes]. A slow flash drive writes
-5 MB/s, and a process cannot end before the kernel has written it all."""
+"""Most data that may wait to be written to the drive [bytes]. A process cannot end before the
+kernel has written them; a slow flash drive writes 5 MB/s."""
 
 
 def save_flights(flights: list[Path], target: Path, step: Step, wanted: Wanted) -> None:
-    """Copy flights to a drive; skip files already there with the same size and date."""
+    """Copy flights to a drive, except files that are already there with equal size and date."""
     for done, flight in enumerate(flights):
         step(done, len(flights), flight.name)
         for source in sorted(flight.rglob("*")):
@@ -36,7 +36,7 @@ def save_flights(flights: list[Path], target: Path, step: Step, wanted: Wanted) 
 
 
 def remove_flights(flights: list[Path], step: Step, wanted: Wanted) -> None:
-    """Remove whole flights; raises `OSError`, or `RecordingError` if stopped."""
+    """Delete flights. Raises `OSError` on a disk fault, `RecordingError` if stopped."""
     for done, flight in enumerate(flights):
         _check(wanted)
         step(done, len(flights), flight.name)
@@ -46,7 +46,9 @@ def remove_flights(flights: list[Path], step: Step, wanted: Wanted) -> None:
 
 def _check(wanted: Wanted) -> None:
     if not wanted():
-        raise RecordingError("stopped: uavrt is ending", remedy="Send the command again")
+        raise RecordingError(
+            "stopped because uavrt is shutting down", remedy="Send the command again"
+        )
 
 
 def _is_there(source: Path, place: Path) -> bool:
@@ -58,7 +60,7 @@ def _is_there(source: Path, place: Path) -> bool:
 
 
 def _copy(source: Path, place: Path, wanted: Wanted) -> None:
-    """Copy a file under a temporary name; pulling out the drive leaves no partial file."""
+    """Copy a file by a temporary name, so that a removed drive holds no incomplete file."""
     part = place.with_name(place.name + ".part")
     try:
         _copy_content(source, part, wanted)

@@ -1,4 +1,4 @@
-"""Warn when the disk is nearly full, free space if configured, and report card faults.
+"""Warn when the disk is nearly full, remove old flights if configured, report card faults.
 
 A full disk never stops detection. The recorder retries what it could not write; printed output
 of processes is dropped and counted.
@@ -19,7 +19,7 @@ log = get_logger()
 
 
 class DiskGuard:
-    """Monitors free disk space for flights against the limit in the recording settings."""
+    """Keeps enough disk space free for flights, as set in the recording settings."""
 
     def __init__(self, directory: Path, settings: RecordingSettings) -> None:
         self._directory = directory
@@ -39,16 +39,16 @@ class DiskGuard:
         """Disk and card faults found by the last check, even if reported before."""
 
     def flying(self, flight: Path | None) -> None:
-        """Set the flight being written, which is never removed; None without one."""
+        """Set the present flight's directory, which is never removed; None without a flight."""
         self._flight = flight
         self._to_note = flight or self._to_note
         if flight is not None:
             self._card_faults, self._note_failed = 0, False
 
     def check(self) -> list[tuple[int, str]]:
-        """Measure free space, remove flights if needed, check the card; call it in a thread.
+        """Measure free space, remove flights if necessary, check the card. Call it in a thread.
 
-        Returns (severity, text) for the operator.
+        Returns (severity, text) pairs for the operator.
         """
         self._note()
         self.free_mb = self._measure()
@@ -87,7 +87,7 @@ class DiskGuard:
             self._to_note = None
 
     def _card_fault(self) -> tuple[int, list[tuple[int, str]]]:
-        """Number of different faults of the card, and the text that names them."""
+        """Return the number of card faults and, if there are any, a text with its severity."""
         card = card_of(self._directory)
         faults = card.faults() if card is not None else []
         text = f"Memory card: {', '.join(faults)}. {NEW_CARD}"
@@ -114,10 +114,10 @@ class DiskGuard:
         return None
 
     def _removable_flights(self) -> list[Path]:
-        """Removable flights, oldest first: neither newest, starred nor in progress.
+        """Return the flights that may be removed, oldest first.
 
-        A flight counts together with its copies, which are removed first because they contain
-        less.
+        The newest flights, starred ones and the one in progress stay. Copies of a flight are
+        removed before the flight itself, because they contain less.
         """
         flights = [path for path in flights_in_order(self._directory) if not path.is_symlink()]
         present = None if self._flight is None else self._flight.name

@@ -1,7 +1,7 @@
-"""Decide in two steps which flights a station may remove; this module only reads the disk.
+"""Decide which flights a ground station's request removes; this module deletes nothing.
 
-The first request lists the flights. A second one, later than any retry of the first, removes
-them. The newest flight and starred flights stay.
+The first request lists the flights. A second one, sent later than any retry of the first,
+removes them. The newest flight and starred flights stay.
 """
 
 import itertools
@@ -13,26 +13,30 @@ from uavrt.flight.flight_layout import FlightLayout
 from uavrt.flight.flight_order import with_copies
 
 RETRY_WITHIN_S = 10.0
-"""Time in which an equal request to remove flights is a retry [s]; stations retry for 8 s."""
+"""Time within which a repeated removal request counts as a retry [s]; stations retry for 8
+s."""
 CONFIRM_WITHIN_S = 120.0
-"""Time in which a second request to remove flights confirms the first one [s]."""
+"""Time within which a second removal request confirms the first [s]."""
 
 
 def removable(flights: Sequence[Path]) -> list[Path]:
-    """List removable flights, oldest first: not the newest, its copies or starred ones."""
+    """Return the removable flights, oldest first.
+
+    The newest flight, its copies and starred flights stay.
+    """
     older = itertools.chain(*with_copies(flights)[:-1])
     return [flight for flight in older if not FlightLayout(flight).star.exists()]
 
 
 class SecondStep:
-    """Distinguishes the confirming second request from the first request and its retries."""
+    """Detects a confirming second request, as opposed to a first request or its retries."""
 
     def __init__(self, clock_s: Callable[[], float] = monotonic_s) -> None:
         self._clock_s = clock_s
         self._asked: tuple[str, float] | None = None
 
     def is_confirmation(self, source: str) -> bool:
-        """Register a request; True if it confirms an earlier one of the same sender."""
+        """Note a request; True if it confirms an earlier request of the same sender."""
         now_s = self._clock_s()
         asked, self._asked = self._asked, (source, now_s)
         if asked is None or asked[0] != source:

@@ -1,4 +1,4 @@
-"""Jobs that take longer than a command: copying flights to a drive, and removing flights.
+"""Long jobs on stored flights: copying them to a drive, and removing them.
 
 One job runs at a time, in a thread. The job reports progress as `Operation` records and texts;
 the original ground station reads texts that begin with ``#`` aloud.
@@ -28,16 +28,16 @@ from uavrt.flight.flight_order import flights_in_order
 
 MOUNTS = Path("/proc/self/mounts")
 REMOVABLE = ("/media/", "/run/media/")
-"""Directories below which desktops and udiskie mount removable drives."""
+"""Directories in which desktops and udiskie mount removable drives."""
 
 END_S = 1.5
-"""Longest wait for a running job when the system ends [s]; the whole stop may take 3 s."""
+"""Longest wait for a running job at shutdown [s]; the whole shutdown may take 3 s."""
 
 _ESCAPED = re.compile(r"\\([0-7]{3})")
 
 
 class Operations:
-    """Runs one job at a time; `publish` gets its progress, `notify` its texts."""
+    """Runs one job at a time. Its progress goes to `publish`, its texts to `notify`."""
 
     def __init__(
         self,
@@ -57,7 +57,7 @@ class Operations:
         return not self._ending.is_set()
 
     async def end(self) -> None:
-        """Stop the job because the system ends; do not wait for a hanging drive."""
+        """Stop the running job at shutdown; do not wait for a drive that does not respond."""
         self._ending.set()
         if self._task is not None:
             await asyncio.wait([self._task], timeout=END_S)
@@ -68,7 +68,7 @@ class Operations:
             raise UavrtError(f"busy: {words(self.running.name)} in progress")
 
     def begin(self, name: CommandName, source: str = "") -> str:
-        """Begin to copy or remove flights; return the answer for the operator."""
+        """Begin a job, copying or removing flights; return the text of the acknowledgement."""
         self.check_free()
         root = Path(self._settings.directory)
         flights = flights_in_order(root)
@@ -130,12 +130,12 @@ class Operations:
 
 
 def words(name: CommandName) -> str:
-    """Text that names a job for the operator."""
+    """Return the name of a job for the operator."""
     return name.replace("_", " ")
 
 
 def save_directory(settings: RecordingSettings) -> Path:
-    """Directory to copy flights to: the configured one, or one on the only removable drive."""
+    """Return the directory for copies: as configured, or on the only removable drive."""
     if settings.save_directory is not None:
         path = Path(settings.save_directory)
         if not path.is_dir():
@@ -154,7 +154,7 @@ def save_directory(settings: RecordingSettings) -> Path:
 
 
 def removable_drives(mounts: Iterable[str]) -> list[Path]:
-    """Mount points of plugged-in removable drives, from ``/proc/mounts``."""
+    """Return the mount points of plugged-in removable drives, from ``/proc/mounts``."""
     points = [line.split(" ")[1] for line in mounts if line.count(" ") >= 3]
     names = (_ESCAPED.sub(lambda octal: chr(int(octal[1], 8)), point) for point in points)
     return [Path(name) for name in names if name.startswith(REMOVABLE)]
