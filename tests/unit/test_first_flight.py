@@ -116,7 +116,7 @@ def test_one_thing_wrong_is_named(what: str, facts: dict[str, Any], text: str) -
 
 def test_a_silent_detector_and_a_tag_that_was_heard_long_ago_count_no_more() -> None:
     found = items(FACTS, heard(), NOW_NS + 20 * SECOND)
-    assert "no detector" in found["radio"].text
+    assert "no report from the detector" in found["radio"].text
     assert found["tags"].ok
     assert "none detected" in items(FACTS, heard(), NOW_NS + 59 * SECOND)["tags"].text
 

@@ -68,7 +68,7 @@ def flight_antenna(flight: Flight) -> str:
     if named != MONOPOLE and named not in PATTERNS:
         raise UsageError(
             f"the drone was set up with the antenna {named!r}, which uavrt does not know",
-            remedy=f"Name one with --antenna: a CSV file of angles and gains, {MONOPOLE}, or "
-            f"one of {', '.join(PATTERNS)}",
+            remedy="Choose the antenna with --antenna: a CSV file of angles and gains, "
+            f"{MONOPOLE}, or one of {', '.join(PATTERNS)}",
         )
     return named

@@ -160,7 +160,9 @@ def _drone(facts: FlightFacts) -> Finding:
     if facts.heard:
         return passed("drone", "connected")
     return failed(
-        "drone", "no contact", "Check its power, the telemetry radio and the connection"
+        "drone",
+        "no contact",
+        "Check the drone's power, the telemetry radio and the connection under Set-up",
     )
 
 
@@ -177,8 +179,8 @@ def _radio(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
         return passed(what, "its samples arrive and are searched")
     return failed(
         what,
-        "no detector reports",
-        "Press Radio status under Set-up; check the radio's cable and its supply",
+        "no report from the detector arrives",
+        "Press Radio status under Set-up; check the radio's cable and power supply",
     )
 
 
@@ -198,7 +200,10 @@ def _noise(facts: FlightFacts, bench: Bench) -> Finding:
     apart_db = levels[loudest] - min(levels.values())
     if apart_db > NOISE_APART_DB:
         at = names[loudest]
-        text = f"{apart_db:.0f} dB more at {at} MHz than at the quietest tag's"
+        text = (
+            f"{apart_db:.0f} dB more noise at {at} MHz than at the frequency of the quietest "
+            "tag"
+        )
         return failed(what, text, NOISE_REMEDY)
     return _level(what, levels, apart_db, facts.usual_noise_db)
 
@@ -284,7 +289,8 @@ def _tags(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
         return failed(
             what,
             "none detected in the last minute",
-            "Put a tag a few metres away, switched on; check its frequency and interval",
+            "Put a tag that is switched on a few metres away, and check its frequency and "
+            "interval in the list",
         )
     if all(one.clipped for _, one in heard):
         return failed(
@@ -305,7 +311,7 @@ def _disk(facts: FlightFacts) -> Finding:
         return failed(
             what,
             f"{free_mb / 1000.0:.1f} GB free on the drone",
-            "Fetch its flights, then Clean logs under Set-up",
+            "Fetch the drone's flights, then press Clean logs under Set-up",
         )
     return passed(what, f"{free_mb / 1000.0:.1f} GB free on the drone")
 

@@ -171,7 +171,7 @@ class Downloads:
         link = self._vehicle.connection.link
         if link is None or link.protocol.drone is None:
             raise LinkError(
-                "No contact with the drone", remedy="Check its power and the radio link"
+                "No contact with the drone", remedy="Check the drone's power and the radio link"
             )
         link.send(file_request(link.protocol.drone, payload))
 

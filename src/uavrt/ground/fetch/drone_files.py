@@ -77,8 +77,8 @@ class DroneFiles:
     async def _find(self, timeout_s: float) -> None:
         if not await within(timeout_s, self._found.wait()):
             raise LinkError(
-                f"no drone was received in {timeout_s:g} s "
-                f"(MAVLink component {DRONE_COMPONENT})",
+                f"no message from a drone arrived in {timeout_s:g} s (MAVLink component "
+                f"{DRONE_COMPONENT})",
                 remedy="Check the drone's power and the radio, and that the autopilot "
                 "forwards MAVLink",
             )

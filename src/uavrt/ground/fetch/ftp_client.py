@@ -246,7 +246,7 @@ class FileClient:
         """Repeat a request until it is answered, with the same bytes each time."""
         if len(data) > DATA_SIZE:
             raise LinkError(
-                f"a path of {len(data)} bytes is too long for a request",
+                f"a file path of {len(data)} bytes is too long to be requested from the drone",
                 remedy="`uavrt fetch --list` shows what is on the drone",
             )
         request = self._request(opcode, data=data, offset=offset, size=size)
@@ -358,7 +358,7 @@ async def fetch_file(
                 return False
     part = place.with_name(place.name + PART_SUFFIX)
     if part.exists() and not part.is_file():
-        raise RecordingError(f"{part} is not a file", remedy="Remove it")
+        raise RecordingError(f"{part} is not a file", remedy="Remove it, then try again")
 
     def allow(size: int) -> None:
         listed = entry.size or 0
@@ -385,7 +385,7 @@ async def fetch_file(
             part.unlink()
     raise RecordingError(
         f"{entry.path} is different each time it is read",
-        remedy="It is still being written; stop the detection and fetch it again",
+        remedy="The drone is still writing this file; stop the detection and fetch it again",
     )
 
 
@@ -433,7 +433,7 @@ def _entry(directory: str, line: bytes) -> RemoteEntry:
     if not good or not (size or "0").isdecimal():
         raise LinkError(
             f"the drone sent an invalid list of files: {line[:80]!r} is not a name with a size",
-            remedy="Someone may be impersonating the drone: see the manual on locking the link",
+            remedy="Someone may be impersonating the drone: see “Lock the link” in the manual",
         )
     path = f"{directory.rstrip('/')}/{name}"
     return RemoteEntry(path=path, size=int(size or 0) if line[:1] == b"F" else None)
@@ -459,6 +459,6 @@ def _check(reply: FtpPacket, path: str) -> None:
 
 def _silent(what: str) -> LinkError:
     return LinkError(
-        f"no answer about {what}",
+        f"the drone did not answer a request about {what}",
         remedy="Check the radio link and try again; what has arrived is kept",
     )

@@ -14,7 +14,7 @@ REFUSALS_BY_STATE = {
     SystemState.IDLE: "Send the tags first",
     SystemState.RECEIVING_TAGS: "Tags are being sent",
     SystemState.DETECTING: "Detection is running: press Stop first",
-    SystemState.CAPTURING: "A capture is running: wait until it has ended",
+    SystemState.CAPTURING: "Raw data are being recorded: wait until the recording has ended",
 }
 """Reason why a button is disabled, by the drone's state."""
 

@@ -201,7 +201,8 @@ class GroundProtocol:
         if self.drone is None:
             raise LinkError(
                 "no contact with the drone yet",
-                remedy="Check its power and the radio, and that the autopilot forwards MAVLink",
+                remedy="Check the drone's power and the radio link, and that the autopilot "
+                "forwards MAVLink",
             )
         if self._sealer is not None:
             return self._message(self._sealer(payload, payload_type), SEALED_TYPE)

@@ -176,7 +176,7 @@ class FlightKeeper:
             self._early_s.clear()
         now_s = monotonic_s()
         if now_s < self._early_s.setdefault(burst.key, now_s) + BURST_TIMEOUT_S:
-            raise RecordingError("the burst of these pulse times has not arrived")
+            raise RecordingError("pulse times arrived, but the burst with these pulses has not")
         del self._early_s[burst.key]
         self.without_burst += 1
         log.seldom(

@@ -365,7 +365,7 @@ def _mark(star: Path, starred: bool) -> None:
     with os_errors_as(
         RecordingError,
         f"cannot change {star}",
-        "Check who owns the flight's directory, and what is in it",
+        "Check that this user may write in the flight's directory",
     ):
         if starred:
             star.touch()

@@ -205,7 +205,7 @@ def _draft(row: Mapping[str, Any], index: int, found: list[FieldFault]) -> TagDr
         written = row.get(field, "")
         if written is None or str(written).strip() == "":
             if field in (REQUIRED_OF_CODES if coded else REQUIRED):
-                fault(field, "is needed")
+                fault(field, "is empty: enter a value")
             continue
         percent = str(written).rstrip().endswith("%") and field == "false_alarm_percent"
         if coded and field == "second_interval_ms":
@@ -220,8 +220,8 @@ def _draft(row: Mapping[str, Any], index: int, found: list[FieldFault]) -> TagDr
             if 0.0 < number < LEAST_BARE_PERCENT and not percent:
                 fault(
                     field,
-                    f"is {number:g} % meant? Then write it with its sign; "
-                    f"the probability {number:g} is {100.0 * number:g} %",
+                    f"if you mean {number:g} %, write it with the % sign; the probability "
+                    f"{number:g} is {100.0 * number:g} %",
                 )
                 continue
             if not 0.0 < number <= most:
@@ -256,7 +256,12 @@ def _gaps(
     for part in apart.replace(";", " ").split() or [""]:
         number = number_in_cell(part.rstrip(","))
         if number is None:
-            fault("gaps_ms", "must be numbers separated by spaces" if written else "is needed")
+            fault(
+                "gaps_ms",
+                "must be numbers separated by spaces, for example 22 48.8 36.6"
+                if written
+                else "is empty: enter a value",
+            )
             return ()
         entries.append(Entry(number=number, label="gaps_ms", line=line))
     return tuple(entries)

@@ -67,8 +67,9 @@ _Floats = NDArray[np.float64]
 
 _UNMEASURED_NOISE = Caution(
     name="noise",
-    text=f"the noise was not measured: {FLIGHT.unknown_noise_sigma_deg:.0f}° are added to each "
-    "bearing's error, because noise from one side, such as a power line's, turns bearings",
+    text=f"the noise was not measured, so {FLIGHT.unknown_noise_sigma_deg:.0f}° are added to "
+    "the error of each bearing: noise from one side, such as from a power line, turns "
+    "bearings",
 )
 _UNMEASURED_SURVEY_NOISE = Caution(
     name="noise",

@@ -95,7 +95,7 @@ class DroneParameters:
                 now = self._value(name)
                 if abs(now - value) > 1e-6 * abs(value):
                     raise CommandRefused(
-                        f"{name} remains {now:g}: the drone's status text has the reason"
+                        f"{name} is still {now:g}; the drone's status text gives the reason"
                     )
                 return now
         raise LinkError(f"the drone did not confirm the parameter {name}", remedy="Try again")
@@ -111,7 +111,9 @@ class DroneParameters:
 
     def _drone(self) -> Peer:
         if self._protocol.drone is None:
-            raise LinkError("no contact with the drone yet", remedy="Check its power and radio")
+            raise LinkError(
+                "no contact with the drone yet", remedy="Check the drone's power and radio"
+            )
         return self._protocol.drone
 
     def _missing(self, drone: Peer) -> list[Message]:

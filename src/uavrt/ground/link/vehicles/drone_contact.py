@@ -40,13 +40,13 @@ class DroneContact:
         """Error for missing contact: the drone uses another signing key, or is not received."""
         if self._drone_refused:
             return LinkError(
-                f"the drone (component {DRONE_COMPONENT}) is received, but its frames "
-                "are not signed with the given key",
+                f"the drone (component {DRONE_COMPONENT}) sends messages, but does not sign "
+                "them with the given key",
                 remedy="Give the key in the drone's mavlink.signing_key_file, or no key if "
                 "the drone has none",
             )
         return LinkError(
-            f"no drone is received (MAVLink component {DRONE_COMPONENT})",
+            f"no messages from a drone arrive (MAVLink component {DRONE_COMPONENT})",
             remedy="Check the drone's power, the radio, and that the autopilot forwards "
             "MAVLink between its companion and ground ports",
         )

@@ -90,8 +90,9 @@ class VehicleMissions:
         while not self._heard():
             if monotonic_s() > deadline_s:
                 raise LinkError(
-                    f"no autopilot was received in {timeout_s:g} s",
-                    remedy="Check its power and the radio, and --mavlink",
+                    f"no message from an autopilot arrived in {timeout_s:g} s",
+                    remedy="Check the autopilot's power, the radio link and the address "
+                    "given with --mavlink",
                 )
             await asyncio.sleep(POLL_S)
 
@@ -199,7 +200,8 @@ class VehicleMissions:
             raise LinkError("no contact with the autopilot", remedy="Check the radio link")
         if len(heard) > 1:
             raise CommandRefused(
-                f"{len(heard)} autopilots are received: {', '.join(map(str, sorted(heard)))}",
+                f"messages from {len(heard)} autopilots arrive, so the vehicle is ambiguous: "
+                f"{', '.join(map(str, sorted(heard)))}",
                 remedy="Switch on the drone side of the vehicle that should get the survey",
             )
         ((number, one),) = heard.items()

@@ -90,12 +90,12 @@ class CoverageMapJobs(MapJobs[CoverageMapRequest, "SilentMap"]):
             )
         if found.ambiguous:
             raise UsageError(
-                f"pulses at the frequency of tag {asked.tag_id} may be from the tag, so its "
-                "absence cannot be concluded"
+                f"pulses at the frequency of tag {asked.tag_id} may come from this tag, so it "
+                "cannot be called absent"
             )
         if found.heard:
             raise UsageError(
-                f"tag {asked.tag_id} was detected, so no map of its absence exists"
+                f"tag {asked.tag_id} was detected, so there is no map of where it is absent"
             )
         coverage, plane = found.coverage, found.coverage.ground.plane
         longitude, latitude = np.array(_outline(wanted)).T

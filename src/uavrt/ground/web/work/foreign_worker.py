@@ -31,7 +31,7 @@ WALL_S = 60.0
 """Longest time for one call in the file-reading process [s]; enough for a busy computer."""
 _NICE = 10
 _LENGTH = struct.Struct(">Q")
-_REMEDY = "Give a smaller or simpler file"
+_REMEDY = "Choose a smaller file, or simplify this one"
 _TOO_LONG = f"this takes more than {CPU_S} s of computing"
 _EXIT_LARGE = 70
 _ENDS = {

@@ -108,7 +108,7 @@ def _plan_in(wanted: dict[str, Any]) -> tuple[tuple[tuple[float, float], ...], f
         raise UsageError(
             f"the plan reaches {farthest_m / 1e3:.0f} km from its first point, which is too "
             "far",
-            remedy=f"Plan at most {_FARTHEST_M / 1e3:.0f} km",
+            remedy=f"Plan a path of at most {_FARTHEST_M / 1e3:.0f} km",
         )
     if way is not None:
         return places, None
@@ -128,7 +128,8 @@ def _listed(tag_id: int, tags: tuple[Tag, ...]) -> Tag:
         if one.tag_id == tag_id:
             return one
     raise NotFound(
-        f"there is no tag {str(tag_id)[:20]} in the table", remedy="Choose a tag of the table"
+        f"there is no tag {str(tag_id)[:20]} in the table",
+        remedy="Choose a tag that is in the table",
     )
 
 

@@ -87,7 +87,9 @@ async def _made(place: Path, flight: Path, antenna: AntennaChoice) -> bytes:
             )
     except TimeoutError as error:
         late = f"the report was not ready after {TIMEOUT_S:g} s"
-        raise RecordingError(late, remedy="Make it with uavrt report") from error
+        raise RecordingError(
+            late, remedy="Make the report with the command uavrt report"
+        ) from error
     if code != 0:
         raise RecordingError(f"the report could not be made: {text}")
     return await asyncio.to_thread((place / "report.html").read_bytes)
