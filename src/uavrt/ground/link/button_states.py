@@ -1,4 +1,6 @@
-"""Decide which buttons of the page are enabled, and give the reason if not. No I/O."""
+"""Decide which buttons of the page are enabled, and give a reason for each disabled button. No
+I/O.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -21,7 +23,7 @@ REFUSALS_BY_STATE = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Busy:
-    """The operator's command in progress."""
+    """A command of the operator that is in progress, and how far it has come."""
 
     action: str
     text: str
@@ -44,7 +46,7 @@ class Situation:
     busy: Busy | None
     flight_open: bool
     foreign: bool = False
-    """True while another autopilot answers under the served vehicle's number."""
+    """True while two autopilots use the number of the served vehicle."""
     silent_s: float = 0.0
     """Time since the last contact with the drone, or since the start of the station [s]."""
 
@@ -60,7 +62,9 @@ def action_states(now: Situation) -> dict[str, dict[str, Any]]:
 
 
 def _asked_for(action: str) -> dict[str, Any]:
-    """Names and units of an action's fields that the page asks for; empty without any."""
+    """Names and units of the values that the page asks for with an action; empty if it needs
+    none.
+    """
     row = COMMAND_OF_ACTION.get(action)
     if row is None or not row.fields or not (row.button and row.button.asking):
         return {}
@@ -85,7 +89,7 @@ def cannot_command(now: Situation) -> str | None:
 
 
 def wait_for(now: Situation) -> str | None:
-    """Text that asks to wait for the command in progress; None without one."""
+    """Message to wait for the command in progress; None if no command is in progress."""
     return None if now.busy is None else f"Please wait: {now.busy.text}"
 
 

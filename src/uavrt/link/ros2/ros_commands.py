@@ -34,7 +34,7 @@ MOST_PENDING_COMMANDS = 1000
 
 
 class RosCommands:
-    """Converts ROS 2 messages to commands; `send` passes topic and record to the supervisor."""
+    """Converts ROS 2 messages to commands; `send` passes them to the supervisor by topic."""
 
     def __init__(
         self,
@@ -66,7 +66,9 @@ class RosCommands:
         """Number of commands sent to the supervisor."""
 
     def foreign_command(self, command: Command) -> None:
-        """Handle a command from outside ROS 2; its tag upload replaces one begun over ROS 2."""
+        """Handle a command that did not come by ROS 2; its tag upload replaces one begun by ROS
+        2.
+        """
         if command.name == "start_tags":
             self._upload.forget()
 
@@ -116,7 +118,9 @@ class RosCommands:
             self._log.write(4, "the gateway restarted during the upload: send all tags again")
 
     def set_loss_baseline(self) -> None:
-        """Store the tag messages lost so far, so that the next upload does not count them."""
+        """Store the number of tag messages lost so far, so that the next upload does not count
+        them.
+        """
         self._upload.quiet(self._lost_tags())
 
     def unreadable_tag(self) -> None:
@@ -164,7 +168,9 @@ class RosCommands:
         )
 
     def _refuse_part(self, topic: str, order: DiagnosticArray) -> None:
-        """Refuse to start or stop one component alone, in a message on its status topic."""
+        """Refuse to start or stop a single component; the refusal is published on its status
+        topic.
+        """
         component = topic.removeprefix("control_").removesuffix("_subprocess")
         reason = "not alone: publish to control_start_subprocess or control_stop_subprocess"
         first = order.status[0] if order.status else DiagnosticStatus()
@@ -189,7 +195,7 @@ class RosCommands:
         return self._ask("set_parameter", parameter=name, value=value)
 
     def _ask(self, name: CommandName, **details: Any) -> int:
-        """Send a command to the supervisor; return its number."""
+        """Send a command to the supervisor and return the command's number."""
         self._request_id += 1
         command = Command(name=name, request_id=self._request_id, source=SOURCE, **details)
         self._asked[command.request_id] = command
@@ -198,7 +204,7 @@ class RosCommands:
         return command.request_id
 
     def answered(self, reply: CommandReply) -> None:
-        """Handle the supervisor's answer: write it to the log, or send it to the client."""
+        """Handle the supervisor's answer to a command: log it, or reply to the client."""
         self._write_reply(reply)
         self._parameters.answered(reply)
 

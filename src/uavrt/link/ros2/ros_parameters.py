@@ -1,7 +1,7 @@
 """Serve the drone's parameters by ROS 2's parameter services.
 
-Table, values and rules are those of MAVLink (`uavrt.config.parameters`): changes go to the
-supervisor as commands, and the reply waits for its answer.
+Names, values and limits are those of the MAVLink parameters (`uavrt.config.parameters`).
+Changes are sent to the supervisor as commands, and the client's reply waits for its answer.
 """
 
 from collections import deque
@@ -39,9 +39,9 @@ from uavrt.link.ros2.types.parameter_messages import (
 BOOL, INTEGER, DOUBLE = 1, 2, 3
 """Numbers of rcl_interfaces/ParameterType; 0 is "not set"."""
 PENDING = 16
-"""Largest number of requests to set parameters that wait for the supervisor."""
+"""Largest number of requests to set parameters that may wait for the supervisor's answer."""
 MOST_AT_ONCE = 32
-"""Largest number of parameters in one request to set."""
+"""Largest number of parameters that one request may set."""
 DONE = SetParametersResult(successful=True)
 
 Ask = Callable[[str, float], int | None]
@@ -50,7 +50,7 @@ Ask = Callable[[str, float], int | None]
 
 @dataclass(slots=True)
 class _Setting:
-    """A request to set parameters while it is carried out, one parameter after the other."""
+    """A request to set parameters that is in progress, one parameter after the other."""
 
     request: SetRequest | SetTogetherRequest
     left: deque[RosParameter]
@@ -129,7 +129,7 @@ class ParameterServices:
         return None
 
     def _go_on(self, setting: _Setting) -> None:
-        """Set the next parameter of a request; reply once all are done."""
+        """Set the next parameter of a request; send the reply once all are set."""
         together = isinstance(setting.request, SetTogetherRequest)
         while setting.left:
             if together and any(not result.successful for result in setting.results):
@@ -158,7 +158,7 @@ class ParameterServices:
         self._reply(SetTogetherReply(**requester, result=bad))
 
     def _value(self, name: str) -> ParameterValue:
-        """Value in force of a parameter; its type is 0 if the parameter does not exist."""
+        """Return the present value of a parameter; type 0 if the parameter does not exist."""
         parameter = OFFERED.get(name)
         if parameter is None:
             return ParameterValue()
@@ -178,17 +178,18 @@ def _type(parameter: Parameter) -> int:
 
 
 def _below(name: str, prefixes: tuple[str, ...]) -> bool:
-    """True if `prefixes` select a parameter: an empty list, or the parameter's whole name.
+    """True if `prefixes` select a parameter: the list is empty or contains the whole name.
 
-    Names of parameters have no dots, so no shorter prefix matches.
+    Parameter names have no dots, so no shorter prefix can match.
     """
     return not prefixes or name in prefixes
 
 
 def _number(wanted: RosParameter) -> float:
-    """Number in a parameter value; raises `ConfigError` for an unknown parameter or wrong type.
+    """Return the number in a parameter value; raises `ConfigError` for an unknown parameter or
+    a wrong type.
 
-    An integer is accepted for a real number or a switch, too.
+    An integer is also accepted for a real number or a switch.
     """
     parameter = OFFERED.get(wanted.name)
     if parameter is None:

@@ -1,4 +1,6 @@
-"""Decide on the drone which ground stations may command; seal commands on the ground."""
+"""Decide on the drone which ground stations may command it; seal (authenticate) commands on the
+ground.
+"""
 
 import secrets
 from collections.abc import Iterable, Iterator
@@ -31,18 +33,21 @@ from uavrt.link.tunnel.own_messages.seal import (
 )
 
 ALIVE_S = 0.45
-"""Time between two keepalives [s], plus up to 0.05 s. Nine fit into the drone's limit of 5 s:
-at 20 % loss all are lost once in 600 flights of half an hour."""
+"""Time between two keepalives [s], plus up to 0.05 s. The drone waits 5 s, or nine keepalives,
+before the link counts as lost. At 20 % loss, all nine are lost once in 600 flights of half an
+hour."""
 ECHO_S = 5.0
 """Largest accepted age of a nonce or of an announced session [s]."""
 UNRETURNED_NONCES = 6
-"""Number of nonces that the drone did not return after which its software counts as too old for
-sealed sessions. At 20 % loss each way this happens by chance once in 500 starts, and only
-repeats the request."""
+"""Number of nonces without an answer from the drone after which its software counts as too old
+for sealed (authenticated) sessions. At 20 % loss in each direction this happens by chance once
+in 500 starts, and only causes another request."""
 MAX_ANNOUNCED = 4096
-"""Largest number of remembered session announcements; a drone has fewer in a year."""
+"""Largest number of session announcements that are remembered; a drone makes fewer in a year.
+"""
 FILES_S = 3.0
-"""Time for which a sealed keepalive announces file requests [s]."""
+"""Time for which a sealed (authenticated) keepalive marks its station as requesting files [s].
+"""
 SEALED_ORDERS = 64
 """Largest number of remembered sealed motion orders, whose answers must carry a keyed hash."""
 OLD_STATION = "this ground station's uavrt is older than the drone's. Update it; stop works"
@@ -51,7 +56,7 @@ log = get_logger()
 
 
 class Gate:
-    """Decides on the drone which ground stations may command, by number and key."""
+    """Decides on the drone which ground stations may command it, by their number and key."""
 
     def __init__(
         self,
@@ -89,7 +94,9 @@ class Gate:
         return None
 
     def announcement(self, drone: Ids, nonce: int = 0) -> bytes | None:
-        """Message that announces the session in which seals are valid; None without a key."""
+        """Message that announces the drone's current session to ground stations; None without a
+        key. Sealed messages are valid in this session only.
+        """
         return None if self._keeper is None else self._keeper.announcement(drone, nonce)
 
     def open(self, payload: bytes, sender: Ids, drone: Ids) -> tuple[int, bytes] | None:
@@ -106,7 +113,9 @@ class Gate:
         return opened
 
     def silent_s(self) -> dict[Ids, float]:
-        """Time since each station's last validly sealed message [s]; only stations with one."""
+        """Time since the last valid sealed message of each station [s]; stations without one
+        are left out.
+        """
         return {station: monotonic_s() - last_s for station, last_s in self._sealed_s.items()}
 
     def keepalive(self, inside: bytes, station: Ids, drone: Ids) -> bytes | None:
@@ -118,7 +127,7 @@ class Gate:
         return self.announcement(drone, nonce) if nonce else None
 
     def asks_for_files(self, station: Ids) -> bool:
-        """True if a station's last sealed keepalives announce file requests."""
+        """True if the latest sealed keepalives of a station announce file requests."""
         return monotonic_s() - self._files_s.get(station, -inf) < FILES_S
 
     @contextmanager
@@ -152,7 +161,7 @@ class Gate:
 
 
 class Sealer:
-    """Seals the ground station's messages: adds a keyed hash made with the shared key."""
+    """Adds a keyed hash, made with the shared key, to messages of the ground station."""
 
     def __init__(self, key: Key, own: Ids) -> None:
         self._key = key
@@ -252,8 +261,8 @@ class Sealer:
 
 @dataclass(slots=True)
 class _Announced:
-    """An announced session, which may be replayed from a recording."""
+    """A session announced as the drone's; it may come from a replayed recording."""
 
     heard_s: float = -inf
     asked: int = 0
-    """Number of nonces sent to confirm this session."""
+    """Number of nonces sent so far to confirm this session."""

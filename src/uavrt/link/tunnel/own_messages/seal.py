@@ -37,7 +37,8 @@ _SESSION = struct.Struct("<B3xQQ")
 _NONCE, _ALIVE = struct.Struct("<Q"), struct.Struct("<QB")
 _VERSION, _VERSION_ECHO = 2, 3
 _PROOF_SIZE = 7
-"""Size of an answer's keyed hash [bytes]; 2000 guesses/s for a day succeed with p = 2e-9."""
+"""Size of the keyed hash of an answer [bytes]. An attacker with 2000 guesses a second succeeds
+within a day with p = 2e-9."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,20 +58,20 @@ def read_key(path: str | Path) -> Key:
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """Scope in which a seal is valid: one run of the connection process of one drone."""
+    """One run of a drone's connection process; seals (keyed hashes) are valid in one run."""
 
     number: int
     drone: Ids
 
     def mixed_in(self) -> bytes:
-        """Bytes that identify the session; the seal protects them together with the message."""
+        """Bytes that identify the session and are included in the keyed hash of each message."""
         return struct.pack("<QBB", self.number, *self.drone)
 
 
 def seal(
     inside: bytes, kind: int, key: Key, sender: Ids, counter: int, session: Session
 ) -> bytes:
-    """Make a sealed payload; raises `TunnelError` if `inside` is too long."""
+    """Make a sealed (authenticated) payload; raises `TunnelError` if `inside` is too long."""
     if len(inside) > MAX_INSIDE:
         raise TunnelError(f"{len(inside)} bytes cannot be sealed, at most {MAX_INSIDE}", inside)
     head = _HEAD.pack(_VERSION, kind, 0, counter)
@@ -116,9 +117,9 @@ def _proof(state: bytes, key: Key, session: Session, station: Ids) -> bytes:
 
 
 def keepalive_content(nonce: int, *, files: bool = False) -> bytes:
-    """Make the content of a keepalive before sealing; the drone returns its nonce.
+    """Make the content of a keepalive before sealing; the drone sends its nonce back.
 
-    With `files`, the drone answers the station's file requests quickly even while it detects.
+    With `files`, the drone answers the station's file requests quickly even during detection.
     """
     return _ALIVE.pack(nonce, files)
 
@@ -145,7 +146,7 @@ def read_parameter(inside: bytes) -> tuple[str, float]:
 
 
 class SealKeeper:
-    """Opens sealed payloads that are authentic, new, and for this drone and session."""
+    """Opens sealed payloads; refuses those that are forged, repeated or for another session."""
 
     def __init__(self, key: Key, session: int | None = None) -> None:
         self._key = key
@@ -153,7 +154,7 @@ class SealKeeper:
         self._newest: dict[Ids, int] = {}
 
     def announcement(self, drone: Ids, nonce: int = 0) -> bytes:
-        """Message that announces the session; a returned nonce proves that it is current."""
+        """Message that announces the session; a nonce in it proves that it is not a replay."""
         newest = max(self._newest.values(), default=0)
         version = _VERSION_ECHO if nonce else _VERSION
         head = _SESSION.pack(version, self._session, newest)
