@@ -80,7 +80,7 @@ class Fleet:
             await asyncio.gather(*tasks, return_exceptions=True)
 
     async def serve(self, system_id: int) -> GroundSession:
-        """Add a vehicle on the same links and serve it; raises `UsageError` or `ConfigError`."""
+        """Add a vehicle on the same links; raises `UsageError` or `ConfigError`."""
         if system_id in self._others:
             return self._others[system_id]
         if not 1 <= system_id <= 255:
@@ -102,9 +102,7 @@ class Fleet:
         return session
 
     async def leave(self, system_id: int) -> None:
-        """Stop serving an added vehicle; its recording ends on the ground, but not on the
-        drone.
-        """
+        """Stop serving an added vehicle; this ends the recording on the ground only."""
         if system_id not in self._others:
             raise NotFound(f"vehicle {system_id} is not served by this station")
         self.first.vehicle.identity.excluded.discard(system_id)
@@ -117,9 +115,7 @@ class Fleet:
         self._show()
 
     def records(self) -> list[dict[str, Any]]:
-        """State of all vehicles for the pages, main vehicle first: number, name, contact, state
-        and pose.
-        """
+        """State of all vehicles for the pages, the main vehicle first."""
         return [vehicle_record(one.vehicle) for one in self.sessions]
 
     def _receive_course(self, session: GroundSession, course: Course) -> None:

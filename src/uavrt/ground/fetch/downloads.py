@@ -89,7 +89,7 @@ class Downloads:
         ]
 
     def start(self, flight_id: str, *, everything: bool = False) -> Download:
-        """Start to download a flight, including its recorded samples if `everything` is True."""
+        """Start to download a flight, with its recorded samples if `everything` is True."""
         if not flight_id.startswith(FLIGHT_PREFIX) or Path(flight_id).name != flight_id:
             raise NotFound(f"there is no flight {flight_id[:80]!r} on the drone")
         if self._is_own(flight_id):

@@ -434,7 +434,7 @@ def _size(path: Path) -> int | None:
 
 
 def _entry(directory: str, line: bytes) -> RemoteEntry:
-    """Parse one line of a directory listing; raises `LinkError` for a name outside `directory`."""
+    """Parse one line of a listing; raises `LinkError` for a name outside `directory`."""
     name, _, size = line[1:].decode("utf-8", "replace").partition("\t")
     good = name not in ("", "..") and name.isprintable() and Path(name).name == name
     if not good or not (size or "0").isdecimal():

@@ -49,7 +49,7 @@ def place_for(new: Path, place: Path) -> Path:
 
 
 def others(place: Path) -> list[Path]:
-    """List the copies of a local file that come from other flights: ``NAME.other-1`` and so on."""
+    """List a local file's copies that come from other flights: ``NAME.other-1`` etc."""
     return [p for p in place.parent.glob("*") if p.name.startswith(place.name + OTHER_SUFFIX)]
 
 
@@ -77,7 +77,7 @@ def same_database(new: Path, old: Path) -> bool:
 
 
 def same_recording(new: Path, old: Path) -> bool:
-    """True if the SigMF description of a recording is a later state of the other description."""
+    """True if one SigMF description of a recording is a later state of the other."""
     try:
         formats, stretches = zip(*(_described(path) for path in (new, old)), strict=True)
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):

@@ -1,4 +1,4 @@
-"""Recognise a flight's sample files, which are large and are downloaded only on request."""
+"""Recognise sample files of a flight, which are large and downloaded only on request."""
 
 from typing import Literal
 
@@ -11,7 +11,7 @@ too large for a radio link."""
 
 
 def sample_part(path: str) -> SampleKind | None:
-    """Return which kind of samples a file on the drone holds; None for a file without samples."""
+    """Return the kind of samples in a file on the drone; None for a file without samples."""
     if "/iq/channels/" in path:
         return CHANNELS
     return BAND if "/iq/" in path else None

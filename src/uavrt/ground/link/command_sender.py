@@ -44,7 +44,7 @@ def _parameter(body: dict[str, Any]) -> tuple[str, float]:
 
 
 def _correction(vehicle: ServedVehicle, request: dict[str, Any]) -> TagCorrection:
-    """Read the requested correction of a tag, or the request to undo one; raises `FormatError`."""
+    """Read the requested correction of a tag, or its undoing; raises `FormatError`."""
     now_ns = vehicle.clock.now_ns()
     tag_id = request.get("tag_id")
     tag = next((one for one in vehicle.store.tags if one.tag_id == tag_id), None)
@@ -85,9 +85,7 @@ class Commands:
         self._vehicle = vehicle
 
     def by_name(self, body: dict[str, Any]) -> dict[str, Callable[[], Awaitable[str]]]:
-        """Functions that send the page's commands, by the button's action; `body` holds the
-        values.
-        """
+        """Functions that send the page's commands, by the button's action."""
         return {
             "send_tags": self.send_tags,
             "start": self.start,

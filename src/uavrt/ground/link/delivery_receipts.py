@@ -22,7 +22,7 @@ REMEMBERED = 500_000
 
 
 class Receipts:
-    """Keeps track of the stored pulses, and makes receipts that acknowledge them to the drone."""
+    """Keeps track of stored pulses and makes receipts that acknowledge them to the drone."""
 
     def __init__(
         self,

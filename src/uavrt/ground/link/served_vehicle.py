@@ -1,4 +1,6 @@
-"""One vehicle that the ground station serves: link, drone reports and flight."""
+"""One vehicle that the ground station serves, with its link, the drone's reports and the
+flight.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import Final
@@ -57,7 +59,7 @@ class ServedVehicle:
 
     @property
     def name(self) -> str:
-        """The vehicle's name, which distinguishes it from other vehicles."""
+        """Name that distinguishes this vehicle from other vehicles of the station."""
         number, name = self.identity.system_id, self.store.settings.vehicle_name
         return "this vehicle" if number is None else vehicle_note(number, name)
 
@@ -88,7 +90,7 @@ class ServedVehicle:
         self.feed.send_state()
 
     async def connect(self) -> None:
-        """Open the configured link, after closing any other; raises `LinkError`."""
+        """Close the link if one is open, then open the configured link; raises `LinkError`."""
         await self.disconnect()
         await self.connection.open(lambda: self.drone.sent_tags)
 
@@ -119,7 +121,7 @@ class ServedVehicle:
         self.feed.send_state()
 
     def receive_heartbeat(self, heartbeat: DroneHeartbeat) -> None:
-        """Handle the drone's state; a ground flight begins and ends with detection."""
+        """Handle the drone's state; the ground's recording begins and ends with detection."""
         before, state = self.drone.receive_heartbeat(heartbeat), heartbeat.state
         if before is state:
             return
@@ -135,7 +137,7 @@ class ServedVehicle:
         self.feed.send_state()
 
     def once_a_second(self, now_ns: int) -> bool:
-        """Send due requests to the vehicle, and record changes; False without an open link."""
+        """Send due requests to the vehicle and record changes; False if no link is open."""
         watch = self.connection.serve(now_ns)
         if watch is None:
             return False
@@ -149,7 +151,9 @@ class ServedVehicle:
         return True
 
     def _report_others(self, now_ns: int) -> None:
-        """Log each other vehicle on this link once, and a second one under our number."""
+        """Log once each other vehicle on this link, and a second vehicle with our vehicle's
+        number.
+        """
         ours = self.identity.system_id
         self._named |= {one.identity.system_id or 0 for one in self.companions}
         for system_id in sorted(set(self.identity.others) - self._named):
@@ -164,7 +168,7 @@ class ServedVehicle:
         self._foreign_reported = foreign
 
     def choose(self, system_id: int) -> None:
-        """Serve another vehicle; ends the previous one's flight on the ground only."""
+        """Serve another vehicle; the previous vehicle's flight ends on the ground only."""
         if self.store.system_id is not None:
             raise UsageError(f"this page belongs to vehicle {self.store.system_id}")
         if any(one.identity.system_id == system_id for one in self.companions):

@@ -1,4 +1,4 @@
-"""The tag table of the page: typed rows, faults per field, import and export."""
+"""The tag table of the page: check, import and export typed rows."""
 
 import hashlib
 import io
@@ -70,7 +70,7 @@ PRESETS: tuple[dict[str, Any], ...] = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FieldFault:
-    """One mistake in the table: its row and field, and the remedy."""
+    """A mistake in the tag table: row, field, what is wrong and what to do."""
 
     row: int
     """Index of the tag's row in the page's table, from 0."""
@@ -79,7 +79,7 @@ class FieldFault:
 
 
 def tags_from_rows(rows: object) -> tuple[tuple[Tag, ...], list[FieldFault]]:
-    """Check typed rows; return the tags, or no tags if there is any fault."""
+    """Check typed rows and convert them to tags; no tags if any row has a fault."""
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise UsageError("tags must be a list of rows")
     if len(rows) > MAX_ROWS:
@@ -101,7 +101,7 @@ def warnings_of(tags: Sequence[Tag]) -> list[str]:
 
 
 def rows_from_tags(tags: Sequence[Tag]) -> list[Row]:
-    """Write tags as rows of the table."""
+    """Convert tags to rows of the page's table."""
     return [
         {
             "id": tag.tag_id,
@@ -316,7 +316,9 @@ def _percent(number: float) -> float | int | str:
 
 
 def _key(number: str) -> str:
-    """Manufacturer number without spaces and ``.0``, for comparisons."""
+    """Manufacturer number without spaces and ``.0``, so that numbers of two files can be
+    compared.
+    """
     return number.removesuffix(".0").strip()
 
 

@@ -221,7 +221,7 @@ class MotionCommands:
 
 
 def area_of_file(body: dict[str, Any]) -> dict[str, Any]:
-    """Read the area in a file, ``{"name": …, "text": …}``, or a circle; raises `FormatError`."""
+    """Read a file's area, ``{"name": …, "text": …}``, or a circle; raises `FormatError`."""
     if "radius_m" in body:
         (center,) = places_in([body.get("center")])
         places = circle(center, number_in(body, "radius_m"))

@@ -20,11 +20,12 @@ from uavrt.link.mavlink.services.parameter_service import decode_value
 
 TRIES = 5
 QUIET_S = 0.5
-"""Silence after which missing parameters are requested again [s]; they come 20 ms apart."""
+"""Time without a parameter value after which missing parameters are requested again [s]; values
+arrive 20 ms apart."""
 
 
 class DroneParameters:
-    """Lists and sets the drone's parameters."""
+    """Lists and sets the drone's parameters by the MAVLink parameter protocol."""
 
     def __init__(
         self,
@@ -63,7 +64,7 @@ class DroneParameters:
         self._news.set()
 
     async def list_all(self) -> dict[str, float]:
-        """Get every parameter's value; raises `LinkError`."""
+        """Return the values of all parameters by name; raises `LinkError`."""
         drone = self._drone()
         await self._learn_encoding(drone)
         self._raw.clear()
@@ -117,7 +118,9 @@ class DroneParameters:
         return self._protocol.drone
 
     def _missing(self, drone: Peer) -> list[Message]:
-        """Make requests for parameters not yet received; authenticated if there is a key."""
+        """Make requests for the parameters that have not arrived; authenticated if there is a
+        key.
+        """
         sealed = self._protocol.sealed_parameter
         if self._count is None:
             return [sealed("", math.nan) or dialect.ParamRequestList(**drone.address)]
@@ -129,7 +132,7 @@ class DroneParameters:
         ]
 
     async def _learn_encoding(self, drone: Peer) -> None:
-        """Query the autopilot's capability bits, once, for the encoding of integers."""
+        """Request the autopilot's capability bits once; they show how integers are encoded."""
         for _ in range(TRIES):
             if self._bytewise is not None:
                 return

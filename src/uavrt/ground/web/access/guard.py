@@ -231,7 +231,7 @@ async def _body(receive: Receive) -> bytes:
 
 
 def _is_map(scope: Scope) -> bool:
-    """True for an upload of a map file, which uses a method that other sites' forms cannot."""
+    """True for an upload of a map file; forms of other sites cannot use its method."""
     return scope["method"] == "PUT" and str(scope["path"]).startswith("/api/maps/")
 
 

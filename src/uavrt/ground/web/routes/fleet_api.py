@@ -1,4 +1,4 @@
-"""Routes to serve further vehicles, and to command all vehicles at once."""
+"""Routes to add further vehicles, and to send a command to all vehicles at once."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -47,7 +47,7 @@ class FleetApi:
         return self._fleet.records()
 
     async def leave(self, request: Request) -> Any:
-        """Stop serving a vehicle, without a command to it."""
+        """Stop serving an added vehicle; no command is sent to it."""
         await self._fleet.leave(int(request.path_params["number"]))
         return self._fleet.records()
 

@@ -1,7 +1,7 @@
-"""Results about a whole flight after its end: tags found in its samples, coverage maps.
+"""Results for a whole flight after its end: tags found in its samples, and coverage maps.
 
-Both use the functions of ``uavrt integrate`` and ``uavrt coverage``. `map_jobs` makes the
-coverage map; the page polls until it is ready.
+The results come from the functions of ``uavrt integrate`` and ``uavrt coverage``. `map_jobs`
+computes the coverage map; the page requests it again until it is ready.
 """
 
 import math
@@ -71,7 +71,7 @@ class CoverageMapRequest:
 
 
 class CoverageMapJobs(MapJobs[CoverageMapRequest, "SilentMap"]):
-    """Makes maps of where a tag would have been detected, one at a time; keeps the last."""
+    """Makes maps of where a tag would have been detected, one at a time; keeps the last map."""
 
     def __init__(self) -> None:
         super().__init__(_made, _record, "map of silence")

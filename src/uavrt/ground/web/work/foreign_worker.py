@@ -26,7 +26,8 @@ from uavrt.core.foreign import CPU_S, MEMORY_BYTES
 
 T = TypeVar("T")
 MOST_WAITING = 64
-"""Maximum number of calls queued for the file-reading process; moving a map sends twenty."""
+"""Maximum number of calls queued for the process that reads untrusted files; moving the page's
+map sends twenty."""
 WALL_S = 60.0
 """Longest time for one call in the file-reading process [s]; enough for a busy computer."""
 _NICE = 10
@@ -41,9 +42,9 @@ _ENDS = {
 
 
 class ForeignWorker:
-    """Calls module-level functions in another process, with limits on time and memory.
+    """Calls functions in another process, with limits on time and memory.
 
-    Functions must be on module level; arguments and results must be picklable.
+    Functions must be on module level, and their arguments and results must be picklable.
     """
 
     def __init__(self) -> None:
@@ -54,7 +55,9 @@ class ForeignWorker:
         self._end: Callable[[], object] = _nothing
 
     async def call(self, function: Callable[..., T], *arguments: Any) -> T:
-        """Call a function in the process; cancelling ends the process. Raises `UavrtError`."""
+        """Call a function in the other process; if cancelled, the process is ended. Raises
+        `UavrtError`.
+        """
         if self._waiting >= MOST_WAITING:
             raise CommandRefused(
                 f"{self._waiting} files are waiting to be read", remedy="Try again in a minute"
@@ -173,7 +176,7 @@ def _exactly(pipe: BinaryIO | Any, size: int) -> bytes:
 
 
 def main() -> None:
-    """Answer one request after the other until the pipe ends."""
+    """Answer the requests on the pipe one after the other until the pipe is closed."""
     if hasattr(os, "nice"):
         os.nice(_NICE)
     questions = os.fdopen(os.dup(0), "rb", buffering=0)
@@ -205,7 +208,7 @@ def main() -> None:
 
 
 def _plain(error: UavrtError) -> type[UavrtError]:
-    """Copy an error as one that has only a message and a remedy, so that it can be pickled."""
+    """Copy an error to one with only a message and a remedy, which can be pickled."""
     made_by = "__init__"
     for kind in type(error).__mro__:
         if getattr(kind, made_by) is getattr(UavrtError, made_by):

@@ -93,7 +93,7 @@ def plan_map_jobs() -> MapJobs[PlanMapRequest, PlanMaps]:
 
 
 def _plan_in(wanted: dict[str, Any]) -> tuple[tuple[tuple[float, float], ...], float | None]:
-    """Points of a path or of an outline, and the line spacing in an outline [m]."""
+    """Read the points of a path or an outline, and the spacing of an outline's lines [m]."""
     way, outline = wanted.get("way"), wanted.get("outline")
     if (way is None) == (outline is None):
         raise FormatError("a plan must be either a path or an outline")
@@ -184,7 +184,7 @@ def _made(request: PlanMapRequest, on_step: OnStep) -> PlanMaps:
 
 
 def _size(wide_m: float, high_m: float) -> "MapSize":
-    """Size of a map's cells: as in `uavrt coverage`, but larger if there would be too many."""
+    """Choose the size of a map's cells: as `uavrt coverage`, or larger if too many."""
     from uavrt.analysis.covered.coverage_maps import MapSize
 
     size = MapSize()

@@ -58,13 +58,13 @@ def read_key(path: str | Path) -> Key:
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """One run of a drone's connection process; seals (keyed hashes) are valid in one run."""
+    """One run of a drone's connection process; a seal (keyed hash) is valid within it."""
 
     number: int
     drone: Ids
 
     def mixed_in(self) -> bytes:
-        """Bytes that identify the session and are included in the keyed hash of each message."""
+        """Bytes that identify the session; they are part of each message's keyed hash."""
         return struct.pack("<QBB", self.number, *self.drone)
 
 

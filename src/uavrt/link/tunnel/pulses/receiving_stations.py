@@ -68,7 +68,7 @@ class Store:
 
 
 class Stores:
-    """Ground stations that acknowledge, and which of them may lack pulses on disk."""
+    """Stations that acknowledge pulses, and whether they may lack pulses on disk."""
 
     def __init__(self) -> None:
         self._stores: dict[int, Store] = {}
@@ -135,7 +135,7 @@ class Stores:
         self._stores[number] = Store(place, now_ns, since_ns=now_ns)
 
     def silent(self, now_ns: int) -> list[int]:
-        """Return the stations to remove, which are silent or have never acknowledged a pulse."""
+        """Return the stations to remove: those that are silent or never acknowledged."""
         return [
             number
             for number, store in self._stores.items()
