@@ -128,7 +128,7 @@ def test_noise_that_rises_or_lies_on_one_frequency_is_named() -> None:
     uneven = Bench()
     uneven.add(report(4, 2e-8), NOW_NS)
     uneven.add(report(6, 1e-9), NOW_NS)
-    assert "13 dB more at 148.700 MHz" in items(FACTS, uneven)["noise"].text
+    assert "13 dB more noise at 148.700 MHz" in items(FACTS, uneven)["noise"].text
     dead = Bench()
     dead.add(report(4, float("nan")), NOW_NS)
     dead.add(report(6, 0.0), NOW_NS)

@@ -105,7 +105,7 @@ def test_a_setting_for_all_tags_that_makes_them_unsearchable_is_told_at_the_star
     say(mission, 3, "end_tags")
     reply = say(mission, 4, "start_detection")
     assert not reply.accepted
-    assert "k 40 is too many" in reply.message
+    assert "k 40 is too large" in reply.message
     assert mission.flights.flight is None
 
 
