@@ -74,7 +74,9 @@ class EstimateLoop:
             except UavrtError as error:
                 if str(error) != self._fault:
                     self._fault = str(error)
-                    self._vehicle.feed.note(4, f"No estimate: {error}")
+                    self._vehicle.feed.note(
+                        4, f"No bearings or positions could be computed: {error}"
+                    )
                 return
             finally:
                 took_s, others = monotonic_s() - begun_s, len(self._companions())

@@ -249,7 +249,7 @@ def refuse_two_vehicles(vehicle: ServedVehicle) -> None:
     """Raise `LinkError` while two vehicles use one system id: both would get our commands."""
     if vehicle.identity.foreign(vehicle.clock.now_ns()):
         raise LinkError(
-            f"two vehicles answer under number {vehicle.identity.system_id}",
+            f"two vehicles use the number {vehicle.identity.system_id}",
             remedy="Give each vehicle a number of its own (MAV_SYS_ID)",
         )
 

@@ -54,7 +54,7 @@ async def test_a_drone_with_a_key_takes_only_sealed_parameters(
         async with world.station(ack_wait_s=0.4) as (stranger, _):
             with pytest.raises(CommandRefused, match="remains -1"):
                 await stranger.parameters.set("RADIO_GAIN", 15)
-            assert "only sealed" in world.of(StatusText)[-1].text
+            assert "only accepts sealed" in world.of(StatusText)[-1].text
         async with world.station(key=read_key(path)) as (friend, _):
             with pytest.raises(LinkError, match="no session for sealed commands"):
                 friend.protocol.sealed_parameter("RADIO_GAIN", 15.0)

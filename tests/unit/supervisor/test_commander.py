@@ -169,7 +169,7 @@ def test_a_command_that_does_nothing_makes_nobody_the_first(tmp_path: Path) -> N
 def test_a_locked_drone_takes_no_command_from_ros_2(tmp_path: Path) -> None:
     drone = Drone(tmp_path, key_file="command.key")
     reply = drone.say(ROS, "start_tags")
-    assert (reply.accepted, "only sealed commands" in reply.message) == (False, True)
+    assert (reply.accepted, "only accepts sealed" in reply.message) == (False, True)
     open_to_first = Drone(tmp_path, key_file="command.key", key_required=False)
     open_to_first.detect(ROS)
 

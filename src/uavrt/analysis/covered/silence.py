@@ -58,8 +58,8 @@ _NOT_SILENT = (
 _WITHIN = "the result covers tags within {:g} Hz of their listed frequency"
 _ANTENNA_ASSUMED = "antenna not specified: {} assumed"
 _AMBIGUOUS = (
-    "pulses on the tag's frequency may come from this tag, so it may not be absent; uavrt "
-    "integrate lists them"
+    "pulses on the tag's frequency may come from this tag, so it may not be absent (uavrt "
+    "integrate lists them)"
 )
 
 

@@ -50,7 +50,8 @@ def antenna_poses(flight: Flight) -> list[Pose]:
     posed = [one for one in flight.poses if is_attitude(one.quaternion_wxyz)]
     if flight.poses and not posed:
         raise FormatError(
-            f"no pose of {flight.info.directory} has an attitude",
+            f"{flight.info.directory} has no pose with an attitude, so the antenna's "
+            "direction is unknown",
             remedy="Attach poses from an autopilot's log with uavrt attach",
         )
     return [mounting.antenna_pose(one) for one in posed]

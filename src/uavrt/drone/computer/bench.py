@@ -171,7 +171,7 @@ def _radio(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
     if facts.state is not SystemState.DETECTING:
         return failed(
             what,
-            "not tested: no detection is running",
+            "not tested, because no detection is running",
             "Send the tags and press Start, with the propellers off",
         )
     ages = [_age_s(one.detector_ns, now_ns) for one in bench.tags.values()]
@@ -188,7 +188,9 @@ def _noise(facts: FlightFacts, bench: Bench) -> Finding:
     what = "noise"
     known = bench.noise(facts.tags)
     if not known:
-        return failed(what, "not measured yet", "Press Start and wait half a minute")
+        return failed(
+            what, "not measured yet", "Press Start and wait half a minute for a measurement"
+        )
     names = {tag.tag_id: _megahertz(tag) for tag in facts.tags}
     levels = {tag_id: one.noise_db or 0.0 for tag_id, one in known.items()}
     rises = {tag_id: levels[tag_id] - one.quietest_db for tag_id, one in known.items()}
@@ -219,7 +221,7 @@ def _level(
     if usual_db is None:
         return _open(
             what,
-            f"not known yet: {even}, but there is no past flight for comparison",
+            f"not known yet: {even}, but there is no past flight to compare with",
             "Switch on camera, video link and motors, one after the other, and check that the "
             "noise stays the same. Later flights are compared with the first",
         )
@@ -230,7 +232,7 @@ def _level(
         return failed(
             what,
             f"{-more_db:.0f} dB less than in past flights",
-            "Check the antenna and its cable, and that the gain is as in past flights",
+            "Check the antenna and its cable, and that the gain is the same as in past flights",
         )
     return passed(what, f"{even}, and within {abs(more_db):.0f} dB of past flights")
 
@@ -245,7 +247,8 @@ def _time(facts: FlightFacts, bench: Bench) -> Finding:
             f"the drone's clock is {off} behind this computer's"
             if off_s > 0
             else f"the drone's clock is {off} ahead of this computer's",
-            "Set the clock that is wrong; on the drone: sudo timedatectl set-time",
+            "Set the clock that is wrong; to set the drone's, run there: sudo timedatectl "
+            "set-time",
         )
     if facts.time_known or (facts.time_known is None and bench.posed):
         return passed(what, "the autopilot's clock is known")
@@ -253,7 +256,7 @@ def _time(facts: FlightFacts, bench: Bench) -> Finding:
     return failed(
         what,
         "unknown until a pulse is detected" if waiting else "the autopilot's clock is unknown",
-        "Switch on the bench tag"
+        "Switch on a tag and lay it a few metres away"
         if waiting
         else "Check the drone's cable to the autopilot, both wires, and its MAVLink port",
     )
@@ -288,15 +291,15 @@ def _tags(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
     if not heard:
         return failed(
             what,
-            "none detected in the last minute",
+            "no tag was detected in the last minute",
             "Put a tag that is switched on a few metres away, and check its frequency and "
             "interval in the list",
         )
     if all(one.clipped for _, one in heard):
         return failed(
             what,
-            "so strong that the radio overloads",
-            "Put the tag farther away, or lower the gain",
+            "so strong that the radio is overloaded",
+            "Put the test tag farther away, or lower the gain under Set-up",
         )
     names = ", ".join(tag.name or str(tag.tag_id) for tag, _ in heard[:3])
     return passed(what, f"{len(heard)} of {len(facts.tags)} detected: {names}")
@@ -323,10 +326,11 @@ def _battery(facts: FlightFacts) -> Finding:
         return failed(
             what,
             "not reported by the autopilot",
-            "Set up the autopilot's battery monitor (BATT_MONITOR, BAT1_SOURCE)",
+            "Set up the battery monitor in the autopilot's parameters (BATT_MONITOR, "
+            "BAT1_SOURCE)",
         )
     if percent < BATTERY_PERCENT:
-        return failed(what, f"{percent:.0f} % left", "Charge the battery, or use a full one")
+        return failed(what, f"{percent:.0f} % left", "Charge the battery, or use a charged one")
     if facts.battery_v is None:
         return passed(what, f"{percent:.0f} % left")
     return passed(what, f"{percent:.0f} % left, {facts.battery_v:.1f} V")

@@ -91,10 +91,10 @@ class Downloads:
     def start(self, flight_id: str, *, everything: bool = False) -> Download:
         """Start to download a flight, with its recorded samples if `everything` is True."""
         if not flight_id.startswith(FLIGHT_PREFIX) or Path(flight_id).name != flight_id:
-            raise NotFound(f"there is no flight {flight_id[:80]!r} on the drone")
+            raise NotFound(f"the drone has no flight {flight_id[:80]!r}")
         if self._is_own(flight_id):
             raise UsageError(
-                f"{flight_id} is already on this computer, which is the drone's own"
+                f"{flight_id} is already on this computer: it is the drone's own computer"
             )
         if self._task is not None and not self._task.done():
             raise LinkError(
@@ -128,7 +128,7 @@ class Downloads:
             self._vehicle.feed.note(6, f"{flight_id} downloaded")
             if tree.left_out:
                 self._vehicle.feed.note(
-                    4, f"{tree.left_out} files of {flight_id} were left out"
+                    4, f"{tree.left_out} files of {flight_id} were not downloaded"
                 )
         except UavrtError as fault:
             error = str(fault)

@@ -322,8 +322,10 @@ def require_room(entries: Iterable[RemoteEntry], place: Path, *, samples: bool) 
     whole = sum(entry.size or 0 for entry in entries)
     if whole > MOST_BYTES and not samples:
         raise RecordingError(
-            f"the drone lists {whole / 1e9:.1f} GB: too much for a flight without samples",
-            remedy="Fetch its files one by one; someone may be impersonating the drone",
+            f"the drone lists {whole / 1e9:.1f} GB, which is too much for a flight without "
+            "samples",
+            remedy="Fetch the flight's files one by one; someone may be impersonating the "
+            "drone",
         )
     _require_free(place, whole)
 

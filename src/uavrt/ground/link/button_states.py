@@ -76,7 +76,7 @@ def unreachable(now: Situation) -> str | None:
     if not now.link_open:
         return "Not connected: choose the connection under Set-up"
     if not now.drone_present:
-        return "No contact with the drone: check its power and the radio"
+        return "No contact with the drone: check its power and the radio link"
     return wait_for(now)
 
 
@@ -84,7 +84,7 @@ def cannot_command(now: Situation) -> str | None:
     """Reason why no command except a stop can be sent; None if all can be sent."""
     reason = unreachable(now)
     if reason is None and now.foreign:
-        return "Two vehicles have the same number: choose one above"
+        return "Two vehicles have the same number: choose one of them above"
     return reason
 
 
@@ -104,7 +104,7 @@ def _reason(action: str, now: Situation) -> str | None:
     command = COMMAND_OF_ACTION[action].name
     if now.state is not None and not isinstance(outcome(now.state, command), Accepted):
         return (
-            "Nothing is running that could be stopped"
+            "Nothing is running, so there is nothing to stop"
             if action == "stop"
             else REFUSALS_BY_STATE[now.state]
         )

@@ -184,9 +184,12 @@ class Commands:
                 await store.disk.run(store.correct_tag, correction)
             except (OSError, UavrtError) as error:
                 reason = error.message if isinstance(error, UavrtError) else error
-                text = f"tag {tag_id} is not corrected in the list: {reason}"
+                text = f"tag {tag_id} was not corrected in the list here: {reason}"
                 if link is not None:
-                    text = f"tag {tag_id} is corrected on the drone, not in the list: {reason}"
+                    text = (
+                        f"tag {tag_id} was corrected on the drone, but not in the list here: "
+                        f"{reason}"
+                    )
                 raise RecordingError(
                     text,
                     remedy="Check that the tag is listed and the disk has space, then repeat "

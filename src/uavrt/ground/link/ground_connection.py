@@ -124,7 +124,7 @@ class Connection:
         faults = 0 if self.link is None else self.link.faults
         if faults.bit_length() > self._faults_reported.bit_length():
             self._faults_reported = faults
-            text = f"{faults} frames could not be handled: this program's log says why"
+            text = f"{faults} frames could not be handled: see this program's log"
             self._feed.note(3, text)
 
     def forget_vehicle(self) -> None:

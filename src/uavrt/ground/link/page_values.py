@@ -53,5 +53,5 @@ def places_in(given: Any) -> Places:
                 if on_earth and not isinstance(north, bool) and not isinstance(east, bool):
                     places.append((float(north), float(east)))
                     continue
-        raise FormatError("places must be latitudes and longitudes on earth")
+        raise FormatError("each place must be a latitude and a longitude on earth")
     return tuple(places)

@@ -125,7 +125,7 @@ class ServedVehicle:
         before, state = self.drone.receive_heartbeat(heartbeat), heartbeat.state
         if before is state:
             return
-        self.feed.note(6, f"drone is {state.words if state else 'in an unknown state'}")
+        self.feed.note(6, f"the drone is {state.words if state else 'in an unknown state'}")
         # The drone may have stopped before a resumed flight was; the states of before a start
         # may come after its acknowledgement.
         unseen = before is None and state is not None
@@ -158,12 +158,15 @@ class ServedVehicle:
         self._named |= {one.identity.system_id or 0 for one in self.companions}
         for system_id in sorted(set(self.identity.others) - self._named):
             self._named.add(system_id)
-            text = f"another vehicle, {system_id}, is received; this page stays with {ours}"
+            text = (
+                f"messages of another vehicle, {system_id}, also arrive; this page still "
+                f"serves vehicle {ours}"
+            )
             self.feed.note(4, text)
         foreign = self.identity.foreign(now_ns)
         if foreign and not self._foreign_reported:
             who = "autopilot" if self.connection.flies else "station"
-            text = f"another {who} answers under the number {ours}: {FOREIGN_REMEDY}"
+            text = f"another {who} uses the vehicle number {ours}: {FOREIGN_REMEDY}"
             self.feed.note(2, text)
         self._foreign_reported = foreign
 

@@ -128,7 +128,9 @@ class FlightKeeper:
                 keys = database.execute("SELECT tag_id, start_time_ns FROM pulses")
                 self._live.resume(keys.fetchall(), ground_states_in(database))
         except (RecordingError, sqlite3.Error, TypeError) as error:
-            log.warning("earlier flight not resumed", flight=flight_id, reason=str(error))
+            log.warning(
+                "the earlier flight cannot be resumed", flight=flight_id, reason=str(error)
+            )
             self.queue.writer.end()
             self.flight_id = None
             return False
@@ -181,7 +183,7 @@ class FlightKeeper:
         del self._early_s[burst.key]
         self.without_burst += 1
         log.seldom(
-            self.without_burst, "pulse times of a burst discarded: the burst did not arrive"
+            self.without_burst, "pulse times were discarded, because their burst did not arrive"
         )
         return False
 

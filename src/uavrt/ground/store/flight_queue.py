@@ -98,7 +98,10 @@ class FlightQueue:
             self.put(lambda writer: writer.record(write))
         else:
             self._left_out += 1
-            log.seldom(self._left_out, "poses and notes discarded: the disk does not answer")
+            log.seldom(
+                self._left_out,
+                "poses and notes are being discarded, because the disk does not answer",
+            )
 
     def commit(self, *, at_once: bool = False) -> None:
         """Write the queue to the disk, one second after a fault unless `at_once`.
@@ -107,7 +110,9 @@ class FlightQueue:
         """
         fault = self.fault
         if fault is not None and not self._reported:
-            log.warning("flight not written; received data wait in memory", reason=fault)
+            log.warning(
+                "the flight cannot be written; received data wait in memory", reason=fault
+            )
         self._reported = fault is not None
         if at_once:
             self._retry_at_s = 0.0

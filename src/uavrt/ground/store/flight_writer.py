@@ -51,7 +51,10 @@ class FlightWriter:
             try:
                 note_flight(Path(info.directory))
             except OSError as error:
-                log.warning("cannot write the list of flights by age", reason=str(error))
+                log.warning(
+                    "cannot write the list of flights in the order of recording",
+                    reason=str(error),
+                )
 
     def go_on(self, path: Path) -> None:
         """Continue a flight after a restart; raises `RecordingError` if that is impossible."""
@@ -76,7 +79,8 @@ class FlightWriter:
         if not FlightLayout(path).database.exists():
             self._discarded += 1
             log.seldom(
-                self._discarded, "pulse times of a burst discarded: its flight was removed"
+                self._discarded,
+                "pulse times of a burst were discarded, because its flight was removed",
             )
             return
         recorder = FlightRecorder(path, durable=True)

@@ -156,8 +156,8 @@ class Gateway:
             return "No message on this topic is accepted"
         rate = (SERVICE_BURST, SERVICE_PER_S) if row is None else (row.burst, row.per_s)
         return (
-            f"At most {rate[0]} at once and {rate[1]:g} a second are accepted; a long message "
-            f"counts as one for each {BYTES_OF_ONE} bytes or part of them"
+            f"At most {rate[0]} messages at once and {rate[1]:g} a second are accepted; a long "
+            f"message counts once for each {BYTES_OF_ONE} bytes begun"
         )
 
     def _receive_pulse(self, message: RosPulse) -> None:
@@ -176,7 +176,9 @@ class Gateway:
         """Raise `FormatError` for a pulse that does not belong to this flight."""
         flight = self._drone.flight
         if flight is None:
-            raise FormatError(f"pulse of tag {pulse.tag_id} refused: no flight")
+            raise FormatError(
+                f"pulse of tag {pulse.tag_id} refused: no flight is being recorded"
+            )
         if all(tag.tag_id != pulse.tag_id for tag in flight.tags):
             raise FormatError(f"pulse of tag {pulse.tag_id} refused: not a tag of this flight")
         late_s = (pulse.start_time_ns - self._now_ns()) * 1e-9

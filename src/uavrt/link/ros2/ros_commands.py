@@ -81,7 +81,7 @@ class RosCommands:
             case _ if not self._drone.settings.ros2.accept_commands:
                 self._log.refuse("commands from ROS 2 are off (accept_commands = false)")
             case _ if arrival.sender == UNKNOWN:
-                self._log.refuse(f"{topic}: its sender is unknown to DDS")
+                self._log.refuse(f"{topic}: DDS has not announced its sender")
             case RosTag() | RosCodedTag():
                 self._receive_tag(message, arrival)
             case Flag():
@@ -101,7 +101,7 @@ class RosCommands:
         """Reason why a message's sender may not change anything; None if it may."""
         if not self._drone.settings.ros2.accept_commands:
             return "commands from ROS 2 are off (accept_commands = false)"
-        return "its sender is unknown to DDS" if arrival.sender == UNKNOWN else None
+        return "DDS has not announced its sender" if arrival.sender == UNKNOWN else None
 
     def resume(self) -> None:
         """Continue the upload that was in progress when an earlier gateway process ended."""
@@ -150,7 +150,9 @@ class RosCommands:
     def _receive_order(self, topic: str, order: DiagnosticArray) -> None:
         expected = "start" if topic == "control_start_subprocess" else "stop"
         if not order.status or order.status[0].message != expected:
-            raise FormatError(f"{topic}: the first status must have the message '{expected}'")
+            raise FormatError(
+                f"{topic}: the first status must contain the message '{expected}'"
+            )
         if expected == "stop":
             self._ask("stop_detection")
             return
@@ -172,7 +174,10 @@ class RosCommands:
         topic.
         """
         component = topic.removeprefix("control_").removesuffix("_subprocess")
-        reason = "not alone: publish to control_start_subprocess or control_stop_subprocess"
+        reason = (
+            "a component cannot be started or stopped alone: publish to "
+            "control_start_subprocess or control_stop_subprocess"
+        )
         first = order.status[0] if order.status else DiagnosticStatus()
         refused = DiagnosticStatus(
             level=ERROR,
@@ -190,7 +195,7 @@ class RosCommands:
     def _request_parameter(self, name: str, value: float) -> int | None:
         """Request a parameter change from the supervisor; None if too many are pending."""
         if not self._parameters_allowed.take(self._now_ns()):
-            self._log.refuse("set_parameter: too many commands at once")
+            self._log.refuse("set_parameter refused: too many commands are pending")
             return None
         return self._ask("set_parameter", parameter=name, value=value)
 

@@ -106,7 +106,7 @@ class ParameterServices:
 
     def _begin(self, request: SetRequest | SetTogetherRequest, refusal: str | None) -> None:
         if refusal is None and len(request.parameters) > MOST_AT_ONCE:
-            refusal = f"more than {MOST_AT_ONCE} parameters at once"
+            refusal = f"a request may set at most {MOST_AT_ONCE} parameters"
         if refusal is None and isinstance(request, SetTogetherRequest):
             refusal = self._fault_of_all(request.parameters)
         setting = _Setting(request, deque(request.parameters))
@@ -143,7 +143,7 @@ class ParameterServices:
             if number is not None:
                 self._pending[number] = setting
                 return
-            setting.results.append(SetParametersResult(reason="too many commands at once"))
+            setting.results.append(SetParametersResult(reason="too many commands are pending"))
         self._finish(setting)
 
     def _finish(self, setting: _Setting) -> None:
@@ -193,7 +193,10 @@ def _number(wanted: RosParameter) -> float:
     """
     parameter = OFFERED.get(wanted.name)
     if parameter is None:
-        raise ConfigError(f"no parameter {wanted.name[:40]}: known are {', '.join(OFFERED)}")
+        raise ConfigError(
+            f"there is no parameter {wanted.name[:40]}; known parameters are "
+            f"{', '.join(OFFERED)}"
+        )
     value, kind = wanted.value, _type(parameter)
     if value.type == BOOL and kind == BOOL:
         return float(value.bool_value)

@@ -115,8 +115,8 @@ def pulse_from_ros(message: RosPulse, sequence: int) -> Pulse:
         or not 1.0 < message.frequency < 1e5
     ):
         raise FormatError(
-            f"not a pulse of a detector: tag {message.tag_id}, {message.frequency:g} MHz, from "
-            f"{start_ns} to {end_ns} ns, SNR {message.snr:g} dB"
+            f"the message is not a valid pulse: tag {message.tag_id}, {message.frequency:g} "
+            f"MHz, from {start_ns} to {end_ns} ns, SNR {message.snr:g} dB"
         )
     return Pulse(
         tag_id=message.tag_id,

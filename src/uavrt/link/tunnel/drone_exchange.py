@@ -141,7 +141,7 @@ class Exchange:
     ) -> None:
         if generation == "G2" and not experimental:
             raise ConfigError(
-                "protocol generation G2 is experimental: some layouts are untested",
+                "protocol generation G2 is experimental: some message layouts are untested",
                 remedy="Choose another mavlink.tunnel_generation, or set "
                 "mavlink.tunnel_experimental = true",
             )

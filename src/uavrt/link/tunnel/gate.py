@@ -88,9 +88,9 @@ class Gate:
     def refusal(self, sender: Ids, *, sealed: bool) -> str | None:
         """Reason why a sender may not command, by a sealed or open message; None if it may."""
         if self._commanders and sender[0] not in self._commanders:
-            return f"system {sender[0]} may not command: see mavlink.commanders"
+            return f"system {sender[0]} may not command this drone: see mavlink.commanders"
         if self.locked and not sealed:
-            return "only sealed commands: this drone has a key"
+            return "this drone has a key and only accepts sealed (authenticated) commands"
         return None
 
     def announcement(self, drone: Ids, nonce: int = 0) -> bytes | None:
@@ -107,7 +107,9 @@ class Gate:
             opened = self._keeper.open(payload, sender, drone)
         except TunnelError as error:
             self.refused += 1
-            log.seldom(self.refused, "sealed message refused", reason=error.message)
+            log.seldom(
+                self.refused, "sealed (authenticated) message refused", reason=error.message
+            )
             return None
         self._sealed_s[sender] = monotonic_s()
         return opened
@@ -231,7 +233,9 @@ class Sealer:
     def answer(self, payload: bytes, request_ids: Iterable[int]) -> bytes:
         """Check and remove the keyed hash of an order's answer; `TunnelError` if forged."""
         if self._session is None:
-            raise TunnelError("reply before the drone announced its session: ignored", payload)
+            raise TunnelError(
+                "a reply was ignored, because the drone has not announced its session", payload
+            )
         return proven_answer(payload, self._key, self._session, self._own, request_ids)
 
     @staticmethod
@@ -248,7 +252,8 @@ class Sealer:
             one.asked >= UNRETURNED_NONCES for one in self._announced.values()
         ):
             raise LinkError(
-                "the drone does not confirm its session: its uavrt is older than this one",
+                "the drone does not confirm its session, because its uavrt is older than "
+                "this one",
                 remedy="Update the drone, or wait for a better radio link",
             )
         if self._session is None:

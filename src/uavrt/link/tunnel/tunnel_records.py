@@ -54,7 +54,7 @@ def tag_to_wire(tag: Tag, generation: Generation = "G1") -> TagG0 | TagG1:
     if not 1 <= len(tag.pulse_intervals_s) <= 2:
         raise TunnelError(f"tag {tag.tag_id} needs one or two pulse intervals", b"")
     if tag.coded:
-        raise TunnelError(f"tag {tag.tag_id} is coded: this message has no place for gaps", b"")
+        raise TunnelError(f"tag {tag.tag_id} is coded, but this message cannot carry gaps", b"")
     intervals = [round(interval * 1000) for interval in tag.pulse_intervals_s]
     build = TagG0 if generation == "G0" else TagG1
     return build(

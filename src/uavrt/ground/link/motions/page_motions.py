@@ -188,7 +188,8 @@ class MotionCommands:
         link = self._vehicle.connection.link
         if link is None or not self._vehicle.situation().drone_present:
             raise LinkError(
-                "no contact with the drone", remedy="Stop it with the remote control if needed"
+                "no contact with the drone",
+                remedy="If necessary, stop the drone with the remote control",
             )
         return link
 
@@ -238,7 +239,7 @@ def area_of_file(body: dict[str, Any]) -> dict[str, Any]:
     if sum(len(one.places) for one in keep_out) > 2 * MOST_CORNERS:
         raise FormatError(
             f"{name[:80]} has excluded areas with more than {2 * MOST_CORNERS} corners",
-            remedy="Simplify these areas",
+            remedy="Simplify these areas, so that they have fewer corners",
         )
     return {
         "places": _listed(places),

@@ -95,7 +95,7 @@ class CurrentFlight:
                 lambda: (library.columns(kept), library.summary(kept), library.places(kept))
             )
         except UavrtError as error:
-            self._feed.note(4, f"flight {kept} cannot be resumed: {error}")
+            self._feed.note(4, f"the recording of flight {kept} cannot be continued: {error}")
             return None
         if not await disk.run(self.keeper.resume, kept):
             return None
@@ -174,7 +174,9 @@ class CurrentFlight:
         if taken > durable:
             reason = self.keeper.queue.fault or "the disk does not answer"
             log.error(
-                "pulses not stored; the drone keeps them", pulses=taken - durable, reason=reason
+                "pulses cannot be stored here; the drone keeps them and sends them again",
+                pulses=taken - durable,
+                reason=reason,
             )
 
 

@@ -76,7 +76,7 @@ class Links:
         if failed and len(failed) == len(addresses):
             raise failed[0]
         for fault in failed.values():
-            log.warning("link failed; next try follows", reason=str(fault))
+            log.warning("the link failed; it is tried again", reason=str(fault))
         return [asyncio.create_task(self._keep_trying(n, addresses[n])) for n in failed]
 
     async def close(self) -> None:

@@ -98,15 +98,16 @@ class Exchange:
             waited_ns = self._clock_ns() - begun_ns
             if is_confirmation(payload) and waited_ns > CONFIRM_TIMEOUT_NS:
                 raise LinkError(
-                    f"the confirmation waited {s_from_ns(waited_ns):.0f} s for another command "
-                    "and was not sent",
+                    "the confirmation was not sent, because it had to wait "
+                    f"{s_from_ns(waited_ns):.0f} s for another command",
                     remedy="Request the motion again",
                 )
             answer = await self._until_answered(request_id, send, tries, wait_s)
         if answer is None:
             raise LinkError(
-                "the drone did not answer, so it is unknown whether the motion is confirmed",
-                remedy="Check `uavrt fly status`; a drone with a key needs --command-key",
+                "the drone did not answer, so it is unknown whether it has accepted the motion",
+                remedy="Check `uavrt fly status`; if the drone has a key, give it with "
+                "--command-key",
             )
         state: MotionState = answer[1]
         if state.kind == "refused":

@@ -148,7 +148,8 @@ class VehicleMissions:
         if differs is not None:
             raise CommandRefused(
                 f"the mission on the vehicle differs from the one sent: {differs}",
-                remedy="Do not start its mission; upload it again",
+                remedy="Do not start the mission that is now on the vehicle; upload the "
+                "survey again",
             )
         counted = upload.counters + download.counters
         return Uploaded(
@@ -179,7 +180,8 @@ class VehicleMissions:
         if transfer.silent:
             raise LinkError(transfer.fault, remedy="Check the radio link, and try again")
         raise CommandRefused(
-            transfer.fault, remedy="Do not start a mission on the vehicle during an upload"
+            transfer.fault,
+            remedy="Do not start a mission on the vehicle while a mission is being uploaded",
         )
 
     def _watch(self) -> None:
@@ -225,7 +227,7 @@ class VehicleMissions:
             raise CommandRefused(
                 f"the vehicle flies in mode {behaviour.mode_name(mode)}, and another mission "
                 "would change its path",
-                remedy="Let the pilot hold position first",
+                remedy="Ask the pilot to hold position first",
             )
 
     def _send_all(self, messages: Sequence[Message]) -> None:

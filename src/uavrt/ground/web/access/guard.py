@@ -120,7 +120,7 @@ class Guard:
         headers = Headers(scope=scope)
         host = headers.get("host", "").lower()
         if not self._is_ours(host):
-            return f"this is not the server of {host[:80]!r}"
+            return f"this server does not serve {host[:80]!r}: use this computer's address"
         origin = headers.get("origin")
         if origin is not None:
             scheme, _, place = origin.lower().partition("://")

@@ -129,7 +129,9 @@ class Api:
     async def connect(self, request: Request) -> Any:
         """Connect to an address; an empty address disconnects."""
         if self._vehicle.store.system_id is not None:
-            raise UsageError("further vehicles use the links of the main page")
+            raise UsageError(
+                "an added vehicle uses the links of the main page; change the address there"
+            )
         address = (await json_object(request)).get("address")
         if address:
             store = self._vehicle.store
@@ -154,7 +156,7 @@ class Api:
         """Give command to the requesting page; the page that had it may then only watch."""
         page = page_of(request)
         if not page or len(page) > MAX_PAGE_NAME:
-            raise UsageError("only a page can take command")
+            raise UsageError("only a web page can take command, not a script")
         self._session.commander.claim(page)
         self._vehicle.feed.note(5, "another page has taken command")
         self._vehicle.feed.send_state()

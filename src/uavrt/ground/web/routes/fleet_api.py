@@ -59,7 +59,10 @@ class FleetApi:
         name, page = request.path_params["name"], page_of(request)
         if name not in TO_ALL:
             known = ", ".join(TO_ALL)
-            return Answer(404, {"error": f"there is no command to all {name[:40]!r}: {known}"})
+            return Answer(
+                404,
+                {"error": f"{name[:40]!r} cannot be sent to all vehicles; choose from {known}"},
+            )
         answers = await asyncio.gather(
             *(_answer(session, name, page) for session in self._fleet.sessions)
         )

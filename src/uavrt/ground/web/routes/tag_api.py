@@ -53,7 +53,7 @@ class TagApi:
             return same
 
         if not await store.disk.run(keep):
-            changed = "the tags were changed by another page meanwhile"
+            changed = "another page has changed the tags in the meantime"
             return Answer(412, {"error": changed, **_table(store.tags)})
         self._vehicle.show_tags()
         return {"faults": [], **_table(tags)}

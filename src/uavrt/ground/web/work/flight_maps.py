@@ -86,7 +86,7 @@ class CoverageMapJobs(MapJobs[CoverageMapRequest, "SilentMap"]):
         found = self.found(asked)
         if found is None:
             raise UsageError(
-                "the map is not ready yet", remedy="Wait until the map is calculated"
+                "the map is not ready yet", remedy="Wait until the map has been calculated"
             )
         if found.ambiguous:
             raise UsageError(

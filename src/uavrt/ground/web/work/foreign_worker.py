@@ -60,7 +60,8 @@ class ForeignWorker:
         """
         if self._waiting >= MOST_WAITING:
             raise CommandRefused(
-                f"{self._waiting} files are waiting to be read", remedy="Try again in a minute"
+                f"{self._waiting} other files are still waiting to be read",
+                remedy="Try again in a minute",
             )
         self._waiting += 1
         try:
@@ -88,7 +89,7 @@ class ForeignWorker:
             except (EOFError, OSError):
                 code = process.wait()
                 self.close()
-                text = _ENDS.get(code, "the process that reads it has ended")
+                text = _ENDS.get(code, "the process that reads the file has ended")
                 raise FormatError(text, remedy=_REMEDY) from None
         if done:
             return value  # type: ignore[no-any-return]
@@ -200,8 +201,8 @@ def main() -> None:
             os._exit(_EXIT_LARGE)
         except Exception as error:  # noqa: BLE001 - a fault of ours, for the log
             traceback.print_exc()
-            text = f"it cannot be read: {type(error).__name__}"
-            answer = (False, (FormatError, text, "Report this, with the file"))
+            text = f"the file cannot be read: {type(error).__name__}"
+            answer = (False, (FormatError, text, "Report this error, and attach the file"))
         content = pickle.dumps(answer, pickle.HIGHEST_PROTOCOL)
         _write_frame(answers, content)
         del question, answer, content

@@ -51,7 +51,11 @@ class IntegrationJobs:
 async def _run_integrate(flight: Path, dem: str) -> str | None:
     """Run ``uavrt integrate``; return its error text, None if it succeeds."""
     code, text = await run_uavrt("integrate", str(flight), *(("--dem", dem) if dem else ()))
-    return None if code in (0, _NONE_FOUND) else text or "the search of the flight failed"
+    return (
+        None
+        if code in (0, _NONE_FOUND)
+        else text or "the search of the flight for weak signals failed"
+    )
 
 
 def fold_pictures(flight: Path) -> dict[str, Record]:

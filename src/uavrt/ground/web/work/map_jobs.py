@@ -98,7 +98,7 @@ class MapJobs(Generic[Asked, Found]):
         except UavrtError as error:
             work.fault = str(error)
         except Exception as error:  # a page that asks must not wait forever
-            log.exception("map could not be made; the page shows the error")
+            log.exception("a map could not be made; the page shows the error")
             work.fault = f"the map could not be made: {error}"
 
 

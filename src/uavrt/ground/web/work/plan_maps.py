@@ -96,7 +96,7 @@ def _plan_in(wanted: dict[str, Any]) -> tuple[tuple[tuple[float, float], ...], f
     """Read the points of a path or an outline, and the spacing of an outline's lines [m]."""
     way, outline = wanted.get("way"), wanted.get("outline")
     if (way is None) == (outline is None):
-        raise FormatError("a plan must be either a path or an outline")
+        raise FormatError("a plan must be either a path or an outline, not both")
     given, least, most = (outline, 3, _MOST_CORNERS) if way is None else (way, 2, _MOST_PLACES)
     if not isinstance(given, list) or not least <= len(given) <= most:
         raise FormatError(f"a plan must have {least} to {most} points")

@@ -179,7 +179,7 @@ class ChannelStream:
             self._style = self._style or stamp_style(payload)
         except FormatError as error:
             if self.refused == 0:
-                log.warning("invalid channel datagram ignored", reason=str(error))
+                log.warning("an invalid datagram of the channel was ignored", reason=str(error))
             self.refused += 1
             return
         self._frames.put(time_ns, np.where(np.isfinite(samples), samples, 0.0))
@@ -231,7 +231,9 @@ class _Datagrams(asyncio.DatagramProtocol):
         try:
             self._stream.receive(data)
         except (UavrtError, ValueError) as error:
-            log.warning("channel datagram not shown in the waterfall", reason=str(error))
+            log.warning(
+                "a datagram of the channel is not shown in the waterfall", reason=str(error)
+            )
 
 
 def tag_of(tags: tuple[Tag, ...], tag_id: int) -> Tag:

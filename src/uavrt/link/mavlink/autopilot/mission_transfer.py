@@ -38,11 +38,11 @@ _TYPES: dict[MissionKind, int] = {
     "fence": MavMissionType.FENCE,
 }
 _REFUSALS: dict[int, str] = {
-    MavMissionResult.MISSION_ERROR: "it accepts no mission now",
+    MavMissionResult.MISSION_ERROR: "it cannot accept a mission now",
     MavMissionResult.MISSION_UNSUPPORTED_FRAME: "the coordinate frame is not supported",
     MavMissionResult.MISSION_UNSUPPORTED: "a kind of item is not supported",
-    MavMissionResult.MISSION_NO_SPACE: "it has no room for that number of items",
-    MavMissionResult.MISSION_DENIED: "it accepts none from this station",
+    MavMissionResult.MISSION_NO_SPACE: "the mission has more items than it can store",
+    MavMissionResult.MISSION_DENIED: "it accepts no missions from this station",
     MavMissionResult.MISSION_OPERATION_CANCELLED: "it was cancelled",
 }
 _OURS = (
@@ -92,7 +92,7 @@ class MissionTransfer(ABC):
             self._begun_s = now_s
         limit_s = LIMIT_S + LIMIT_PER_ITEM_S * self._size
         if now_s - self._begun_s > limit_s:
-            return self.cancel(f"it was not finished after {limit_s:.0f} s")
+            return self.cancel(f"the transfer took longer than {limit_s:.0f} s")
         return self._again(now_s) if now_s >= self._due_s else []
 
     def cancel(self, reason: str) -> list[Message]:
@@ -135,7 +135,7 @@ class MissionTransfer(ABC):
         self._tries, self._due_s = 0, now_s + wait_s
 
     def _refused(self, message: dialect.MissionAck) -> None:
-        why = _REFUSALS.get(message.type, f"an item is invalid (result {message.type})")
+        why = _REFUSALS.get(message.type, f"a mission item is invalid (result {message.type})")
         self.fault = f"the autopilot refused: {why}"
 
     def _ack(self, result: int) -> Message:

@@ -59,7 +59,7 @@ class ParameterClient:
         try:
             if not await within(timeout_s, client._there.wait()):
                 raise LinkError(
-                    f"no autopilot was received at {address} in {timeout_s:.0f} s",
+                    f"no message from an autopilot arrived at {address} in {timeout_s:.0f} s",
                     remedy="Check wiring and baud rate; USB always works: "
                     "--mavlink serial:///dev/ttyACM0:57600",
                 )

@@ -247,7 +247,10 @@ class TunnelSender:
     ) -> None:
         """Queue a payload for one peer, or for all (None); `TunnelError` above 128 bytes."""
         if len(payload) > TUNNEL_SIZE:
-            raise TunnelError(f"a payload has at most 128 bytes, not {len(payload)}", payload)
+            raise TunnelError(
+                f"a tunnel payload may have at most 128 bytes, but this one has {len(payload)}",
+                payload,
+            )
         place = None if target is None else target.place
         item = TunnelPayload(payload, place, payload_type)
         if target is None:
@@ -287,7 +290,7 @@ class TunnelSender:
             self._put(*self._unsent.popleft())
         if links[0] != before[0]:
             self.changes += 1
-            log.info("pulses are sent by another link", link=links[0], before=before[0])
+            log.info("pulses are now sent over another link", link=links[0], before=before[0])
             self.changed()
             self.wake()
 

@@ -311,7 +311,7 @@ class Participant:
             self._open(settings, environment, nodes)
         except DDSException as error:
             raise LinkError(
-                f"ROS 2 cannot be joined: {error}",
+                f"cannot join the ROS 2 network: {error}",
                 remedy="Check [ros2] interfaces, CYCLONEDDS_URI and the loopback interface",
             ) from error
         self._thread = threading.Thread(target=self._read, name="ros2-reader", daemon=True)
@@ -464,7 +464,9 @@ class Participant:
     def _note_fault(self, error: Exception) -> None:
         """Count an error that must not end the reading thread; log it at a limited rate."""
         self.faults += 1
-        log.seldom(self.faults, "ROS 2 network: cannot be read", error=repr(error)[:200])
+        log.seldom(
+            self.faults, "messages of the ROS 2 network cannot be read", error=repr(error)[:200]
+        )
 
     def _wake_for(self, reader: Any) -> None:
         """Wake the reading thread when a reader has messages."""
@@ -565,7 +567,8 @@ class Participant:
                     self._add_writer(node, topic.name, topic.message, topic.depth)
         except DDSException as error:
             raise LinkError(
-                f"no ROS node for each tag: {error}", remedy="Set [ros2] node_per_tag = false"
+                f"cannot make a ROS 2 node for each tag: {error}",
+                remedy="Set [ros2] node_per_tag = false",
             ) from error
         self._introduce((*self._nodes, *nodes))
 

@@ -73,7 +73,11 @@ def seal(
 ) -> bytes:
     """Make a sealed (authenticated) payload; raises `TunnelError` if `inside` is too long."""
     if len(inside) > MAX_INSIDE:
-        raise TunnelError(f"{len(inside)} bytes cannot be sealed, at most {MAX_INSIDE}", inside)
+        raise TunnelError(
+            f"{len(inside)} bytes are too many to be sealed (authenticated); the limit is "
+            f"{MAX_INSIDE}",
+            inside,
+        )
     head = _HEAD.pack(_VERSION, kind, 0, counter)
     return head + _mac(key, session.mixed_in() + bytes(sender) + head + inside) + inside
 
@@ -85,7 +89,7 @@ def session_of(payload: bytes, key: Key, drone: Ids) -> tuple[Session, int, int]
     if not payload or len(head) != sizes.get(payload[0]):
         raise TunnelError("the session has an unsupported version", payload)
     if not hmac.compare_digest(mac, _session_mac(key, drone, head)):
-        raise TunnelError("the session was made with another key, or forged", payload)
+        raise TunnelError("the session was announced with another key, or is forged", payload)
     _, number, newest = _SESSION.unpack_from(head)
     return Session(number, drone), newest, int.from_bytes(head[_SESSION.size :], "little")
 
@@ -109,7 +113,7 @@ def proven_answer(
         state = bytes((1, first & 15, first >> 4, 0)) + number + payload[8:]
         if hmac.compare_digest(payload[1:8], _proof(state, key, session, station)):
             return state
-    raise TunnelError("an answer is forged, or to an order of another station", payload)
+    raise TunnelError("the answer is forged, or belongs to another station's order", payload)
 
 
 def _proof(state: bytes, key: Key, session: Session, station: Ids) -> bytes:
@@ -176,11 +180,12 @@ class SealKeeper:
         proven = Session(self._session, drone).mixed_in() + bytes(sender) + head + inside
         if not hmac.compare_digest(mac, _mac(self._key, proven)):
             raise TunnelError(
-                "the seal is wrong: another key, an earlier session, another drone, or forged",
+                "the seal (keyed hash) is wrong: other key, earlier session, other drone, "
+                "or forged",
                 payload,
             )
         if counter <= self._newest.get(sender, 0):
-            raise TunnelError("the sealed message is old: repeated", payload)
+            raise TunnelError("the sealed message is a repeated one", payload)
         self._newest[sender] = counter
         return kind, inside
 
