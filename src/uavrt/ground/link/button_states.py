@@ -62,9 +62,7 @@ def action_states(now: Situation) -> dict[str, dict[str, Any]]:
 
 
 def _asked_for(action: str) -> dict[str, Any]:
-    """Names and units of the values that the page asks for with an action; empty if it needs
-    none.
-    """
+    """Names and units of the values that the page requests for an action; empty if none."""
     row = COMMAND_OF_ACTION.get(action)
     if row is None or not row.fields or not (row.button and row.button.asking):
         return {}

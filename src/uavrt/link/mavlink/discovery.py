@@ -140,7 +140,7 @@ class Discovery:
         return now_ns - self._autopilot_heard_ns < AUTOPILOT_SILENCE_NS
 
     def stations(self, now_ns: int) -> tuple[Peer, ...]:
-        """Return the ground stations whose heartbeats arrive, else the one received last.
+        """Return the ground stations whose heartbeats arrive, or else the last one received.
 
         A station without heartbeats is often still present, and sending to it costs nothing.
         """

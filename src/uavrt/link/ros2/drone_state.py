@@ -34,7 +34,7 @@ class DroneState:
 
     @property
     def running(self) -> bool:
-        """True if detection runs and has not been told to stop."""
+        """True if detection runs and is not being stopped."""
         status = self.status
         return self.is_in(SystemState.DETECTING) and status is not None and not status.ending
 

@@ -122,7 +122,7 @@ class MotionCommands:
         }
 
     def plan(self, body: dict[str, Any]) -> dict[str, Any]:
-        """Preview a motion with the data on the ground, without asking the drone."""
+        """Preview a motion from data on the ground, without a request to the drone."""
         path = self._planned_path(_request(body))
         home = self._home()
         return {

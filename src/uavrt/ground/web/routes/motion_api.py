@@ -39,7 +39,7 @@ class MotionApi:
         return await self._worker.call(area_in_body, await request.body())
 
     async def plan(self, request: Request) -> Any:
-        """Preview a motion with the data on the ground, without asking the drone."""
+        """Preview a motion from data on the ground, without a request to the drone."""
         return self._flying.plan(await json_object(request))
 
     async def coverage(self, request: Request) -> Any:
