@@ -166,7 +166,7 @@ def test_a_cut_off_tile_and_a_file_without_places_are_named(tmp_path: Path) -> N
     with pytest.raises(FormatError, match="truncated"):
         coverage(plan, tag_power=-50.0, dem=tmp_path)
     tile.unlink()
-    with pytest.raises(FormatError, match="no heights"):
+    with pytest.raises(FormatError, match="no ground heights"):
         coverage(plan, tag_power=-50.0, dem=tmp_path)
     (tmp_path / "other.kml").write_text("<kml></kml>")
     with pytest.raises(FormatError, match="gives no area"):
