@@ -175,7 +175,7 @@ def test_a_cut_off_tile_and_a_file_without_places_are_named(tmp_path: Path) -> N
     with pytest.raises(UsageError, match=r"lies 2\d,\d\d\d m beyond the map"):
         coverage(plan, tag_power=-50.0, area=far)
     elsewhere = outline(tmp_path / "elsewhere.geojson", 3e6, 3.001e6)
-    with pytest.raises(UsageError, match=r"km beyond the map.* are swapped"):
+    with pytest.raises(UsageError, match=r"km beyond the map.*not swapped"):
         coverage(plan, tag_power=-50.0, area=elsewhere)
     small = outline(tmp_path / "small.geojson", 3.0, 4.0)
     with pytest.raises(UsageError, match="no map cell"):
