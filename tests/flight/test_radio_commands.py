@@ -121,7 +121,7 @@ def test_a_raw_capture_and_a_gain_set_in_flight_by_a_ground_station_with_keys(
             await until(lambda: COMPLETE in operator.steps(CommandId.START_DETECTION))
             assert await link.parameters.set("RADIO_GAIN", 7) == 7
             await until(lambda: any("7" in line for line in radio_arguments(pid)))
-            with pytest.raises(CommandRefused, match="remains 7"):
+            with pytest.raises(CommandRefused, match="is still 7"):
                 await link.parameters.set("RADIO_GAIN", 77)
             await until(lambda: any(isinstance(event, PulsePose) for event in operator.heard))
             await until(lambda: any(text.startswith("Tag ") for text in operator.texts()))

@@ -73,7 +73,7 @@ def read_season(directory: Path) -> Season:
             unreadable.append(str(database.parent.relative_to(directory)))
     if not outlines:
         raise FormatError(
-            f"there is no flight that can be read below {directory}",
+            f"there is no readable flight in {directory} or its subfolders",
             remedy="Name the folder that contains flights",
         )
     flights = without_copies(outlines)

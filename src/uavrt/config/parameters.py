@@ -226,7 +226,9 @@ def with_parameter(settings: Settings, name: str, value: float) -> Settings:
     """
     parameter = PARAMETERS.get(name)
     if parameter is None:
-        raise ConfigError(f"no parameter {name}: known are {', '.join(PARAMETERS)}")
+        raise ConfigError(
+            f"there is no parameter {name}; known parameters are {', '.join(PARAMETERS)}"
+        )
     if name == "RADIO_GAIN":
         gains = RADIOS.get(settings.radio.kind, RADIOS["soapy"]).gains
         parameter = replace(parameter, low=gains[0], high=gains[1])

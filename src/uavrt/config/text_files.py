@@ -33,10 +33,12 @@ def read_text(path: Path, limit: Limit) -> str:
     try:
         content = read_file(path, limit)
     except FileNotFoundError:
-        raise FormatError(f"{path} does not exist", remedy="Check its name") from None
+        raise FormatError(
+            f"{path} does not exist", remedy="Check the name of the file"
+        ) from None
     except OSError as error:
         raise FormatError(
-            f"{path} cannot be read: {error.strerror}", remedy="Check its name"
+            f"{path} cannot be read: {error.strerror}", remedy="Check the name of the file"
         ) from error
     encoding = "utf-16" if content.startswith(_UTF16_MARKS) else "utf-8-sig"
     try:

@@ -314,7 +314,9 @@ class Beep:
                 of = f"an image of {(self.image_of_hz or 0.0) / 1e6:.6f} MHz"
                 return of + (f" (tag {self.tag_ids[0]})" if self.tag_ids else "")
             case BeepKind.DOUBTFUL if self.tag_ids:
-                return f"doubtful, at tag {self.tag_ids[0]}'s frequency: {self.reason}"
+                return (
+                    f"doubtful signal at the frequency of tag {self.tag_ids[0]}: {self.reason}"
+                )
         return f"{self.kind}{reason}"
 
     @property

@@ -28,7 +28,7 @@ _ON_DC_HZ: Final = 300.0
 _DC_RATIO: Final = 30.0
 """Minimum power of a disturbing line at the radio's centre (DC) over the noise there."""
 
-WRONG_FORMAT: Final = "Wrong sample format? Values are not those of noise"
+WRONG_FORMAT: Final = "Wrong sample format? The values do not look like noise"
 UNEQUAL: Final = "I and Q differ in power: wrong format, or one is missing"
 GAIN_TOO_LOW: Final = "Gain too low: noise is below a converter's step"
 

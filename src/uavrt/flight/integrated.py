@@ -167,7 +167,7 @@ def write_integrated(
     with os_errors_as(
         RecordingError,
         f"cannot write {directory}",
-        "Copy the flight to a writable place, or give --no-save",
+        "Copy the flight to a directory that can be written, or give --no-save",
     ):
         directory.mkdir(exist_ok=True)
         write_atomically(directory / "pulses.jsonl", lines)
@@ -192,7 +192,8 @@ def read_integrated(
             parse_iso_intervals(one.listened)
     except _DAMAGED as error:
         raise FormatError(
-            f"{tags} cannot be read: {error}", remedy="Remove it, and run uavrt integrate again"
+            f"{tags} cannot be read: {error}",
+            remedy="Remove this file, and run uavrt integrate again",
         ) from error
     return verdicts, read_pulse_file(pulses) if pulses.is_file() else ()
 
@@ -214,7 +215,8 @@ def read_folds(flight: str | os.PathLike[str]) -> tuple[FlightFold, ...]:
                 raise ValueError("an interval or length is not above 0")
     except _DAMAGED as error:
         raise FormatError(
-            f"{path} cannot be read: {error}", remedy="Remove it, and run uavrt integrate again"
+            f"{path} cannot be read: {error}",
+            remedy="Remove this file, and run uavrt integrate again",
         ) from error
     return folds
 

@@ -1,4 +1,4 @@
-"""Decide which of several open pages may command the vehicle. No I/O."""
+"""Decide which of several open web pages may command the vehicle. No I/O."""
 
 from collections import Counter
 
@@ -6,11 +6,11 @@ from uavrt.core.errors import CommandRefused
 
 
 class CommandingPage:
-    """Allows commands from one page; the others only watch until one of them takes over.
+    """Lets one of the open pages command; the others only watch until one takes command.
 
-    Scripts may always command. The first connected page keeps command when it is reloaded. Once
-    it has disconnected, the next page that sends a command takes over. A page sends its name
-    when it connects and with each request; None stands for a script.
+    Scripts may always command. The first connected page keeps command when it is reloaded.
+    After it has disconnected, the next page that sends a command gets command. A page sends its
+    name when it connects and with each request; None stands for a script.
     """
 
     def __init__(self, page: str | None = None) -> None:

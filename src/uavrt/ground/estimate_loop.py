@@ -1,4 +1,6 @@
-"""Repeat a vehicle's estimates when new data arrives, limited to a share of one core."""
+"""Repeat the position estimates of a vehicle's flight when new data arrives, using a limited
+share of one core.
+"""
 
 import asyncio
 from collections.abc import Callable, Sequence
@@ -11,10 +13,11 @@ from uavrt.localization.estimates.flight_estimates import HeardInTurn
 
 ESTIMATE_LEAST_S = 0.4
 ESTIMATE_SHARE = 8.0
-"""Pause after a position estimate, in multiples of its duration; 8: at most 11 % of a core."""
+"""Pause after a position estimate, as a multiple of its duration; 8 limits the load to 11 % of
+a core."""
 ESTIMATE_SHARE_OF_SEVERAL = 20.0
-"""Pause after a position estimate while several vehicles are served, in multiples of its
-duration. Only one vehicle computes at a time, so 20 uses 5 % of a core in all."""
+"""Pause after a position estimate if several vehicles are served, as a multiple of its
+duration. Only one vehicle's estimate runs at a time, so 20 limits the load to 5 % of a core."""
 ESTIMATES_SHOWN_S = 2.0
 """Interval of sending position estimates to the page while further tags are computed [s]."""
 
@@ -71,7 +74,9 @@ class EstimateLoop:
             except UavrtError as error:
                 if str(error) != self._fault:
                     self._fault = str(error)
-                    self._vehicle.feed.note(4, f"No estimate: {error}")
+                    self._vehicle.feed.note(
+                        4, f"No bearings or positions could be computed: {error}"
+                    )
                 return
             finally:
                 took_s, others = monotonic_s() - begun_s, len(self._companions())
@@ -103,7 +108,7 @@ class EstimateLoop:
         )
 
     def _take(self, found: Estimates, flight_id: str | None) -> None:
-        """Send new estimates to the pages, and let the other vehicles' estimates use them."""
+        """Send new estimates to the pages and share them with the other vehicles' sessions."""
         if found.outline != self.latest.outline:
             for companion in self._companions():
                 companion.soon()

@@ -1,8 +1,8 @@
-"""All vehicles that one ground station serves.
+"""Serve several vehicles with one ground station.
 
-The first vehicle has the main page. The operator may add vehicles, which use the same links.
-Each has its own session with tags, flights and commands, and its own page below
-``/vehicle/NUMBER/``. The vehicles' results for a tag are combined into one position.
+The first vehicle has the main page. The operator may add vehicles that use the same links. Each
+vehicle has its own session with tags, flights and commands, and its own page below
+``/vehicle/NUMBER/``. The vehicles' measurements of a tag are combined into one position.
 """
 
 import asyncio
@@ -33,7 +33,7 @@ changed report [s]."""
 
 
 class Fleet:
-    """The sessions of all vehicles; `run` serves them until cancelled."""
+    """Sessions of all vehicles that the station serves; `run` serves them until cancelled."""
 
     def __init__(
         self,
@@ -61,11 +61,11 @@ class Fleet:
         return (self.first, *self._others.values())
 
     def session(self, system_id: int) -> GroundSession | None:
-        """Session of a further vehicle; None if that vehicle is not served."""
+        """Return the session of an added vehicle; None if the vehicle is not served."""
         return self._others.get(system_id)
 
     async def run(self) -> None:
-        """Serve all vehicles until cancelled, including those of the last run."""
+        """Serve all vehicles until cancelled, including those added before the last restart."""
         self._store.disk.start()
         for number in self._store.further_vehicles:
             with contextlib.suppress(UavrtError):
@@ -80,15 +80,15 @@ class Fleet:
             await asyncio.gather(*tasks, return_exceptions=True)
 
     async def serve(self, system_id: int) -> GroundSession:
-        """Serve a further vehicle on the same links; raises `UsageError` or `ConfigError`."""
+        """Add a vehicle on the same links; raises `UsageError` or `ConfigError`."""
         if system_id in self._others:
             return self._others[system_id]
         if not 1 <= system_id <= 255:
             raise UsageError("system_id must be a vehicle's number, 1 to 255")
         if system_id == self.first.vehicle.identity.system_id:
-            raise UsageError(f"vehicle {system_id} already has the main page")
+            raise UsageError(f"vehicle {system_id} already has the main page of this station")
         if len(self.sessions) >= MOST_VEHICLES:
-            raise UsageError(f"at most {MOST_VEHICLES} vehicles can be served")
+            raise UsageError(f"this station can serve at most {MOST_VEHICLES} vehicles")
         store = await self._store.disk.run(self._store.of_vehicle, system_id)
         if system_id in self._others:  # asked for twice meanwhile
             return self._others[system_id]
@@ -102,7 +102,7 @@ class Fleet:
         return session
 
     async def leave(self, system_id: int) -> None:
-        """Stop serving a further vehicle; ends its flight on the ground, not on the drone."""
+        """Stop serving an added vehicle; this ends the recording on the ground only."""
         if system_id not in self._others:
             raise NotFound(f"vehicle {system_id} is not served by this station")
         self.first.vehicle.identity.excluded.discard(system_id)
@@ -115,11 +115,11 @@ class Fleet:
         self._show()
 
     def records(self) -> list[dict[str, Any]]:
-        """Records of all vehicles, the main one first: number, name, contact, state, pose."""
+        """State of all vehicles for the pages, the main vehicle first."""
         return [vehicle_record(one.vehicle) for one in self.sessions]
 
     def _receive_course(self, session: GroundSession, course: Course) -> None:
-        """Store a drone's report of position and leg; send changes to the other drones."""
+        """Store a drone's position and planned leg, and send changes to the other drones."""
         number = session.vehicle.identity.system_id
         if number is None or not self._assignments.receive_course(
             number, course, monotonic_s()
@@ -135,7 +135,7 @@ class Fleet:
             self._report_courses()
 
     def _report_courses(self) -> None:
-        """Send each drone in motion the other drones' reports of position and leg."""
+        """Send each moving drone the positions and planned legs of the other drones."""
         self._courses_due = False
         numbers = {one.vehicle.identity.system_id: one for one in self.sessions}
         flying = [

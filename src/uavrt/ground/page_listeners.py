@@ -1,4 +1,4 @@
-"""Send records to all connected browsers, each through its own bounded queue."""
+"""Send records to all connected browsers, with a bounded queue for each."""
 
 import asyncio
 from typing import Any
@@ -6,8 +6,8 @@ from typing import Any
 import msgspec
 
 QUEUE = 4000
-"""Maximum number of records queued for a slow browser: 80 s at 50 records a second. Beyond that
-it must reload."""
+"""Maximum number of records queued for a slow browser: 80 s at 50 records a second. When the
+queue is full, the browser must reload the page."""
 
 
 class Hub:

@@ -1,4 +1,6 @@
-"""Pass frames of a vehicle's autopilot and events of its drone to the parts that use them."""
+"""Pass a vehicle's MAVLink frames and its drone's events to the parts of the station that use
+them.
+"""
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
@@ -27,7 +29,7 @@ POSE_SEND_NS = 190_000_000
 
 
 class Reception:
-    """Passes each event to the parts of the station that use it."""
+    """Passes frames and events of one vehicle to the parts of the station that use them."""
 
     def __init__(
         self,

@@ -1,6 +1,6 @@
-"""One vehicle's session behind the page: link, state, commands, estimates, storage.
+"""One vehicle's session behind the page: link, state, commands, estimates and storage.
 
-Browsers store no data. Received data is stored first, and then sent to every browser.
+Browsers store no data. Received data is stored on disk first and then sent to every browser.
 `uavrt.ground.web.server` serves the session by HTTP and WebSocket.
 """
 
@@ -163,7 +163,7 @@ class GroundSession:
         self.vehicle.feed.send_state()
 
     def snapshot(self) -> dict[str, Any]:
-        """State for a page, without the flight's pulses."""
+        """State of the vehicle for a page, without the pulses of the flight."""
         return snapshot(self.vehicle) | {
             "me": my_place_record(self.my_place),
             "commander": self.commander.present,
@@ -171,7 +171,7 @@ class GroundSession:
         }
 
     def hello(self) -> dict[str, Any]:
-        """First record for a newly connected page: the complete state."""
+        """Make the first record for a newly connected page, which holds the complete state."""
         store = self.vehicle.store
         return {
             "state": self.snapshot(),

@@ -74,7 +74,7 @@ def snapshot(vehicle: ServedVehicle) -> dict[str, Any]:
 
 
 def beep_record(vehicle: ServedVehicle, beep: Beep) -> dict[str, Any]:
-    """Record of a measured pulse train: a description, and the tags it may correct."""
+    """Describe a measured pulse train for the page, with the tags that it may correct."""
     found = (
         correction_of(tag, beep, 0, vehicle.drone.beeps)
         for tag in vehicle.store.tags
@@ -86,14 +86,14 @@ def beep_record(vehicle: ServedVehicle, beep: Beep) -> dict[str, Any]:
 
 
 def all_vehicles(vehicle: ServedVehicle) -> list[ServedVehicle]:
-    """All served vehicles, the main one first; empty if there is only one."""
+    """State of each served vehicle, main vehicle first; empty if there is only one."""
     if not vehicle.companions:
         return []
     return sorted([vehicle, *vehicle.companions], key=lambda one: one.store.system_id or 0)
 
 
 def vehicle_record(vehicle: ServedVehicle) -> dict[str, Any]:
-    """Record of one of several vehicles, for all pages."""
+    """Number, name, contact, state and pose of a vehicle, for the pages of all vehicles."""
     now_ns = vehicle.clock.now_ns()
     watch, number = vehicle.connection.watch, vehicle.store.system_id
     pose = watch.pose if watch else None
@@ -110,7 +110,7 @@ def vehicle_record(vehicle: ServedVehicle) -> dict[str, Any]:
 
 
 def my_place_record(mine: MyPlace) -> dict[str, Any] | None:
-    """Record of this computer's GPS position; None without a receiver."""
+    """GPS position of this computer for the page; None without a receiver."""
     if not mine.address:
         return None
     place = mine.place

@@ -1,7 +1,7 @@
-"""A ground station: the sessions of its vehicles, and its automatic actions.
+"""A ground station: sessions of its vehicles, and actions without an operator.
 
-Without a page it serves scripts and a first bench test: it uploads tags, starts and stops
-detection, and writes each pulse as a line. `uavrt.ground.web.page_program` adds the page.
+Without a page, it serves scripts and a first bench test: it uploads tags, starts and stops
+detection, and prints each pulse as a line. `uavrt.ground.web.page_program` adds the page.
 """
 
 import asyncio
@@ -33,7 +33,8 @@ from uavrt.link.tunnel.tag_lists import digest_in, tag_list_digest
 
 START_RETRY_S = 2.0
 LAST_PULSES_WAIT_S = 1.0
-"""Time without a pulse after which a stopped drone is assumed to have sent all pulses [s]."""
+"""Time without a pulse after which a drone that has stopped counts as having sent all pulses
+[s]."""
 STOP_TIMEOUT_S = 12.0
 
 
@@ -46,13 +47,13 @@ class StationSettings:
     """One or several MAVLink addresses separated by spaces, the preferred one first; None: the
     last used."""
     my_place: str | None = None
-    """Address of a GPS receiver; None: the last used."""
+    """Address of a GPS receiver; None: the address used in the last run."""
     dem: str | None = None
-    """Elevation file or folder; None: the last used."""
+    """Elevation file or folder; None: the one used in the last run."""
     archive: str | None = None
-    """Directory that `uavrt batch` wrote; None: the last used."""
+    """Directory that `uavrt batch` wrote; None: the one used in the last run."""
     tags: tuple[Tag, ...] | None = None
-    """Tags to search for; None: the last used."""
+    """Tags to search for; None: those of the last run."""
     start: bool = False
     further_vehicles: tuple[int, ...] = ()
     """MAVLink system ids of vehicles to serve in addition to the first and those of the last
@@ -61,7 +62,7 @@ class StationSettings:
 
 
 class Station:
-    """The ground station without a page; `show` gets each event as a dictionary."""
+    """A ground station without a page; `show` is called with each event as a dictionary."""
 
     def __init__(
         self, settings: StationSettings, show: Callable[[dict[str, Any]], None]
@@ -85,7 +86,7 @@ class Station:
         self.session = self.fleet.first
 
     def stop(self) -> None:
-        """Stop detection if this station started it, receive the last pulses, end."""
+        """Stop detection if this station has started it, receive the last pulses, then end."""
         self._stopping.set()
 
     async def run(self) -> None:
@@ -141,7 +142,7 @@ class Station:
             await asyncio.sleep(0.02)
 
     async def _begin(self, session: GroundSession) -> None:
-        """Send a vehicle the tags and start detection; retry if the vehicle does not answer."""
+        """Send the tags to a vehicle and start detection; repeat until the vehicle answers."""
         said = ""
         while not self._stopping.is_set():
             try:
@@ -163,10 +164,12 @@ class Station:
             await asyncio.sleep(START_RETRY_S / 10)
 
     async def _upload(self, session: GroundSession, link: GroundLink) -> bool:
-        """Send the tags; False if the drone detects already and nothing is to be started.
+        """Send the tags; False if the drone already detects, so that detection need not be
+        started.
 
-        A restarted station that finds its own tags in use continues as if it had started
-        detection. Detection started by another station goes on, and its pulses are received.
+        A restarted station that finds its own tags on the drone continues as if it had started
+        detection. If another station has started detection, it continues and its pulses are
+        received.
         """
         tags = session.vehicle.store.chosen_tags
         try:
@@ -207,7 +210,7 @@ class Station:
         self._show({"event": "stopped", "pulses": session.vehicle.flight.keeper.pulses})
 
     def _list(self, item: PulsePose | BurstInside) -> None:
-        """Print a stored pulse or burst as a line; runs in the disk thread."""
+        """Print a stored pulse or burst as one line; called in the disk thread."""
         if self._lines is not None:
             self._lines.write(item)
 
@@ -246,7 +249,7 @@ def refuse_two_vehicles(vehicle: ServedVehicle) -> None:
     """Raise `LinkError` while two vehicles use one system id: both would get our commands."""
     if vehicle.identity.foreign(vehicle.clock.now_ns()):
         raise LinkError(
-            f"two vehicles answer under number {vehicle.identity.system_id}",
+            f"two vehicles use the number {vehicle.identity.system_id}",
             remedy="Give each vehicle a number of its own (MAV_SYS_ID)",
         )
 

@@ -68,7 +68,7 @@ class Bearing:
     def remarks(self) -> tuple[str, ...]:
         """Remarks for the operator on an unclear direction; empty if the direction is clear."""
         if not self.accepted:
-            return ("there is no clear direction",)
+            return ("the pulses show no clear direction",)
         if self.multipath_suspected:
             return ("a reflection is likely, or the antenna differs from the setting",)
         return ("another direction fits nearly as well",) if self.ambiguous else ()

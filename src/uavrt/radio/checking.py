@@ -38,7 +38,7 @@ def check_device(settings: RadioSettings) -> str:
             except EOFError:
                 raise RadioStopped(
                     f"{title}: the samples have ended",
-                    remedy="Restart the program that sends the samples",
+                    remedy="Restart the program that sends these samples",
                 ) from None
             if block is not None:
                 check.check(block)

@@ -11,8 +11,8 @@ _MEGAHERTZ = (20.0, 10e3)
 """Range of numbers that cannot be frequencies in hertz and were certainly typed in
 megahertz."""
 RADIO_RATE_REMEDY = (
-    "Check the radio's cable and this computer's load, or set [radio] sample_rate_hz to a rate "
-    "that the radio takes"
+    "Check the radio's cable and this computer's load, or set [radio] sample_rate_hz to a "
+    "rate that the radio supports"
 )
 """Remedy in errors about a wrong sample rate or steady losses: check cable, power and
 computer."""

@@ -186,7 +186,7 @@ def test_the_page_finds_the_words_that_the_tests_find(scene: Scene) -> None:
     watched = scene.watch(locale="de-DE")
     texts = [*filled_forms("7"), *filled_forms(GOES_ON), *filled_forms("link. Try again")]
     texts += [
-        "no answer about x. Nobody has words for this",
+        "the drone did not answer a request about x. Nobody has words for this",
         GOES_ON,
         "17 m · not detected · new",
     ]

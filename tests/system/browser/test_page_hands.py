@@ -302,7 +302,7 @@ def test_a_tap_tells_the_place_measures_and_marks(scene: Scene) -> None:
     page.locator("#map canvas").first.click(position={"x": 300, "y": 330})
     page.click("#tap-measure")
     page.locator("#map canvas").first.click(position={"x": 420, "y": 330})
-    expect(page.locator("#tap-measured")).to_contain_text("from the first place")
+    expect(page.locator("#tap-measured")).to_contain_text("from the first point")
     watched.picture("tap")
 
 
@@ -479,7 +479,7 @@ def test_keys_that_do_something_need_shift_which_caps_lock_is_not(scene: Scene) 
     page.wait_for_selector(".fix")
     page.locator("#map canvas").first.click(position={"x": 450, "y": 380})
     page.click("#tap-mark")
-    watched.toasted("This is a past flight")
+    watched.toasted("A past flight is shown")
     page.evaluate("() => Object.defineProperty(navigator, 'clipboard', { value: undefined })")
     page.click("#walk-copy")
     watched.toasted("does not allow copying")

@@ -84,7 +84,7 @@ def test_an_offer_that_another_page_takes_away_is_said_to_be_no_longer_valid(
     other.page.click("#take-back")
     expect(here.page.locator("#offer")).to_be_hidden()
     expect(here.page.locator("#move-fault")).to_have_text(
-        "The proposal is no longer valid. Request it again."
+        "The proposal has expired. Press Request motion again."
     )
     other.close()
 

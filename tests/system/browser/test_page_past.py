@@ -182,7 +182,9 @@ def test_flights_are_fetched_compared_and_exported(scene: Scene) -> None:
         fetched.locator(".open-flight").click()
         expect(page.locator("#banner")).to_contain_text("Past flight")
         page.click("#tab-plots")
-        expect(page.locator("#waterfall-note")).to_contain_text("nominal", timeout=WAIT_MS)
+        expect(page.locator("#waterfall-note")).to_contain_text(
+            "listed frequency", timeout=WAIT_MS
+        )
         page.wait_for_function(
             "() => Number(document.querySelector('#waterfall').dataset.columns) > 100",
             timeout=WAIT_MS,

@@ -56,7 +56,7 @@ def test_on_the_drone_s_own_computer_nothing_is_fetched_a_second_time(
     ]
     refused = served.ask("POST", "/api/drone/download", {"flight_id": flight_id})
     assert refused.status == 422
-    assert "which is the drone's own" in refused.json["error"]
+    assert "it is the drone's own computer" in refused.json["error"]
 
 
 def test_a_flight_comes_over_the_page_s_own_link(
@@ -124,7 +124,7 @@ def test_one_download_at_a_time_and_it_can_be_stopped(
 def test_only_flights_are_fetched(standing: Any, name: object) -> None:
     answer = standing.ask("POST", "/api/drone/download", {"flight_id": name})
     assert answer.status == 404
-    assert "there is no flight" in answer.json["error"]
+    assert "the drone has no flight" in answer.json["error"]
 
 
 def test_without_a_drone_it_is_said_so(standing: Any) -> None:

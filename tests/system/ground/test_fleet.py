@@ -281,4 +281,4 @@ async def test_a_page_that_looks_on_stops_all_and_starts_none(
 def test_nothing_but_tags_start_and_stop_goes_to_all(standing: Any, name: str) -> None:
     answer = standing.ask("POST", f"/api/vehicles/commands/{name}", {})
     assert answer.status == 404
-    assert "no command to all" in answer.json["error"]
+    assert "cannot be sent to all vehicles" in answer.json["error"]

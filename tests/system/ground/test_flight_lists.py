@@ -92,7 +92,7 @@ def test_an_archive_that_cannot_be_asked_concerns_only_itself(
         ("raise ImportError(name='duckdb')", "pip install 'uavrt[batch]'"),
         ("while True: pass", "more than 2 s of computing"),
         ("bytearray(900_000_000)", "more than 200 MB of memory"),
-        ("import os; os.abort()", "the process that reads it has ended"),
+        ("import os; os.abort()", "the process that reads the file has ended"),
     ):
         (tmp_path / "duckdb.py").write_text(duckdb)
         answer = served.ask("GET", "/api/archive")

@@ -43,7 +43,7 @@ def test_a_script_reads_the_state(served: Any) -> None:
     assert state["actions"]["start"] == {
         "label": "Start",
         "enabled": False,
-        "reason": "No contact with the drone: check its power and the radio",
+        "reason": "No contact with the drone: check its power and the radio link",
     }
 
 

@@ -244,5 +244,5 @@ async def test_a_frame_that_its_handler_fails_at_is_counted_and_reading_goes_on(
         assert link.health()["link_faults"] == 2
         await link.close()
     logged = capsys.readouterr().err
-    assert logged.count("frame skipped: unexpected error") == 2
+    assert logged.count("skipped after an unexpected error") == 2
     assert "77 is not a valid CommandId" in logged

@@ -251,7 +251,9 @@ def test_a_mast_among_hills_is_left_out_by_name(tmp_path: Path, drone: Flown) ->
     mast = of_mast(tmp_path / "mast", Mast())
     both = read_positions(drone.path, mast.path, how=EstimationOptions(elevation=elevation))
     (told,) = some(both[0].position).listeners
-    assert told.endswith("not used: losses behind hills are not computed for fixed receivers")
+    assert told.endswith(
+        "not used: signal loss behind hills is not computed for fixed receivers"
+    )
 
 
 def test_a_drone_that_waits_on_the_ground_is_left_out_by_name() -> None:

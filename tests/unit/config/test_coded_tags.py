@@ -102,7 +102,7 @@ def test_all_faults_of_codes_are_told_at_once_each_with_its_line() -> None:
         5: "looks like seconds but is read as ms: write 22, 48.8, 36.6",
         12: "looks like ms but is read as s: write 5.3",
         17: "they would overlap",
-        24: "must be longer than the burst, whose gaps make 109.3 ms",
+        24: "must be longer than the burst; its gaps add up to 109.3 ms",
         31: "the same code, gaps and burst interval, as the tag of line 25",
         40: 'write kind = "coded"',
         45: "a coded tag has gaps_ms",
@@ -116,7 +116,7 @@ def test_all_faults_of_codes_are_told_at_once_each_with_its_line() -> None:
 
 def test_too_many_codes_are_refused_and_faults_of_a_csv_have_lines() -> None:
     rows = "\n".join(f"{i},166.38,{20 + 0.1 * i:.1f},48.8,36.6,5.3" for i in range(1, 601))
-    with pytest.raises(TagFileError, match="line 502: 600 codes in one list, at most 500"):
+    with pytest.raises(TagFileError, match="line 502: the list has 600 codes, but at most 500"):
         parse_tags(f"id,tagFreq,g1,g2,g3,bi\n{rows}\n".encode(), name="list.csv")
     with pytest.raises(
         TagFileError, match=r"(?s)line 2: g2 is 'x'.*line 3: this tag has no bur"

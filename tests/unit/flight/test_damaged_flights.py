@@ -77,7 +77,7 @@ def test_poses_without_an_attitude_are_left_out(flight: Path) -> None:
     sql(flight, f"{zero} WHERE time_ns = (SELECT min(time_ns) FROM poses)")
     assert len(antenna_poses(read_flight(flight))) == poses - 1
     sql(flight, zero)
-    with pytest.raises(FormatError, match=r"no pose of .* has an attitude"):
+    with pytest.raises(FormatError, match=r"has no pose with an attitude"):
         antenna_poses(read_flight(flight))
 
 

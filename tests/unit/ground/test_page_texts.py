@@ -462,8 +462,8 @@ def test_a_longer_error_is_not_taken_for_a_shorter_one() -> None:
     text = f"there is no {GOES_ON}"
     assert in_german(text) == (text, [text])
     assert in_german("there is no modem") == ("modem gibt es nicht", [])
-    fault = "there is no flight that can be read below /home/lynx and co"
-    lies = "unter /home/lynx and co liegt kein lesbarer Flug"
+    fault = "there is no readable flight in /home/lynx and co or its subfolders"
+    lies = "in /home/lynx and co und seinen Unterordnern ist kein lesbarer Flug"
     words, left = in_german(f"{fault}. Name the folder that contains flights")
     assert words == f"{lies}. Den Ordner angeben, in dem Flüge liegen"
     assert left == ["/home/lynx and co"]

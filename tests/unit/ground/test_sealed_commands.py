@@ -73,7 +73,7 @@ def test_a_sealed_command_is_taken_and_a_plain_one_is_refused_with_the_reason(
     ack = decode(answer.payload)
     assert isinstance(ack, AckG1)
     assert ack.result == FAILURE
-    assert "only sealed" in ack.message
+    assert "only accepts sealed" in ack.message
     sent = sealing_ground(read_key(path), gate).tunnel_message(STOP)
     opened = gate.open(sent.payload[: sent.payload_length], GROUND, DRONE)
     assert opened == (PLAIN_INSIDE, STOP)

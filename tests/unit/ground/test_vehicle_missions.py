@@ -166,7 +166,7 @@ async def test_a_mission_not_held_as_sent_is_told_of(monkeypatch: pytest.MonkeyP
 
 async def test_a_missing_autopilot_is_reported() -> None:
     link = GroundLink(Clock.start().now_ns, on_event=lambda event: None)
-    with pytest.raises(LinkError, match="no autopilot was received"):
+    with pytest.raises(LinkError, match="no message from an autopilot arrived"):
         await link.missions.wait(3.0)
     with pytest.raises(LinkError, match="no contact with the autopilot"):
         await link.missions.upload(ITEMS)

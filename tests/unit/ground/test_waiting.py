@@ -28,7 +28,9 @@ async def test_a_missing_drone_is_reported_once_however_long_it_is_missing(
     await serving
     waiting = [event["reason"] for event in events if event["event"] == "waiting"]
     assert len(waiting) == 1
-    assert waiting[0].startswith("no drone is received (MAVLink component 191). Check")
+    assert waiting[0].startswith(
+        "no messages from a drone arrive (MAVLink component 191). Check"
+    )
     # Names do not go to the drone: they stay here for its flights.
     names = [tag.name for tag in read_tags(tmp_path / "ground" / "tags.toml")]
     assert names == [tag.name for tag in tags]

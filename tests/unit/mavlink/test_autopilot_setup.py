@@ -128,7 +128,7 @@ async def test_nothing_is_set_on_an_armed_vehicle(world: World) -> None:
 def test_an_autopilot_that_is_not_there_is_said_with_what_to_check(world: World) -> None:
     (finding,) = examine_autopilot(address_of(world), port="TELEM2", baud=921_600)
     assert not finding.ok
-    assert "no autopilot was received" in finding.text
+    assert "no message from an autopilot arrived" in finding.text
     assert "USB" in finding.remedy
 
 

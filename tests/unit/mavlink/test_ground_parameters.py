@@ -31,7 +31,7 @@ async def test_parameters_are_listed_and_set_over_a_lossy_radio(
         assert listed == {**parameter_values(world.mission.settings.now), RUN.name: 0.0}
         assert await ground.parameters.set("RADIO_GAIN", 15) == 15
         assert await ground.parameters.set("DET_FALSE_ALARM", 0.005) == pytest.approx(0.005)
-        with pytest.raises(CommandRefused, match="remains 15"):
+        with pytest.raises(CommandRefused, match="is still 15"):
             await ground.parameters.set("RADIO_GAIN", 40)
         assert world.mission.settings.now.radio.gain == 15
         world.radio.loss = 0.0
@@ -52,9 +52,9 @@ async def test_a_drone_with_a_key_takes_only_sealed_parameters(
     world = make_world(mavlink={"key_file": str(path)})
     async with world.flying():
         async with world.station(ack_wait_s=0.4) as (stranger, _):
-            with pytest.raises(CommandRefused, match="remains -1"):
+            with pytest.raises(CommandRefused, match="is still -1"):
                 await stranger.parameters.set("RADIO_GAIN", 15)
-            assert "only sealed" in world.of(StatusText)[-1].text
+            assert "only accepts sealed" in world.of(StatusText)[-1].text
         async with world.station(key=read_key(path)) as (friend, _):
             with pytest.raises(LinkError, match="no session for sealed commands"):
                 friend.protocol.sealed_parameter("RADIO_GAIN", 15.0)

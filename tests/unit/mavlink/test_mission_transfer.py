@@ -119,7 +119,12 @@ def test_a_vehicle_that_stops_asking_is_asked_anew_and_given_up_in_the_end() -> 
 
 @pytest.mark.parametrize(
     ("result", "said"),
-    [(1, "accepts no mission now"), (4, "no room"), (14, "accepts none"), (9, "result 9")],
+    [
+        (1, "cannot accept a mission now"),
+        (4, "more items than"),
+        (14, "accepts no missions from"),
+        (9, "result 9"),
+    ],
 )
 def test_a_refusal_is_told_with_its_reason(result: int, said: str) -> None:
     wire, sent = MissionWire("px4"), upload()

@@ -170,7 +170,7 @@ async def test_a_signing_ground_station_commands_through_ardupilot_and_another_d
             assert "--signing-key" in (raised.value.remedy or "")
         assert not world.of(Command)
         await until(lambda: world.counter("unsigned_refused") >= 4)
-        with pytest.raises(LinkError, match="not signed with the given key"):
+        with pytest.raises(LinkError, match="not sign them with the given key"):
             async with world.station(signing_key=OTHER):
                 pass
         async with world.station(signing_key=KEY) as (friend, _):

@@ -118,6 +118,6 @@ def test_no_order_is_sent_while_two_vehicles_answer_under_one_number(
 
     asyncio.run(main())
     (waiting,) = [event["reason"] for event in events if event["event"] == "waiting"]
-    assert waiting.startswith("two vehicles answer under number 1. Give each vehicle a number")
+    assert waiting.startswith("two vehicles use the number 1. Give each vehicle a number")
     (note,) = [event["text"] for event in events if event["event"] == "note"]
-    assert "answers under the number 1: give each vehicle a number of its own" in note
+    assert "uses the vehicle number 1: give each vehicle a number of its own" in note

@@ -116,7 +116,7 @@ def test_a_pulse_from_another_computer_keeps_what_the_message_carries() -> None:
 def test_a_pulse_that_no_detector_finds_is_refused(fault: dict[str, Any]) -> None:
     good = convert.pulse_to_ros(PULSE, "")
     values = {name: getattr(good, name) for name in RosPulse.__slots__} | fault
-    with pytest.raises(FormatError, match="not a pulse"):
+    with pytest.raises(FormatError, match="not a valid pulse"):
         convert.pulse_from_ros(RosPulse(**values), 1)
 
 

@@ -202,7 +202,7 @@ def test_an_order_whose_sender_nobody_knows_is_refused() -> None:
     bench.line.hear("control_start_subprocess", STARTED, Sender())
     bench.run(0.1)
     assert bench.commands() == []
-    assert "unknown to DDS" in bench.line.on("rosout")[-1].msg
+    assert "DDS has not announced its sender" in bench.line.on("rosout")[-1].msg
 
 
 def test_a_start_says_how_many_tags_were_sent_the_refused_ones_among_them() -> None:

@@ -26,7 +26,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"interval_uncertainty_s": 60.0}, "interval_uncertainty_ms 60000 must be under half"),
     ({"k": 400}, "k 400 must be a whole number from 1 to 100"),
     ({"k": 4_000_000_000}, "k 4000000000 must be a whole number from 1 to 100"),
-    ({"k": 40}, "k 40 is too many for interval_uncertainty_ms 60"),
+    ({"k": 40}, "k 40 is too large for interval_uncertainty_ms 60"),
     ({"frequency_hz": 148_710.0}, "looks like kHz"),
     ({"pulse_intervals_s": (3600.0,)}, "at most 60000 ms"),
     ({"pulse_intervals_s": (1.254, 1.254)}, "is the same as the first interval"),
@@ -105,7 +105,7 @@ def test_a_setting_for_all_tags_that_makes_them_unsearchable_is_told_at_the_star
     say(mission, 3, "end_tags")
     reply = say(mission, 4, "start_detection")
     assert not reply.accepted
-    assert "k 40 is too many" in reply.message
+    assert "k 40 is too large" in reply.message
     assert mission.flights.flight is None
 
 

@@ -133,7 +133,7 @@ def test_a_void_is_not_taken_for_sea(tmp_path: Path) -> None:
         ("N47E008.hgt.zip", b"PK\x03\x04 nothing", "cannot be read"),
         ("ground.tif", b"II*\0", "truncated"),
         ("ground.tif", b"not a picture at all", "not a GeoTIFF"),
-        ("readme.txt", b"", "holds no heights"),
+        ("readme.txt", b"", "contains no ground heights"),
     ],
 )
 def test_what_is_no_elevation_file_is_named_with_the_remedy(

@@ -65,7 +65,7 @@ def test_lost_samples_in_python_are_a_limitation_and_no_zeros(weak: Rotation) ->
     samples = weak.samples.copy()
     samples[len(samples) // 2 :] = np.nan
     found = judged(weak, samples)
-    assert any("samples cover 50% of the flight" in text for text in found.limitations)
+    assert any("samples exist for 50% of the flight" in text for text in found.limitations)
     half_ns = START_NS + round(0.5e9 * len(samples) / RATE_HZ)
     assert all(one.time_ns < half_ns for one in found.integrated_pulses)
 
@@ -93,7 +93,7 @@ def test_a_dead_radio_is_no_silence_of_the_tag(weak: Rotation) -> None:
     samples = weak.samples.copy()
     samples[len(samples) // 2 :] = 0.0
     found = judged(weak, samples)
-    assert any("samples cover 50% of the flight" in text for text in found.limitations)
+    assert any("samples exist for 50% of the flight" in text for text in found.limitations)
     lost = weak.samples.copy()
     lost[len(samples) // 2 :] = np.nan
     assert found.score == pytest.approx(judged(weak, lost).score, abs=0.2)
@@ -104,7 +104,7 @@ def test_what_was_heard_without_a_pose_counts_nothing(weak: Rotation) -> None:
     before = tuple(one for one in weak.flight.poses if one.time_ns < half_ns)
     found = judged(weak, weak.samples, before)
     assert any(
-        "of the samples have no pose within 2 s: they are left out" in text
+        "of the samples have no pose within 2 s and are left out" in text
         for text in found.limitations
     )
     # As if nobody had listened then, 2 s after the last pose on.
@@ -216,7 +216,10 @@ def test_a_radio_that_was_mostly_dead_finds_no_tag_silent(
     samples.tofile(recorded[2])
     uavrt(*recorded, "--clock-offset", "40", "--antenna", "RA-23K")
     (said,) = json.loads(capsys.readouterr().out)
-    assert "samples cover 0% of the flight: the rest was not searched" in (said["limitations"])
+    assert (
+        "samples exist for 0% of the flight only: the rest was not searched"
+        in (said["limitations"])
+    )
     assert said["silence"]["sure_within_m"] is None
     assert said["silence"]["share50"] == 0.0
 

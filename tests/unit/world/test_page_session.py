@@ -227,7 +227,9 @@ async def test_a_second_drone_on_the_link_is_named_and_never_taken_unasked(
             find(world)
             await page.until(pulses(1))
             log = (await page.ask("GET", "/api/log")).json
-            told = "another vehicle, 2, is received; this page stays with 1"
+            told = (
+                "messages of another vehicle, 2, also arrive; this page still serves vehicle 1"
+            )
             assert told in [line["text"] for line in log]
             flight_id = state["flight"]["flight_id"]
             refused = await page.ask("POST", "/api/vehicle", {"system_id": "2"})

@@ -120,13 +120,14 @@ def inside(polygon: Polygon, ground: GroundGrid) -> NDArray[np.bool_]:
     away_m = float(np.hypot(*beyond).min())
     if not away_m:
         raise UsageError(
-            f"the {polygon.name} contains the middle of no map cell",
+            f"the {polygon.name} is too small: it contains the centre of no map cell",
             remedy="Choose a smaller --cell",
         )
     if away_m > _ELSEWHERE_M:
         raise UsageError(
             f"the {polygon.name} lies {away_m / 1e3:,.0f} km beyond the map",
-            remedy="Give an outline near the flight; maybe its coordinates are swapped",
+            remedy="Give an outline near the flight, and check that latitude and longitude "
+            "are not swapped",
         )
     raise UsageError(
         f"the {polygon.name} lies {math.ceil(away_m):,} m beyond the map",

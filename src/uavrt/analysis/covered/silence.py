@@ -52,14 +52,14 @@ _ANTENNA_UNKNOWN = (
     "those of the flight are assumed"
 )
 _NOT_SILENT = (
-    "the search of the whole flight does not apply here, because it was for {}: only groups of "
-    "pulses count. Run uavrt integrate again"
+    "the search of the whole flight was for {} and does not apply here, so only groups of "
+    "pulses are used. Run uavrt integrate again"
 )
 _WITHIN = "the result covers tags within {:g} Hz of their listed frequency"
 _ANTENNA_ASSUMED = "antenna not specified: {} assumed"
 _AMBIGUOUS = (
-    "a pulse train on the tag's frequency (listed by uavrt integrate) may be the tag, so the "
-    "tag may not be silent"
+    "pulses on the tag's frequency may come from this tag, so it may not be absent (uavrt "
+    "integrate lists them)"
 )
 
 
@@ -137,7 +137,9 @@ class ListenedFlight:
         of_track = directory.is_file()
         try:
             if of_track:
-                raise RecordingError("a vehicle's track has no noise measurements")
+                raise RecordingError(
+                    "no noise level is known: a vehicle's track has no noise measurements"
+                )
             noise = flight_noise_of(directory, flight)
             said = f"+{noise.median_db:.1f} dB in the air over {noise.quiet}"
         except (RecordingError, FormatError) as error:

@@ -50,7 +50,8 @@ def antenna_poses(flight: Flight) -> list[Pose]:
     posed = [one for one in flight.poses if is_attitude(one.quaternion_wxyz)]
     if flight.poses and not posed:
         raise FormatError(
-            f"no pose of {flight.info.directory} has an attitude",
+            f"{flight.info.directory} has no pose with an attitude, so the antenna's "
+            "direction is unknown",
             remedy="Attach poses from an autopilot's log with uavrt attach",
         )
     return [mounting.antenna_pose(one) for one in posed]
@@ -68,7 +69,7 @@ def flight_antenna(flight: Flight) -> str:
     if named != MONOPOLE and named not in PATTERNS:
         raise UsageError(
             f"the drone was set up with the antenna {named!r}, which uavrt does not know",
-            remedy=f"Name one with --antenna: a CSV file of angles and gains, {MONOPOLE}, or "
-            f"one of {', '.join(PATTERNS)}",
+            remedy="Choose the antenna with --antenna: a CSV file of angles and gains, "
+            f"{MONOPOLE}, or one of {', '.join(PATTERNS)}",
         )
     return named

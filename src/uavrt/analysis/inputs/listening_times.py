@@ -52,7 +52,7 @@ def missing_in_words(share: float) -> tuple[str, ...]:
     """Sentence on the share of the flight with samples; empty if nearly complete."""
     if share >= _COMPLETE_SHARE:
         return ()
-    return (f"samples cover {share:.0%} of the flight: the rest was not searched",)
+    return (f"samples exist for {share:.0%} of the flight only: the rest was not searched",)
 
 
 def with_poses(energies: SlotEnergies, poses: PoseColumns) -> SlotEnergies:
@@ -83,6 +83,6 @@ def limits_of(energies: SlotEnergies, poses: PoseColumns) -> tuple[str, ...]:
         return missing
     return (
         *missing,
-        f"{poseless:.0%} of the samples have no pose within "
-        f"{_POSE_REACH_NS // _SECOND} s: they are left out",
+        f"{poseless:.0%} of the samples have no pose within {_POSE_REACH_NS // _SECOND} s "
+        "and are left out",
     )

@@ -78,7 +78,7 @@ def update(
         _rehearse()
         return
     if file is not None and not file.is_file():
-        raise NotFound(f"there is no file {file}", remedy="Check its name")
+        raise NotFound(f"there is no file {file}", remedy="Check the name of the file")
     place = Installation(prefix) if prefix else Installation.of(sys.executable)
     if place is None:
         text = "this uavrt was not installed by deploy/install.sh, so it cannot update itself"

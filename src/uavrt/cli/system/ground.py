@@ -293,7 +293,7 @@ def _text_of(event: dict[str, Any]) -> str | None:
         case {"event": "note", "text": text}:
             return str(text)
         case {"event": "state", "state": str(state)}:
-            return f"drone is {SystemState(state).words}"
+            return f"the drone is {SystemState(state).words}"
         case {"event": "state"}:
             return "drone is in an unknown state"
         case {"event": "waiting", "reason": reason}:

@@ -42,7 +42,7 @@ def faults_of_gaps(
     meant_ms = [factor * gap.number for gap in gaps if 0.0 < factor * gap.number <= MAX_GAP_MS]
     length_ms = sum(meant_ms) + width_ms
     if interval is not None and length_ms >= interval.number:
-        text = f"must be longer than the burst, whose gaps make {length_ms:.10g} ms"
+        text = f"must be longer than the burst; its gaps add up to {length_ms:.10g} ms"
         found.append((interval, text))
     return found
 
@@ -72,7 +72,10 @@ def faults_of_codes(drafts: Sequence[TagDraft]) -> list[Fault]:
     coded = [draft for draft in drafts if draft.gaps]
     found: list[Fault] = []
     if len(coded) > MAX_CODES:
-        text = f"{len(coded)} codes in one list, at most {MAX_CODES}: leave out absent tags"
+        text = (
+            f"the list has {len(coded)} codes, but at most {MAX_CODES} are possible: remove "
+            "tags that are not in the area"
+        )
         found.append(Fault(line=coded[MAX_CODES].line, text=text))
     known = _Codes()
     for draft in coded[:MAX_CODES]:

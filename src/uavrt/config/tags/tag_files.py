@@ -109,7 +109,7 @@ def check_tag_file_name(path: str | os.PathLike[str]) -> None:
     target = Path(path)
     if target.name.lower() == "detectorconfig.txt":
         raise ConfigError(
-            f"uavrt does not write {target}, the original detector's file",
+            f"uavrt does not write {target}, a file of the original detector",
             remedy="Choose a name that ends in .toml, or TagInfo.txt; "
             "flights contain a detectorConfig.txt for each tag",
         )

@@ -196,8 +196,8 @@ def _fault_of_group(entries: dict[Quantity, Entry], shortest: Entry) -> list[tup
         found.append((width, f"must be under half of the interval, {shortest.label}{less}"))
     if k is not None and (k.number - 1.0) * loose_ms > shortest.number and uncertainty:
         text = (
-            f"is too many for {uncertainty.label}: after that many pulses the next is "
-            f"uncertain by more than the interval, {shortest.label}"
+            f"is too large for {uncertainty.label}: after so many pulses, the time of the "
+            f"next is uncertain by more than the interval, {shortest.label}"
         )
         found.append((k, text))
     return found

@@ -234,7 +234,10 @@ def _with_doubt(trains: list[Train], here: Points, used: NDArray[np.bool_]) -> l
     explained = float((used & strong).sum()) / max(float(strong.sum()), 1.0)
     if explained >= TRAINS.least_explained:
         return trains
-    doubt = f"only {100.0 * explained:.0f} % of the pulses at its frequency keep the interval"
+    doubt = (
+        f"only {100.0 * explained:.0f} % of the pulses at this frequency repeat with the "
+        "measured interval"
+    )
     return [replace(train, doubt=doubt) for train in trains]
 
 

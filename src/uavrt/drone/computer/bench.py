@@ -166,7 +166,9 @@ def _drone(facts: FlightFacts) -> Finding:
     if facts.heard:
         return passed("drone", "connected")
     return failed(
-        "drone", "no contact", "Check its power, the telemetry radio and the connection"
+        "drone",
+        "no contact",
+        "Check the drone's power, the telemetry radio and the connection under Set-up",
     )
 
 
@@ -175,7 +177,7 @@ def _radio(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
     if facts.state is not SystemState.DETECTING:
         return failed(
             what,
-            "not tested: no detection is running",
+            "not tested, because no detection is running",
             "Send the tags and press Start, with the propellers off",
         )
     ages = [_age_s(one.detector_ns, now_ns) for one in bench.tags.values()]
@@ -183,8 +185,8 @@ def _radio(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
         return passed(what, "its samples arrive and are searched")
     return failed(
         what,
-        "no detector reports",
-        "Press Radio status under Set-up; check the radio's cable and its supply",
+        "no report from the detector arrives",
+        "Press Radio status under Set-up; check the radio's cable and power supply",
     )
 
 
@@ -192,7 +194,9 @@ def _noise(facts: FlightFacts, bench: Bench) -> Finding:
     what = "noise"
     known = bench.noise(facts.tags)
     if not known:
-        return failed(what, "not measured yet", "Press Start and wait half a minute")
+        return failed(
+            what, "not measured yet", "Press Start and wait half a minute for a measurement"
+        )
     names = {tag.tag_id: _megahertz(tag) for tag in facts.tags}
     levels = {tag_id: one.noise_db or 0.0 for tag_id, one in known.items()}
     rises = {tag_id: levels[tag_id] - one.quietest_db for tag_id, one in known.items()}
@@ -204,7 +208,10 @@ def _noise(facts: FlightFacts, bench: Bench) -> Finding:
     apart_db = levels[loudest] - min(levels.values())
     if apart_db > NOISE_APART_DB:
         at = names[loudest]
-        text = f"{apart_db:.0f} dB more at {at} MHz than at the quietest tag's"
+        text = (
+            f"{apart_db:.0f} dB more noise at {at} MHz than at the frequency of the quietest "
+            "tag"
+        )
         return failed(what, text, NOISE_REMEDY)
     return _level(what, levels, apart_db, facts.usual_noise_db)
 
@@ -220,7 +227,7 @@ def _level(
     if usual_db is None:
         return _open(
             what,
-            f"not known yet: {even}, but there is no past flight for comparison",
+            f"not known yet: {even}, but there is no past flight to compare with",
             "Switch on camera, video link and motors, one after the other, and check that the "
             "noise stays the same. Later flights are compared with the first",
         )
@@ -231,7 +238,7 @@ def _level(
         return failed(
             what,
             f"{-more_db:.0f} dB less than in past flights",
-            "Check the antenna and its cable, and that the gain is as in past flights",
+            "Check the antenna and its cable, and that the gain is the same as in past flights",
         )
     return passed(what, f"{even}, and within {abs(more_db):.0f} dB of past flights")
 
@@ -246,7 +253,8 @@ def _time(facts: FlightFacts, bench: Bench) -> Finding:
             f"the drone's clock is {off} behind this computer's"
             if off_s > 0
             else f"the drone's clock is {off} ahead of this computer's",
-            "Set the clock that is wrong; on the drone: sudo timedatectl set-time",
+            "Set the clock that is wrong; to set the drone's, run there: sudo timedatectl "
+            "set-time",
         )
     if facts.time_known or (facts.time_known is None and bench.posed):
         return passed(what, "the autopilot's clock is known")
@@ -254,7 +262,7 @@ def _time(facts: FlightFacts, bench: Bench) -> Finding:
     return failed(
         what,
         "unknown until a pulse is detected" if waiting else "the autopilot's clock is unknown",
-        "Switch on the bench tag"
+        "Switch on a tag and lay it a few metres away"
         if waiting
         else "Check the drone's cable to the autopilot, both wires, and its MAVLink port",
     )
@@ -289,14 +297,15 @@ def _tags(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
     if not heard:
         return failed(
             what,
-            "none detected in the last minute",
-            "Put a tag a few metres away, switched on; check its frequency and interval",
+            "no tag was detected in the last minute",
+            "Put a tag that is switched on a few metres away, and check its frequency and "
+            "interval in the list",
         )
     if all(one.clipped for _, one in heard):
         return failed(
             what,
-            "so strong that the radio overloads",
-            "Put the tag farther away, or lower the gain",
+            "so strong that the radio is overloaded",
+            "Put the test tag farther away, or lower the gain under Set-up",
         )
     names = ", ".join(tag.name or str(tag.tag_id) for tag, _ in heard[:3])
     return passed(what, f"{len(heard)} of {len(facts.tags)} detected: {names}")
@@ -311,7 +320,7 @@ def _disk(facts: FlightFacts) -> Finding:
         return failed(
             what,
             f"{free_mb / 1000.0:.1f} GB free on the drone",
-            "Fetch its flights, then Clean logs under Set-up",
+            "Fetch the drone's flights, then press Clean logs under Set-up",
         )
     return passed(what, f"{free_mb / 1000.0:.1f} GB free on the drone")
 
@@ -323,10 +332,11 @@ def _battery(facts: FlightFacts) -> Finding:
         return failed(
             what,
             "not reported by the autopilot",
-            "Set up the autopilot's battery monitor (BATT_MONITOR, BAT1_SOURCE)",
+            "Set up the battery monitor in the autopilot's parameters (BATT_MONITOR, "
+            "BAT1_SOURCE)",
         )
     if percent < BATTERY_PERCENT:
-        return failed(what, f"{percent:.0f} % left", "Charge the battery, or use a full one")
+        return failed(what, f"{percent:.0f} % left", "Charge the battery, or use a charged one")
     if facts.battery_v is None:
         return passed(what, f"{percent:.0f} % left")
     return passed(what, f"{percent:.0f} % left, {facts.battery_v:.1f} V")

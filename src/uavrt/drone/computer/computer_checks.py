@@ -160,7 +160,8 @@ def check_clock() -> Finding:
         return kept
     if synchronized == "no":
         remedy = (
-            "Let a time server set the clock once before the flight, or check the time yourself"
+            "Connect the computer to a time server once before the flight, or check the time "
+            "yourself"
         )
         return replace(kept, ok=False, text=f"{kept.text} · not synchronized", remedy=remedy)
     return replace(kept, text=f"{kept.text} · synchronized")

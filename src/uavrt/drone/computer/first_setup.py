@@ -167,7 +167,7 @@ class FirstSetup:
     def _name(self, values: dict[str, Any]) -> tuple[StepFault, ...]:
         name = _text(values, "name")
         if not NAME.fullmatch(name):
-            text = "1 to 32 small letters, digits and hyphens, none at the ends"
+            text = "1 to 32 small letters, digits and hyphens; no hyphen at the start or end"
             return (StepFault(field="name", text=text),)
         self._hand_over(name=name)
         return ()

@@ -1,9 +1,9 @@
-"""Download flights from the drone over the station's own link, with progress.
+"""Download flights from the drone for the web page, with progress.
 
-`uavrt.ground.fetch.ftp_client` speaks the protocol, as in ``uavrt fetch``; here its requests
-use the link that the page has open already. A downloaded flight is stored as ``NAME_drone``
-among those received here: both recordings of a flight may have the same name, and neither may
-be overwritten.
+`uavrt.ground.fetch.ftp_client` implements the protocol, as for ``uavrt fetch``; its requests
+use the link that the page has already opened. A downloaded flight is stored as ``NAME_drone``
+next to the flights received here. The drone's and the ground's recording of a flight may have
+the same name, and neither may be overwritten.
 """
 
 import asyncio
@@ -37,7 +37,7 @@ REPORT_S = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Download:
-    """Progress of a download."""
+    """Progress of one flight's download from the drone."""
 
     flight_id: str
     """Name of the flight on the drone."""
@@ -47,11 +47,11 @@ class Download:
     """Size of the flight [bytes]; None while the drone's files are being listed."""
     ended: bool = False
     error: str | None = None
-    """Reason for an aborted download; None without one."""
+    """Reason why the download was aborted; None if it was not."""
 
 
 class Downloads:
-    """One download at a time, over the link of one vehicle."""
+    """Downloads flights from one vehicle over its open link, one at a time."""
 
     def __init__(self, vehicle: ServedVehicle) -> None:
         self._vehicle = vehicle
@@ -89,12 +89,12 @@ class Downloads:
         ]
 
     def start(self, flight_id: str, *, everything: bool = False) -> Download:
-        """Start to fetch a flight, with its recorded samples if `everything` is True."""
+        """Start to download a flight, with its recorded samples if `everything` is True."""
         if not flight_id.startswith(FLIGHT_PREFIX) or Path(flight_id).name != flight_id:
-            raise NotFound(f"there is no flight {flight_id[:80]!r} on the drone")
+            raise NotFound(f"the drone has no flight {flight_id[:80]!r}")
         if self._is_own(flight_id):
             raise UsageError(
-                f"{flight_id} is already on this computer, which is the drone's own"
+                f"{flight_id} is already on this computer: it is the drone's own computer"
             )
         if self._task is not None and not self._task.done():
             raise LinkError(
@@ -114,7 +114,7 @@ class Downloads:
                 await task
 
     def record(self) -> dict[str, Any] | None:
-        """State of the last download for the page; None before the first."""
+        """Progress of the latest download for the page; None before the first download."""
         return None if self.current is None else asdict(self.current)
 
     async def _fetch(self, flight_id: str, everything: bool) -> None:
@@ -128,7 +128,7 @@ class Downloads:
             self._vehicle.feed.note(6, f"{flight_id} downloaded")
             if tree.left_out:
                 self._vehicle.feed.note(
-                    4, f"{tree.left_out} files of {flight_id} were left out"
+                    4, f"{tree.left_out} files of {flight_id} were not downloaded"
                 )
         except UavrtError as fault:
             error = str(fault)
@@ -171,7 +171,7 @@ class Downloads:
         link = self._vehicle.connection.link
         if link is None or link.protocol.drone is None:
             raise LinkError(
-                "No contact with the drone", remedy="Check its power and the radio link"
+                "No contact with the drone", remedy="Check the drone's power and the radio link"
             )
         link.send(file_request(link.protocol.drone, payload))
 

@@ -1,7 +1,7 @@
 """Connect `uavrt fetch` to the drone over the fastest of several links.
 
-To the drone, this program is a component of the ground's MAVLink system but no ground station,
-so it receives no pulses.
+The program acts as a component of the ground's MAVLink system, not as a ground station, so that
+the drone sends it no pulses.
 """
 
 import asyncio
@@ -77,14 +77,14 @@ class DroneFiles:
     async def _find(self, timeout_s: float) -> None:
         if not await within(timeout_s, self._found.wait()):
             raise LinkError(
-                f"no drone was received in {timeout_s:g} s "
-                f"(MAVLink component {DRONE_COMPONENT})",
+                f"no message from a drone arrived in {timeout_s:g} s (MAVLink component "
+                f"{DRONE_COMPONENT})",
                 remedy="Check the drone's power and the radio, and that the autopilot "
                 "forwards MAVLink",
             )
 
     async def _compare(self, links: int) -> None:
-        """Ping the drone over every link; select the one with the shortest round trip."""
+        """Ping the drone over every link, and use the link with the shortest round trip."""
         for number in range(PINGS):
             for link in range(links):
                 ping = dialect.Ping(
@@ -99,14 +99,16 @@ class DroneFiles:
             self.link = min(self._trips_ns, key=self._trips_ns.__getitem__)
 
     def _next_link(self) -> None:
-        """Switch to another link on which the drone is received, if there is one."""
+        """Use another link on which the drone's frames arrive, if there is one."""
         others = [link for link in self._links.alive() if link != self.link]
         if others:
             later = [link for link in others if link > self.link]
             self.link = (later or others)[0]
 
     async def _send_heartbeat(self) -> None:
-        """Send a heartbeat once a second, so that the autopilot can route messages to us."""
+        """Send a heartbeat once a second, so that the autopilot routes messages to this
+        program.
+        """
         message = own_heartbeat(dialect.MavType.GENERIC)
         while True:
             self._links.send_by_all(message)

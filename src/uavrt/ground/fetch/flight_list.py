@@ -1,7 +1,7 @@
 """List the flights on the drone in the order in which they were flown.
 
-The drone's clock may start in 1970, so the dates in flight names can be wrong. The drone keeps
-the order in a file (`uavrt.flight.flight_order`).
+The drone's clock may start in 1970, so the dates in the names of flights can be wrong. The
+drone therefore records the order in a file (`uavrt.flight.flight_order`).
 """
 
 from pathlib import PurePosixPath
@@ -11,7 +11,8 @@ from uavrt.flight.flight_order import FLIGHT_ORDER, FLIGHT_PREFIX, flown_name, n
 from uavrt.ground.fetch.ftp_client import FileClient, RemoteEntry
 
 MOST_NOTED = 8_000
-"""Bytes read from the end of the drone's list of flights: some 250 names, 2 s over a radio."""
+"""Number of bytes read from the end of the drone's list of flights: some 250 names, which take
+2 s over a radio."""
 
 
 async def drone_flights(client: FileClient) -> list[str]:
@@ -28,7 +29,7 @@ async def drone_flights(client: FileClient) -> list[str]:
 
 
 async def _noted(client: FileClient, entry: RemoteEntry) -> list[str]:
-    """Read the last names in the drone's list of flights; empty if the drone has none."""
+    """Read the last names in the drone's list of flights; empty if the drone has no list."""
     got = bytearray()
     start = max(0, (entry.size or 0) - MOST_NOTED)
 

@@ -31,8 +31,8 @@ from uavrt.link.mavlink.services.ftp_wire import (
 )
 
 REPLY_NS = ns_from_s(1.5)
-"""Wait for a reply before the request is repeated [ns]; the queue of a slow radio delays a
-reply by less."""
+"""Time without a reply after which a file request is repeated [ns]; longer than the delay in
+the queue of a slow radio."""
 TRIES = 10
 BURST_GAP_NS = ns_from_s(2.0)
 """Silence after which a burst of file data counts as finished [ns]."""
@@ -45,28 +45,30 @@ LEAST_BYTES, LEAST_ENTRIES = 6000, 30
 """Minimum progress within `STALL_NS` of a file [bytes] and of a list [entries]; the slowest
 radio reaches three times as much."""
 MOST_REPLIES = 4096
-"""Maximum number of file replies queued; further ones are dropped and counted."""
+"""Maximum number of queued replies of the file server; further replies are dropped and counted.
+"""
 CHECKSUM_TRIES = 30
-"""Maximum number of requests for one checksum; a drone needs 10 s to compute that of 1 GB."""
+"""Maximum number of requests for one file's checksum; a drone needs 10 s to compute that of 1
+GB."""
 MOST_GROWTH_BYTES = 16_000_000
 """Maximum growth of a file beyond its listed size [bytes], since the drone may still be
 recording it."""
 MOST_BYTES = 2_000_000_000
-"""Largest flight accepted without its recorded samples [bytes]; ten hours with 100 tags take a
-tenth of that."""
+"""Largest flight that is downloaded without its recorded samples [bytes]; ten hours with 100
+tags need a tenth of this size."""
 FREE_BYTES_LEFT = 100_000_000
-"""Free space to leave on this computer's disk when a flight is copied [bytes]."""
+"""Space that a download must leave free on this computer's disk [bytes]."""
 PART_SUFFIX = ".part"
 MOST_NESTED = 8
-"""Deepest nesting of directories that is listed; flights have 4 levels. A hostile server could
-nest directories without end."""
+"""Maximum depth of directories that are listed. Flights have 4 levels; the limit stops a
+hostile server that nests directories without end."""
 MOST_ENTRIES = 20_000
 """Maximum number of files and directories in one tree; a flight with 100 tags has 1200."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RemoteEntry:
-    """A file or directory on the drone."""
+    """Path and size of a file or directory on the drone."""
 
     path: str
     size: int | None
@@ -75,7 +77,7 @@ class RemoteEntry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RemoteTree:
-    """All files below a directory on the drone."""
+    """All files in a directory on the drone and in its subdirectories."""
 
     files: tuple[RemoteEntry, ...]
     left_out: int = 0
@@ -84,7 +86,7 @@ class RemoteTree:
 
 
 class FileClient:
-    """Client of the drone's file server, for one request at a time; raises `LinkError`."""
+    """Requests directories, files and checksums from the drone's file server, one at a time."""
 
     def __init__(
         self,
@@ -157,7 +159,7 @@ class FileClient:
         return RemoteTree(files=tuple(files), left_out=left_out)
 
     async def checksum(self, path: str) -> int:
-        """Query the checksum (CRC-32) of a file, which the drone computes."""
+        """Request the checksum (CRC-32) of a file, which the drone computes."""
         reply = await self._ask(
             Opcode.CALC_FILE_CRC32, data=path.encode(), tries=CHECKSUM_TRIES
         )
@@ -243,10 +245,10 @@ class FileClient:
         size: int | None = None,
         tries: int = TRIES,
     ) -> FtpPacket:
-        """Repeat a request until it is answered, with the same bytes each time."""
+        """Send a request, byte for byte the same, until it is answered; return the reply."""
         if len(data) > DATA_SIZE:
             raise LinkError(
-                f"a path of {len(data)} bytes is too long for a request",
+                f"a file path of {len(data)} bytes is too long to be requested from the drone",
                 remedy="`uavrt fetch --list` shows what is on the drone",
             )
         request = self._request(opcode, data=data, offset=offset, size=size)
@@ -271,7 +273,7 @@ class FileClient:
     def _request(
         self, opcode: Opcode, *, data: bytes = b"", offset: int = 0, size: int | None = None
     ) -> bytes:
-        """Encode the next request; from now on only a reply to it is accepted."""
+        """Encode the next request; replies to earlier requests are then ignored."""
         while not self._replies.empty():
             self._replies.get_nowait()
         self._sequence += 1
@@ -305,7 +307,7 @@ class _StallWatch:
 
 
 def file_request(drone: Peer, payload: bytes) -> FileTransferProtocol:
-    """Address an FTP request to the drone's file server."""
+    """Make the message that sends an FTP request to the drone's file server."""
     return FileTransferProtocol(target_network=0, **drone.address, payload=payload)
 
 
@@ -314,12 +316,16 @@ def _soon(wait_ns: int) -> float:
 
 
 def require_room(entries: Iterable[RemoteEntry], place: Path, *, samples: bool) -> None:
-    """Raise `RecordingError` if a flight exceeds the disk or, without samples, `MOST_BYTES`."""
+    """Raise `RecordingError` if a flight does not fit on the disk or, without samples, exceeds
+    `MOST_BYTES`.
+    """
     whole = sum(entry.size or 0 for entry in entries)
     if whole > MOST_BYTES and not samples:
         raise RecordingError(
-            f"the drone lists {whole / 1e9:.1f} GB: too much for a flight without samples",
-            remedy="Fetch its files one by one; someone may be impersonating the drone",
+            f"the drone lists {whole / 1e9:.1f} GB, which is too much for a flight without "
+            "samples",
+            remedy="Fetch the flight's files one by one; someone may be impersonating the "
+            "drone",
         )
     _require_free(place, whole)
 
@@ -343,11 +349,12 @@ async def fetch_file(
     place: Path,
     progress: Callable[[int, int], None] = lambda done, size: None,
 ) -> bool:
-    """Fetch one file; return False if it was here already.
+    """Download one file; return False if a complete copy is already on this computer.
 
-    The data goes to ``NAME.part``, which is renamed once its checksum is right. An existing
-    part is continued; with a wrong checksum the file is fetched once more from the start. A
-    different local file of that name stays, and the new one is stored as ``NAME.other-1``.
+    Data is written to ``NAME.part``, which is renamed once its checksum is right. An existing
+    part is continued; if the checksum is wrong, the file is downloaded once more from the
+    start. A different local file of the same name is kept, and the new file is stored as
+    ``NAME.other-1``.
     """
     alike = [there for there in (place, *others(place)) if _size(there) == entry.size]
     if alike:
@@ -358,7 +365,7 @@ async def fetch_file(
                 return False
     part = place.with_name(place.name + PART_SUFFIX)
     if part.exists() and not part.is_file():
-        raise RecordingError(f"{part} is not a file", remedy="Remove it")
+        raise RecordingError(f"{part} is not a file", remedy="Remove it, then try again")
 
     def allow(size: int) -> None:
         listed = entry.size or 0
@@ -385,12 +392,14 @@ async def fetch_file(
             part.unlink()
     raise RecordingError(
         f"{entry.path} is different each time it is read",
-        remedy="It is still being written; stop the detection and fetch it again",
+        remedy="The drone is still writing this file; stop the detection and fetch it again",
     )
 
 
 class _Appending:
-    """File to which a thread appends; a killed program loses nothing already written."""
+    """File to which a thread appends data; data already written survives the end of the
+    program.
+    """
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -410,7 +419,7 @@ class _Appending:
 
 
 def file_checksum(path: Path) -> int:
-    """Checksum of a local file by the drone's algorithm (MAVLink FTP's CRC-32)."""
+    """Compute the checksum of a local file as the drone does (MAVLink FTP's CRC-32)."""
     value = 0
     with path.open("rb") as file:
         while part := file.read(1 << 20):
@@ -433,7 +442,7 @@ def _entry(directory: str, line: bytes) -> RemoteEntry:
     if not good or not (size or "0").isdecimal():
         raise LinkError(
             f"the drone sent an invalid list of files: {line[:80]!r} is not a name with a size",
-            remedy="Someone may be impersonating the drone: see the manual on locking the link",
+            remedy="Someone may be impersonating the drone: see “Lock the link” in the manual",
         )
     path = f"{directory.rstrip('/')}/{name}"
     return RemoteEntry(path=path, size=int(size or 0) if line[:1] == b"F" else None)
@@ -459,6 +468,6 @@ def _check(reply: FtpPacket, path: str) -> None:
 
 def _silent(what: str) -> LinkError:
     return LinkError(
-        f"no answer about {what}",
+        f"the drone did not answer a request about {what}",
         remedy="Check the radio link and try again; what has arrived is kept",
     )

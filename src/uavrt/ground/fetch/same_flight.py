@@ -32,7 +32,9 @@ _LACKING = (
 
 
 def place_for(new: Path, place: Path) -> Path:
-    """Path for a new file: `place`, or a new name if another flight's file has that name."""
+    """Return the path at which to store a new file: `place`, or a new name if another flight's
+    file has that name.
+    """
     if not place.exists() and not place.is_symlink():
         return place
     if place.is_file():
@@ -47,7 +49,7 @@ def place_for(new: Path, place: Path) -> Path:
 
 
 def others(place: Path) -> list[Path]:
-    """List the copies of a local file from other flights: ``NAME.other-1`` and so on."""
+    """List a local file's copies that come from other flights: ``NAME.other-1`` etc."""
     return [p for p in place.parent.glob("*") if p.name.startswith(place.name + OTHER_SUFFIX)]
 
 
@@ -61,7 +63,7 @@ def begins_with(new: Path, old: Path) -> bool:
 
 
 def same_database(new: Path, old: Path) -> bool:
-    """True if a flight's database is a later state of another."""
+    """True if a flight's database is a later state of the other database."""
     try:
         with _both(new, old) as database:
             flights = [database.execute(_FLIGHT.format(n)).fetchone() for n in ("main", "here")]
@@ -75,7 +77,7 @@ def same_database(new: Path, old: Path) -> bool:
 
 
 def same_recording(new: Path, old: Path) -> bool:
-    """True if the SigMF description of a recording is a later state of another."""
+    """True if one SigMF description of a recording is a later state of the other."""
     try:
         formats, stretches = zip(*(_described(path) for path in (new, old)), strict=True)
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
@@ -95,7 +97,9 @@ def same_recording(new: Path, old: Path) -> bool:
 
 
 def _described(path: Path) -> tuple[tuple[Any, ...], list[tuple[Any, Any, int]]]:
-    """Read a recording's kind, and first sample, frequency and time [ns] of each span."""
+    """Read the kind of a recording, and first sample, frequency and time [ns] of each of its
+    spans.
+    """
     described = read_json(read_file(path, NOTES), NOTES)
     about = described["global"]
     kind = (about["core:datatype"], about["core:sample_rate"], about.get("core:description"))

@@ -1,16 +1,17 @@
-"""Recognise the sample files of a flight: they are large and are fetched only on request."""
+"""Recognise sample files of a flight, which are large and downloaded only on request."""
 
 from typing import Literal
 
 SampleKind = Literal["channels", "band"]
 CHANNELS: SampleKind = "channels"
-"""Kind of sample file: recorded channels of single tags, 15 kB/s each."""
+"""Name of the sample files with recorded channels of single tags, 15 kB/s each."""
 BAND: SampleKind = "band"
-"""Kind of sample file: full band or raw capture, from 1.5 MB/s, too much for a radio link."""
+"""Name of the sample files with the full band or a raw capture; at 1.5 MB/s or more, these are
+too large for a radio link."""
 
 
 def sample_part(path: str) -> SampleKind | None:
-    """Kind of samples that a file on the drone holds; None for a file without samples."""
+    """Return the kind of samples in a file on the drone; None for a file without samples."""
     if "/iq/channels/" in path:
         return CHANNELS
     return BAND if "/iq/" in path else None

@@ -1,4 +1,6 @@
-"""Decide which buttons of the page are enabled, and give the reason if not. No I/O."""
+"""Decide which buttons of the page are enabled, and give a reason for each disabled button. No
+I/O.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -14,14 +16,14 @@ REFUSALS_BY_STATE = {
     SystemState.IDLE: "Send the tags first",
     SystemState.RECEIVING_TAGS: "Tags are being sent",
     SystemState.DETECTING: "Detection is running: press Stop first",
-    SystemState.CAPTURING: "A capture is running: wait until it has ended",
+    SystemState.CAPTURING: "Raw data are being recorded: wait until the recording has ended",
 }
 """Reason why a button is disabled, by the drone's state."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Busy:
-    """The operator's command in progress."""
+    """A command of the operator that is in progress, and how far it has come."""
 
     action: str
     text: str
@@ -44,7 +46,7 @@ class Situation:
     busy: Busy | None
     flight_open: bool
     foreign: bool = False
-    """True while another autopilot answers under the served vehicle's number."""
+    """True while two autopilots use the number of the served vehicle."""
     silent_s: float = 0.0
     """Time since the last contact with the drone, or since the start of the station [s]."""
 
@@ -60,7 +62,7 @@ def action_states(now: Situation) -> dict[str, dict[str, Any]]:
 
 
 def _asked_for(action: str) -> dict[str, Any]:
-    """Names and units of an action's fields that the page asks for; empty without any."""
+    """Names and units of the values that the page requests for an action; empty if none."""
     row = COMMAND_OF_ACTION.get(action)
     if row is None or not row.fields or not (row.button and row.button.asking):
         return {}
@@ -72,7 +74,7 @@ def unreachable(now: Situation) -> str | None:
     if not now.link_open:
         return "Not connected: choose the connection under Set-up"
     if not now.drone_present:
-        return "No contact with the drone: check its power and the radio"
+        return "No contact with the drone: check its power and the radio link"
     return wait_for(now)
 
 
@@ -80,12 +82,12 @@ def cannot_command(now: Situation) -> str | None:
     """Reason why no command except a stop can be sent; None if all can be sent."""
     reason = unreachable(now)
     if reason is None and now.foreign:
-        return "Two vehicles have the same number: choose one above"
+        return "Two vehicles have the same number: choose one of them above"
     return reason
 
 
 def wait_for(now: Situation) -> str | None:
-    """Text that asks to wait for the command in progress; None without one."""
+    """Message to wait for the command in progress; None if no command is in progress."""
     return None if now.busy is None else f"Please wait: {now.busy.text}"
 
 
@@ -100,7 +102,7 @@ def _reason(action: str, now: Situation) -> str | None:
     command = COMMAND_OF_ACTION[action].name
     if now.state is not None and not isinstance(outcome(now.state, command), Accepted):
         return (
-            "Nothing is running that could be stopped"
+            "Nothing is running, so there is nothing to stop"
             if action == "stop"
             else REFUSALS_BY_STATE[now.state]
         )

@@ -44,7 +44,7 @@ def _parameter(body: dict[str, Any]) -> tuple[str, float]:
 
 
 def _correction(vehicle: ServedVehicle, request: dict[str, Any]) -> TagCorrection:
-    """Find the requested correction of a tag, or its undoing; raises `FormatError`."""
+    """Read the requested correction of a tag, or its undoing; raises `FormatError`."""
     now_ns = vehicle.clock.now_ns()
     tag_id = request.get("tag_id")
     tag = next((one for one in vehicle.store.tags if one.tag_id == tag_id), None)
@@ -85,7 +85,7 @@ class Commands:
         self._vehicle = vehicle
 
     def by_name(self, body: dict[str, Any]) -> dict[str, Callable[[], Awaitable[str]]]:
-        """The page's commands, by the action of their button; `body` holds the values."""
+        """Functions that send the page's commands, by the button's action."""
         return {
             "send_tags": self.send_tags,
             "start": self.start,
@@ -102,7 +102,7 @@ class Commands:
         return await self.send_tags_by(self._allowed("send_tags"))
 
     async def send_tags_by(self, link: GroundLink) -> str:
-        """Send the tag table over `link`, whatever state the drone last reported."""
+        """Send the tag table over `link` without regard to the drone's last reported state."""
         tags = self._vehicle.store.chosen_tags
         async with self._working("send_tags", f"sending {counted(len(tags), 'tag')}"):
             await link.upload_tags(tags, self._progress)
@@ -110,11 +110,11 @@ class Commands:
             return f"{len(tags)} {'tag' if len(tags) == 1 else 'tags'} sent"
 
     async def start(self) -> str:
-        """Start detection and a flight recording on the ground."""
+        """Start detection on the drone and the recording of a flight on the ground."""
         return await self.start_by(self._allowed("start"))
 
     async def start_by(self, link: GroundLink) -> str:
-        """Start detection over `link`, whatever state the drone last reported."""
+        """Start detection over `link` without regard to the drone's last reported state."""
         async with self._working("start", "starting"):
             directory = await self._use_radio(link, "start_detection")
             self._vehicle.drone.started(directory)
@@ -123,7 +123,7 @@ class Commands:
             return directory or "detecting"
 
     async def stop(self) -> str:
-        """Stop detection or capture, whatever state the drone last reported."""
+        """Stop detection or capture without regard to the drone's last reported state."""
         if (reason := unreachable(self._vehicle.situation())) is not None:
             raise LinkError(reason)
         link = self._vehicle.connection.link
@@ -139,7 +139,9 @@ class Commands:
             return await self._use_radio(link, "raw_capture") or "capturing"
 
     async def _use_radio(self, link: GroundLink, name: CommandName) -> str:
-        """Start detection or a capture with the page's radio settings; return the directory."""
+        """Start detection or a raw capture with the radio settings of the page; return the
+        flight's directory.
+        """
         settings = self._vehicle.store.settings
         frequency = settings.center_frequency_mhz
         return await link.start_detection(
@@ -159,11 +161,11 @@ class Commands:
             return await link.ask(row.name, values) or button.done
 
     async def correct_tag(self, request: dict[str, Any]) -> str:
-        """Correct a listed tag by a measurement, on the drone and then in the list.
+        """Correct a listed tag by a measurement, first on the drone and then in the list.
 
         ``{"tag_id": …, "frequency_hz": …}`` identifies the measured signal by its frequency;
         ``"undo": true`` restores the values before the last correction. If the drone refuses or
-        does not answer, the list is unchanged.
+        does not answer, the list stays unchanged.
         """
         vehicle, drone, store = self._vehicle, self._vehicle.drone, self._vehicle.store
         correction = _correction(vehicle, request)
@@ -182,9 +184,12 @@ class Commands:
                 await store.disk.run(store.correct_tag, correction)
             except (OSError, UavrtError) as error:
                 reason = error.message if isinstance(error, UavrtError) else error
-                text = f"tag {tag_id} is not corrected in the list: {reason}"
+                text = f"tag {tag_id} was not corrected in the list here: {reason}"
                 if link is not None:
-                    text = f"tag {tag_id} is corrected on the drone, not in the list: {reason}"
+                    text = (
+                        f"tag {tag_id} was corrected on the drone, but not in the list here: "
+                        f"{reason}"
+                    )
                 raise RecordingError(
                     text,
                     remedy="Check that the tag is listed and the disk has space, then repeat "
@@ -215,7 +220,7 @@ class Commands:
         return vehicle.connection.link if in_flight else None
 
     async def parameters(self) -> dict[str, float]:
-        """Query the drone's parameters; return the values by name."""
+        """Request the drone's parameters; return the values by name."""
         return await self._allowed("parameters").parameters.list_all()
 
     async def set_parameter(self, body: dict[str, Any]) -> str:
@@ -229,7 +234,9 @@ class Commands:
             return f"{name} = {value:g}"
 
     async def mark(self, text: str = "", place: tuple[float, float] | None = None) -> str:
-        """Write a remark with time and position (by default the drone's) into the recording."""
+        """Write a remark with time and position into the recording; default is the drone's
+        position.
+        """
         now_ns = self._vehicle.clock.now_ns()
         pose = self._vehicle.connection.watch.pose if self._vehicle.connection.watch else None
         if place is None and pose is not None:

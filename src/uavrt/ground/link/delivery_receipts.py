@@ -1,7 +1,8 @@
-"""Acknowledge stored pulses and recognise repeated ones. No I/O.
+"""Acknowledge stored pulses and recognise repeated pulses. No I/O.
 
-A receipt names only pulses that are safe in the ground station's store. It repeats some hashes
-of earlier receipts, so that the drone seldom repeats a pulse because a receipt was lost.
+A receipt names only pulses that are stored on the ground station's disk. It also repeats some
+hashes of earlier receipts, so that the drone seldom sends a pulse again because a receipt was
+lost.
 """
 
 from collections import deque
@@ -14,14 +15,14 @@ from uavrt.link.tunnel.own_messages.private import MAX_HASHES, Receipt, payload_
 PERIOD_NS = ns_from_s(0.150)
 SIGN_OF_LIFE_NS = ns_from_s(1.0)
 REPEATED = 6
-"""Number of hashes of earlier pulses repeated in each receipt. At 20 % frame loss, 1
-acknowledgement in 25 is then lost."""
+"""Number of hashes of earlier pulses in each receipt. With them, one acknowledgement in 25 is
+lost at 20 % frame loss."""
 REMEMBERED = 500_000
 """Maximum number of pulses remembered to recognise repetitions: 17 hours at 8 a second."""
 
 
 class Receipts:
-    """Tracks stored pulses; each is acknowledged once its hash is on the disk."""
+    """Keeps track of stored pulses and makes receipts that acknowledge them to the drone."""
 
     def __init__(
         self,
@@ -42,7 +43,7 @@ class Receipts:
         self.duplicates = 0
 
     def seen(self, payload: bytes) -> bool:
-        """True for a known pulse, which the next receipt acknowledges again."""
+        """True if a pulse has arrived before; the next receipt then acknowledges it again."""
         number = payload_hash(payload)
         if number not in self._known:
             return False
@@ -52,7 +53,7 @@ class Receipts:
         return True
 
     def stored(self, payload: bytes) -> None:
-        """Record that a pulse is safe in the store."""
+        """Record that a pulse is now stored on disk."""
         number = payload_hash(payload)
         self._known[number] = None
         self._keep(number, lambda: self._due.append(number))

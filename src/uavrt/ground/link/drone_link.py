@@ -168,7 +168,9 @@ class GroundLink:
             await self._links.close(opened=bool(addresses))
 
     async def wait_for_drone(self, timeout_s: float) -> Peer:
-        """Wait until component 191 is received; raises `LinkError` after `timeout_s`."""
+        """Wait until a message of the drone (component 191) arrives; raises `LinkError` after
+        `timeout_s`.
+        """
         await self.contact.wait(timeout_s)
         assert self.protocol.drone is not None
         return self.protocol.drone
@@ -181,7 +183,7 @@ class GroundLink:
     async def upload_tags(
         self, tags: Sequence[Tag], progress: Callable[[int, int], None] | None = None
     ) -> None:
-        """Send the tag list, which replaces the drone's; each message is acknowledged."""
+        """Replace the drone's tag list by this one; each message is acknowledged."""
         payloads = self.writing.upload(tags)
         coded = [False, *(tag.coded for tag in tags), False]
         for count, (payload, is_coded) in enumerate(zip(payloads, coded, strict=True), start=1):
@@ -203,7 +205,7 @@ class GroundLink:
         self.protocol.set_tags(tags)
 
     async def correct_tag(self, tag: Tag) -> str:
-        """Replace a tag during detection; return the drone's message."""
+        """Replace a tag while detection runs; return the drone's message."""
         answer = await self.command(self.writing.correction(tag))
         self.protocol.tags[tag.tag_id] = tag
         return answer.message
@@ -239,7 +241,7 @@ class GroundLink:
         return await self._exchange.motion(payload, request_id)
 
     def send_neighbour(self, neighbour: Neighbour) -> None:
-        """Send this drone a report about another one; nothing is sent before contact."""
+        """Send this drone a report about another drone; before contact, nothing is sent."""
         with contextlib.suppress(LinkError):
             payload = encode_neighbour(neighbour)
             self.send(self.protocol.tunnel_message(payload, NEIGHBOUR_TYPE))
@@ -276,7 +278,7 @@ class GroundLink:
                 self._links.drone_received(link, pulse=frame.message_id == Tunnel.ID)
 
     def _acknowledge(self) -> None:
-        """Add the pulses that are on the disk to the next receipt."""
+        """Add pulses to the next receipt, because they are now stored on disk."""
         self.protocol.stored(self._progress()[1])
 
 

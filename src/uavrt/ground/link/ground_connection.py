@@ -17,7 +17,7 @@ from uavrt.ground.store.ground_settings import GroundStore
 
 
 class Connection:
-    """The link to one vehicle; `make_link` constructs it from keyword arguments."""
+    """Keeps the MAVLink link to one vehicle; `make_link` makes it from keyword arguments."""
 
     def __init__(
         self,
@@ -54,7 +54,10 @@ class Connection:
         return self.link is not None and self.link.protocol.present(now_ns)
 
     async def open(self, tags: Callable[[], Sequence[Tag]]) -> None:
-        """Open the configured link; `tags` returns the drone's tags. Raises `LinkError`."""
+        """Open the link from the settings; raises `LinkError`.
+
+        `tags`: function that returns the tags sent to the drone.
+        """
         settings = self._store.settings
         if self._receipts is None:  # once: a link is opened again while the disk hangs, too
             disk = self._store.disk
@@ -84,7 +87,7 @@ class Connection:
         self._feed.send_state()
 
     def _fail(self, error: BaseException) -> NoReturn:
-        """Store the reason in `error`, and raise it as an error."""
+        """Store the reason of a failure in `error`, and raise it."""
         self.error = str(error)
         self._feed.note(3, self.error)
         self._feed.send_state()
@@ -99,7 +102,9 @@ class Connection:
         self.link = self._serving = self.watch = None
 
     def serve(self, now_ns: int) -> VehicleWatch | None:
-        """Send the requests due to the vehicle; return its state, None without an open link."""
+        """Send the requests that are due to the vehicle; return its state, or None if the link
+        is closed.
+        """
         if self._serving is not None and self._serving.done():
             # A link that was given up for another has no exception, and raises when asked.
             ended = None if self._serving.cancelled() else self._serving.exception()
@@ -113,11 +118,13 @@ class Connection:
         return watch
 
     def report_faults(self) -> None:
-        """Log frames that could not be handled: the first, then when their number doubles."""
+        """Log the number of frames that could not be handled: at the first, then each time it
+        has doubled.
+        """
         faults = 0 if self.link is None else self.link.faults
         if faults.bit_length() > self._faults_reported.bit_length():
             self._faults_reported = faults
-            text = f"{faults} frames could not be handled: this program's log says why"
+            text = f"{faults} frames could not be handled: see this program's log"
             self._feed.note(3, text)
 
     def forget_vehicle(self) -> None:

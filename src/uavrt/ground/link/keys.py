@@ -1,4 +1,4 @@
-"""Component id and keys by which a drone recognises a ground station."""
+"""Component id and secret keys with which a ground station identifies itself to a drone."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +11,7 @@ from uavrt.link.tunnel.own_messages.seal import Key, read_key
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkKeys:
-    """A station's component id, and up to two keys."""
+    """MAVLink component id of a ground station, and up to two secret keys."""
 
     component_id: int = 190
     """MAVLink component id in system 254, usually 190. Stations of the same drone need

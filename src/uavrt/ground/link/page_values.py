@@ -1,4 +1,4 @@
-"""Read numbers and positions in the requests of a page."""
+"""Read numbers and positions from the fields of a page's request."""
 
 import sys
 from math import nan
@@ -21,7 +21,7 @@ def number_in(body: dict[str, Any], name: str, default: float = nan) -> float:
 def number_between(
     body: dict[str, Any], name: str, least: float, most: float, default: float = nan
 ) -> float:
-    """Read a number; raises `FormatError` for another value, `UsageError` outside limits."""
+    """Read a number; raises `FormatError` if it is none, `UsageError` if outside the limits."""
     number = number_in(body, name, default)
     if not least <= number <= most:
         raise UsageError(f"{name} must be {least:g} to {most:g}")
@@ -53,5 +53,5 @@ def places_in(given: Any) -> Places:
                 if on_earth and not isinstance(north, bool) and not isinstance(east, bool):
                     places.append((float(north), float(east)))
                     continue
-        raise FormatError("places must be latitudes and longitudes on earth")
+        raise FormatError("each place must be a latitude and a longitude on earth")
     return tuple(places)

@@ -1,4 +1,4 @@
-"""Ground side of the protocol with the drone, without I/O."""
+"""Ground station's side of the protocol with the drone, without I/O."""
 
 import itertools
 import math
@@ -54,11 +54,13 @@ from uavrt.link.tunnel.tunnel_records import has_place, pulse_from_wire, tag_of_
 log = get_logger()
 
 DRONE_SILENCE_NS = ns_from_s(6.0)
-"""Silence after which the drone counts as lost [ns], as in the original ground station."""
+"""Time without messages after which the drone counts as lost [ns], as in the original ground
+station."""
 FILES_NS = ns_from_s(3.0)
-"""Time after a file request during which our heartbeats announce a file transfer [ns]."""
+"""Time after a file request for which our keepalives announce a file transfer to the drone
+[ns]."""
 ORDERS = 16
-"""Number of recent motion orders kept; answers to older ones are ignored."""
+"""Number of recent motion orders that are remembered; answers to older orders are ignored."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +73,7 @@ class DroneHeartbeat:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectorAlive:
-    """Heartbeat of the detector of one tag."""
+    """Event that the detector of a tag has sent a heartbeat."""
 
     tag_id: int
 
@@ -116,9 +118,9 @@ GroundEvent = (
 
 
 class GroundProtocol:
-    """Decodes and counts the frames that the ground receives; no I/O.
+    """Decodes the drone's frames to events, counts them, and encodes messages; no I/O.
 
-    `as_gcs`: use system 255 and type GCS, which the original's drone side requires.
+    `as_gcs`: use system 255 and type GCS, which the original system's drone side requires.
     """
 
     def __init__(
@@ -155,28 +157,28 @@ class GroundProtocol:
         self._texts = TextAssembler()
 
     def forget(self) -> None:
-        """Clear the drone's address; the next drone of the chosen vehicle is used."""
+        """Clear the drone's address; the next drone found on the chosen vehicle is used."""
         self.drone, self._heard_ns = None, 0
 
     def set_tags(self, tags: Iterable[Tag]) -> None:
-        """Set the tags that the drone holds."""
+        """Set the tags that are stored on the drone."""
         self.tags = {tag.tag_id: tag for tag in tags}
 
     def present(self, now_ns: int) -> bool:
-        """True while the drone side (component 191) is received."""
+        """True while messages of the drone side (component 191) arrive."""
         return self.drone is not None and now_ns - self._heard_ns < DRONE_SILENCE_NS
 
     def heartbeat(self) -> dialect.Heartbeat:
-        """Build our heartbeat message."""
+        """Make the heartbeat message of this ground station."""
         return station_heartbeat(as_gcs=self._as_gcs)
 
     def accepted(self, count: int = 0) -> None:
-        """Record that the store accepted the last received pulses, as item number `count`."""
+        """Record that the received pulses were queued for storage as item number `count`."""
         self._uncommitted.update(dict.fromkeys(self._frame_pulses, count))
         self._frame_pulses.clear()
 
     def stored(self, count: int = 0) -> None:
-        """Acknowledge all pulses up to item number `count`: they are on the disk."""
+        """Acknowledge all pulses up to item number `count`, because they are stored on disk."""
         waiting = self._uncommitted.items()
         for payload, _ in list(itertools.takewhile(lambda one: one[1] <= count, waiting)):
             del self._uncommitted[payload]
@@ -184,7 +186,7 @@ class GroundProtocol:
                 self.receipts.stored(payload)
 
     def receipt(self, now_ns: int) -> dialect.Tunnel | None:
-        """Return the receipt that is due; None if none is, or no drone is known."""
+        """Return the receipt that is due; None if none is due, or no drone was found."""
         if self.receipts is None or self.drone is None:
             return None
         if self._sealer is not None and not self._sealer.ready:
@@ -201,7 +203,8 @@ class GroundProtocol:
         if self.drone is None:
             raise LinkError(
                 "no contact with the drone yet",
-                remedy="Check its power and the radio, and that the autopilot forwards MAVLink",
+                remedy="Check the drone's power and the radio link, and that the autopilot "
+                "forwards MAVLink",
             )
         if self._sealer is not None:
             return self._message(self._sealer(payload, payload_type), SEALED_TYPE)
@@ -244,7 +247,7 @@ class GroundProtocol:
         return []
 
     def keepalives(self, links: int, now_ns: int) -> list[dialect.Tunnel]:
-        """Authenticated heartbeats due now, one per link in turn; none without a key."""
+        """Return authenticated heartbeats due now, per link in turn; none without a key."""
         if self._sealer is None or self.drone is None:
             return []
         files = now_ns - self.files_asked_ns < FILES_NS
@@ -252,7 +255,7 @@ class GroundProtocol:
         return [self._message(payload, SEALED_TYPE) for payload in sealed]
 
     def _read(self, payload_type: int, payload: bytes) -> GroundEvent | None:
-        """Decode a payload of any type; None for one that only this class uses, or unknown."""
+        """Decode a payload to an event; None if its type is unknown or only used internally."""
         if payload_type == PAYLOAD_TYPE:
             event = self._event(decode(payload, self._generation))
             self.counters["unexpected_payloads"] += event is None
@@ -271,7 +274,7 @@ class GroundProtocol:
         return event
 
     def _repeated(self, payload: bytes) -> bool:
-        """True for a pulse received before; if it is stored, acknowledge it once more."""
+        """True if a pulse has arrived before; a stored pulse is then acknowledged once more."""
         known = payload in self._uncommitted
         if not known and (self.receipts is None or not self.receipts.seen(payload)):
             return False

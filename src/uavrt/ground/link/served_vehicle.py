@@ -1,4 +1,6 @@
-"""One vehicle that the ground station serves: link, drone reports and flight."""
+"""One vehicle that the ground station serves, with its link, the drone's reports and the
+flight.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import Final
@@ -57,7 +59,7 @@ class ServedVehicle:
 
     @property
     def name(self) -> str:
-        """The vehicle's name, which distinguishes it from other vehicles."""
+        """Name that distinguishes this vehicle from other vehicles of the station."""
         number, name = self.identity.system_id, self.store.settings.vehicle_name
         return "this vehicle" if number is None else vehicle_note(number, name)
 
@@ -88,7 +90,7 @@ class ServedVehicle:
         self.feed.send_state()
 
     async def connect(self) -> None:
-        """Open the configured link, after closing any other; raises `LinkError`."""
+        """Close the link if one is open, then open the configured link; raises `LinkError`."""
         await self.disconnect()
         await self.connection.open(lambda: self.drone.sent_tags)
 
@@ -119,11 +121,11 @@ class ServedVehicle:
         self.feed.send_state()
 
     def receive_heartbeat(self, heartbeat: DroneHeartbeat) -> None:
-        """Handle the drone's state; a ground flight begins and ends with detection."""
+        """Handle the drone's state; the ground's recording begins and ends with detection."""
         before, state = self.drone.receive_heartbeat(heartbeat), heartbeat.state
         if before is state:
             return
-        self.feed.note(6, f"drone is {state.words if state else 'in an unknown state'}")
+        self.feed.note(6, f"the drone is {state.words if state else 'in an unknown state'}")
         # The drone may have stopped before a resumed flight was; the states of before a start
         # may come after its acknowledgement.
         unseen = before is None and state is not None
@@ -135,7 +137,7 @@ class ServedVehicle:
         self.feed.send_state()
 
     def once_a_second(self, now_ns: int) -> bool:
-        """Send due requests to the vehicle, and record changes; False without an open link."""
+        """Send due requests to the vehicle and record changes; False if no link is open."""
         watch = self.connection.serve(now_ns)
         if watch is None:
             return False
@@ -149,22 +151,27 @@ class ServedVehicle:
         return True
 
     def _report_others(self, now_ns: int) -> None:
-        """Log each other vehicle on this link once, and a second one under our number."""
+        """Log once each other vehicle on this link, and a second vehicle with our vehicle's
+        number.
+        """
         ours = self.identity.system_id
         self._named |= {one.identity.system_id or 0 for one in self.companions}
         for system_id in sorted(set(self.identity.others) - self._named):
             self._named.add(system_id)
-            text = f"another vehicle, {system_id}, is received; this page stays with {ours}"
+            text = (
+                f"messages of another vehicle, {system_id}, also arrive; this page still "
+                f"serves vehicle {ours}"
+            )
             self.feed.note(4, text)
         foreign = self.identity.foreign(now_ns)
         if foreign and not self._foreign_reported:
             who = "autopilot" if self.connection.flies else "station"
-            text = f"another {who} answers under the number {ours}: {FOREIGN_REMEDY}"
+            text = f"another {who} uses the vehicle number {ours}: {FOREIGN_REMEDY}"
             self.feed.note(2, text)
         self._foreign_reported = foreign
 
     def choose(self, system_id: int) -> None:
-        """Serve another vehicle; ends the previous one's flight on the ground only."""
+        """Serve another vehicle; the previous vehicle's flight ends on the ground only."""
         if self.store.system_id is not None:
             raise UsageError(f"this page belongs to vehicle {self.store.system_id}")
         if any(one.identity.system_id == system_id for one in self.companions):

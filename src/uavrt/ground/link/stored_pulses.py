@@ -19,7 +19,7 @@ from uavrt.ground.link.delivery_receipts import Receipts
 RECEIVED_NAME = "received.bin"
 _NUMBER = struct.Struct("<Q")
 _Entry = tuple[int, Callable[[], None]]
-"""A pulse's hash, and the function to call once the hash is written."""
+"""Hash of a pulse's payload, and the function to call once the hash is on disk."""
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
@@ -29,10 +29,10 @@ def new_store() -> int:
 
 
 def open_receipts(directory: Path, disk: Disk = at_once) -> Receipts:
-    """Open the receipts of a directory; `disk` runs their writes.
+    """Open the record of received pulses in a directory; `disk` runs the writes.
 
-    On a full disk hashes stay in memory until there is room. After a restart the drone then
-    sends some stored pulses again.
+    On a full disk, hashes stay in memory until there is room. If the station restarts before
+    that, the drone sends some stored pulses again.
     """
     path = directory / RECEIVED_NAME
     content = b""
@@ -69,14 +69,14 @@ def _whole(size: int) -> int:
 
 
 class _Received:
-    """File to which hashes are appended; hashes that a full disk refuses wait in memory."""
+    """File of pulse hashes; hashes that a full disk refuses wait in memory."""
 
     def __init__(self, path: Path, size: int) -> None:
         self._path, self._size = path, size
         self._waiting = b""
 
     def append(self, numbers: list[_Entry]) -> None:
-        """Write hashes after the last complete one; an incomplete one is overwritten."""
+        """Append hashes after the last complete one; an incomplete hash is overwritten."""
         self._waiting += b"".join(_NUMBER.pack(number) for number, _ in numbers)
         with suppress(OSError):
             # Not buffered: a receipt that was sent must be here after a kill.

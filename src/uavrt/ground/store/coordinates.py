@@ -23,7 +23,7 @@ class Readout:
 
 
 def readout(latitude_deg: float, longitude_deg: float) -> Readout:
-    """Format a position in every notation, to about a metre."""
+    """Format a position in every notation, rounded to about a metre."""
     grid = utm(latitude_deg, longitude_deg)
     return Readout(
         decimal=f"{latitude_deg:.5f}, {longitude_deg:.5f}",

@@ -1,8 +1,8 @@
-"""Detect a drone side on this computer that records flights in the page's directory.
+"""Detect whether the drone side on this computer records flights in the page's directory.
 
 The supervisor's files identify the directory. The page's copy of a flight gets the name of the
-drone's recording. So a star on either protects both, and where disk space runs out both are
-removed.
+drone's recording. A star on either then protects both, and both are removed when disk space
+runs out.
 """
 
 from pathlib import Path
@@ -21,7 +21,7 @@ def is_drone_directory(directory: Path) -> bool:
 
 
 def flight_under_way(directory: Path) -> Path | None:
-    """Path of the flight that this computer's drone side is recording; None if none is."""
+    """Path of the flight that this computer's drone side records; None if there is none."""
     try:
         saved = read_record(directory / STATE_NAME, SavedState)
     except (OSError, FormatError):

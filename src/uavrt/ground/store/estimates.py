@@ -1,4 +1,4 @@
-"""Bearings and positions for the page, during and after a flight."""
+"""Compute bearings and positions for the page, during and after a flight."""
 
 import base64
 from collections.abc import Sequence
@@ -38,7 +38,8 @@ from uavrt.localization.terrain.elevation import Elevation
 from uavrt.localization.terrain.elevation_files import open_elevation
 
 SECTORS = 16
-"""Number of directions in the plot of a turn's SNR, as in the original's finest rotation."""
+"""Number of directions in the SNR plot of a turn, as in the finest rotation of the original
+system."""
 LIVE_AT_ONCE = {"bearing": 1, "position": 1, "survey": 1}
 """Maximum number of results of each kind computed in one estimate of a flight in progress,
 after the first estimate. Each takes some 80 ms of a core; further tags follow in turn."""
@@ -47,7 +48,7 @@ Record = dict[str, Any]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AntennaChoice:
-    """Antenna, its mounting, shared errors and elevation data used by the estimates."""
+    """Antenna, mounting, shared errors and elevation data used to estimate positions."""
 
     pattern: str = "RA-23K"
     offset_deg: float = 0.0
@@ -56,13 +57,14 @@ class AntennaChoice:
     heading_sigma_deg: float = COMMON.heading_sigma_deg
     """Error shared by all headings of a flight, one standard deviation [deg]."""
     height_sigma_m: float = SURVEY.height_sigma_m
-    """With a monopole: error shared by all heights above a tag, one standard deviation [m]."""
+    """Error shared by all heights above a tag, one standard deviation [m]; used with a
+    monopole."""
     dem: str = ""
     """Elevation file or folder; empty: the ground is taken as level."""
 
     @property
     def estimation_options(self) -> EstimationOptions:
-        """Settings for the estimator; raises `FormatError`."""
+        """Make the estimator's settings from these choices; raises `FormatError`."""
         return EstimationOptions(
             antenna=self.pattern,
             offset_deg=self.offset_deg,
@@ -74,20 +76,20 @@ class AntennaChoice:
 
 @lru_cache(maxsize=1)
 def _elevation(dem: str) -> Elevation:
-    """Open elevation files, cached: a flight in progress is estimated many times."""
+    """Open elevation files, cached since a flight in progress is estimated repeatedly."""
     return open_elevation(Path(dem))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimates:
-    """Bearings and positions of a flight's tags."""
+    """Estimated bearings and positions of the tags in a flight."""
 
     bearings: list[Record]
     positions: list[Record]
     found: Found = field(default_factory=Found)
-    """Bearings and signal levels, from which other vehicles' sessions locate the tags too."""
+    """Bearings and signal strengths, which other vehicles' sessions use to locate the tags."""
     more: bool = False
-    """True while received data is still to be evaluated."""
+    """True while some received data has not been evaluated."""
 
     def record(self) -> dict[str, list[Record]]:
         """These estimates as a record for the page."""
@@ -110,7 +112,7 @@ class Estimates:
 
 
 class Estimator:
-    """Repeats the estimates of a flight; results whose data has not changed are reused."""
+    """Estimates a flight repeatedly; results are reused while their data stays the same."""
 
     def __init__(self) -> None:
         self._cache = Cache()
@@ -119,7 +121,7 @@ class Estimator:
         self._past: tuple[tuple[Path, str, float], list[HeardInTurn]] | None = None
 
     def past(self, place: Path, antenna: AntennaChoice) -> Sequence[HeardInTurn]:
-        """Turns in place in the drone's past flights, to learn its antenna pattern."""
+        """Read turns on the spot in the drone's past flights, to learn its antenna pattern."""
         if antenna.pattern == MONOPOLE:
             return ()
         key = (place, antenna.pattern, antenna.offset_deg)
@@ -187,13 +189,13 @@ class Estimator:
 
 
 def _on_ground(one: LiveBearing, spans_ns: Sequence[tuple[int, int]]) -> bool:
-    """True for a bearing from a turn that happened on the ground, as the autopilot reported."""
+    """True if a bearing's turn happened on the ground, as reported by the autopilot."""
     middle_ns = (one.start_time_ns + one.end_time_ns) // 2
     return any(first <= middle_ns <= last for first, last in spans_ns)
 
 
 def _bearing(one: TagBearing, heard: Heard, offset_deg: float) -> Record:
-    """Record of a bearing for the page; one from the drone has no SNR by direction."""
+    """Record of a bearing for the page; a bearing from the drone has no SNR by direction."""
     assert one.turn is not None
     return bearing_record(one) | {
         "turn": one.number,
@@ -249,7 +251,7 @@ def _position(one: TagPosition) -> Record:
 
 
 def _regions(grid: PositionGrid | None) -> Record:
-    """Outlines of the smallest 50 % and 95 % regions, and heat map; empty without a grid."""
+    """Outlines of the 50 % and 95 % regions, and heat map; empty without a probability grid."""
     if grid is None:
         return {"region50": [], "region95": [], "heat": None}
     outlines = {

@@ -1,4 +1,4 @@
-"""The operator's log: status texts, acknowledgements, and messages of the station."""
+"""The operator's log: status texts, acknowledgements and messages of the ground station."""
 
 import json
 from collections import deque
@@ -13,14 +13,14 @@ from uavrt.core.foreign import decode_record, size_of
 from uavrt.core.runtime.disk_thread import Disk, DiskBatches, at_once
 
 LINES = 1000
-"""Maximum number of log lines kept in memory and sent to a page; the file keeps all."""
+"""Maximum number of log lines kept in memory and sent to a page; the file holds all lines."""
 LOG_TAIL_BYTES = 400_000
 """Bytes read from the end of the log file when the ground station starts."""
 MAX_TEXT = 400
 
 
 class _Line(msgspec.Struct, frozen=True):
-    """One line of the log file; invalid lines are not sent to a page."""
+    """One line of the log file; used to check lines, so that invalid ones are not shown."""
 
     time_ns: int
     severity: int
@@ -29,7 +29,7 @@ class _Line(msgspec.Struct, frozen=True):
 
 
 class EventLog:
-    """Log lines in memory and in a file of JSON lines; earlier lines of the file are read."""
+    """Log lines, kept in memory and in a file of JSON lines; lines of earlier runs are read."""
 
     def __init__(self, path: Path, disk: Disk = at_once) -> None:
         self._path = path
@@ -59,7 +59,7 @@ class EventLog:
             file.write("".join(lines))
 
     def lines(self) -> list[dict[str, Any]]:
-        """Get the last lines, oldest first."""
+        """Return the last log lines, oldest first."""
         return list(self._lines)
 
     def _read(self) -> None:

@@ -34,8 +34,9 @@ from uavrt.ground.store.stored_flights import Columns
 log = get_logger()
 
 BURST_TIMEOUT_S = 60.0
-"""Longest wait for a coded burst whose pulses arrived before it [s]; the drone repeats it until
-it is acknowledged. If it does not arrive, it belongs to another ground station's flight."""
+"""Longest wait for a coded burst whose pulse times arrived first [s]. The drone repeats the
+burst until it is acknowledged. A burst that does not arrive belongs to another ground station's
+flight."""
 MOST_EARLY = 1000
 """Maximum number of messages with pulse times that wait for their burst."""
 
@@ -115,7 +116,7 @@ class FlightKeeper:
         return path.name
 
     def resume(self, flight_id: str) -> bool:
-        """Continue with a flight after a restart, in this thread; False if it is unreadable."""
+        """Continue a flight after a restart; False if it is unreadable. Waits for the disk."""
         path = self._directory / flight_id
         if Path(flight_id).name != flight_id:
             return False
@@ -127,7 +128,9 @@ class FlightKeeper:
                 keys = database.execute("SELECT tag_id, start_time_ns FROM pulses")
                 self._live.resume(keys.fetchall(), ground_states_in(database))
         except (RecordingError, sqlite3.Error, TypeError) as error:
-            log.warning("earlier flight not resumed", flight=flight_id, reason=str(error))
+            log.warning(
+                "the earlier flight cannot be resumed", flight=flight_id, reason=str(error)
+            )
             self.queue.writer.end()
             self.flight_id = None
             return False
@@ -146,7 +149,7 @@ class FlightKeeper:
         self.queue.store(lambda writer: writer.store(item))
 
     def _record(self, write: Callable[[FlightRecorder], None]) -> None:
-        """Queue a record that needs no receipt; ignored after the end of the flight."""
+        """Queue a record that needs no receipt; after the end of the flight it is ignored."""
         if not self.ended:
             self.queue.record(write)
 
@@ -161,7 +164,7 @@ class FlightKeeper:
         return True
 
     def put_inside(self, burst: BurstInside) -> bool:
-        """Store the pulse times of a burst; False if the burst is of another flight."""
+        """Store the pulse times of a burst; False if the burst belongs to another flight."""
         if burst.key in self._live.keys:
             self._store(burst)
             if burst.also_possible_tag_ids:
@@ -176,11 +179,11 @@ class FlightKeeper:
             self._early_s.clear()
         now_s = monotonic_s()
         if now_s < self._early_s.setdefault(burst.key, now_s) + BURST_TIMEOUT_S:
-            raise RecordingError("the burst of these pulse times has not arrived")
+            raise RecordingError("pulse times arrived, but the burst with these pulses has not")
         del self._early_s[burst.key]
         self.without_burst += 1
         log.seldom(
-            self.without_burst, "pulse times of a burst discarded: the burst did not arrive"
+            self.without_burst, "pulse times were discarded, because their burst did not arrive"
         )
         return False
 
@@ -190,7 +193,7 @@ class FlightKeeper:
             self.write(pose)
 
     def add_state(self, time_ns: int, armed: bool | None, landed: bool | None) -> None:
-        """Add whether the vehicle is armed and landed; only changes are written."""
+        """Record whether the vehicle is armed and landed; only changes are written."""
         if self.ended or not self._live.add_state(time_ns, armed, landed):
             return
         said = {ARMED: armed, LANDED: landed}
@@ -215,7 +218,7 @@ class FlightKeeper:
             self.queue.record(lambda flight: flight.write_note(text, time_ns))
 
     def columns(self) -> Columns:
-        """Copy the flight's columns for another thread."""
+        """Copy the columns of the flight for use in another thread."""
         return self._live.columns(goes_on=not self.ended)
 
     def end(self) -> None:

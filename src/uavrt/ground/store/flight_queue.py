@@ -1,4 +1,4 @@
-"""Queue of writes into a ground station's flights, with a count of the durable ones."""
+"""Queue of writes to a ground station's flights, with a count of completed writes."""
 
 import asyncio
 from collections.abc import Callable
@@ -14,8 +14,8 @@ from uavrt.ground.store.flight_writer import FlightWriter, Stored, Written
 log = get_logger()
 
 MOST_WAITING = 10_000
-"""Maximum number of pulses queued for a failing disk; the drone keeps all others and repeats
-them until acknowledged."""
+"""Maximum number of pulses queued while the disk fails. The drone keeps all others, and repeats
+them until they are acknowledged."""
 MOST_RECORDS = 20_000
 """Maximum number of poses, notes and similar records queued while the disk does not answer."""
 RETRY_S = 1.0
@@ -53,7 +53,7 @@ class FlightQueue:
 
     @property
     def fault(self) -> str | None:
-        """Reason why data is not on the disk, or that the disk is slow; None otherwise."""
+        """Reason why data is not on disk, or a note that the disk is slow; None if neither."""
         handed_s = self._works.handed_s
         now_s = 0.0 if handed_s is None else monotonic_s() - handed_s
         before_s = 0.0 if self._error is not None or self.stored else self._works.took_s
@@ -98,7 +98,10 @@ class FlightQueue:
             self.put(lambda writer: writer.record(write))
         else:
             self._left_out += 1
-            log.seldom(self._left_out, "poses and notes discarded: the disk does not answer")
+            log.seldom(
+                self._left_out,
+                "poses and notes are being discarded, because the disk does not answer",
+            )
 
     def commit(self, *, at_once: bool = False) -> None:
         """Write the queue to the disk, one second after a fault unless `at_once`.
@@ -107,7 +110,9 @@ class FlightQueue:
         """
         fault = self.fault
         if fault is not None and not self._reported:
-            log.warning("flight not written; received data wait in memory", reason=fault)
+            log.warning(
+                "the flight cannot be written; received data wait in memory", reason=fault
+            )
         self._reported = fault is not None
         if at_once:
             self._retry_at_s = 0.0
@@ -128,12 +133,12 @@ class FlightQueue:
         self._on_written()
 
     def mended(self) -> str:
-        """Text on a repaired fault of the flight's database, returned once; else empty."""
+        """Text on a repaired fault of the flight's database; each is returned only once."""
         text, self._mended = self._mended, ""
         return text
 
     async def settle(self, within_s: float) -> None:
-        """Wait until all is written or refused, at most `within_s`."""
+        """Wait until all data is written or refused, for `within_s` at most."""
         if self._works.waiting:
             self.commit()
         end_s = monotonic_s() + within_s

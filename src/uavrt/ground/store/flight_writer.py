@@ -20,7 +20,7 @@ Stored = PulsePose | BurstInside
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Written:
-    """Result of one batch of writes."""
+    """Result of one batch of writes to the disk."""
 
     fault: str | None
     """Reason why flight data is not on the disk; None if all of it is."""
@@ -51,10 +51,13 @@ class FlightWriter:
             try:
                 note_flight(Path(info.directory))
             except OSError as error:
-                log.warning("cannot write the list of flights by age", reason=str(error))
+                log.warning(
+                    "cannot write the list of flights in the order of recording",
+                    reason=str(error),
+                )
 
     def go_on(self, path: Path) -> None:
-        """Continue a flight after a restart; raises `RecordingError` if it cannot."""
+        """Continue a flight after a restart; raises `RecordingError` if that is impossible."""
         self._flight = FlightRecorder.reopen(path, durable=True)
 
     def record(self, write: Callable[[FlightRecorder], None]) -> None:
@@ -76,7 +79,8 @@ class FlightWriter:
         if not FlightLayout(path).database.exists():
             self._discarded += 1
             log.seldom(
-                self._discarded, "pulse times of a burst discarded: its flight was removed"
+                self._discarded,
+                "pulse times of a burst were discarded, because its flight was removed",
             )
             return
         recorder = FlightRecorder(path, durable=True)
@@ -91,7 +95,7 @@ class FlightWriter:
         self._flight = None
 
     def write(self, works: list[tuple[bool, Callable[["FlightWriter"], None]]]) -> Written:
-        """Execute queued writes and earlier writes that had failed, and make them durable."""
+        """Run the queued writes and those that failed before, and make them durable."""
         for _, work in works:
             work(self)
         fault = None

@@ -36,7 +36,8 @@ from uavrt.localization.position.tuning import COMMON, SURVEY
 from uavrt.localization.terrain.elevation_files import open_elevation
 
 MOST_JOBS = 256
-"""Maximum number of writes queued for a stalled disk: 16 for each of 16 vehicles."""
+"""Maximum number of writes queued while the disk does not answer: 16 for each of 16 vehicles.
+"""
 MOST_NAME = 40
 """Maximum number of letters of a vehicle's name, which the page shows in its header."""
 
@@ -85,7 +86,7 @@ class GroundSettings:
         )
 
     def changed(self, values: Mapping[str, object]) -> "GroundSettings":
-        """Copy with changes from the page; raises `UsageError`."""
+        """Return a copy with the page's changes; raises `UsageError` for an invalid value."""
         unknown = set(values) - set(asdict(self))
         if unknown:
             raise NotFound(f"there is no setting {sorted(unknown)[0][:40]!r}")
@@ -160,7 +161,9 @@ class GroundStore:
 
     @property
     def archive(self) -> Path | None:
-        """Directory that `uavrt batch` wrote: configured, or among the flights; or None."""
+        """Directory that `uavrt batch` wrote: from the settings, or among the flights; else
+        None.
+        """
         if self.settings.archive:
             return Path(self.settings.archive)
         usual = self.directory / "archive"
@@ -181,7 +184,7 @@ class GroundStore:
 
     @property
     def log_path(self) -> Path:
-        """Path of the log for all flights."""
+        """Path of the operator's log, which covers all flights."""
         return self.own / "ground_log.jsonl"
 
     def set_tags(self, tags: tuple[Tag, ...]) -> None:
@@ -208,7 +211,7 @@ class GroundStore:
 
     @property
     def corrections_listed(self) -> list[TagCorrection]:
-        """The newest correction of each tag that still has the corrected values."""
+        """Newest correction of each tag, if the tag list still has the corrected values."""
         last = {one.tag_id: one for one in standing_corrections(self.corrections)}
         return [
             last[tag.tag_id]
@@ -232,7 +235,7 @@ class GroundStore:
         self._write()
 
     def set_flight(self, flight_id: str | None) -> None:
-        """Store the name of the flight in progress, for a restart."""
+        """Store the name of the flight in progress, so that a restart can continue it."""
         self.current_flight = flight_id
         self._write_soon()
 
@@ -295,7 +298,7 @@ class GroundStore:
 
 
 def _numbers(kept: object) -> tuple[int, ...]:
-    """Read a list of vehicle numbers, without invalid ones."""
+    """Read a list of vehicle numbers and drop invalid ones."""
     if not isinstance(kept, list):
         return ()
     return tuple(one for one in kept if type(one) is int and 1 <= one <= 255)

@@ -28,7 +28,8 @@ class FlightSummary:
     pulses: int
     tags: tuple[Tag, ...]
     source: str
-    """``"ground"`` if this ground station recorded the flight, ``"drone"`` if copied."""
+    """``"ground"`` if this ground station recorded the flight, ``"drone"`` if it was copied
+    from a drone."""
     starred: bool = False
     """True for a flight that is never removed automatically."""
     vehicle: str | None = None
@@ -47,7 +48,7 @@ class FlightChoice:
     """Only flights that began before this time [ns since 1970]; None: all."""
 
     def holds(self, flight: FlightSummary) -> bool:
-        """True if a flight meets all criteria."""
+        """True if a flight meets all criteria of the choice."""
         return (
             (self.since_ns is None or flight.end_time_ns >= self.since_ns)
             and (self.before_ns is None or flight.start_time_ns < self.before_ns)

@@ -47,7 +47,7 @@ class LiveColumns:
         self._pulses.extend(pulse_cells(item))
 
     def doubt(self, burst: BurstInside) -> None:
-        """Mark a burst as possibly from another tag, which the estimates then consider."""
+        """Mark a burst as possibly sent by another tag, which the estimates then consider."""
         cells = np.frombuffer(self._pulses, np.float64).reshape(-1, PULSE_WIDTH)
         named = {name: cells[:, place] for place, name in enumerate(PULSE_COLUMNS)}
         same = named["start_time_ns"] == float(burst.start_time_ns)
@@ -77,7 +77,7 @@ class LiveColumns:
         return self._states.add(time_ns, armed, landed)
 
     def columns(self, *, goes_on: bool) -> Columns:
-        """Copy all pulses and poses; `goes_on`: the copy is of a flight in progress."""
+        """Copy all pulses and poses; `goes_on`: the flight is still in progress."""
         pulses = np.frombuffer(self._pulses, np.float64) if self._pulses else np.empty(0)
         poses = np.frombuffer(self._poses, np.float64) if self._poses else np.empty(0)
         return Columns(

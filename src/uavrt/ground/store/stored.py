@@ -1,4 +1,4 @@
-"""Read stored flights of the ground, and write pulses as lines for scripts."""
+"""Read the pulses of the ground station's flights, and write them as lines for scripts."""
 
 import json
 from contextlib import suppress
@@ -13,9 +13,11 @@ PULSES_NAME = "pulses.jsonl"
 
 
 class PulseLines:
-    """``pulses.jsonl``: a line for each pulse and each burst's pulse times, written at once.
+    """The file ``pulses.jsonl``, with one line for each pulse and for the pulse times of each
+    burst.
 
-    An existing file is continued; an incomplete last line is removed.
+    Lines are written at once. An existing file is continued, and an incomplete last line is
+    removed.
     """
 
     def __init__(self, path: Path) -> None:
@@ -31,7 +33,7 @@ class PulseLines:
             self._keys.update(item.pulse.key for item in read_pulse_file(path))
 
     def write(self, event: PulsePose | BurstInside) -> bool:
-        """Write a line; False if the pulse is in the file. Raises `RecordingError`."""
+        """Write a line; False if the file already has this pulse. Raises `RecordingError`."""
         if isinstance(event, BurstInside):
             self._append(inside_record(event))
         elif event.pulse.key in self._keys:

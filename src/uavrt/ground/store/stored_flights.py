@@ -1,6 +1,6 @@
-"""List the flights on this computer, and read them in columns.
+"""List the flights on this computer, and read their data in columns.
 
-Columns of a flight with 100 000 pulses take 10 MB, objects 150 MB.
+The columns of a flight with 100 000 pulses take 10 MB; one object per pulse would take 150 MB.
 """
 
 import math
@@ -79,7 +79,8 @@ _CELLS: dict[str, tuple[str, Callable[[Pulse], float]]] = {
     ),
     "clipped": ("coalesce(p.clipped, 0)", lambda pulse: pulse.clipped),
 }
-"""Conversion of non-numeric fields to a number, each as SQL and as a Python function."""
+"""Conversions of non-numeric fields to numbers, each as an SQL expression and as a Python
+function."""
 _SELECT_PULSES = (
     "SELECT "
     + ", ".join(
@@ -150,13 +151,13 @@ class Columns:
         )
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
-        """One column of the pulses, by its name."""
+        """Return the column of the pulses with this name."""
         column: NDArray[np.float64] = self.pulses[PULSE_COLUMNS.index(name)]
         return column
 
 
 class FlightLibrary:
-    """Flights below one directory, recorded here or copied from a drone."""
+    """The flights in one directory, recorded here or copied from a drone."""
 
     def __init__(self, directory: Path) -> None:
         self.directory = directory
@@ -166,7 +167,7 @@ class FlightLibrary:
         self._quiet = FlightCache(lambda path: read_quiet_noise_db(Path(path)))
 
     def summaries(self) -> list[FlightSummary]:
-        """List all readable flights, newest first; the drone's by its file of their order."""
+        """List all readable flights, newest first; a drone's in the order it recorded."""
         found = []
         with suppress(FileNotFoundError), os.scandir(self.directory) as entries:
             for entry in entries:
@@ -264,7 +265,7 @@ class FlightLibrary:
             )
 
     def star(self, flight_id: str, starred: bool) -> None:
-        """Protect a flight and its copies from removal, or end that protection."""
+        """Protect a flight and its copies from automatic removal, or end the protection."""
         self.path(flight_id)
         flown = flown_name(flight_id)
         for flight in self.directory.iterdir():
@@ -365,7 +366,7 @@ def _mark(star: Path, starred: bool) -> None:
     with os_errors_as(
         RecordingError,
         f"cannot change {star}",
-        "Check who owns the flight's directory, and what is in it",
+        "Check that this user may write in the flight's directory",
     ):
         if starred:
             star.touch()
@@ -374,11 +375,11 @@ def _mark(star: Path, starred: bool) -> None:
 
 
 def _is_of(flight: FlightSummary, system_id: int | None) -> bool:
-    """True if a flight may be of this vehicle: the numbers are equal, or one is unknown."""
+    """True if a flight may be from this vehicle: numbers are equal, or one is unknown."""
     number = None if flight.vehicle is None else flight.vehicle.partition(",")[0]
     return None in (number, system_id) or number == str(system_id)
 
 
 def known(value: float) -> float | None:
-    """A finite number as it is; None for any other value, since JSON has no NaN."""
+    """Return a finite number unchanged, and None for other values, since JSON has no NaN."""
     return float(value) if math.isfinite(value) else None

@@ -53,7 +53,9 @@ def is_selected(cell: str) -> bool:
 
 
 def _with_whole_name(cells: list[str], before: int, after: int, joined: str) -> list[str]:
-    """Rejoin a name split at separators: it is between `before` and `after` other cells."""
+    """Rejoin a name that was split at separators; it has `before` cells before it and `after`
+    cells after it.
+    """
     last = next((place for place in range(len(cells), 0, -1) if cells[place - 1]), 0)
     cells = cells[:last]
     end = last - after

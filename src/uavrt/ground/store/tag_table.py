@@ -1,4 +1,4 @@
-"""The tag table of the page: typed rows, faults per field, import and export."""
+"""The tag table of the page: check, import and export typed rows."""
 
 import hashlib
 import io
@@ -70,7 +70,7 @@ PRESETS: tuple[dict[str, Any], ...] = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FieldFault:
-    """One mistake in the table: its row and field, and the remedy."""
+    """A mistake in the tag table: row, field, what is wrong and what to do."""
 
     row: int
     """Index of the tag's row in the page's table, from 0."""
@@ -79,7 +79,7 @@ class FieldFault:
 
 
 def tags_from_rows(rows: object) -> tuple[tuple[Tag, ...], list[FieldFault]]:
-    """Check typed rows; return the tags, or no tags if there is any fault."""
+    """Check typed rows and convert them to tags; no tags if any row has a fault."""
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise UsageError("tags must be a list of rows")
     if len(rows) > MAX_ROWS:
@@ -101,7 +101,7 @@ def warnings_of(tags: Sequence[Tag]) -> list[str]:
 
 
 def rows_from_tags(tags: Sequence[Tag]) -> list[Row]:
-    """Write tags as rows of the table."""
+    """Convert tags to rows of the page's table."""
     return [
         {
             "id": tag.tag_id,
@@ -205,7 +205,7 @@ def _draft(row: Mapping[str, Any], index: int, found: list[FieldFault]) -> TagDr
         written = row.get(field, "")
         if written is None or str(written).strip() == "":
             if field in (REQUIRED_OF_CODES if coded else REQUIRED):
-                fault(field, "is needed")
+                fault(field, "is empty: enter a value")
             continue
         percent = str(written).rstrip().endswith("%") and field == "false_alarm_percent"
         if coded and field == "second_interval_ms":
@@ -220,8 +220,8 @@ def _draft(row: Mapping[str, Any], index: int, found: list[FieldFault]) -> TagDr
             if 0.0 < number < LEAST_BARE_PERCENT and not percent:
                 fault(
                     field,
-                    f"is {number:g} % meant? Then write it with its sign; "
-                    f"the probability {number:g} is {100.0 * number:g} %",
+                    f"if you mean {number:g} %, write it with the % sign; the probability "
+                    f"{number:g} is {100.0 * number:g} %",
                 )
                 continue
             if not 0.0 < number <= most:
@@ -256,7 +256,12 @@ def _gaps(
     for part in apart.replace(";", " ").split() or [""]:
         number = number_in_cell(part.rstrip(","))
         if number is None:
-            fault("gaps_ms", "must be numbers separated by spaces" if written else "is needed")
+            fault(
+                "gaps_ms",
+                "must be numbers separated by spaces, for example 22 48.8 36.6"
+                if written
+                else "is empty: enter a value",
+            )
             return ()
         entries.append(Entry(number=number, label="gaps_ms", line=line))
     return tuple(entries)
@@ -311,7 +316,9 @@ def _percent(number: float) -> float | int | str:
 
 
 def _key(number: str) -> str:
-    """Manufacturer number without spaces and ``.0``, for comparisons."""
+    """Manufacturer number without spaces and ``.0``, so that numbers of two files can be
+    compared.
+    """
     return number.removesuffix(".0").strip()
 
 

@@ -25,8 +25,8 @@ TIDY_S = 5.0
 SLOW_S = 0.03
 """Duration above which a garbage collection visibly delays a pulse on the page [s]."""
 MOST_FREEZES = 8
-"""Maximum number of times that all objects are exempted from garbage collection. Such objects
-are never freed, even if unused later."""
+"""Maximum number of times that all present objects are exempted from garbage collection.
+Exempted objects are never freed, even if they are no longer used."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +53,7 @@ class PageStation(Station):
             )
         if settings.password and len(settings.password) < LEAST_PASSWORD:
             raise ConfigError(
-                f"the page's password has {len(settings.password)} characters, too few",
+                f"the page's password is too short: it has {len(settings.password)} characters",
                 remedy=f"Set {LEAST_PASSWORD} random letters and digits or more in "
                 "UAVRT_GROUND_PASSWORD",
             )
@@ -80,9 +80,10 @@ def page_address(settings: ServerSettings, sock: socket.socket) -> str:
 
 
 async def _tidied() -> None:
-    """Free unused memory periodically, until cancelled; imported modules are exempt.
+    """Free unused memory periodically, until cancelled; imported modules are exempted.
 
-    The first estimate or report imports more; a slow collection then exempts those as well.
+    The first estimate or report imports more modules. If a collection is then slow, these are
+    exempted too.
     """
     gc.freeze()
     heap, freezes = HeapKeeper(monotonic_s(), period_s=TIDY_S), 1

@@ -1,7 +1,7 @@
-"""HTTP and WebSocket server of the ground station: sockets, guard, page.
+"""HTTP and WebSocket server of the ground station: sockets, access control and page.
 
-The routes are in `api`. Imported only for ``uavrt ground`` with a page: it needs the extra
-``uavrt[ground]``.
+The routes are in `api`. This module is imported only for ``uavrt ground`` with a page, because
+it needs the extra ``uavrt[ground]``.
 """
 
 import asyncio
@@ -76,7 +76,7 @@ class ServerSettings:
 
 
 def listening_socket(settings: ServerSettings) -> ListeningSocket:
-    """Bind the server's socket; a busy port is reported before anything starts."""
+    """Bind the server's socket, so that a busy port is reported before anything starts."""
     _check_certificate(settings)
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
     sock = ListeningSocket(family)
@@ -122,17 +122,17 @@ def _check_certificate(settings: ServerSettings) -> None:
 
 
 def _no_pass_phrase() -> str:
-    """Raise `ConfigError`, so that OpenSSL does not prompt for a pass phrase."""
+    """Raise `ConfigError` for an encrypted key, so that OpenSSL does not prompt."""
     remedy = "Write it without one: openssl pkey -in KEY -out NEW"
     raise ConfigError("the page's key is protected by a pass phrase", remedy=remedy)
 
 
 class PageServer(uvicorn.Server):
-    """Uvicorn server that leaves signals to the caller."""
+    """Uvicorn server that does not handle signals such as SIGINT."""
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Capture no signals, since ``uavrt ground`` handles them."""
+        """Do not capture signals, because ``uavrt ground`` handles them itself."""
         yield
 
     async def serve(self, sockets: list[socket.socket] | None = None) -> None:

@@ -1,8 +1,9 @@
-"""The drone side as a MAVLink component, without I/O.
+"""MAVLink component of the companion computer on the drone, without I/O.
 
-The component gets frames, the time, and a function that sends a message. It sends heartbeats,
-finds the autopilot and ground stations, requests streams and synchronises the clocks. It
-answers the requests that MAVLink requires, and passes on pose samples and tunnel payloads.
+The component receives frames and the time, and sends messages by a given function. It sends
+heartbeats, finds the autopilot and the ground stations, requests message streams and
+synchronises the clocks. It also answers the requests that MAVLink requires, and passes on pose
+samples and tunnel payloads.
 """
 
 from collections import Counter
@@ -30,7 +31,7 @@ from uavrt.link.mavlink.services.parameter_service import Requests
 
 HEARTBEAT_NS = ns_from_s(1.0)
 ALONE_NS = ns_from_s(3.0)
-"""Time without an autopilot after which the component works with system number 1 [ns]."""
+"""Time without an autopilot after which the component uses system number 1 [ns]."""
 FALLBACK_SYSTEM_ID = 1
 TIMESYNC_FAST_NS = ns_from_s(0.1)
 TIMESYNC_SLOW_NS = ns_from_s(1.0)
@@ -56,12 +57,12 @@ DEFAULTS: Final = MavlinkSettings()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Handlers:
-    """Callbacks for what a component receives."""
+    """Callbacks that a component calls with received messages and payloads."""
 
     attitude: Callable[[AttitudeSample], None]
     position: Callable[[PositionSample], None]
     tunnel: Callable[[bytes, Peer], None]
-    """Called with a tunnel payload of type 0 (its valid bytes) and its sender."""
+    """Called with the valid bytes of a tunnel payload of type 0, and its sender."""
     private: Callable[[int, bytes, Peer], None] = lambda kind, payload, peer: None
     """Called with the type, payload and sender of a tunnel message of a private type."""
     ftp: Callable[[bytes, Peer], None] = lambda payload, peer: None
@@ -124,7 +125,7 @@ class Component:
 
     @property
     def system_id(self) -> int:
-        """System number: the autopilot's (1 while unknown), or the station's own."""
+        """MAVLink system number: the autopilot's (1 while unknown), or the station's own."""
         if self._own_system_id is not None:
             return self._own_system_id
         autopilot = self.discovery.autopilot
@@ -132,13 +133,13 @@ class Component:
 
     @property
     def parameters_bytewise(self) -> bool:
-        """True if integers travel as bytes in parameters, False if as floats."""
+        """True if parameter messages hold the bytes of integers, False if float values."""
         if self._encoding in ("bytewise", "c_cast"):
             return self._encoding == "bytewise"
         return self.discovery.autopilot_kind != dialect.MavAutopilot.ARDUPILOTMEGA
 
     def status(self, now_ns: int) -> str:
-        """Part of the link that is missing, in one or two words; ``"ready"`` if none is."""
+        """Missing part of the link in one or two words; ``"ready"`` if nothing is missing."""
         if self._own_system_id is None and not self.discovery.autopilot_present(now_ns):
             return "waiting for autopilot"
         if self._own_system_id is None and not self.time_sync.synchronized:
@@ -205,7 +206,7 @@ class Component:
         )
 
     def clock_is_stale(self, now_ns: int) -> bool:
-        """True if a present autopilot's clock was not received for more than 10 s."""
+        """True if an autopilot is present, but its clock has not been received for 10 s."""
         asked = self._requests_sent > 0 and now_ns - self._first_asked_ns > STALE_NS
         return (
             asked
@@ -275,14 +276,14 @@ class Component:
             self._handlers.radio_status(message)
 
     def _may_answer(self, peer: Peer, now_ns: int) -> bool:
-        """True if `peer` may be answered at once; rate-limited except for the autopilot."""
+        """True if `peer` may be answered now; only the autopilot is not rate-limited."""
         if peer == self.discovery.autopilot or self._answers.take(now_ns):
             return True
         self.counters["questions_passed_over"] += 1
         return False
 
     def _is_for_us(self, message: Message) -> bool:
-        """True if a message is addressed to this component, to all (0), or has no address."""
+        """True if a message is for this component or for all (0), or has no address."""
         system = getattr(message, "target_system", 0)
         component = getattr(message, "target_component", 0)
         return system in (0, self.system_id) and component in (0, self.component_id)
@@ -307,7 +308,7 @@ class Component:
         self._boot_ms = -1
 
     def _watch_boot_time(self, boot_ms: int, now_ns: int) -> None:
-        """Detect a reboot by a fall of the boot time, other than its wrap after 49.7 days."""
+        """Detect a reboot: the boot time falls, other than at its wrap after 49.7 days."""
         if boot_ms + REBOOT_FALL_MS < self._boot_ms:
             self.counters["autopilot_reboots"] += 1
             self._restart_clock(now_ns)
@@ -365,9 +366,10 @@ class Component:
         self._send(dialect.Timesync(ts1=now_ns, **autopilot.address))
 
     def _handle_time(self, message: dialect.Timesync, peer: Peer, now_ns: int) -> None:
-        """Handle the autopilot's answer to a time request; `ts1` identifies the request.
+        """Handle the autopilot's answer to a TIMESYNC request, which `ts1` identifies.
 
-        The answer's target is unusable: PX4 1.17 leaves it uninitialised.
+        The target fields of the answer are not checked, because PX4 1.17 leaves them
+        uninitialised.
         """
         if peer != self.discovery.autopilot or message.ts1 not in self._requests:
             self.counters["timesync_foreign"] += 1

@@ -15,27 +15,31 @@ from uavrt.link.mavlink.dialect import (
 )
 
 AUTOPILOT_SILENCE_NS = ns_from_s(5.0)
-"""Silence after which the autopilot counts as lost and may be replaced [ns]; 5 heartbeats."""
+"""Time without heartbeats after which the autopilot counts as lost and another one may replace
+it [ns]; 5 heartbeats."""
 STATION_SILENCE_NS = ns_from_s(10.0)
-"""Silence after which a station counts as lost [ns]; false with p = 1e-4 at 40 % loss."""
+"""Time without heartbeats after which a ground station counts as lost [ns]; at 40 % loss, a
+present station counts as lost with p = 1e-4."""
 MAX_STATIONS = 16
 STATION_SYSTEM_ID = 254
-"""System id of uavrt's ground stations. Not 255, which ArduPilot takes for the operator's
-ground station (MAV_GCS_SYSID); PX4 does so for each heartbeat of type GCS. The failsafe for a
-lost operator's station would then not act."""
+"""MAVLink system id of uavrt's ground stations. It is not 255, because ArduPilot takes 255
+(MAV_GCS_SYSID) for the operator's station. Its failsafe for a lost operator's station would
+then not act while uavrt's station is present. PX4 treats every heartbeat of type GCS this way.
+"""
 GCS_SYSTEM_ID = 255
 _STATION_MARK = 0x75767274
-"""Custom mode ``uvrt`` in the heartbeat of a uavrt ground station."""
+"""Custom mode ``uvrt``, which marks the heartbeats of uavrt ground stations."""
 
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """A MAVLink component that was received, by system and component id."""
+    """A MAVLink component from which frames have arrived, with its system and component id."""
 
     system_id: int
     component_id: int
     link: int = field(default=0, compare=False)
-    """Number of the link on which the peer was received; the same peer may be on several."""
+    """Number of the link on which the peer's frame arrived; a peer may be reached by several
+    links."""
 
     @property
     def place(self) -> tuple[int, int]:
@@ -79,16 +83,19 @@ def request_message(peer: Peer, message_id: int) -> CommandLong:
 
 
 def is_station(heartbeat: Heartbeat) -> bool:
-    """True if a heartbeat is from a ground station: by its type, or by uavrt's mark."""
+    """True if a heartbeat is from a ground station, by its type or by the mark of uavrt
+    stations.
+    """
     marked = heartbeat.type == MavType.GENERIC and heartbeat.custom_mode == _STATION_MARK
     return heartbeat.type == MavType.GCS or marked
 
 
 class Discovery:
-    """Tracks the autopilot (first heartbeat of component 1) and every ground station.
+    """Keeps track of the autopilot (first heartbeat of component 1) and of every ground
+    station.
 
-    Ground stations are recognised by their heartbeat, whatever their numbers: QGroundControl is
-    255/190, MAVSDK 245/190, MAVProxy 255/230, uavrt 254/190.
+    Ground stations are recognised by their heartbeat, not by their numbers: QGroundControl uses
+    255/190, MAVSDK 245/190, MAVProxy 255/230 and uavrt 254/190.
     """
 
     def __init__(self) -> None:
@@ -105,7 +112,9 @@ class Discovery:
         self._kept: Peer | None = None
 
     def heartbeat(self, peer: Peer, heartbeat: Heartbeat, now_ns: int) -> bool:
-        """Handle a heartbeat; True if the autopilot is new, or back after it was lost."""
+        """Record a heartbeat; return True if the autopilot is new or has returned after it was
+        lost.
+        """
         if is_station(heartbeat):
             self._add_station(peer, now_ns)
             if heartbeat.type == MavType.GCS:
@@ -131,9 +140,9 @@ class Discovery:
         return now_ns - self._autopilot_heard_ns < AUTOPILOT_SILENCE_NS
 
     def stations(self, now_ns: int) -> tuple[Peer, ...]:
-        """Ground stations present now; without any, the last one received.
+        """Return the ground stations whose heartbeats arrive, or else the last one received.
 
-        An absent heartbeat seldom means an absent station, and sending to it costs nothing.
+        A station without heartbeats is often still present, and sending to it costs nothing.
         """
         present = [
             peer
@@ -149,12 +158,12 @@ class Discovery:
         self._kept = peer
 
     def silent_ns(self, now_ns: int) -> dict[Peer, int]:
-        """Silence of each known station [ns]."""
+        """Time since the last heartbeat of each known ground station [ns]."""
         return {peer: now_ns - heard_ns for peer, heard_ns in self._stations.items()}
 
     @property
     def known(self) -> bool:
-        """True once any ground station was received."""
+        """True once a heartbeat of any ground station has arrived."""
         return bool(self._stations)
 
     def station_present(self, now_ns: int) -> bool:
@@ -166,7 +175,9 @@ class Discovery:
         return any(now_ns - self._stations[peer] < STATION_SILENCE_NS for peer in self._others)
 
     def target(self, now_ns: int) -> Peer | None:
-        """Address for messages to all ground stations: the only station's, or everyone's."""
+        """Address of messages for all ground stations: that of the only station, or broadcast
+        if there are several.
+        """
         stations = self.stations(now_ns)
         if not stations:
             return None

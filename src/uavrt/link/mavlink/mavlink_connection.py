@@ -1,7 +1,7 @@
-"""Run a MAVLink component on its links; the core of the connection process.
+"""Run a MAVLink component on the drone's links, on an asyncio loop.
 
-A link moves bytes, `Component` implements the protocol, `TunnelSender` chooses link and time.
-`Connection` joins them on an asyncio loop.
+A link transfers bytes, `Component` implements the protocol, and `TunnelSender` chooses the link
+and the time of each message. `Connection` joins the three.
 """
 
 import asyncio
@@ -28,7 +28,8 @@ log = get_logger()
 
 AUTOPILOT_LINK = 0
 COMMAND_WAITS_S = 0.2
-"""Longest wait of a vehicle command behind queued bytes [s]; 1152 bytes at 57 600 baud."""
+"""Longest time that bytes already queued may delay a vehicle command [s]: 1152 bytes at 57 600
+baud."""
 
 
 class _OpenLink:
@@ -108,7 +109,9 @@ class Connection:
                 tasks.create_task(self.serve(number, address))
 
     async def serve(self, number: int, address: str | Address) -> None:
-        """Serve one link until cancelled, while `keep_time` runs; raises errors of `run`."""
+        """Serve one link until cancelled, while `keep_time` runs; raises the same errors as
+        `run`.
+        """
         link = await open_link(address, lambda frame: self._receive(number, frame))
         self._ways[number].link = link
         log.info("link open", address=str(link.address))
@@ -138,18 +141,18 @@ class Connection:
 
     @property
     def commands_leave(self) -> bool:
-        """True if a command to the autopilot would be sent at once."""
+        """True if a command to the autopilot would be sent without delay."""
         link = self.link
         return link is not None and link.delay_s <= COMMAND_WAITS_S
 
     @property
     def link(self) -> Link | None:
-        """The link to the autopilot (number 0), once open."""
+        """Link number 0, which leads to the autopilot; None until it is open."""
         return self._ways[AUTOPILOT_LINK].link
 
     @property
     def receiving_link(self) -> int:
-        """Number of the link that delivered the frame being handled."""
+        """Number of the link on which the frame now being handled arrived."""
         return self._receiving or AUTOPILOT_LINK
 
     @property
@@ -169,7 +172,9 @@ class Connection:
 
     @property
     def clock_is_stale(self) -> bool:
-        """True while the autopilot's clock is extrapolated, for lack of answers."""
+        """True while TIMESYNC answers are missing, so that the autopilot's clock is
+        extrapolated.
+        """
         return self.component.clock_is_stale(self._clock_ns())
 
     @property
@@ -185,7 +190,7 @@ class Connection:
         }
 
     def peers(self) -> dict[str, str]:
-        """Texts that name the present autopilot and ground stations, for a log line."""
+        """Descriptions of the present autopilot and ground stations for a log line."""
         discovery = self.component.discovery
         stations = discovery.stations(self._clock_ns())
         return {
@@ -235,7 +240,7 @@ class Connection:
             self._receiving = None
 
     def _send(self, message: Message) -> None:
-        """Send an answer on the link of its request, a heartbeat on all links."""
+        """Send an answer on the link on which its request arrived, a heartbeat on all links."""
         system_id = self.component.system_id
         if self._receiving is not None:
             self._ways[self._receiving].send(message, system_id)

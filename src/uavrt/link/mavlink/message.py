@@ -5,7 +5,7 @@ from typing import Any, ClassVar, Self
 
 
 class Message:
-    """A MAVLink message; field names and units are those of MAVLink."""
+    """Base of all MAVLink messages; fields have the names and units of the MAVLink standard."""
 
     __slots__: tuple[str, ...] = ()
     ID: ClassVar[int]
@@ -14,7 +14,7 @@ class Message:
     LAYOUT: ClassVar[Struct]
 
     def pack(self) -> bytes:
-        """Encode the whole payload, trailing zeros included."""
+        """Encode the whole payload, including trailing zeros."""
         raise NotImplementedError
 
     @classmethod
@@ -24,7 +24,9 @@ class Message:
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Read a payload without its trailing zeros, or with a newer sender's extra fields."""
+        """Decode a received payload. Missing trailing zeros are restored, extra fields of a
+        newer sender ignored.
+        """
         size = cls.LAYOUT.size
         return cls.unpack(payload[:size].ljust(size, b"\0"))
 
@@ -48,10 +50,10 @@ class Message:
 
 
 def text_of(field: bytes) -> str:
-    """Text of a char array, up to the first NUL; invalid UTF-8 becomes a replacement mark."""
+    """Return the text in a char array up to the first NUL; invalid UTF-8 becomes U+FFFD."""
     return field.split(b"\0", 1)[0].decode("utf-8", errors="replace")
 
 
 def bytes_of(text: str) -> bytes:
-    """Bytes of a text for a char array; `struct` cuts or fills them to size."""
+    """Encode a text for a char array; `struct` cuts or pads it to the size of the field."""
     return text.encode("utf-8", errors="replace")

@@ -1,5 +1,5 @@
-"""ROS 2: the drone as ROS 2 nodes and topics, without installing ROS.
+"""Show the drone on ROS 2 as nodes and topics, without an installation of ROS.
 
-Only `uavrt.link.ros2.network.dds` needs the extra ``uavrt[ros2]``; messages, bytes and type
-hashes do not.
+Only `uavrt.link.ros2.network.dds` needs the extra ``uavrt[ros2]``. The message types, their
+encoding and their type hashes need no other package.
 """

@@ -1,4 +1,6 @@
-"""State shared by both directions of the gateway: the drone's state, and ``rosout``."""
+"""State of the drone that both directions of the ROS 2 gateway share, and the log on
+``rosout``.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,12 +16,12 @@ from uavrt.link.ros2.types.ros_messages import Log
 
 SOURCE = "ros2"
 LOG_LEVELS = (50, 50, 50, 40, 30, 20, 20, 10)
-"""ROS level in ``rosout`` for each MAVLink severity, 0 emergency to 7 debug."""
+"""Level in ROS 2's ``rosout`` for each MAVLink severity, from 0 (emergency) to 7 (debug)."""
 
 
 @dataclass(slots=True)
 class DroneState:
-    """Settings, flight and status that the drone's processes reported last."""
+    """Latest settings, flight and status that the drone's processes have reported."""
 
     settings: Settings
     flight: FlightInfo | None
@@ -32,7 +34,7 @@ class DroneState:
 
     @property
     def running(self) -> bool:
-        """True if detection runs and is not about to end."""
+        """True if detection runs and is not being stopped."""
         status = self.status
         return self.is_in(SystemState.DETECTING) and status is not None and not status.ending
 
@@ -43,7 +45,7 @@ class DroneState:
 
 
 class RosLog:
-    """Writes lines to ``rosout``."""
+    """Writes log lines to ROS 2's topic ``rosout``."""
 
     def __init__(self, bus: Bus, namespace: str, now_ns: Callable[[], int]) -> None:
         self._bus, self._namespace, self._now_ns = bus, namespace, now_ns
@@ -52,7 +54,7 @@ class RosLog:
         """Number of messages from ROS 2 that were refused."""
 
     def write(self, severity: int, text: str, node: str = START_STOP) -> None:
-        """Write a line; `severity` is MAVLink's, 0 to 7."""
+        """Write a log line with a MAVLink severity from 0 to 7."""
         message = Log(
             stamp=convert.time_to_ros(self._now_ns()),
             level=LOG_LEVELS[max(0, min(7, severity))],
@@ -62,7 +64,7 @@ class RosLog:
         self._bus.publish(LOG_TOPIC, message, node)
 
     def refuse(self, reason: str, node: str = START_STOP) -> None:
-        """Count a refused message, and write the reason."""
+        """Count a refused message and log the reason."""
         self.refused += 1
         # A flood must not fill the shared log.
         if self._lines_allowed.take(self._now_ns()):

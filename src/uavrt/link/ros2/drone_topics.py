@@ -46,7 +46,7 @@ class DroneTopics:
         self._show_detectors()
 
     def pulse(self, pulse: Pulse) -> None:
-        """Publish a pulse; for a coded tag's burst also its pulses."""
+        """Publish a pulse; for a burst of a coded tag, also publish the single pulses."""
         self.published += 1
         directory = self._drone.tag_directory(pulse.tag_id)
         self._publish_pulse(pulse.tag_id, convert.pulse_to_ros(pulse, directory))
@@ -54,7 +54,7 @@ class DroneTopics:
             self._bus.publish("burst", convert.burst_to_ros(pulse, directory))
 
     def record(self, record: object) -> None:
-        """Publish a record on the topics whose messages are made from its type."""
+        """Publish a record on every topic that shows records of its type."""
         for topic in TOPICS.values():
             if topic.made_of is not None and isinstance(record, topic.made_of[0]):
                 self._bus.publish(
@@ -66,7 +66,7 @@ class DroneTopics:
         self._pose = pose
 
     def status_changed(self) -> None:
-        """Discard the component states; `tick` publishes those of the latest status."""
+        """Discard the component states; `tick` then publishes those of the latest status."""
         self._parts.clear()
 
     def flight_changed(self, *, started: bool) -> None:
@@ -97,7 +97,7 @@ class DroneTopics:
         self._bus.publish("pulse", message, node)
 
     def _show_detectors(self) -> None:
-        """Keep a ROS 2 node for each tag of the flight, until the next flight."""
+        """Keep a ROS 2 node for each tag of this flight until the next flight starts."""
         if not self._drone.settings.ros2.node_per_tag or self._drone.flight is None:
             return
         tag_ids = [tag.tag_id for tag in self._drone.flight.tags]
@@ -136,7 +136,7 @@ class DroneTopics:
             self._control("detector", self._order("start", f"tag_id_{tag.tag_id}", values))
 
     def _control(self, component: str, order: DiagnosticArray) -> None:
-        """Publish a command to a component, and the component's echo."""
+        """Publish a command to a component, and the component's confirmation."""
         self._bus.publish(f"control_{component}_subprocess", order)
         self._bus.publish(f"status_{component}_subprocess", order)
 
@@ -196,6 +196,6 @@ class DroneTopics:
 
 
 def _next_due(due_ns: int, now_ns: int, period_s: float) -> int:
-    """Time of the next heartbeat [ns]; overdue ones are skipped."""
+    """Return the time of the next heartbeat [ns]; heartbeats that are overdue are skipped."""
     period_ns = ns_from_s(period_s)
     return due_ns + period_ns if now_ns - due_ns < period_ns else now_ns + period_ns

@@ -1,6 +1,6 @@
-"""Translate the drone's records to ROS 2 messages, and commands back.
+"""Translate the drone's records to ROS 2 messages, and ROS 2 commands to records.
 
-The gateway has no sockets: it gets records, messages and the time, and returns records.
+The gateway opens no sockets: it receives records, messages and the time, and returns records.
 """
 
 from collections.abc import Callable
@@ -33,13 +33,14 @@ from uavrt.link.ros2.types.ros_messages import RosCodedTag, RosPulse, RosTag
 DROPS_PERIOD_S = 10.0
 """Time between two log lines about dropped messages of one topic [s]."""
 CLOCK_ERROR_S = 2.0
-"""Largest accepted difference of two computers' clocks [s]."""
+"""Largest accepted clock difference between two computers [s]."""
 REMEMBERED_PULSES = 1000
-"""Largest number of remembered pulses from other computers, which are not sent back."""
+"""Largest number of remembered pulses from other computers; remembered pulses are not published
+again."""
 
 
 class Gateway:
-    """Translates between a `bus` of ROS 2 and the supervisor, in both directions."""
+    """Translates between ROS 2 (`bus`) and the drone's supervisor, in both directions."""
 
     def __init__(
         self,
@@ -94,13 +95,13 @@ class Gateway:
                 self._topics.record(record)
 
     def take_flight(self, flight: FlightInfo | None) -> None:
-        """Publish that a flight has started (None: ended), and start the schedule over."""
+        """Publish the start of a flight (None: its end), and restart the schedule."""
         self._drone.status_heard_ns = self._now_ns()
         started, self._drone.flight = flight is not None and self._drone.flight is None, flight
         self._topics.flight_changed(started=started)
 
     def tick(self) -> None:
-        """Handle received messages and send due ones; call it 20 times a second."""
+        """Handle received messages and publish due messages; call it 20 times a second."""
         now_ns = self._now_ns()
         self._commands.resume()
         arrivals = self._bus.inbox.take()
@@ -147,7 +148,7 @@ class Gateway:
             )
 
     def _limits_of(self, topic: str) -> str:
-        """Text on how many messages a topic accepts at once and per second."""
+        """Describe how many messages a topic accepts at once and per second."""
         if topic in self._bus.inbox.closed:
             return "Pulses of other computers are ignored: [ros2] accept_pulses = false"
         row = TOPICS.get(topic)
@@ -155,8 +156,8 @@ class Gateway:
             return "No message on this topic is accepted"
         rate = (SERVICE_BURST, SERVICE_PER_S) if row is None else (row.burst, row.per_s)
         return (
-            f"At most {rate[0]} at once and {rate[1]:g} a second are accepted; a long message "
-            f"counts as one for each {BYTES_OF_ONE} bytes or part of them"
+            f"At most {rate[0]} messages at once and {rate[1]:g} a second are accepted; a long "
+            f"message counts once for each {BYTES_OF_ONE} bytes begun"
         )
 
     def _receive_pulse(self, message: RosPulse) -> None:
@@ -175,7 +176,9 @@ class Gateway:
         """Raise `FormatError` for a pulse that does not belong to this flight."""
         flight = self._drone.flight
         if flight is None:
-            raise FormatError(f"pulse of tag {pulse.tag_id} refused: no flight")
+            raise FormatError(
+                f"pulse of tag {pulse.tag_id} refused: no flight is being recorded"
+            )
         if all(tag.tag_id != pulse.tag_id for tag in flight.tags):
             raise FormatError(f"pulse of tag {pulse.tag_id} refused: not a tag of this flight")
         late_s = (pulse.start_time_ns - self._now_ns()) * 1e-9

@@ -1,7 +1,8 @@
-"""The ROS 2 graph as two tables: the nodes, and the topics between them.
+"""Tables of the ROS 2 nodes of the drone and of the topics between them.
 
-The graph is that of the original system (thesis Fig. 2.1), so that its tools can be used.
-Endpoints, type hashes and documentation derive from it. `OWN_TOPICS` are additional.
+Nodes and topics are those of the original system (thesis Fig. 2.1), so that its tools work with
+uavrt. Endpoints, type hashes and documentation are generated from the tables. `OWN_TOPICS` are
+additional topics.
 """
 
 from collections.abc import Callable
@@ -38,24 +39,25 @@ NODES: dict[str, str] = {
     CHANNELIZER: "the receiver",
     DETECTOR: "the detectors",
 }
-"""Names and meanings of the ROS 2 nodes, in the order of the data flow."""
+"""Name and purpose of each ROS 2 node, in the order of the data flow."""
 
 PARAMETER_NODE = START_STOP
 """Node that serves the drone's parameters, if services are enabled."""
 
 
 def detector_node(tag_id: int) -> str:
-    """Name of the node of one tag's detector."""
+    """Return the name of the ROS 2 node of a tag's detector."""
     return f"Detector_tag_{tag_id}"
 
 
 Conversion = Callable[[Any, Callable[[int], str]], RosMessage]
-"""Makes a message from a record and the directories of tags in the flight, by tag id."""
+"""Function that makes a ROS 2 message from a record; it also gets each tag's directory in the
+flight, by tag id."""
 
 
 @dataclass(frozen=True, slots=True)
 class RosTopic:
-    """A topic of the ROS 2 graph: message, publisher, subscribers and limits."""
+    """A ROS 2 topic: message type, publisher, subscribers and rate limits."""
 
     name: str
     message: type[RosMessage]
@@ -64,15 +66,17 @@ class RosTopic:
     _: KW_ONLY
     subscribers: tuple[str, ...] = ()
     depth: int = 10
-    """Number of the topic's messages kept for a late subscriber."""
+    """Number of the topic's latest messages that a late subscriber receives."""
     burst: int = 20
-    """Largest number of messages accepted at once (`uavrt.link.ros2.inbox`); 0: none."""
+    """Largest number of messages accepted at once (`uavrt.link.ros2.inbox`); 0: the topic
+    accepts no messages."""
     per_s: float = 2.0
     """Rate at which the topic's messages are accepted after a burst [1/s]."""
     commands: bool = True
-    """True if the topic's messages are handled before those of topics with data only."""
+    """True if messages of this topic are commands, which are handled before data messages."""
     made_of: tuple[type, Conversion] | None = None
-    """Type of the records that are published as they arrive; None: `DroneTopics` decides."""
+    """Type of the records that are published on this topic when they arrive; None if
+    `DroneTopics` decides when to publish."""
 
 
 UPLOAD_BURST, UPLOAD_PER_S = 400, 10.0
@@ -213,7 +217,8 @@ OWN_TOPICS = ("burst", "store_coded_tag_information")
 """Topics of coded tags, which the original system does not have."""
 
 COMPONENTS = {"airspy_csdr_netcat": AIRSPY, "channelizer": CHANNELIZER, "detector": DETECTOR}
-"""Node of each component, which has topics ``control_…`` and ``status_<name>_subprocess``."""
+"""ROS 2 node of each component. A component has the topics ``control_…`` and
+``status_<name>_subprocess``."""
 
 LOG_TOPIC = "rosout"
 """Topic to which every node writes its log; late subscribers get the newest `LOG_DEPTH`."""

@@ -1,7 +1,7 @@
-"""Queue received messages for the gateway, within the limits of each topic; no I/O.
+"""Queue received ROS 2 messages for the gateway, with a limit for each topic; no I/O.
 
-One thread puts messages in, another takes them out. Each topic has its own limits, so a flood
-on one topic delays no message of another. Excess messages are dropped and counted.
+One thread adds messages and another removes them. Because each topic has its own limit, a flood
+of messages on one topic does not delay another. Excess messages are dropped and counted.
 """
 
 from collections import deque
@@ -13,15 +13,15 @@ from uavrt.link.ros2.graph import RosTopic
 from uavrt.link.ros2.ros_senders import Arrival
 
 BYTES_OF_ONE = 256
-"""Size up to which a ROS 2 message counts as one [bytes], as decoding takes time. A tag has 76
-bytes, a pulse 160, 32 parameters set at once 4 kB. A message that alone exceeds its topic's
-`burst` is never decoded."""
+"""Size up to which a ROS 2 message counts as one message [bytes], since decoding time grows
+with size. A tag has 76 bytes, a pulse 160, and 32 parameters set at once 4 kB. A message that
+alone exceeds its topic's `burst` is dropped without decoding."""
 GATEWAYS_NAMED = 20
 """Largest number of other drones' ROS 2 gateways that are counted separately."""
 
 
 class Inbox:
-    """Queues received messages, commands before pulses; refuses those of `closed` topics."""
+    """Queues received messages, commands before pulses; drops those on `closed` topics."""
 
     def __init__(self, now_ns: Callable[[], int], closed: Collection[str] = ()) -> None:
         self._now_ns = now_ns
@@ -56,16 +56,16 @@ class Inbox:
         return self._allowed[topic.name].take(self._now_ns(), cost)
 
     def drop(self, topic: RosTopic) -> None:
-        """Count a message that was sent and then lost."""
+        """Count a message that was sent on a topic but did not reach this queue."""
         self._dropped[topic.name] = self._dropped.get(topic.name, 0) + 1
 
     @property
     def dropped(self) -> dict[str, int]:
-        """Numbers of dropped messages by topic, for topics with dropped messages."""
+        """Number of dropped messages by topic; topics without drops are left out."""
         return self._dropped.copy()
 
     def take(self) -> list[Arrival]:
-        """Return the waiting messages; the topics' limits bound their number."""
+        """Remove and return the waiting messages; the topics' limits bound their number."""
         return [
             waiting.popleft()
             for waiting in (self._commands, self._data)
@@ -77,10 +77,11 @@ T = TypeVar("T")
 
 
 class SendingOrder(Generic[T]):
-    """Sorts the messages of several readers into the order of their sending.
+    """Sorts the messages of several topic readers by the time at which they were sent.
 
-    Readers are emptied one after the other, pass by pass. A message sent before those of one
-    pass is found in the next pass at the latest, so each pass waits for the next one.
+    Readers are emptied one after the other in passes. A message that was sent before those of
+    one pass is read in the next pass at the latest, so the messages of a pass are returned
+    after the next pass.
     """
 
     def __init__(self, sent: Callable[[T], tuple[int, ...]]) -> None:
@@ -88,7 +89,7 @@ class SendingOrder(Generic[T]):
         self._waiting: list[T] = []
 
     def __bool__(self) -> bool:
-        """True if a received message waits for the next pass over the readers."""
+        """True if messages wait for the next pass over the readers."""
         return bool(self._waiting)
 
     def add_pass(self, found: list[T]) -> list[T]:

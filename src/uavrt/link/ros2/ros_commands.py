@@ -34,7 +34,7 @@ MOST_PENDING_COMMANDS = 1000
 
 
 class RosCommands:
-    """Converts ROS 2 messages to commands; `send` passes topic and record to the supervisor."""
+    """Converts ROS 2 messages to commands; `send` passes them to the supervisor by topic."""
 
     def __init__(
         self,
@@ -66,7 +66,9 @@ class RosCommands:
         """Number of commands sent to the supervisor."""
 
     def foreign_command(self, command: Command) -> None:
-        """Handle a command from outside ROS 2; its tag upload replaces one begun over ROS 2."""
+        """Handle a command that did not come by ROS 2; its tag upload replaces one begun by ROS
+        2.
+        """
         if command.name == "start_tags":
             self._upload.forget()
 
@@ -79,7 +81,7 @@ class RosCommands:
             case _ if not self._drone.settings.ros2.accept_commands:
                 self._log.refuse("commands from ROS 2 are off (accept_commands = false)")
             case _ if arrival.sender == UNKNOWN:
-                self._log.refuse(f"{topic}: its sender is unknown to DDS")
+                self._log.refuse(f"{topic}: DDS has not announced its sender")
             case RosTag() | RosCodedTag():
                 self._receive_tag(message, arrival)
             case Flag():
@@ -99,7 +101,7 @@ class RosCommands:
         """Reason why a message's sender may not change anything; None if it may."""
         if not self._drone.settings.ros2.accept_commands:
             return "commands from ROS 2 are off (accept_commands = false)"
-        return "its sender is unknown to DDS" if arrival.sender == UNKNOWN else None
+        return "DDS has not announced its sender" if arrival.sender == UNKNOWN else None
 
     def resume(self) -> None:
         """Continue the upload that was in progress when an earlier gateway process ended."""
@@ -116,7 +118,9 @@ class RosCommands:
             self._log.write(4, "the gateway restarted during the upload: send all tags again")
 
     def set_loss_baseline(self) -> None:
-        """Store the tag messages lost so far, so that the next upload does not count them."""
+        """Store the number of tag messages lost so far, so that the next upload does not count
+        them.
+        """
         self._upload.quiet(self._lost_tags())
 
     def unreadable_tag(self) -> None:
@@ -146,7 +150,9 @@ class RosCommands:
     def _receive_order(self, topic: str, order: DiagnosticArray) -> None:
         expected = "start" if topic == "control_start_subprocess" else "stop"
         if not order.status or order.status[0].message != expected:
-            raise FormatError(f"{topic}: the first status must have the message '{expected}'")
+            raise FormatError(
+                f"{topic}: the first status must contain the message '{expected}'"
+            )
         if expected == "stop":
             self._ask("stop_detection")
             return
@@ -164,9 +170,14 @@ class RosCommands:
         )
 
     def _refuse_part(self, topic: str, order: DiagnosticArray) -> None:
-        """Refuse to start or stop one component alone, in a message on its status topic."""
+        """Refuse to start or stop a single component; the refusal is published on its status
+        topic.
+        """
         component = topic.removeprefix("control_").removesuffix("_subprocess")
-        reason = "not alone: publish to control_start_subprocess or control_stop_subprocess"
+        reason = (
+            "a component cannot be started or stopped alone: publish to "
+            "control_start_subprocess or control_stop_subprocess"
+        )
         first = order.status[0] if order.status else DiagnosticStatus()
         refused = DiagnosticStatus(
             level=ERROR,
@@ -184,12 +195,12 @@ class RosCommands:
     def _request_parameter(self, name: str, value: float) -> int | None:
         """Request a parameter change from the supervisor; None if too many are pending."""
         if not self._parameters_allowed.take(self._now_ns()):
-            self._log.refuse("set_parameter: too many commands at once")
+            self._log.refuse("set_parameter refused: too many commands are pending")
             return None
         return self._ask("set_parameter", parameter=name, value=value)
 
     def _ask(self, name: CommandName, **details: Any) -> int:
-        """Send a command to the supervisor; return its number."""
+        """Send a command to the supervisor and return the command's number."""
         self._request_id += 1
         command = Command(name=name, request_id=self._request_id, source=SOURCE, **details)
         self._asked[command.request_id] = command
@@ -198,7 +209,7 @@ class RosCommands:
         return command.request_id
 
     def answered(self, reply: CommandReply) -> None:
-        """Handle the supervisor's answer: write it to the log, or send it to the client."""
+        """Handle the supervisor's answer to a command: log it, or reply to the client."""
         self._write_reply(reply)
         self._parameters.answered(reply)
 

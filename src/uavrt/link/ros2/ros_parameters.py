@@ -1,7 +1,7 @@
 """Serve the drone's parameters by ROS 2's parameter services.
 
-Table, values and rules are those of MAVLink (`uavrt.config.parameters`): changes go to the
-supervisor as commands, and the reply waits for its answer.
+Names, values and limits are those of the MAVLink parameters (`uavrt.config.parameters`).
+Changes are sent to the supervisor as commands, and the client's reply waits for its answer.
 """
 
 from collections import deque
@@ -39,9 +39,9 @@ from uavrt.link.ros2.types.parameter_messages import (
 BOOL, INTEGER, DOUBLE = 1, 2, 3
 """Numbers of rcl_interfaces/ParameterType; 0 is "not set"."""
 PENDING = 16
-"""Largest number of requests to set parameters that wait for the supervisor."""
+"""Largest number of requests to set parameters that may wait for the supervisor's answer."""
 MOST_AT_ONCE = 32
-"""Largest number of parameters in one request to set."""
+"""Largest number of parameters that one request may set."""
 DONE = SetParametersResult(successful=True)
 
 Ask = Callable[[str, float], int | None]
@@ -50,7 +50,7 @@ Ask = Callable[[str, float], int | None]
 
 @dataclass(slots=True)
 class _Setting:
-    """A request to set parameters while it is carried out, one parameter after the other."""
+    """A request to set parameters that is in progress, one parameter after the other."""
 
     request: SetRequest | SetTogetherRequest
     left: deque[RosParameter]
@@ -106,7 +106,7 @@ class ParameterServices:
 
     def _begin(self, request: SetRequest | SetTogetherRequest, refusal: str | None) -> None:
         if refusal is None and len(request.parameters) > MOST_AT_ONCE:
-            refusal = f"more than {MOST_AT_ONCE} parameters at once"
+            refusal = f"a request may set at most {MOST_AT_ONCE} parameters"
         if refusal is None and isinstance(request, SetTogetherRequest):
             refusal = self._fault_of_all(request.parameters)
         setting = _Setting(request, deque(request.parameters))
@@ -129,7 +129,7 @@ class ParameterServices:
         return None
 
     def _go_on(self, setting: _Setting) -> None:
-        """Set the next parameter of a request; reply once all are done."""
+        """Set the next parameter of a request; send the reply once all are set."""
         together = isinstance(setting.request, SetTogetherRequest)
         while setting.left:
             if together and any(not result.successful for result in setting.results):
@@ -143,7 +143,7 @@ class ParameterServices:
             if number is not None:
                 self._pending[number] = setting
                 return
-            setting.results.append(SetParametersResult(reason="too many commands at once"))
+            setting.results.append(SetParametersResult(reason="too many commands are pending"))
         self._finish(setting)
 
     def _finish(self, setting: _Setting) -> None:
@@ -158,7 +158,7 @@ class ParameterServices:
         self._reply(SetTogetherReply(**requester, result=bad))
 
     def _value(self, name: str) -> ParameterValue:
-        """Value in force of a parameter; its type is 0 if the parameter does not exist."""
+        """Return the present value of a parameter; type 0 if the parameter does not exist."""
         parameter = OFFERED.get(name)
         if parameter is None:
             return ParameterValue()
@@ -178,21 +178,25 @@ def _type(parameter: Parameter) -> int:
 
 
 def _below(name: str, prefixes: tuple[str, ...]) -> bool:
-    """True if `prefixes` select a parameter: an empty list, or the parameter's whole name.
+    """True if `prefixes` select a parameter: the list is empty or contains the whole name.
 
-    Names of parameters have no dots, so no shorter prefix matches.
+    Parameter names have no dots, so no shorter prefix can match.
     """
     return not prefixes or name in prefixes
 
 
 def _number(wanted: RosParameter) -> float:
-    """Number in a parameter value; raises `ConfigError` for an unknown parameter or wrong type.
+    """Return the number in a parameter value; raises `ConfigError` for an unknown parameter or
+    a wrong type.
 
-    An integer is accepted for a real number or a switch, too.
+    An integer is also accepted for a real number or a switch.
     """
     parameter = OFFERED.get(wanted.name)
     if parameter is None:
-        raise ConfigError(f"no parameter {wanted.name[:40]}: known are {', '.join(OFFERED)}")
+        raise ConfigError(
+            f"there is no parameter {wanted.name[:40]}; known parameters are "
+            f"{', '.join(OFFERED)}"
+        )
     value, kind = wanted.value, _type(parameter)
     if value.type == BOOL and kind == BOOL:
         return float(value.bool_value)

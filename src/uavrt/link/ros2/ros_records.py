@@ -1,6 +1,7 @@
 """Convert uavrt's records to ROS 2 messages and back.
 
-This is the only place with other units: ROS 2 pulses are in MHz, tags in Hz and ms.
+Units are converted only here: in ROS 2 messages, frequencies of pulses are in MHz, frequencies
+of tags in Hz and times of tags in ms.
 """
 
 import math
@@ -30,7 +31,7 @@ UNKNOWN_POSE = RosPose(
     position=Point(x=math.nan, y=math.nan, z=math.nan),
     orientation=Quaternion(x=math.nan, y=math.nan, z=math.nan, w=math.nan),
 )
-"""Pose with NaN for unknown values: ROS 2 has no null."""
+"""Pose of NaN values that stands for an unknown pose, because ROS 2 has no null."""
 
 
 def time_to_ros(time_ns: int | None) -> Time:
@@ -49,7 +50,9 @@ def time_from_ros(time: Time) -> int | None:
 
 
 def pose_to_ros(pose: Pose | None) -> RosPose:
-    """Convert a pose: x latitude, y longitude, z above mean sea level; all NaN for None."""
+    """Convert a pose to latitude (x), longitude (y) and altitude above mean sea level (z); NaN
+    without a pose.
+    """
     if pose is None:
         return UNKNOWN_POSE
     w, x, y, z = pose.quaternion_wxyz
@@ -60,7 +63,7 @@ def pose_to_ros(pose: Pose | None) -> RosPose:
 
 
 def pose_stamped(pose: Pose) -> PoseStamped:
-    """Convert an antenna pose with the pose's own time, not that of sending."""
+    """Convert an antenna pose to a message with the time of the pose, not of sending."""
     header = Header(stamp=time_to_ros(pose.time_ns), frame_id="antenna_pose")
     return PoseStamped(header=header, pose=pose_to_ros(pose))
 
@@ -112,8 +115,8 @@ def pulse_from_ros(message: RosPulse, sequence: int) -> Pulse:
         or not 1.0 < message.frequency < 1e5
     ):
         raise FormatError(
-            f"not a pulse of a detector: tag {message.tag_id}, {message.frequency:g} MHz, from "
-            f"{start_ns} to {end_ns} ns, SNR {message.snr:g} dB"
+            f"the message is not a valid pulse: tag {message.tag_id}, {message.frequency:g} "
+            f"MHz, from {start_ns} to {end_ns} ns, SNR {message.snr:g} dB"
         )
     return Pulse(
         tag_id=message.tag_id,
@@ -155,7 +158,7 @@ def pulse_pose_to_ros(pulse_pose: PulsePose, detector_dir: str) -> RosPulsePose:
 
 
 def tag_to_ros(tag: Tag) -> RosTag:
-    """Convert a tag; a single rate has 0 as its second interval."""
+    """Convert a tag to a ROS 2 message; a tag with one rate has 0 as its second interval."""
     intervals_s = (*tag.pulse_intervals_s, 0.0)
     return RosTag(
         tag_id=tag.tag_id,
@@ -222,5 +225,5 @@ def tag_from_ros(message: RosTag | RosCodedTag) -> Tag:
 
 
 def key_values(values: Mapping[str, object]) -> tuple[KeyValue, ...]:
-    """Convert named values to text, as diagnostics have them."""
+    """Convert named values to the text pairs of ROS 2's diagnostics messages."""
     return tuple(KeyValue(key=key, value=str(value)) for key, value in values.items())

@@ -17,16 +17,17 @@ from uavrt.link.ros2.graph import RosTopic
 
 GATEWAY_MARK = b"uavrt=gateway;"
 DETECTOR_MARK = b"uavrt=detector;"
-"""Mark of a detector in a participant's user data, next to ROS 2's own ``enclave=/;``."""
+"""Text in a DDS participant's user data that marks a detector, next to ROS 2's own
+``enclave=/;``."""
 SYSTEM_TOPIC = "pulse_pose"
-"""Topic that only the gateway of a drone publishes."""
+"""Topic that only a drone's ROS 2 gateway publishes, which identifies gateways."""
 REMEMBERED = 4096
 """Largest number of remembered participants and writers; newer ones replace the oldest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sender:
-    """A DDS participant that sent a message."""
+    """A DDS participant that has sent a ROS 2 message."""
 
     key: str = ""
     """Identifier of the participant; empty if unknown."""

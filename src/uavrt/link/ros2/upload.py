@@ -1,6 +1,7 @@
-"""Count the tags of an upload over ROS 2, so that no search starts with fewer; no I/O.
+"""Count the tags of an upload over ROS 2, so that no search starts with tags missing; no I/O.
 
-The original system's messages have no count, so a lost tag was silently not searched for.
+The original system's messages carry no count of tags, so a tag lost in the upload was silently
+left out of the search.
 """
 
 from collections.abc import Iterable
@@ -8,11 +9,14 @@ from collections.abc import Iterable
 from uavrt.link.ros2.ros_senders import Sender
 
 MOST = 10_000
-"""Largest number of an upload's tag ids that are counted; a flood could fill the memory."""
+"""Largest number of tag ids counted per upload; without a limit, a flood of tags could fill the
+memory."""
 
 
 class Upload:
-    """Counts the tags sent since the first tag of an upload, accepted or not."""
+    """Counts all tags that were sent since the first tag of an upload, both accepted and
+    refused.
+    """
 
     def __init__(self) -> None:
         self.open = False
@@ -34,12 +38,14 @@ class Upload:
         self._lost = lost
 
     def add_late(self, tag_id: int) -> None:
-        """Count a tag that was sent before the upload's end and arrived after it."""
+        """Count a tag that was sent before the end of the upload but arrived after it."""
         if len(self._ids) < MOST:
             self._ids.add(tag_id)
 
     def resume(self, tag_ids: Iterable[int], lost: int) -> None:
-        """Continue an earlier gateway's upload; count one more tag, which may be lost."""
+        """Continue an upload of an earlier gateway process, and count one more tag that may
+        have been lost.
+        """
         for tag_id in tag_ids:
             self.add(tag_id, lost)
         self.add(None, lost)
@@ -50,7 +56,7 @@ class Upload:
             self._lost_before = lost
 
     def release(self, sender: Sender, sent_ns: int) -> None:
-        """Handle the message that ends the upload, its release."""
+        """Handle the message that ends an upload of tags."""
         self.open = False
         self._released = (sender, sent_ns)
 
@@ -62,7 +68,7 @@ class Upload:
         return sender == released_by and sent_ns < released_ns
 
     def forget(self) -> None:
-        """Reset the counts: another upload has begun, by ROS 2 or another link."""
+        """Reset all counts, because another upload has begun over ROS 2 or another link."""
         self.open = False
         self._ids.clear()
         self._nameless = 0

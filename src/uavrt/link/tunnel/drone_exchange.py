@@ -1,7 +1,8 @@
 """The drone's side of the tunnel protocol, without I/O.
 
-Payloads of ground stations become commands for the supervisor. The supervisor's replies become
-acknowledgements to the sender; pulses and states become payloads in the ground's generation.
+Payloads from ground stations become commands for the supervisor. The supervisor's replies
+become acknowledgements to the senders. Pulses and states become payloads in the protocol
+generation that the ground station uses.
 """
 
 from collections import Counter
@@ -44,7 +45,7 @@ from uavrt.link.tunnel.tunnel_records import (
 )
 
 PENDING = 64
-"""Largest number of commands waiting for the supervisor; it replies within milliseconds."""
+"""Largest number of commands that wait for the supervisor's reply, which takes milliseconds."""
 PROGRESS_VERSION, ALIVE_VERSION = 5, 6
 """First tunnel protocol versions with OPERATION_PROGRESS and with DETECTOR_HEARTBEAT."""
 STATES = {"running": g2.RUNNING, "complete": g2.COMPLETE, "failed": g2.FAILED}
@@ -60,7 +61,7 @@ class Answer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _PendingCommand:
-    """A request that waits for the supervisor's reply: sender, command and generation."""
+    """A command that waits for the supervisor's reply, with sender and generation."""
 
     requester: Ids
     number: int
@@ -68,13 +69,13 @@ class _PendingCommand:
     request_id: int = 0
     tag_index: int | None = None
     sender_generation: Generation | None = None
-    """Protocol generation of the sender's messages; None if they do not show it."""
+    """Protocol generation of the sender; None if its messages do not show it."""
     upload: TagUpload | None = None
-    """Tag upload that the request opens if it is accepted; None: it opens none."""
+    """Tag upload that this request begins if it is accepted; None if it begins none."""
 
 
 class Operations:
-    """Progress of the operations that stations have started, as messages for these stations.
+    """Reports the progress of operations to the ground stations that started them.
 
     `version`: protocol version that the drone sends.
     """
@@ -85,11 +86,11 @@ class Operations:
         self._last: dict[CommandName, Operation] = {}
 
     def begun(self, name: CommandName, question: _PendingCommand) -> None:
-        """Record which request started an operation; its progress goes to the same sender."""
+        """Record which request started an operation; its sender gets the progress."""
         self._questions[name] = question
 
     def progress(self, operation: Operation) -> Answer | None:
-        """Make the progress message of an operation; None if no station can use one."""
+        """Make a progress message of an operation; None if no station supports them."""
         self._last[operation.name] = operation
         answer = self._step(operation)
         if operation.state != "running":
@@ -98,7 +99,9 @@ class Operations:
         return answer
 
     def again(self) -> list[Answer]:
-        """Latest progress messages of all running operations, to be sent once a second."""
+        """Return the latest progress message of each running operation, to be sent once a
+        second.
+        """
         steps = (self._step(operation) for operation in self._last.values())
         return [step for step in steps if step is not None]
 
@@ -138,7 +141,7 @@ class Exchange:
     ) -> None:
         if generation == "G2" and not experimental:
             raise ConfigError(
-                "protocol generation G2 is experimental: some layouts are untested",
+                "protocol generation G2 is experimental: some message layouts are untested",
                 remedy="Choose another mavlink.tunnel_generation, or set "
                 "mavlink.tunnel_experimental = true",
             )
@@ -159,7 +162,7 @@ class Exchange:
         return self._fixed or self._heard
 
     def refuse(self, payload: bytes, reason: str, requester: Ids) -> Answer | None:
-        """Make the acknowledgement that refuses an unread payload; None if not a command."""
+        """Make the acknowledgement that refuses an unread payload; None if no command."""
         self.counters["commands_not_allowed"] += 1
         return self._refusal(payload, reason, requester)
 
@@ -194,17 +197,17 @@ class Exchange:
         return self._answer(question, reply.accepted, reply.message)
 
     def pulse(self, pulse_pose: PulsePose) -> bytes:
-        """Make the payload of a pulse in the ground station's generation."""
+        """Encode a pulse in the ground station's protocol generation."""
         return pulse_to_wire(pulse_pose, self.generation).encode()
 
     def search_report(self, report: SearchReport) -> bytes | None:
-        """Make the payload of "searched, nothing found"; None in generation G0."""
+        """Encode the report "searched, nothing found"; None in G0, which lacks it."""
         if self.generation == "G0":
             return None
         return in_generation(search_report_to_wire(report), self.generation).encode()
 
     def detector_heartbeat(self, tag_id: int, time_ns: int) -> bytes | None:
-        """Make the payload of a detector's heartbeat; None in generation G0."""
+        """Encode the heartbeat of a detector; None in generation G0, which lacks it."""
         if self.generation == "G0":
             return None
         if self.generation == "G2" and self._version >= ALIVE_VERSION:
@@ -212,7 +215,9 @@ class Exchange:
         return in_generation(detector_heartbeat(tag_id, time_ns), self.generation).encode()
 
     def heartbeat(self, state: SystemState, cpu_temperature_c: float | None) -> bytes | None:
-        """Make the payload of the 1 Hz heartbeat; None in generation G0."""
+        """Encode the drone's heartbeat, sent once a second; None in generation G0, which lacks
+        it.
+        """
         if self.generation == "G0":
             return None
         old = heartbeat_to_wire(state, cpu_temperature_c)

@@ -1,4 +1,6 @@
-"""Decide on the drone which ground stations may command; seal commands on the ground."""
+"""Decide on the drone which ground stations may command it; seal (authenticate) commands on the
+ground.
+"""
 
 import secrets
 from collections.abc import Iterable, Iterator
@@ -31,18 +33,21 @@ from uavrt.link.tunnel.own_messages.seal import (
 )
 
 ALIVE_S = 0.45
-"""Time between two keepalives [s], plus up to 0.05 s. Nine fit into the drone's limit of 5 s:
-at 20 % loss all are lost once in 600 flights of half an hour."""
+"""Time between two keepalives [s], plus up to 0.05 s. The drone waits 5 s, or nine keepalives,
+before the link counts as lost. At 20 % loss, all nine are lost once in 600 flights of half an
+hour."""
 ECHO_S = 5.0
 """Largest accepted age of a nonce or of an announced session [s]."""
 UNRETURNED_NONCES = 6
-"""Number of nonces that the drone did not return after which its software counts as too old for
-sealed sessions. At 20 % loss each way this happens by chance once in 500 starts, and only
-repeats the request."""
+"""Number of nonces without an answer from the drone after which its software counts as too old
+for sealed (authenticated) sessions. At 20 % loss in each direction this happens by chance once
+in 500 starts, and only causes another request."""
 MAX_ANNOUNCED = 4096
-"""Largest number of remembered session announcements; a drone has fewer in a year."""
+"""Largest number of session announcements that are remembered; a drone makes fewer in a year.
+"""
 FILES_S = 3.0
-"""Time for which a sealed keepalive announces file requests [s]."""
+"""Time for which a sealed (authenticated) keepalive marks its station as requesting files [s].
+"""
 SEALED_ORDERS = 64
 """Largest number of remembered sealed motion orders, whose answers must carry a keyed hash."""
 OLD_STATION = "this ground station's uavrt is older than the drone's. Update it; stop works"
@@ -51,7 +56,7 @@ log = get_logger()
 
 
 class Gate:
-    """Decides on the drone which ground stations may command, by number and key."""
+    """Decides on the drone which ground stations may command it, by their number and key."""
 
     def __init__(
         self,
@@ -83,13 +88,15 @@ class Gate:
     def refusal(self, sender: Ids, *, sealed: bool) -> str | None:
         """Reason why a sender may not command, by a sealed or open message; None if it may."""
         if self._commanders and sender[0] not in self._commanders:
-            return f"system {sender[0]} may not command: see mavlink.commanders"
+            return f"system {sender[0]} may not command this drone: see mavlink.commanders"
         if self.locked and not sealed:
-            return "only sealed commands: this drone has a key"
+            return "this drone has a key and only accepts sealed (authenticated) commands"
         return None
 
     def announcement(self, drone: Ids, nonce: int = 0) -> bytes | None:
-        """Message that announces the session in which seals are valid; None without a key."""
+        """Message that announces the drone's current session to ground stations; None without a
+        key. Sealed messages are valid in this session only.
+        """
         return None if self._keeper is None else self._keeper.announcement(drone, nonce)
 
     def open(self, payload: bytes, sender: Ids, drone: Ids) -> tuple[int, bytes] | None:
@@ -100,13 +107,17 @@ class Gate:
             opened = self._keeper.open(payload, sender, drone)
         except TunnelError as error:
             self.refused += 1
-            log.seldom(self.refused, "sealed message refused", reason=error.message)
+            log.seldom(
+                self.refused, "sealed (authenticated) message refused", reason=error.message
+            )
             return None
         self._sealed_s[sender] = monotonic_s()
         return opened
 
     def silent_s(self) -> dict[Ids, float]:
-        """Time since each station's last validly sealed message [s]; only stations with one."""
+        """Time since the last valid sealed message of each station [s]; stations without one
+        are left out.
+        """
         return {station: monotonic_s() - last_s for station, last_s in self._sealed_s.items()}
 
     def keepalive(self, inside: bytes, station: Ids, drone: Ids) -> bytes | None:
@@ -118,7 +129,7 @@ class Gate:
         return self.announcement(drone, nonce) if nonce else None
 
     def asks_for_files(self, station: Ids) -> bool:
-        """True if a station's last sealed keepalives announce file requests."""
+        """True if the latest sealed keepalives of a station announce file requests."""
         return monotonic_s() - self._files_s.get(station, -inf) < FILES_S
 
     @contextmanager
@@ -152,7 +163,7 @@ class Gate:
 
 
 class Sealer:
-    """Seals the ground station's messages: adds a keyed hash made with the shared key."""
+    """Adds a keyed hash, made with the shared key, to messages of the ground station."""
 
     def __init__(self, key: Key, own: Ids) -> None:
         self._key = key
@@ -222,7 +233,9 @@ class Sealer:
     def answer(self, payload: bytes, request_ids: Iterable[int]) -> bytes:
         """Check and remove the keyed hash of an order's answer; `TunnelError` if forged."""
         if self._session is None:
-            raise TunnelError("reply before the drone announced its session: ignored", payload)
+            raise TunnelError(
+                "a reply was ignored, because the drone has not announced its session", payload
+            )
         return proven_answer(payload, self._key, self._session, self._own, request_ids)
 
     @staticmethod
@@ -239,7 +252,8 @@ class Sealer:
             one.asked >= UNRETURNED_NONCES for one in self._announced.values()
         ):
             raise LinkError(
-                "the drone does not confirm its session: its uavrt is older than this one",
+                "the drone does not confirm its session, because its uavrt is older than "
+                "this one",
                 remedy="Update the drone, or wait for a better radio link",
             )
         if self._session is None:
@@ -252,8 +266,8 @@ class Sealer:
 
 @dataclass(slots=True)
 class _Announced:
-    """An announced session, which may be replayed from a recording."""
+    """A session announced as the drone's; it may come from a replayed recording."""
 
     heard_s: float = -inf
     asked: int = 0
-    """Number of nonces sent to confirm this session."""
+    """Number of nonces sent so far to confirm this session."""

@@ -1,7 +1,9 @@
-"""Recognise repeated requests, and collect uploads as sets, as in the numbered versions.
+"""Recognise repeated requests and collect tag uploads, as protocol versions 4 and later need
+it.
 
-From version 4 on a ground station repeats the same bytes until they are acknowledged. The drone
-keeps its last 16 acknowledgements for 120 s, and sends them again to repetitions.
+From version 4 on, a ground station sends a request again, byte for byte, until it is
+acknowledged. The drone keeps its last 16 acknowledgements for 120 s and answers repeated
+requests with them.
 """
 
 from dataclasses import dataclass, field
@@ -26,7 +28,7 @@ class _Request:
 
 
 class RequestCache:
-    """Recent requests of all ground stations, with their acknowledgements."""
+    """Recent requests of all ground stations, with the acknowledgements sent for them."""
 
     def __init__(self) -> None:
         self._requests: Newest[tuple[Requester, int], _Request] = Newest(KEPT)
@@ -55,7 +57,7 @@ class RequestCache:
 
 @dataclass(slots=True)
 class TagUpload:
-    """An upload of tags as a set, complete once every index has arrived."""
+    """An upload of several tags, complete once the tags with all indices have arrived."""
 
     upload_id: int
     tag_count: int

@@ -1,7 +1,7 @@
 """Compute and compare digests of the tag lists of drone and ground station.
 
-A drone that detects refuses new tags and reports its list with a digest. A restarted ground
-station recognises its own list by it and continues to receive.
+A drone that detects refuses new tags and reports a digest of its tag list. By this digest, a
+restarted ground station recognises its own list and continues to receive.
 """
 
 import hashlib
@@ -16,20 +16,22 @@ _DIGEST = re.compile(r"\blist ([0-9a-f]{8})\b")
 
 
 def tag_list_digest(tags: Iterable[Tag]) -> str:
-    """Eight hexadecimal digits that identify a tag list, whatever its order and names."""
+    """Return eight hexadecimal digits that identify a tag list despite order and names."""
     encoded = sorted(_of_code(tag) if tag.coded else tag_to_wire(tag).encode() for tag in tags)
     return hashlib.blake2b(b"".join(encoded), digest_size=4).hexdigest()
 
 
 def _of_code(tag: Tag) -> bytes:
-    """Bytes that identify a coded tag; the tag's times are in microseconds."""
+    """Return bytes that identify a coded tag; times are in microseconds."""
     times_s = (*tag.gaps_s, *tag.pulse_intervals_s, tag.pulse_width_s)
     numbers = (tag.tag_id, round(tag.frequency_hz), *(round(1e6 * one) for one in times_s))
     return b"coded" + repr(numbers).encode()
 
 
 def searched_text(tags: Iterable[Tag]) -> str:
-    """Text with the searched tags: ``tags 2, 4 (list 0a1b2c3d)``; 64 characters at most."""
+    """Return a text on the searched tags in at most 64 characters: ``tags 2, 4 (list
+    0a1b2c3d)``.
+    """
     known = list(tags)
     digest = tag_list_digest(known)
     ids = ", ".join(str(tag.tag_id) for tag in known)

@@ -1,4 +1,7 @@
-"""Convert records of uavrt to tunnel messages and back: units, rounding, absent values."""
+"""Convert uavrt's records to tunnel messages and back.
+
+The conversion changes units, rounds values and encodes missing values.
+"""
 
 import math
 from collections.abc import Callable, Mapping
@@ -51,7 +54,7 @@ def tag_to_wire(tag: Tag, generation: Generation = "G1") -> TagG0 | TagG1:
     if not 1 <= len(tag.pulse_intervals_s) <= 2:
         raise TunnelError(f"tag {tag.tag_id} needs one or two pulse intervals", b"")
     if tag.coded:
-        raise TunnelError(f"tag {tag.tag_id} is coded: this message has no place for gaps", b"")
+        raise TunnelError(f"tag {tag.tag_id} is coded, but this message cannot carry gaps", b"")
     intervals = [round(interval * 1000) for interval in tag.pulse_intervals_s]
     build = TagG0 if generation == "G0" else TagG1
     return build(
@@ -68,11 +71,12 @@ def tag_to_wire(tag: Tag, generation: Generation = "G1") -> TagG0 | TagG1:
 
 
 def tag_from_wire(message: TagG0 | TagG1) -> Tag:
-    """Convert a message to a tag; values that a detector cannot use are refused.
+    """Convert a tag message to a tag; raises `TunnelError` for values that a detector cannot
+    use.
 
     The means and deviations of G1 are ignored: their unit is not documented and senders leave
-    them NaN. Raises `TunnelError` for an id, frequency, width, interval or K of zero (the
-    thesis's id 0 is "no tag"), or a false-alarm probability outside (0, 1).
+    them NaN. Refused are an id, frequency, width, interval or K of zero (the thesis's id 0 is
+    "no tag"), and a false-alarm probability outside (0, 1).
     """
     needed = {
         "id": message.tag_id,
@@ -107,7 +111,7 @@ def tag_from_wire(message: TagG0 | TagG1) -> Tag:
 
 
 def in_generation(pulse: PulseG1, generation: Generation) -> PulseG1 | PulseG2v1 | PulseG2:
-    """Convert a pulse message of G1 to that of a numbered version."""
+    """Convert a pulse message of generation G1 to that of a later protocol version."""
     if generation == "G2v1":
         return PulseG2v1(pulse=pulse)
     return PulseG2(pulse=pulse) if generation == "G2" else pulse
@@ -294,7 +298,7 @@ def _rate_of(message: PulseG0 | PulseG1, tag: Tag) -> int:
 
 
 def has_place(message: PulseG0 | PulseG1) -> bool:
-    """True if a pulse message has a position, valid or not."""
+    """True if a pulse message holds a position, even an invalid one."""
     return all(map(math.isfinite, _place_on_wire(message)))
 
 
@@ -305,7 +309,7 @@ def _place_on_wire(message: PulseG0 | PulseG1) -> tuple[float, float]:
 
 
 def _pose_from_wire(message: PulseG0 | PulseG1, time_ns: int) -> Pose | None:
-    """Pose in a pulse message; None without a valid position."""
+    """Return the pose in a pulse message; None if it holds no valid position."""
     if isinstance(message, PulseG1):
         quaternion = from_euler_deg(message.yaw_deg, message.pitch_deg, message.roll_deg)
         amsl, relative = math.nan, message.altitude_relative_m
@@ -340,7 +344,7 @@ def ack_to_wire(
     generation: Generation = "G1",
     request_id: int = 0,
 ) -> AckG0 | AckG1 | AckG2:
-    """Make an acknowledgement; in G0 the text is dropped."""
+    """Make an acknowledgement message; generation G0 has no room for the text."""
     result = SUCCESS if accepted else FAILURE
     if generation == "G2":
         return AckG2(
@@ -357,7 +361,7 @@ def ack_to_wire(
 
 
 def _path_that_fits(message: str, room: int) -> str:
-    """Shorten a long path from its front, because the end names the flight."""
+    """Shorten a path at its front if it is too long, because its end names the flight."""
     if not message.startswith("/") or len(message.encode()) <= room:
         return message
     tail = message.encode()[-(room - len("…".encode())) :]

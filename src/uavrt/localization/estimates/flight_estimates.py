@@ -67,8 +67,9 @@ _Floats = NDArray[np.float64]
 
 _UNMEASURED_NOISE = Caution(
     name="noise",
-    text=f"the noise was not measured: {FLIGHT.unknown_noise_sigma_deg:.0f}° are added to each "
-    "bearing's error, because noise from one side, such as a power line's, turns bearings",
+    text=f"the noise was not measured, so {FLIGHT.unknown_noise_sigma_deg:.0f}° are added to "
+    "the error of each bearing: noise from one side, such as from a power line, turns "
+    "bearings",
 )
 _UNMEASURED_SURVEY_NOISE = Caution(
     name="noise",
@@ -642,7 +643,9 @@ def _stations(
 ) -> Stations:
     used = [one for one in bearings if one.bearing.accepted]
     if not used:
-        raise UsageError("no bearing of the tag has a clear direction", remedy="Fly nearer")
+        raise UsageError(
+            "none of the tag's bearings has a clear direction", remedy="Fly nearer"
+        )
     origin_ns = min(one.middle_time_ns for one in used)
     times_s = [(one.middle_time_ns - origin_ns) / NANOSECONDS_PER_SECOND for one in used]
     stations = Stations.of(
@@ -770,7 +773,7 @@ def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> Pow
     if not np.isfinite(height).all():
         raise UsageError(
             "the log contains no heights above the ground",
-            remedy="Give the drone's height above the tags: --height 40",
+            remedy="Give the drone's height above the tags, for example --height 40",
         )
     return PowerTrack(
         latitude_deg=latitude,

@@ -274,9 +274,9 @@ def height_warning(ground_m: float, said_m: float) -> tuple[str, ...]:
     ):  # also if one of the heights is unknown
         return ()
     return (
-        f"the take-off is at {ground_m:.0f} m in the elevation files and at {said_m:.0f} m in "
-        "the flight: another datum, or another place. Heights count from the take-off in the "
-        "elevation files",
+        f"the take-off is at {ground_m:.0f} m in the elevation files and at {said_m:.0f} m "
+        "in the flight: the height datums differ, or the take-off position is wrong. "
+        "Heights are measured from the take-off in the elevation files",
     )
 
 

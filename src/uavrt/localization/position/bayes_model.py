@@ -166,7 +166,7 @@ def _power_evidence(powers: PowerTrack, model: Model, known: Known) -> SurveyEvi
     return SurveyEvidence(east, north, powers, known.propagation, known.height_sigma_m, over)
 
 
-_HILLS_UNKNOWN = "losses behind hills are not computed for fixed receivers"
+_HILLS_UNKNOWN = "signal loss behind hills is not computed for fixed receivers"
 _NO_LEVELS = "no bearing has a signal strength"
 
 

@@ -17,7 +17,7 @@ from uavrt.localization.tuning import LEVELS
 Follow = Literal["never", "contradicted", "always"]
 """Condition for computing a tag's path: never, contradicted (data rule out rest), or always."""
 _CONTRADICTS = frozenset({"walk", "contradiction"})
-_MOVES = "the tag moved; its path is estimated from bearings"
+_MOVES = "the tag moved; its path was estimated from the bearings"
 """Reason given for receivers whose levels are unused because the tag moved."""
 
 

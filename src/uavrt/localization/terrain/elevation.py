@@ -169,7 +169,7 @@ def _mosaic(areas: Iterable[tuple[Raster, int, int]], window: _Window) -> NDArra
     count = (bottom - top) * (right - left)
     if count > _MOST_POINTS:
         raise UsageError(
-            f"the area has {count:,} heights in the elevation files, too many",
+            f"the area has {count:,} heights in the elevation files, which is too many",
             remedy="Choose a smaller area, or coarser files",
         )
     points = np.full((bottom - top, right - left), np.nan, np.float32)

@@ -53,4 +53,4 @@ def _rasters(path: Path) -> Iterator[Raster]:
             continue
         found += 1
     if not found:
-        raise FormatError(f"{path} holds no heights of the ground", remedy=_REMEDY)
+        raise FormatError(f"{path} contains no ground heights", remedy=_REMEDY)

@@ -90,8 +90,8 @@ def ground_grid(
     rows = max(2, math.ceil((north_m - south_m) / cell_m) + 1)
     if rows * columns > _MOST_CELLS:
         raise UsageError(
-            f"the area holds {rows * columns:,} squares of {cell_m:g} m, too many",
-            remedy="Choose larger squares or a smaller area",
+            f"the area has {rows * columns:,} squares of {cell_m:g} m, which is too many",
+            remedy="Choose larger squares (cells) or a smaller area",
         )
     east = west_m + cell_m * np.arange(columns)
     height = np.zeros((rows, columns), np.float32)

@@ -42,7 +42,8 @@ def srtm_raster(path: Path) -> Raster:
     if named is None:
         raise FormatError(
             f"the file name {path.name} gives no position",
-            remedy="Restore its name: N47E008.hgt is 47 to 48° north, 8 to 9° east",
+            remedy="Rename the file after its position: N47E008.hgt covers 47 to 48° north, "
+            "8 to 9° east",
         )
     south = int(named[2]) * (1 if named[1].upper() == "N" else -1)
     west = int(named[4]) * (1 if named[3].upper() == "E" else -1)

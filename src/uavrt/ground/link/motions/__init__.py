@@ -1,1 +1,1 @@
-"""Motions of the drone as the operator requests them."""
+"""Motions of the drone that the operator requests from the ground."""

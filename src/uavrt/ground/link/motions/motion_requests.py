@@ -1,4 +1,4 @@
-"""Request, confirm and stop motions from the ground, for page and terminal."""
+"""Request, confirm and stop motions of the drone, for the page and the terminal."""
 
 import secrets
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ def motion_request(
 
 
 async def request_motion(link: GroundLink, request: MotionRequest) -> MotionState:
-    """Request a motion; return the drone's proposed order. Nothing moves yet.
+    """Request a motion; return the order that the drone proposes. Nothing moves yet.
 
     Raises `CommandRefused` if the drone refuses, or `LinkError` without an answer.
     """
@@ -48,10 +48,10 @@ async def request_motion(link: GroundLink, request: MotionRequest) -> MotionStat
 
 
 async def confirm(link: GroundLink, offer: MotionState, *, sticks_unseen: bool) -> MotionState:
-    """Confirm a proposed order; without an answer the drone is stopped.
+    """Confirm a proposed order; if the drone does not answer, stop it.
 
     `sticks_unseen`: True if the operator accepts that the drone has no RC link. If the stop is
-    not answered either, its error is the cause of the raised one.
+    not answered either, its error is the cause of the raised error.
     """
     number = new_number()
     confirmation = MotionConfirmation(
@@ -71,6 +71,8 @@ async def confirm(link: GroundLink, offer: MotionState, *, sticks_unseen: bool) 
 
 
 async def stop(link: GroundLink) -> MotionState:
-    """Stop the drone and end uavrt's control; if this raises an error, a pilot must stop it."""
+    """Stop the drone and end its control by uavrt. If this raises an error, a pilot must stop
+    the drone.
+    """
     number = new_number()
     return await link.motion(encode_stop(MotionStop(request_id=number)), number)

@@ -38,8 +38,8 @@ from uavrt.guidance.safety import SAFETY
 from uavrt.link.tunnel.own_messages.motion_messages import MAX_PLACES, MotionState
 
 SILENCE_NS = ns_from_s(6.0)
-"""Time without a motion report after which the motion is unknown [ns]; the drone reports it
-each second."""
+"""Time without the drone's report after which its motion counts as unknown [ns]; the drone
+reports once a second."""
 OFFER_NS = ns_from_s(SAFETY.offer_holds_s)
 """Time for which the drone waits for the confirmation of a proposed motion [ns]."""
 PATTERNS = ("lines", "around", "points")
@@ -122,7 +122,7 @@ class MotionCommands:
         }
 
     def plan(self, body: dict[str, Any]) -> dict[str, Any]:
-        """Preview a motion without involving the drone, as far as the ground can plan it."""
+        """Preview a motion from data on the ground, without a request to the drone."""
         path = self._planned_path(_request(body))
         home = self._home()
         return {
@@ -146,7 +146,7 @@ class MotionCommands:
         return {"order_id": offer.order_id, "text": offer.text, "way": _listed(path)}
 
     async def confirm(self, body: dict[str, Any], page: str | None) -> dict[str, Any]:
-        """Confirm the order that this page shows; the drone then moves."""
+        """Confirm the proposed order that the page shows; the drone then moves."""
         number, unseen, offered = body.get("order_id"), body.get("sticks_unseen"), self._offered
         if offered is None or number != offered.state.order_id or page != offered.page:
             raise CommandRefused("the proposed motion has expired", remedy="Request it again")
@@ -177,7 +177,7 @@ class MotionCommands:
         return {"items": done.items, "sent_again": done.sent_again}
 
     async def stop(self) -> dict[str, Any]:
-        """Stop the drone and end uavrt's control; if this raises, a pilot must stop it."""
+        """Stop the drone and end its control by uavrt; on an error, a pilot must stop it."""
         self._offered = None
         self._vehicle.feed.note(5, "stopped by the operator")
         state = await stop(self._link())
@@ -188,7 +188,8 @@ class MotionCommands:
         link = self._vehicle.connection.link
         if link is None or not self._vehicle.situation().drone_present:
             raise LinkError(
-                "no contact with the drone", remedy="Stop it with the remote control if needed"
+                "no contact with the drone",
+                remedy="If necessary, stop the drone with the remote control",
             )
         return link
 
@@ -221,7 +222,7 @@ class MotionCommands:
 
 
 def area_of_file(body: dict[str, Any]) -> dict[str, Any]:
-    """Read an area's file, ``{"name": …, "text": …}``, or a circle; raises `FormatError`."""
+    """Read a file's area, ``{"name": …, "text": …}``, or a circle; raises `FormatError`."""
     if "radius_m" in body:
         (center,) = places_in([body.get("center")])
         places = circle(center, number_in(body, "radius_m"))
@@ -238,7 +239,7 @@ def area_of_file(body: dict[str, Any]) -> dict[str, Any]:
     if sum(len(one.places) for one in keep_out) > 2 * MOST_CORNERS:
         raise FormatError(
             f"{name[:80]} has excluded areas with more than {2 * MOST_CORNERS} corners",
-            remedy="Simplify these areas",
+            remedy="Simplify these areas, so that they have fewer corners",
         )
     return {
         "places": _listed(places),
@@ -283,7 +284,7 @@ def _request(body: dict[str, Any]) -> MotionRequest:
 
 
 def _keep_out(given: Any) -> tuple[KeepOut, ...]:
-    """Read excluded areas in the form that `area_of_file` returns."""
+    """Read excluded areas that have the form returned by `area_of_file`."""
     found = []
     if isinstance(given, list) and len(given) > MOST_KEEP_OUT:
         raise FormatError(f"keep_out has at most {MOST_KEEP_OUT} outlines")

@@ -13,12 +13,13 @@ from uavrt.core.earth.geodesy import distance_m
 from uavrt.core.messages import Course, Neighbour
 
 MOST_LAG = 100
-"""Lag of a report's sequence number up to which the report is late; a larger lag means that the
-drone has restarted."""
+"""Largest lag of a report's sequence number for which the report counts as late. A larger lag
+means that the drone has restarted."""
 MOVED_M = 5.0
 """Distance by which a drone's reported goal must move to count as a new path [m]."""
 FIRST_REPORTS_S = 3.0
-"""Time from the first report until paths are assigned [s], so that all drones can report."""
+"""Time after the first report for which no paths are assigned, so that all drones can report
+[s]."""
 _ROUND = 0x10000
 
 
@@ -30,11 +31,12 @@ class _Member:
     granted: int = 0
     denied: int = 0
     path: tuple[tuple[float, float], ...] = ()
-    """Points of a path assigned but not yet flown: (latitude, longitude) in degrees."""
+    """Points of the path that is assigned but not yet flown, as (latitude, longitude) in
+    degrees."""
 
 
 class PathAssignments:
-    """Present and assigned paths of all drones that have reported their leg."""
+    """Present and assigned paths of all drones that have reported their position."""
 
     def __init__(self) -> None:
         self._members: dict[int, _Member] = {}

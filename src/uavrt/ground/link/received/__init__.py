@@ -1,1 +1,1 @@
-"""Reports of the drone, stored for the flight's files and for pages."""
+"""Handle the drone's reports: store them in the flight's files and show them on pages."""

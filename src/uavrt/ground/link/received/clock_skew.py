@@ -3,16 +3,17 @@
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 
 SKEW_PULSES = 5
-"""Number of pulses compared before a clock offset is reported. The first pulses may be old
-ones, sent again after a gap."""
+"""Number of pulses compared before a clock offset is reported. The first pulses may be old,
+because the drone repeats lost pulses after a gap."""
 LATE_NS = 10 * NANOSECONDS_PER_SECOND
 AHEAD_NS = 3 * NANOSECONDS_PER_SECOND
-"""Limits of a prompt pulse's delay: `LATE_NS` behind and `AHEAD_NS` ahead of our clock [ns].
-A usual delay is 0.5 to 2 s; the drone's clock is wrong if all delays are outside."""
+"""Largest time by which a pulse's time stamp may be ahead of our clock [ns]; `LATE_NS` is the
+largest delay. Usual delays are 0.5 to 2 s. If all delays are outside these limits, the drone's
+clock is wrong."""
 
 
 class ClockSkew:
-    """Estimates how far the drone's clock is behind ours, from the least delayed pulses."""
+    """Estimates by how much the drone's clock is behind ours, from the least delayed pulses."""
 
     def __init__(self) -> None:
         self.skew_ns: int | None = None
@@ -20,7 +21,9 @@ class ClockSkew:
         self._least_delay_ns: int | None = None
 
     def learn(self, delay_ns: int) -> str | None:
-        """Add the delay of a pulse [ns]; return a message at the first offset, else None."""
+        """Add the delay of a pulse [ns]; return a message when an offset is found first, else
+        None.
+        """
         self._delays += 1
         least_ns = self._least_delay_ns
         self._least_delay_ns = delay_ns if least_ns is None else min(delay_ns, least_ns)

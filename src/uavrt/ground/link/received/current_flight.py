@@ -1,4 +1,4 @@
-"""Begin, resume, write, show and end the ground station's recording of a vehicle's flight."""
+"""Record a vehicle's flight on the ground station: begin, resume, write, show and end it."""
 
 import asyncio
 from collections.abc import Callable
@@ -25,19 +25,21 @@ from uavrt.link.mavlink.links.address import parse_address
 log = get_logger()
 
 LATE_PULSES_NS = 5 * NANOSECONDS_PER_SECOND
-"""Margin after a stop of detection [ns]; pulses that begin later are of the next flight."""
+"""Margin after a stop of detection [ns]. Pulses that begin later belong to the next flight."""
 COMMIT_S = 0.15
-"""Interval in which pulses are collected for one write [s]; receipts follow each write."""
+"""Interval between two writes of received pulses to the disk [s]; receipts follow each write.
+"""
 BATTERY_STEP_PERCENT = 5
-"""Battery charge is written at the start of a flight and after each step of this size [%]."""
+"""Change of the battery charge that is written to the flight [%]; the charge at the start is
+also written."""
 ENDS_WITHIN_S = 10.0
 """Longest wait for a slow disk to write the flight when the session ends [s]."""
 _PAST_FLIGHTS = 10
-"""Number of past flights searched for the last measured pulse trains, to show at the start."""
+"""Number of past flights that are searched for measured pulse trains to show at start-up."""
 
 
 class CurrentFlight:
-    """The flight in progress, or the last one after its end."""
+    """The flight now being recorded, or the last one after it has ended."""
 
     def __init__(
         self,
@@ -93,7 +95,7 @@ class CurrentFlight:
                 lambda: (library.columns(kept), library.summary(kept), library.places(kept))
             )
         except UavrtError as error:
-            self._feed.note(4, f"flight {kept} cannot be resumed: {error}")
+            self._feed.note(4, f"the recording of flight {kept} cannot be continued: {error}")
             return None
         if not await disk.run(self.keeper.resume, kept):
             return None
@@ -103,14 +105,14 @@ class CurrentFlight:
         return summary.tags
 
     def end(self) -> None:
-        """End the flight; its late pulses are still accepted."""
+        """End the flight; pulses of this flight that arrive later are still accepted."""
         self.keeper.queue.commit()
         self.keeper.end()
         self._stopped_ns = self._clock.now_ns()
         self._store.set_flight(None)
 
     def is_of_next(self, event: PulsePose, skew_ns: int) -> bool:
-        """True for a pulse from after the flight's end: another station restarted detection."""
+        """True if a pulse began after this flight: another station restarted detection."""
         if not self.keeper.ended or self._stopped_ns is None:
             return False
         return event.pulse.start_time_ns + skew_ns > self._stopped_ns + LATE_PULSES_NS
@@ -156,7 +158,7 @@ class CurrentFlight:
         self.show_received()
 
     def show_received(self) -> None:
-        """Show the records received since the last call."""
+        """Show the records on the page that were received since the last call."""
         unshown, self._unshown = self._unshown, []
         for event, record in unshown:
             self._feed.emit(event)
@@ -172,12 +174,14 @@ class CurrentFlight:
         if taken > durable:
             reason = self.keeper.queue.fault or "the disk does not answer"
             log.error(
-                "pulses not stored; the drone keeps them", pulses=taken - durable, reason=reason
+                "pulses cannot be stored here; the drone keeps them and sends them again",
+                pulses=taken - durable,
+                reason=reason,
             )
 
 
 def last_beeps(directory: Path, flight_id: str | None, tags: tuple[Tag, ...]) -> list[Beep]:
-    """Read the pulse trains measured in a flight; None: in the last flight that has any."""
+    """Read the pulse trains measured in a flight; None: in the latest flight with any."""
     paths = directory.glob(f"{flight_id or '*'}/flight.sqlite")
     with suppress(OSError):
         for path in sorted(paths, key=lambda one: -one.stat().st_mtime)[:_PAST_FLIGHTS]:

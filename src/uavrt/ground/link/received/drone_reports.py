@@ -1,4 +1,4 @@
-"""Latest reports of one vehicle's drone, and the tags that it holds. No I/O."""
+"""Latest reports of one vehicle's drone, and the tags stored on it. No I/O."""
 
 from collections.abc import Iterable
 
@@ -12,7 +12,10 @@ from uavrt.ground.link.received.clock_skew import ClockSkew
 
 
 class DroneReports:
-    """Latest reports of a drone. `now_ns`: time from which its silence is counted."""
+    """Latest reports of a drone.
+
+    `now_ns`: time from which the time without contact is counted.
+    """
 
     def __init__(self, now_ns: int) -> None:
         self.state: SystemState | None = None
@@ -37,7 +40,7 @@ class DroneReports:
         return self._skew.skew_ns
 
     def receive_heartbeat(self, heartbeat: DroneHeartbeat) -> SystemState | None:
-        """Store the drone's reported state; return the previous one, None if unknown."""
+        """Store the state that the drone reports; return the previous one, None if unknown."""
         before, self.state = self.state, heartbeat.state
         self.temperature_c = heartbeat.cpu_temperature_c
         return before
@@ -49,7 +52,7 @@ class DroneReports:
         return self._skew.learn(now_ns - event.pulse.end_time_ns)
 
     def receive_beep(self, beep: Beep, corrections: Iterable[TagCorrection]) -> bool:
-        """Store a measured pulse train; False for a repeated or outdated measurement."""
+        """Store a measured pulse train; False if it is a repetition or outdated."""
         if beep in self.beeps or self._is_outdated(beep, corrections):
             return False
         keep_beep(self.beeps, beep)
@@ -57,14 +60,16 @@ class DroneReports:
         return True
 
     def _is_outdated(self, beep: Beep, corrections: Iterable[TagCorrection]) -> bool:
-        """True for a measurement from before this station corrected the tag's list entry."""
+        """True if a pulse train was measured before this station corrected the tag's list
+        entry.
+        """
         return not still_holds(beep, self.sent_tags) and any(
             one.tag_id in beep.tag_ids and still_holds(beep, (one.before,))
             for one in corrections
         )
 
     def set_presence(self, present: bool, now_ns: int) -> bool:
-        """Set whether there is contact; True if that has changed."""
+        """Record whether the drone is in contact; return True if this has changed."""
         changed, self._present = present != self._present, present
         if present:
             self.contact_ns = now_ns
@@ -78,7 +83,7 @@ class DroneReports:
         self._present = False
 
     def recall(self, beeps: Iterable[Beep]) -> None:
-        """Add the pulse trains that were measured before this program's start."""
+        """Add pulse trains that were measured before this program was started."""
         self.beeps += beeps
         drop_beeps(self.beeps)
 
@@ -95,15 +100,17 @@ class DroneReports:
         self.bench.reset()
 
     def set_tags(self, tags: tuple[Tag, ...]) -> None:
-        """Set the tags that the drone holds."""
+        """Set the tags that are stored on the drone."""
         self.sent_tags = tags
 
     def tags_accepted(self, tags: tuple[Tag, ...]) -> None:
-        """Set the tags just accepted by the drone; its heartbeat reports them 1 s later."""
+        """Set the tags that the drone has just accepted, before its next heartbeat reports
+        them.
+        """
         self.sent_tags = tags
         if self.state is not None:
             self.state = SystemState.HAS_TAGS
 
     def started(self, directory: str) -> None:
-        """Set the flight directory on the drone."""
+        """Record the directory of the flight that the drone has started."""
         self.directory = directory

@@ -22,7 +22,7 @@ class StationNote:
 
 
 class Feed:
-    """Sends records to all pages, and events to the caller's function."""
+    """Sends records to all pages, and passes events to a function of the caller."""
 
     def __init__(
         self,

@@ -1,1 +1,1 @@
-"""Sending commands and parameters to the drone, and waiting for the answers."""
+"""Send commands and parameters to the drone, and wait for its answers."""

@@ -99,7 +99,7 @@ class CommandEncoder:
     def command(
         self, name: CommandName, values: Mapping[str, float | None] = MappingProxyType({})
     ) -> bytes:
-        """Encode a command with `values` in its fields, and 0 in those without a value."""
+        """Encode a command with the given `values`; fields without a value are 0."""
         number, bare = self._check_known(name), not COMMANDS[name].fields
         if self._generation == "G2":
             numbered = {"request_id": self._next_id()}
@@ -111,13 +111,16 @@ class CommandEncoder:
         return FieldsG1.of(number, values).encode()
 
     def _check_known(self, name: CommandName) -> CommandId:
-        """Number of a command in the protocol version; raises `LinkError` if it has none."""
+        """Return a command's number in the drone's protocol version; `LinkError` if it has
+        none.
+        """
         row = COMMANDS[name]
         generation = "G1" if self._generation == "G2v1" else self._generation
         if row.number is None or generation not in row.lengths:
             raise LinkError(
                 f"the drone's software has no command {name.replace('_', ' ')}",
-                remedy="Choose the drone's actual software under Set-up, or update the drone",
+                remedy="Choose the software that the drone really has under Set-up, or "
+                "update the drone",
             )
         return row.number
 

@@ -20,11 +20,12 @@ from uavrt.link.mavlink.services.parameter_service import decode_value
 
 TRIES = 5
 QUIET_S = 0.5
-"""Silence after which missing parameters are requested again [s]; they come 20 ms apart."""
+"""Time without a parameter value after which missing parameters are requested again [s]; values
+arrive 20 ms apart."""
 
 
 class DroneParameters:
-    """Lists and sets the drone's parameters."""
+    """Lists and sets the drone's parameters by the MAVLink parameter protocol."""
 
     def __init__(
         self,
@@ -63,7 +64,7 @@ class DroneParameters:
         self._news.set()
 
     async def list_all(self) -> dict[str, float]:
-        """Get every parameter's value; raises `LinkError`."""
+        """Return the values of all parameters by name; raises `LinkError`."""
         drone = self._drone()
         await self._learn_encoding(drone)
         self._raw.clear()
@@ -95,7 +96,7 @@ class DroneParameters:
                 now = self._value(name)
                 if abs(now - value) > 1e-6 * abs(value):
                     raise CommandRefused(
-                        f"{name} remains {now:g}: the drone's status text has the reason"
+                        f"{name} is still {now:g}; the drone's status text gives the reason"
                     )
                 return now
         raise LinkError(f"the drone did not confirm the parameter {name}", remedy="Try again")
@@ -111,11 +112,15 @@ class DroneParameters:
 
     def _drone(self) -> Peer:
         if self._protocol.drone is None:
-            raise LinkError("no contact with the drone yet", remedy="Check its power and radio")
+            raise LinkError(
+                "no contact with the drone yet", remedy="Check the drone's power and radio"
+            )
         return self._protocol.drone
 
     def _missing(self, drone: Peer) -> list[Message]:
-        """Make requests for parameters not yet received; authenticated if there is a key."""
+        """Make requests for the parameters that have not arrived; authenticated if there is a
+        key.
+        """
         sealed = self._protocol.sealed_parameter
         if self._count is None:
             return [sealed("", math.nan) or dialect.ParamRequestList(**drone.address)]
@@ -127,7 +132,7 @@ class DroneParameters:
         ]
 
     async def _learn_encoding(self, drone: Peer) -> None:
-        """Query the autopilot's capability bits, once, for the encoding of integers."""
+        """Request the autopilot's capability bits once; they show how integers are encoded."""
         for _ in range(TRIES):
             if self._bytewise is not None:
                 return

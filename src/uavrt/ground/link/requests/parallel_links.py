@@ -1,9 +1,9 @@
-"""Use several links to a drone at once: radio, Wi-Fi, cable.
+"""Use several links to a drone at once: radio, Wi-Fi and cable.
 
-Heartbeats go out on all links, so that a drone learns every link. The drone sends each pulse on
-one link. Our messages use the link on which the drone was last received, in the given order of
-preference. Sessions of several drones share the links: each session receives every frame
-and selects those of its drone.
+Heartbeats are sent on all links, so that the drone learns every link. The drone sends each
+pulse on one link. Our messages use the link on which a message of the drone arrived last, in
+the given order of preference. Sessions for several drones share the links: each session
+receives every frame and selects those of its drone.
 """
 
 import asyncio
@@ -28,11 +28,14 @@ RETRY_S = 3.0
 FIRST_SIGNING_LINK_ID = 1
 
 Listener = Callable[[Frame, int], None]
-"""Function called with each received frame and the index of its link."""
+"""Function that is called with each received frame and the index of its link."""
 
 
 class Links:
-    """The open links of a ground station. `signing`: signs frames, with a link id per link."""
+    """The links of a ground station.
+
+    `signing`: signs frames, with a different signing link id for each link.
+    """
 
     def __init__(self, own: tuple[int, int], *, signing: Signing | None = None) -> None:
         self._own = own
@@ -73,7 +76,7 @@ class Links:
         if failed and len(failed) == len(addresses):
             raise failed[0]
         for fault in failed.values():
-            log.warning("link failed; next try follows", reason=str(fault))
+            log.warning("the link failed; it is tried again", reason=str(fault))
         return [asyncio.create_task(self._keep_trying(n, addresses[n])) for n in failed]
 
     async def close(self) -> None:
@@ -113,7 +116,10 @@ class Links:
 
 
 class DroneLinks:
-    """The links to one drone; `links` are shared with other drones, unless None."""
+    """The links to one drone.
+
+    `links`: links shared with other drones; None: links of its own.
+    """
 
     def __init__(
         self,
@@ -140,20 +146,22 @@ class DroneLinks:
         return self._shared.open_ones if self._joined else ()
 
     async def open(self, addresses: Sequence[str]) -> list[asyncio.Task[None]]:
-        """Open all links, or join those of another session; return tasks that retry others."""
+        """Open all links, or use those of another session; return the tasks that retry failed
+        links.
+        """
         self._shared.listen(self._receive)
         opening = await self._shared.open(addresses) if addresses else []
         self._joined = True
         return opening
 
     async def close(self, *, opened: bool = True) -> None:
-        """Leave the links; with `opened`, close them as well."""
+        """Stop using the links; close them too if this session has opened them (`opened`)."""
         self._shared.leave(self._receive)
         if opened:
             await self._shared.close()
 
     def send(self, message: Message, link: int | None = None) -> None:
-        """Send a message on the link of an index; None: on the best link."""
+        """Send a message on the link with this index; None selects the best link."""
         number = self.best()[0] if link is None else link
         if getattr(message, "target_component", 0) == MavComponent.COMP_ID_AUTOPILOT1:
             system_id = getattr(message, "target_system", 0)
@@ -166,7 +174,9 @@ class DroneLinks:
             self._shared.write(message, number)
 
     def best(self) -> list[int]:
-        """Indices of links in the order to try; those that receive the drone come first."""
+        """Indices of the links in the order in which to try them; links with the drone come
+        first.
+        """
         now_ns = self._clock_ns()
         return sorted(
             range(max(1, self._shared.count)),
@@ -174,7 +184,7 @@ class DroneLinks:
         )
 
     def alive(self) -> list[int]:
-        """Indices of the links on which the drone is received."""
+        """Indices of the links on which the drone's messages arrive."""
         now_ns = self._clock_ns()
         return [n for n, ns in sorted(self._drone_heard_ns.items()) if self._fresh(ns, now_ns)]
 
@@ -184,7 +194,7 @@ class DroneLinks:
         self.send(message, self._pulses_by if fresh else None)
 
     def drone_received(self, link: int, *, pulse: bool) -> None:
-        """Record on which link the drone was received; `pulse`: the frame held a pulse."""
+        """Record on which link the drone's message arrived; `pulse`: it held a pulse."""
         self._drone_heard_ns[link] = self._clock_ns()
         if pulse:
             self._pulses_by = link

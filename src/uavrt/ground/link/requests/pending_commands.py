@@ -19,9 +19,10 @@ from uavrt.link.tunnel.own_messages.private import MOTION_TYPE
 ACK_WAIT_S = 2.0
 TRIES = 4
 STOP_WAIT_S = 0.4
-"""Time after which an unanswered stop is sent again [s]; a radio's answer takes 0.3 s."""
+"""Time after which an unanswered stop is sent again [s]; an answer over a radio takes 0.3 s."""
 CONFIRM_TIMEOUT_NS = ns_from_s(1.0)
-"""Longest delay between confirmation and sending [ns]; a later order is dropped."""
+"""Longest delay between the operator's confirmation and its sending [ns]; after it, the
+confirmation is not sent."""
 
 
 class Exchange:
@@ -44,7 +45,7 @@ class Exchange:
         self._busy = asyncio.Lock()
 
     def receive(self, event: GroundEvent) -> None:
-        """Pass an event on to the exchange that waits for it."""
+        """Pass an event to the command that waits for it."""
         key: tuple[int, int] | int | None = None
         if isinstance(event, Acknowledged):
             key = event.command, event.request_id
@@ -54,7 +55,7 @@ class Exchange:
             self._awaited[key].set_result(event)
 
     async def command(self, payload: bytes, payload_type: int, request_id: int) -> Acknowledged:
-        """Send a command until it is acknowledged; four tries with the same bytes."""
+        """Send a command until it is acknowledged, up to four times with the same bytes."""
         number = acked_command_of(payload)
         assert number is not None
 
@@ -97,15 +98,16 @@ class Exchange:
             waited_ns = self._clock_ns() - begun_ns
             if is_confirmation(payload) and waited_ns > CONFIRM_TIMEOUT_NS:
                 raise LinkError(
-                    f"the confirmation waited {s_from_ns(waited_ns):.0f} s for another command "
-                    "and was not sent",
+                    "the confirmation was not sent, because it had to wait "
+                    f"{s_from_ns(waited_ns):.0f} s for another command",
                     remedy="Request the motion again",
                 )
             answer = await self._until_answered(request_id, send, tries, wait_s)
         if answer is None:
             raise LinkError(
-                "the drone did not answer, so it is unknown whether the motion is confirmed",
-                remedy="Check `uavrt fly status`; a drone with a key needs --command-key",
+                "the drone did not answer, so it is unknown whether it has accepted the motion",
+                remedy="Check `uavrt fly status`; if the drone has a key, give it with "
+                "--command-key",
             )
         state: MotionState = answer[1]
         if state.kind == "refused":
@@ -115,7 +117,9 @@ class Exchange:
     async def _until_answered(
         self, key: tuple[int, int] | int, send: Callable[[int], None], tries: int, wait_s: float
     ) -> tuple[int, Any] | None:
-        """Send until answered; return the number of repetitions, and the answer or None."""
+        """Send a payload until it is answered; return the number of repetitions and the answer,
+        or None.
+        """
         try:
             for attempt in range(tries):
                 awaited = self._awaited[key] = asyncio.get_running_loop().create_future()

@@ -1,1 +1,1 @@
-"""The vehicle as the ground receives it: identity, state, contact, missions."""
+"""The vehicle as seen by the ground station: identity, state, contact and missions."""

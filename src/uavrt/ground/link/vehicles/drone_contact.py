@@ -1,4 +1,4 @@
-"""Determine whether the drone is received, and explain a missing contact."""
+"""Check whether the drone's messages arrive, and explain why not."""
 
 import asyncio
 
@@ -10,7 +10,7 @@ from uavrt.link.mavlink.sending.signing import Signing
 
 
 class DroneContact:
-    """Checks signatures, if `signing` is given, and explains why the drone is silent."""
+    """Checks signatures if `signing` is given; explains missing contact with the drone."""
 
     def __init__(self, signing: Signing | None) -> None:
         self._signing = signing
@@ -32,27 +32,27 @@ class DroneContact:
         return accepted
 
     async def wait(self, timeout_s: float) -> None:
-        """Wait for the drone; raises `LinkError` if it is not received in time."""
+        """Wait for a message of the drone; raises `LinkError` if none arrives in time."""
         if not await within(timeout_s, self.made.wait()):
             raise self._missing()
 
     def _missing(self) -> LinkError:
-        """Error for missing contact: the drone uses another signing key, or is not received."""
+        """Make the error for missing contact: no messages arrive, or the key is wrong."""
         if self._drone_refused:
             return LinkError(
-                f"the drone (component {DRONE_COMPONENT}) is received, but its frames "
-                "are not signed with the given key",
+                f"the drone (component {DRONE_COMPONENT}) sends messages, but does not sign "
+                "them with the given key",
                 remedy="Give the key in the drone's mavlink.signing_key_file, or no key if "
                 "the drone has none",
             )
         return LinkError(
-            f"no drone is received (MAVLink component {DRONE_COMPONENT})",
+            f"no messages from a drone arrive (MAVLink component {DRONE_COMPONENT})",
             remedy="Check the drone's power, the radio, and that the autopilot forwards "
             "MAVLink between its companion and ground ports",
         )
 
     def unanswered(self, number: int, waited_s: float) -> LinkError:
-        """Error for an unanswered command: the drone requires signatures, or is silent."""
+        """Make the error for an unanswered command: drone silent, or signatures required."""
         text = f"the drone did not answer command {number} in {waited_s:g} s"
         if self._drone_signs and self._signing is None:
             return LinkError(

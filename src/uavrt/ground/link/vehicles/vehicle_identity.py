@@ -13,8 +13,8 @@ from uavrt.link.mavlink import dialect
 DRONE_COMPONENT = 191
 """MAVLink component id of uavrt's drone side."""
 FOREIGN_NS = ns_from_s(60.0)
-"""Time for which a reply with another autopilot's unique number counts [ns]; the autopilot
-is queried three times in it."""
+"""Time for which another autopilot's unique number is remembered [ns]; the autopilot is queried
+three times within it."""
 MAX_OTHERS = 16
 JUMP_M, RETURN_M, JUMPS = 40.0, 15.0, 4
 """Two stations share one number if the position jumps by `JUMP_M` [m] and returns within
@@ -22,7 +22,9 @@ JUMP_M, RETURN_M, JUMPS = 40.0, 15.0, 4
 
 
 class VehicleIdentity:
-    """The served vehicle, by number or autopilot, and the other vehicles received."""
+    """Identifies the served vehicle by number or autopilot, and lists other vehicles on the
+    link.
+    """
 
     def __init__(self, system_id: int | None = None, uid: str | None = None) -> None:
         self.system_id = system_id
@@ -35,13 +37,15 @@ class VehicleIdentity:
         self._places = _Places()
 
     def choose(self, system_id: int) -> None:
-        """Serve the vehicle of this system id from now on, with any autopilot."""
+        """Serve the vehicle with this system id from now on, whatever its autopilot."""
         self.system_id, self.uid, self._foreign_ns = system_id, None, None
         self.others.pop(system_id, None)
         self._places = _Places()
 
     def heard(self, system_id: int, now_ns: int) -> bool:
-        """Handle a heartbeat; True if from the served vehicle (by default the first one)."""
+        """Handle a heartbeat; True if it is from the served vehicle, by default the first
+        found.
+        """
         if self.system_id is None and system_id not in self.excluded:
             self.system_id = system_id
         if system_id == self.system_id:
@@ -61,17 +65,19 @@ class VehicleIdentity:
             self._foreign_ns = now_ns
 
     def receive_position(self, place: tuple[float, float], now_ns: int) -> None:
-        """Add a position of a station without an autopilot, to detect two under one number."""
+        """Add a position of a station without an autopilot, to detect two stations with one
+        number.
+        """
         if self._places.add(place):
             self._foreign_ns = now_ns
 
     def foreign(self, now_ns: int) -> bool:
-        """True while another autopilot or station answers under the served vehicle's number."""
+        """True while another autopilot or station uses the served vehicle's number."""
         return self._foreign_ns is not None and now_ns - self._foreign_ns < FOREIGN_NS
 
 
 class _Places:
-    """Distinguishes one moving station from two fixed ones, whose positions alternate."""
+    """Distinguishes one moving station from two fixed stations, whose positions alternate."""
 
     def __init__(self) -> None:
         self._last: tuple[float, float] | None = None
@@ -91,7 +97,7 @@ class _Places:
 
 
 def unique_number(message: dialect.AutopilotVersion) -> str | None:
-    """Unique number of an autopilot, hexadecimal; None if the message has none."""
+    """Return the unique number of an autopilot in hexadecimal; None if the message has none."""
     if any(message.uid2):
         return bytes(message.uid2).rstrip(b"\0").hex()
     return f"{message.uid:016x}" if message.uid else None

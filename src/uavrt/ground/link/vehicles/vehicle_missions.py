@@ -1,7 +1,7 @@
-"""Upload surveys as missions to the autopilot, and read its fence, over the ground's link.
+"""Upload surveys as missions to the autopilot, and read its geofence, over the ground's link.
 
 An uploaded mission moves nothing until a pilot starts it. Uploads are refused while the vehicle
-flies a mission, since they would change its path.
+flies a mission, since a new mission would change its path.
 """
 
 import asyncio
@@ -32,13 +32,13 @@ from uavrt.link.mavlink.message import Message
 POLL_S = 0.05
 HOME_WITHIN_S, ASKS_EVERY_S = 8.0, 1.0
 HEARTBEAT_GAP_S = 5.0
-"""Longest gap between heartbeats in contact [s]. They come each second; at 20 % loss, four in a
-row are lost once in ten minutes."""
+"""Longest time between two heartbeats for which the vehicle counts as in contact [s].
+Heartbeats are sent once a second; at 20 % loss, four in a row are lost once in ten minutes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Uploaded:
-    """A mission as read back from the vehicle after an upload."""
+    """A mission that was uploaded to the vehicle and read back."""
 
     items: int
     sent_again: int
@@ -53,7 +53,7 @@ class _Autopilot:
 
 
 class VehicleMissions:
-    """Uploads and downloads missions, one at a time; no upload while the vehicle flies one."""
+    """Uploads and downloads missions one at a time; no upload while the vehicle flies one."""
 
     def __init__(
         self, own: Peer, send: Callable[[Message], None], system_id: Callable[[], int | None]
@@ -85,13 +85,14 @@ class VehicleMissions:
             self._send_all(transfer.receive(message, sender, monotonic_s()))
 
     async def wait(self, timeout_s: float) -> None:
-        """Wait until an autopilot is received; raises `LinkError` after `timeout_s`."""
+        """Wait until an autopilot's message arrives; raises `LinkError` after `timeout_s`."""
         deadline_s = monotonic_s() + timeout_s
         while not self._heard():
             if monotonic_s() > deadline_s:
                 raise LinkError(
-                    f"no autopilot was received in {timeout_s:g} s",
-                    remedy="Check its power and the radio, and --mavlink",
+                    f"no message from an autopilot arrived in {timeout_s:g} s",
+                    remedy="Check the autopilot's power, the radio link and the address "
+                    "given with --mavlink",
                 )
             await asyncio.sleep(POLL_S)
 
@@ -101,7 +102,9 @@ class VehicleMissions:
         limits: Limits,
         call: Callable[..., Awaitable[Any]] = asyncio.to_thread,
     ) -> Uploaded:
-        """Upload a survey that stays in the fence; `call` runs the path check in a thread."""
+        """Upload a survey that stays inside the geofence; `call` runs the path check in a
+        thread.
+        """
         await call(survey_items, order, limits)  # what is none needs no vehicle to be refused
         self._check_mode(self._vehicle()[1])
         home, fence = await self.home(), await self.fence()
@@ -128,7 +131,7 @@ class VehicleMissions:
         )
 
     async def upload(self, items: Sequence[MissionItem]) -> Uploaded:
-        """Replace the vehicle's mission, read it back and compare."""
+        """Replace the vehicle's mission, read it back and compare both."""
         async with self._busy:
             peer, behaviour = self._vehicle()
             self._check_mode(behaviour)
@@ -145,7 +148,8 @@ class VehicleMissions:
         if differs is not None:
             raise CommandRefused(
                 f"the mission on the vehicle differs from the one sent: {differs}",
-                remedy="Do not start its mission; upload it again",
+                remedy="Do not start the mission that is now on the vehicle; upload the "
+                "survey again",
             )
         counted = upload.counters + download.counters
         return Uploaded(
@@ -176,7 +180,8 @@ class VehicleMissions:
         if transfer.silent:
             raise LinkError(transfer.fault, remedy="Check the radio link, and try again")
         raise CommandRefused(
-            transfer.fault, remedy="Do not start a mission on the vehicle during an upload"
+            transfer.fault,
+            remedy="Do not start a mission on the vehicle while a mission is being uploaded",
         )
 
     def _watch(self) -> None:
@@ -191,7 +196,7 @@ class VehicleMissions:
             self._transfer.silent = isinstance(error, LinkError)
 
     def _vehicle(self) -> tuple[Peer, Behaviour]:
-        """Address and type of the vehicle's autopilot; raises if none or several answer."""
+        """Return the autopilot's address and type; raises if none or several answer."""
         heard, ours = self._heard(), self._system_id()
         if ours is not None:
             heard = {number: one for number, one in heard.items() if number == ours}
@@ -199,7 +204,8 @@ class VehicleMissions:
             raise LinkError("no contact with the autopilot", remedy="Check the radio link")
         if len(heard) > 1:
             raise CommandRefused(
-                f"{len(heard)} autopilots are received: {', '.join(map(str, sorted(heard)))}",
+                f"messages from {len(heard)} autopilots arrive, so the vehicle is ambiguous: "
+                f"{', '.join(map(str, sorted(heard)))}",
                 remedy="Switch on the drone side of the vehicle that should get the survey",
             )
         ((number, one),) = heard.items()
@@ -221,7 +227,7 @@ class VehicleMissions:
             raise CommandRefused(
                 f"the vehicle flies in mode {behaviour.mode_name(mode)}, and another mission "
                 "would change its path",
-                remedy="Let the pilot hold position first",
+                remedy="Ask the pilot to hold position first",
             )
 
     def _send_all(self, messages: Sequence[Message]) -> None:

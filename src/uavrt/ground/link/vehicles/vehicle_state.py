@@ -1,4 +1,4 @@
-"""Vehicle state as received by the ground: pose, radio, battery, lost frames. No I/O."""
+"""State of the vehicle from MAVLink: pose, radio, battery and frame loss. No I/O."""
 
 import math
 from collections import deque
@@ -22,14 +22,14 @@ take 0.4 kB/s."""
 IDENTITY_REPEAT_NS = ns_from_s(20.0)
 LOSS_WINDOW_NS = ns_from_s(30.0)
 SILENCE_NS = ns_from_s(6.0)
-"""Silence after which the frame loss of the link is unknown [ns]."""
+"""Time without frames after which the frame loss of the link is unknown [ns]."""
 UNKNOWN_HEADING = 65_535
 UNKNOWN_VOLTAGE = 65_535
 UNKNOWN_SPACE = 0xFFFF_FFFF
 
 
 class LossMeter:
-    """Recent frame loss of a MAVLink component, from the gaps in its sequence numbers."""
+    """Measures the recent frame loss of a MAVLink component by gaps in its sequence numbers."""
 
     def __init__(self) -> None:
         self._seen: deque[tuple[int, int]] = deque()
@@ -55,7 +55,9 @@ class LossMeter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RadioLevels:
-    """Link status from the telemetry radio (RADIO_STATUS, in the manufacturer's units)."""
+    """Signal and noise levels of the telemetry radio (RADIO_STATUS, in the manufacturer's
+    units).
+    """
 
     rssi: int
     remote_rssi: int
@@ -66,7 +68,7 @@ class RadioLevels:
 
 
 class VehicleWatch:
-    """Reads the autopilot's frames on the ground link, from the vehicle of `identity`."""
+    """Reads pose, battery and radio state of the vehicle `identity` from the link's frames."""
 
     def __init__(self, own: Peer, identity: VehicleIdentity | None = None) -> None:
         self._own = own
@@ -138,7 +140,7 @@ class VehicleWatch:
         return self.identity.system_id in (None, system_id)
 
     def _alone(self, system_id: int, now_ns: int) -> bool:
-        """True for a station without an autopilot: a mast, or a person on foot."""
+        """True for a station without an autopilot, such as a mast or a person on foot."""
         return system_id == self.identity.system_id and not self.present(now_ns)
 
     def _handle_heartbeat(self, peer: Peer, now_ns: int) -> None:
@@ -152,11 +154,11 @@ class VehicleWatch:
             self.autopilot = peer
 
     def present(self, now_ns: int) -> bool:
-        """True while the autopilot is received."""
+        """True while messages of the autopilot arrive."""
         return self.autopilot is not None and now_ns - self._heard_ns < ns_from_s(5.0)
 
     def requests(self, now_ns: int) -> list[Message]:
-        """Messages that request poses if none arrive; ArduPilot sends them only on request."""
+        """Return messages that request poses if none arrive; ArduPilot needs the request."""
         silent = self.pose is None or now_ns - self.pose.time_ns > POSE_SILENCE_NS
         if not (
             silent and self.present(now_ns) and now_ns - self._asked_ns > REQUEST_REPEAT_NS
@@ -170,7 +172,7 @@ class VehicleWatch:
         ]
 
     def questions(self, now_ns: int) -> list[Message]:
-        """Messages that query the autopilot's version, home and battery from time to time."""
+        """Return requests due now for the autopilot's version, home and battery."""
         due = self._facts_asked_ns == 0 or now_ns - self._facts_asked_ns > IDENTITY_REPEAT_NS
         if not (due and self.present(now_ns)):
             return []
@@ -183,7 +185,7 @@ class VehicleWatch:
         return messages
 
     def ping(self, now_ns: int) -> Message:
-        """Build the next ping, addressed to all; the drone's onboard computer answers it."""
+        """Make the next ping, addressed to all components; the drone's computer answers it."""
         self._ping_number += 1
         return dialect.Ping(
             time_usec=now_ns // 1000,

@@ -1,1 +1,1 @@
-"""Who may open the page: addresses, passwords, limits on connections."""
+"""Control who may open the page: addresses, passwords and limits on connections."""

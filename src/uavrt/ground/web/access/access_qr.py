@@ -1,4 +1,4 @@
-"""Addresses and access point by which another screen opens the page, as QR codes."""
+"""QR codes with the page's address and the Wi-Fi, for opening the page on another device."""
 
 import socket
 from contextlib import suppress
@@ -17,7 +17,7 @@ which of our own addresses the system would use."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Served:
-    """How the page is served: address and access."""
+    """Addresses, port and Wi-Fi under which the page is served."""
 
     host: str
     """Address on which the server listens."""
@@ -28,7 +28,7 @@ class Served:
 
 
 def access_list(served: Served, asked: URL) -> list[dict[str, Any]]:
-    """Addresses and Wi-Fi for other devices: kind, text, QR code; empty if none can connect."""
+    """List address and Wi-Fi for other devices: kind, text and QR code; empty if closed."""
     if served.host in LOOPBACK:
         return []
     found = [("page", address) for address in addresses(served, asked)]
@@ -49,7 +49,7 @@ def addresses(served: Served, asked: URL) -> list[str]:
 
 
 def own_address() -> list[str]:
-    """Own address of this computer in its network; empty without a network."""
+    """Address of this computer in its network; empty without a network."""
     with suppress(OSError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         sock.connect(UNROUTED)
         return [str(sock.getsockname()[0])]

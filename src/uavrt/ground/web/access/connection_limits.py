@@ -23,7 +23,8 @@ MOST_BY_CLIENT = 64
 SILENT_S = 10.0
 """Time after which a connection without a complete request is closed [s]."""
 _SHARE_OF_FILES = 4
-"""Divisor: connections may use a quarter of the file descriptors, link and flight the rest."""
+"""Divisor of the number of file descriptors: connections may use a quarter of them, so that
+link and flight files always get some."""
 _AT_ONCE = 16
 """Maximum number of connections accepted in one turn of the event loop."""
 
@@ -98,7 +99,7 @@ class ListeningSocket(socket.socket):
                 self._end(peer, one)
 
     def _make_room(self, host: str) -> bool:
-        """True if a client may open one more connection; may close an idle one for that."""
+        """True if a client may open another connection; an idle one may be closed for it."""
         of_client = [item for item in self._open.items() if item[0][0] == host]
         if len(of_client) >= MOST_BY_CLIENT:
             return self._end_oldest(of_client)

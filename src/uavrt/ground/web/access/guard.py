@@ -120,7 +120,7 @@ class Guard:
         headers = Headers(scope=scope)
         host = headers.get("host", "").lower()
         if not self._is_ours(host):
-            return f"this is not the server of {host[:80]!r}"
+            return f"this server does not serve {host[:80]!r}: use this computer's address"
         origin = headers.get("origin")
         if origin is not None:
             scheme, _, place = origin.lower().partition("://")
@@ -231,7 +231,7 @@ async def _body(receive: Receive) -> bytes:
 
 
 def _is_map(scope: Scope) -> bool:
-    """True for an upload of a map file, which uses a method that other sites' forms cannot."""
+    """True for an upload of a map file; forms of other sites cannot use its method."""
     return scope["method"] == "PUT" and str(scope["path"]).startswith("/api/maps/")
 
 

@@ -33,7 +33,8 @@ from uavrt.ground.web.work.serial_ports import serial_ports
 from uavrt.localization.antenna import MONOPOLE, PATTERNS
 
 FOR_ALL = ("mark", *(button.action for button in BUTTONS if button.any_page))
-"""Commands allowed to every page, even a watching one: stops are urgent, marks harmless."""
+"""Commands that every page may send, even one that only watches: a stop is urgent, and a mark
+is harmless."""
 
 
 class Api:
@@ -69,11 +70,11 @@ class Api:
         ]
 
     async def state(self, request: Request) -> Any:
-        """Complete state of drone, link and flight."""
+        """Return the complete state of drone, link and flight."""
         return self._session.snapshot()
 
     async def first_flight(self, request: Request) -> Any:
-        """Checklist before a first flight, each item with its remedy."""
+        """Return the checklist before a first flight, with a remedy for each item."""
         library, keeper = self._session.library, self._vehicle.flight.keeper
         live = None if keeper.ended else keeper.flight_id
         number = self._vehicle.identity.system_id
@@ -88,7 +89,7 @@ class Api:
         return asdict(self._vehicle.store.settings)
 
     async def put_settings(self, request: Request) -> Any:
-        """Change the given settings, and return all."""
+        """Change the given settings, and return all settings."""
         store = self._vehicle.store
         wanted = store.settings.changed(await json_object(request))
         await store.disk.run(store.set_settings, wanted)
@@ -96,7 +97,7 @@ class Api:
         return asdict(store.settings)
 
     async def facts(self, request: Request) -> Any:
-        """Texts for reports, such as operator and species."""
+        """Return the texts for reports, such as operator and species."""
         return await asyncio.to_thread(facts_in, self._vehicle.store.directory)
 
     async def put_facts(self, request: Request) -> Any:
@@ -105,7 +106,7 @@ class Api:
         return await asyncio.to_thread(change_facts, folder, values)
 
     async def choices(self, request: Request) -> Any:
-        """Choices of the settings form: serial ports, antennas, presets, maps."""
+        """Return the choices in the settings form: serial ports, antennas, presets and maps."""
         listed = []
         # Most stations have no maps, and need no process to read them.
         if await asyncio.to_thread(maps.map_paths, self._maps):
@@ -128,7 +129,9 @@ class Api:
     async def connect(self, request: Request) -> Any:
         """Connect to an address; an empty address disconnects."""
         if self._vehicle.store.system_id is not None:
-            raise UsageError("further vehicles use the links of the main page")
+            raise UsageError(
+                "an added vehicle uses the links of the main page; change the address there"
+            )
         address = (await json_object(request)).get("address")
         if address:
             store = self._vehicle.store
@@ -150,10 +153,10 @@ class Api:
         return self._session.snapshot()["drone"]
 
     async def command_from_here(self, request: Request) -> Any:
-        """Make the requesting page the commanding one; the previous one may only watch."""
+        """Give command to the requesting page; the page that had it may then only watch."""
         page = page_of(request)
         if not page or len(page) > MAX_PAGE_NAME:
-            raise UsageError("only a page can take command")
+            raise UsageError("only a web page can take command, not a script")
         self._session.commander.claim(page)
         self._vehicle.feed.note(5, "another page has taken command")
         self._vehicle.feed.send_state()
@@ -178,7 +181,7 @@ class Api:
             return Answer(409, {"accepted": False, "message": str(error)})
 
     async def parameters(self, request: Request) -> Any:
-        """Query the drone's parameters over the radio."""
+        """Request the drone's parameters over the radio."""
         return await self._session.commands.parameters()
 
     async def readout(self, request: Request) -> Any:

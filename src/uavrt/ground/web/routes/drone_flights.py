@@ -34,11 +34,11 @@ class ExtraApi:
         ]
 
     async def drone_flights(self, request: Request) -> Any:
-        """List the flights on the drone, queried over the radio."""
+        """List the flights on the drone, requested over the radio."""
         return await self._session.downloads.flights()
 
     async def download(self, request: Request) -> Any:
-        """Progress of the last download of a flight."""
+        """Return the progress of the last download of a flight."""
         return self._session.downloads.record()
 
     async def start_download(self, request: Request) -> Any:
@@ -61,7 +61,7 @@ class ExtraApi:
         return [path.name for path in await asyncio.to_thread(recordings, flight)]
 
     async def waterfall(self, request: Request) -> Any:
-        """Waterfall of a recording: ``?tag=2&start_s=0&length_s=60&recording=NAME``."""
+        """Draw a recording's waterfall: ``?tag=2&start_s=0&length_s=60&recording=NAME``."""
         library, flight_id = self._session.library, request.path_params["flight_id"]
         flight, query = library.path(flight_id), request.query_params
         found = await asyncio.to_thread(recordings, flight)

@@ -1,4 +1,4 @@
-"""Routes to serve further vehicles, and to command all vehicles at once."""
+"""Routes to add further vehicles, and to send a command to all vehicles at once."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -47,7 +47,7 @@ class FleetApi:
         return self._fleet.records()
 
     async def leave(self, request: Request) -> Any:
-        """Stop serving a vehicle, without a command to it."""
+        """Stop serving an added vehicle; no command is sent to it."""
         await self._fleet.leave(int(request.path_params["number"]))
         return self._fleet.records()
 
@@ -59,7 +59,10 @@ class FleetApi:
         name, page = request.path_params["name"], page_of(request)
         if name not in TO_ALL:
             known = ", ".join(TO_ALL)
-            return Answer(404, {"error": f"there is no command to all {name[:40]!r}: {known}"})
+            return Answer(
+                404,
+                {"error": f"{name[:40]!r} cannot be sent to all vehicles; choose from {known}"},
+            )
         answers = await asyncio.gather(
             *(_answer(session, name, page) for session in self._fleet.sessions)
         )

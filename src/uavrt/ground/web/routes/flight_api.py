@@ -68,7 +68,7 @@ class FlightApi:
         return self._store.settings.antenna_choice
 
     async def _of(self, request: Request, read: Callable[..., T], *more: object) -> T:
-        """Call a function with the requested flight, in a thread."""
+        """Call a function with the requested flight in a thread; return its result."""
         return await asyncio.to_thread(read, request.path_params["flight_id"], *more)
 
     async def _path(self, request: Request) -> Path:
@@ -97,13 +97,15 @@ class FlightApi:
         return {"flight_id": request.path_params["flight_id"], "starred": starred}
 
     async def pulses(self, request: Request) -> Any:
-        """Some pulses as records: ``?after=0&limit=1000``."""
+        """Return some pulses as records: ``?after=0&limit=1000``."""
         after = whole_number(request, "after", 0, 2**31)
         limit = whole_number(request, "limit", 1000, 10_000)
         return await self._of(request, self._library.records, after, limit)
 
     async def columns(self, request: Request) -> Any:
-        """Pulses as float64 columns, named in a header; ``?names=tag_id,yaw_deg`` selects."""
+        """Return pulses as float64 columns named in a header; ``?names=tag_id,yaw_deg``
+        selects.
+        """
         names = request.query_params.get("names")
         return await self._of(
             request,
@@ -113,7 +115,7 @@ class FlightApi:
         )
 
     async def track(self, request: Request) -> Any:
-        """The vehicle's poses in columns; ``?most=20000`` thins them evenly."""
+        """Return the vehicle's poses in columns; ``?most=20000`` thins them evenly."""
         names = request.query_params.get("names")
         most = whole_number(request, "most", 10**9, 10**9)
         return await self._of(
@@ -124,7 +126,7 @@ class FlightApi:
         )
 
     async def estimates(self, request: Request) -> Any:
-        """Bearings and positions of a flight, computed with the configured antenna."""
+        """Return a flight's bearings and positions, computed for the configured antenna."""
         antenna = self._antenna
         summary = await self._of(request, self._library.summary)
         key = (summary.flight_id, summary.pulses, antenna)
@@ -139,20 +141,20 @@ class FlightApi:
         return self._estimates[key].record()
 
     async def integrated(self, request: Request) -> Any:
-        """Results that ``uavrt integrate`` has computed for a flight."""
+        """Return the results that ``uavrt integrate`` has computed for a flight."""
         return await asyncio.to_thread(integrated_record, await self._path(request))
 
     async def integrate(self, request: Request) -> Any:
-        """Start a search below the noise over a whole flight, or report its progress."""
+        """Start a search of a whole flight for weak tags, or return its progress."""
         path = await self._path(request)
         return await self._integration.answer(path, self._store.settings.dem)
 
     async def folds(self, request: Request) -> Any:
-        """Pictures of a flight's samples, folded at its tags' intervals."""
+        """Return pictures of a flight's samples, folded at the interval of each tag."""
         return await asyncio.to_thread(fold_pictures, await self._path(request))
 
     async def silence(self, request: Request) -> Any:
-        """Map of where a tag would have been detected, or the computation's progress."""
+        """Return the map of where a tag would have been detected, or the map's progress."""
         path, wanted = await self._path(request), await json_object(request)
         asked = CoverageMapRequest.from_request(path, self._antenna, wanted)
         return await asyncio.to_thread(
@@ -160,13 +162,13 @@ class FlightApi:
         )
 
     async def absence(self, request: Request) -> Any:
-        """Probability that an undetected tag is outside an outline."""
+        """Return the probability that an undetected tag is outside an outline."""
         path, wanted = await self._path(request), await json_object(request)
         asked = CoverageMapRequest.from_request(path, self._antenna, wanted)
         return await asyncio.to_thread(self._silence.absence, asked, wanted)
 
     async def export(self, request: Request) -> Any:
-        """Get a flight as a file for other programs."""
+        """Return a flight as a file for other programs."""
         name = request.path_params["name"]
         if name not in EXPORTS:
             return Answer(404, {"error": f"there is no export {name[:40]!r}"})
@@ -176,7 +178,7 @@ class FlightApi:
         return download(content, f"{flight_id}.{name}", EXPORTS[name].media_type)
 
     async def report(self, request: Request) -> Any:
-        """Get the report of a flight as HTML."""
+        """Return the report of a flight as HTML."""
         content = await self._reporter.report(await self._path(request), self._antenna)
         headers = {"Content-Security-Policy": POLICY}
         return Response(content, media_type="text/html", headers=headers)

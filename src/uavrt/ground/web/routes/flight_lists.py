@@ -38,7 +38,7 @@ class FlightListApi:
         ]
 
     async def flights(self, request: Request) -> Any:
-        """All flights on this computer, newest first."""
+        """Return all flights on this computer, newest first."""
         return await asyncio.to_thread(self._session.library.summaries)
 
     async def found(self, request: Request) -> Any:
@@ -49,7 +49,7 @@ class FlightListApi:
         return {"total": total, "flights": flights}
 
     async def archived(self, request: Request) -> Any:
-        """List some flights of the archive; ``directory`` is null if there is no archive."""
+        """Return some flights of the archive; ``directory`` is null if there is no archive."""
         choice, (after, limit) = _choice(request), _page(request, MOST)
         archive = self._session.vehicle.store.archive
         if archive is None:

@@ -71,7 +71,7 @@ def map_path(directory: Path, name: str) -> Path:
     """Path of a map by its name; raises `UsageError`."""
     path = directory / name
     if not _NAME.fullmatch(name) or not path.is_file():
-        raise NotFound(f"there is no map {name[:80]!r}")
+        raise NotFound(f"there is no map file {name[:80]!r}")
     return path
 
 
@@ -96,8 +96,10 @@ async def store_map(
             async for chunk in chunks:
                 taken += len(chunk)
                 if taken > MAX_MAP:
-                    large = f"{name} is larger than {MAX_MAP // 10**9} GB"
-                    raise UsageError(large, remedy="Give a map of a smaller area")
+                    large = (
+                        f"{name} is larger than {MAX_MAP // 10**9} GB, the limit for a map file"
+                    )
+                    raise UsageError(large, remedy="Use a map file of a smaller area")
                 await asyncio.to_thread(file.write, chunk)
         facts = _facts(await worker.call(read_map, part))
         part.replace(directory / name)

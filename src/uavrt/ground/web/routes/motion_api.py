@@ -35,15 +35,15 @@ class MotionApi:
         ]
 
     async def area(self, request: Request) -> Any:
-        """Corners of an area, from a file's text or from centre and radius."""
+        """Return the corners of an area, from a file's text or from centre and radius."""
         return await self._worker.call(area_in_body, await request.body())
 
     async def plan(self, request: Request) -> Any:
-        """Preview a motion without involving the drone."""
+        """Preview a motion from data on the ground, without a request to the drone."""
         return self._flying.plan(await json_object(request))
 
     async def coverage(self, request: Request) -> Any:
-        """Map of where a tag would be detected along a plan, or the computation's progress."""
+        """Return the map of where a tag would be detected along a plan, or its progress."""
         store, wanted = self._store, await json_object(request)
         asked = PlanMapRequest.from_request(wanted, store.tags, store.settings.antenna_choice)
         again = wanted.get("again") is True
@@ -54,7 +54,7 @@ class MotionApi:
         return await self._flying.upload(await json_object(request), self._worker.call)
 
     async def request_motion(self, request: Request) -> Any:
-        """Request a motion; return the drone's proposed order. Nothing moves yet."""
+        """Request a motion; return the order that the drone proposes. Nothing moves yet."""
         return await self._flying.request_motion(await json_object(request), page_of(request))
 
     async def confirm(self, request: Request) -> Any:

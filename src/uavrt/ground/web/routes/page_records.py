@@ -40,7 +40,7 @@ async def send_records(session: GroundSession, websocket: WebSocket) -> None:
 async def _texts(
     queue: asyncio.Queue[str | None], until: "asyncio.Task[None]"
 ) -> AsyncIterator[str]:
-    """Iterate over a queue's texts until the queue or the task ends."""
+    """Yield the texts of a queue until the queue or the task ends."""
     while not until.done():
         getting = asyncio.ensure_future(queue.get())
         await asyncio.wait({getting, until}, return_when=asyncio.FIRST_COMPLETED)

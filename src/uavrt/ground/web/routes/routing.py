@@ -15,7 +15,7 @@ from uavrt.ground.page_listeners import encode
 from uavrt.ground.web.work.foreign_requests import read_body, read_object
 
 Handler = Callable[[Request], Awaitable[Any]]
-"""Function that answers a request with a value for JSON, an `Answer`, or a response."""
+"""Function that answers a request; it returns a value for JSON, an `Answer` or a response."""
 
 
 class Row(NamedTuple):
@@ -38,7 +38,7 @@ class Answer:
 
 
 def made(rows: Iterable[Row], commander: CommandingPage) -> list[Route]:
-    """Make the web server's routes below ``/api`` from rows."""
+    """Make the web server's routes below ``/api`` from rows of `Row`."""
     return [
         Route(
             f"/api{row.path}",
@@ -63,7 +63,7 @@ def _by(commander: CommandingPage, handle: Handler) -> Handler:
 
 
 def answered(handle: Handler) -> Callable[[Request], Any]:
-    """Encode values as JSON, and expected errors as answers with a remedy."""
+    """Answer with a value as JSON, or with an expected error and its remedy."""
 
     async def answer(request: Request) -> Response:
         try:

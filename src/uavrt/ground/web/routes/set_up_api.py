@@ -35,7 +35,7 @@ class SetUpApi:
         ]
 
     async def state(self, request: Request) -> Any:
-        """Report if the set-up is unfinished, and the initial values and choices of steps."""
+        """Return whether the set-up is unfinished, and values and choices for each step."""
         setup = self._setup
         if not setup.wanted:
             return {"wanted": False}
@@ -47,7 +47,7 @@ class SetUpApi:
         }
 
     async def save_step(self, request: Request) -> Any:
-        """Check and write a step; 422 with ``faults: [{field, text}]``, or its new values."""
+        """Check and store a step; answers with its new values, or 422 and the faults."""
         setup = self._setup
         body = await json_object(request)
         faults = await asyncio.to_thread(setup.save_step, request.path_params["step"], body)

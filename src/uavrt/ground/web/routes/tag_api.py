@@ -53,18 +53,18 @@ class TagApi:
             return same
 
         if not await store.disk.run(keep):
-            changed = "the tags were changed by another page meanwhile"
+            changed = "another page has changed the tags in the meantime"
             return Answer(412, {"error": changed, **_table(store.tags)})
         self._vehicle.show_tags()
         return {"faults": [], **_table(tags)}
 
     async def check(self, request: Request) -> Any:
-        """Report the faults of a table while it is typed; without any, its warnings."""
+        """Check a table while it is typed; return its faults, or else its warnings."""
         checked = await self._worker.call(checked_tags, await request.body())
         return checked | {"faults": [asdict(fault) for fault in checked["faults"]]}
 
     async def read(self, request: Request) -> Any:
-        """Read rows from tag files, and which tags the files exclude; nothing is stored yet."""
+        """Read tags from files, and which tags the files deselect; nothing is stored yet."""
         return await self._worker.call(imported_tags, await request.body())
 
     async def export(self, request: Request) -> Any:

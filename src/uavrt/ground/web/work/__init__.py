@@ -1,1 +1,1 @@
-"""Work behind the routes: maps, exports, reports, parsing of untrusted files."""
+"""Work done for the routes: maps, exports, reports and parsing of untrusted files."""

@@ -1,7 +1,7 @@
-"""Results about a whole flight after its end: tags found in its samples, coverage maps.
+"""Results for a whole flight after its end: tags found in its samples, and coverage maps.
 
-Both use the functions of ``uavrt integrate`` and ``uavrt coverage``. `map_jobs` makes the
-coverage map; the page polls until it is ready.
+The results come from the functions of ``uavrt integrate`` and ``uavrt coverage``. `map_jobs`
+computes the coverage map; the page requests it again until it is ready.
 """
 
 import math
@@ -71,7 +71,7 @@ class CoverageMapRequest:
 
 
 class CoverageMapJobs(MapJobs[CoverageMapRequest, "SilentMap"]):
-    """Makes maps of where a tag would have been detected, one at a time; keeps the last."""
+    """Makes maps of where a tag would have been detected, one at a time; keeps the last map."""
 
     def __init__(self) -> None:
         super().__init__(_made, _record, "map of silence")
@@ -86,16 +86,16 @@ class CoverageMapJobs(MapJobs[CoverageMapRequest, "SilentMap"]):
         found = self.found(asked)
         if found is None:
             raise UsageError(
-                "the map is not ready yet", remedy="Wait until the map is calculated"
+                "the map is not ready yet", remedy="Wait until the map has been calculated"
             )
         if found.ambiguous:
             raise UsageError(
-                f"pulses at the frequency of tag {asked.tag_id} may be from the tag, so its "
-                "absence cannot be concluded"
+                f"pulses at the frequency of tag {asked.tag_id} may come from this tag, so it "
+                "cannot be called absent"
             )
         if found.heard:
             raise UsageError(
-                f"tag {asked.tag_id} was detected, so no map of its absence exists"
+                f"tag {asked.tag_id} was detected, so there is no map of where it is absent"
             )
         coverage, plane = found.coverage, found.coverage.ground.plane
         longitude, latitude = np.array(_outline(wanted)).T

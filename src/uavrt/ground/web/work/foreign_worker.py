@@ -26,12 +26,13 @@ from uavrt.core.foreign import CPU_S, MEMORY_BYTES
 
 T = TypeVar("T")
 MOST_WAITING = 64
-"""Maximum number of calls queued for the file-reading process; moving a map sends twenty."""
+"""Maximum number of calls queued for the process that reads untrusted files; moving the page's
+map sends twenty."""
 WALL_S = 60.0
 """Longest time for one call in the file-reading process [s]; enough for a busy computer."""
 _NICE = 10
 _LENGTH = struct.Struct(">Q")
-_REMEDY = "Give a smaller or simpler file"
+_REMEDY = "Choose a smaller file, or simplify this one"
 _TOO_LONG = f"this takes more than {CPU_S} s of computing"
 _EXIT_LARGE = 70
 _ENDS = {
@@ -41,9 +42,9 @@ _ENDS = {
 
 
 class ForeignWorker:
-    """Calls module-level functions in another process, with limits on time and memory.
+    """Calls functions in another process, with limits on time and memory.
 
-    Functions must be on module level; arguments and results must be picklable.
+    Functions must be on module level, and their arguments and results must be picklable.
     """
 
     def __init__(self) -> None:
@@ -54,10 +55,13 @@ class ForeignWorker:
         self._end: Callable[[], object] = _nothing
 
     async def call(self, function: Callable[..., T], *arguments: Any) -> T:
-        """Call a function in the process; cancelling ends the process. Raises `UavrtError`."""
+        """Call a function in the other process; if cancelled, the process is ended. Raises
+        `UavrtError`.
+        """
         if self._waiting >= MOST_WAITING:
             raise CommandRefused(
-                f"{self._waiting} files are waiting to be read", remedy="Try again in a minute"
+                f"{self._waiting} other files are still waiting to be read",
+                remedy="Try again in a minute",
             )
         self._waiting += 1
         try:
@@ -85,7 +89,7 @@ class ForeignWorker:
             except (EOFError, OSError):
                 code = process.wait()
                 self.close()
-                text = _ENDS.get(code, "the process that reads it has ended")
+                text = _ENDS.get(code, "the process that reads the file has ended")
                 raise FormatError(text, remedy=_REMEDY) from None
         if done:
             return value  # type: ignore[no-any-return]
@@ -173,7 +177,7 @@ def _exactly(pipe: BinaryIO | Any, size: int) -> bytes:
 
 
 def main() -> None:
-    """Answer one request after the other until the pipe ends."""
+    """Answer the requests on the pipe one after the other until the pipe is closed."""
     if hasattr(os, "nice"):
         os.nice(_NICE)
     questions = os.fdopen(os.dup(0), "rb", buffering=0)
@@ -197,15 +201,15 @@ def main() -> None:
             os._exit(_EXIT_LARGE)
         except Exception as error:  # noqa: BLE001 - a fault of ours, for the log
             traceback.print_exc()
-            text = f"it cannot be read: {type(error).__name__}"
-            answer = (False, (FormatError, text, "Report this, with the file"))
+            text = f"the file cannot be read: {type(error).__name__}"
+            answer = (False, (FormatError, text, "Report this error, and attach the file"))
         content = pickle.dumps(answer, pickle.HIGHEST_PROTOCOL)
         _write_frame(answers, content)
         del question, answer, content
 
 
 def _plain(error: UavrtError) -> type[UavrtError]:
-    """Copy an error as one that has only a message and a remedy, so that it can be pickled."""
+    """Copy an error to one with only a message and a remedy, which can be pickled."""
     made_by = "__init__"
     for kind in type(error).__mro__:
         if getattr(kind, made_by) is getattr(UavrtError, made_by):

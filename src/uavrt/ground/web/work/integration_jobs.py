@@ -1,7 +1,7 @@
 """Run ``uavrt integrate`` on whole flights for the page.
 
-It uses a core for up to a minute and up to a gigabyte; a separate process does not slow down
-the ground station.
+A run uses a core for up to a minute and up to a gigabyte of memory. It is a separate process,
+so that it does not slow down the ground station.
 """
 
 import asyncio
@@ -19,20 +19,22 @@ Record = dict[str, Any]
 _NONE_FOUND = 1
 """Exit code of ``uavrt integrate`` when no tag was found."""
 _SIGMAS = (-1.0, 6.0)
-"""Colour range of a picture of folded energies, dark blue to yellow [standard deviations]."""
+"""Range of folded energies in a picture, from dark blue to yellow [standard deviations]."""
 _LARGER = 4
-"""Pixels per cell of a picture of folded energies, in each direction."""
+"""Pixels per cell in each direction of a picture with folded energies."""
 
 
 class IntegrationJobs:
-    """Evaluates whole flights, one at a time, and reports the progress."""
+    """Searches whole flights for weak tags, one flight at a time, and reports the progress."""
 
     def __init__(self) -> None:
         self._flight: Path | None = None
         self._work: asyncio.Task[str | None] | None = None
 
     async def answer(self, flight: Path, dem: str) -> Record:
-        """Start to evaluate a flight, or report progress; an empty `dem` means level ground."""
+        """Start the search of a flight, or return its progress; an empty `dem` means level
+        ground.
+        """
         if self._work is None:
             self._flight = flight
             self._work = asyncio.create_task(_run_integrate(flight, dem))
@@ -49,7 +51,11 @@ class IntegrationJobs:
 async def _run_integrate(flight: Path, dem: str) -> str | None:
     """Run ``uavrt integrate``; return its error text, None if it succeeds."""
     code, text = await run_uavrt("integrate", str(flight), *(("--dem", dem) if dem else ()))
-    return None if code in (0, _NONE_FOUND) else text or "the search of the flight failed"
+    return (
+        None
+        if code in (0, _NONE_FOUND)
+        else text or "the search of the flight for weak signals failed"
+    )
 
 
 def fold_pictures(flight: Path) -> dict[str, Record]:

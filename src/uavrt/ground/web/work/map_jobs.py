@@ -38,7 +38,7 @@ class _Work(Generic[Asked, Found]):
 
 
 class _GivenUpError(Exception):
-    """Raised in the computing thread when another map has been requested."""
+    """Raised in the computing thread after another map was requested."""
 
 
 class MapJobs(Generic[Asked, Found]):
@@ -74,7 +74,7 @@ class MapJobs(Generic[Asked, Found]):
         return {"state": "done", **self._record(work.found)}
 
     def found(self, asked: Asked) -> Found | None:
-        """The requested map; None until it is finished."""
+        """Return the requested map; None until it is finished."""
         work = self._work
         return None if work is None or work.asked != asked else work.found
 
@@ -98,7 +98,7 @@ class MapJobs(Generic[Asked, Found]):
         except UavrtError as error:
             work.fault = str(error)
         except Exception as error:  # a page that asks must not wait forever
-            log.exception("map could not be made; the page shows the error")
+            log.exception("a map could not be made; the page shows the error")
             work.fault = f"the map could not be made: {error}"
 
 

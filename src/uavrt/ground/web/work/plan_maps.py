@@ -93,10 +93,10 @@ def plan_map_jobs() -> MapJobs[PlanMapRequest, PlanMaps]:
 
 
 def _plan_in(wanted: dict[str, Any]) -> tuple[tuple[tuple[float, float], ...], float | None]:
-    """Points of a path or of an outline, and the line spacing in an outline [m]."""
+    """Read the points of a path or an outline, and the spacing of an outline's lines [m]."""
     way, outline = wanted.get("way"), wanted.get("outline")
     if (way is None) == (outline is None):
-        raise FormatError("a plan must be either a path or an outline")
+        raise FormatError("a plan must be either a path or an outline, not both")
     given, least, most = (outline, 3, _MOST_CORNERS) if way is None else (way, 2, _MOST_PLACES)
     if not isinstance(given, list) or not least <= len(given) <= most:
         raise FormatError(f"a plan must have {least} to {most} points")
@@ -108,7 +108,7 @@ def _plan_in(wanted: dict[str, Any]) -> tuple[tuple[tuple[float, float], ...], f
         raise UsageError(
             f"the plan reaches {farthest_m / 1e3:.0f} km from its first point, which is too "
             "far",
-            remedy=f"Plan at most {_FARTHEST_M / 1e3:.0f} km",
+            remedy=f"Plan a path of at most {_FARTHEST_M / 1e3:.0f} km",
         )
     if way is not None:
         return places, None
@@ -128,7 +128,8 @@ def _listed(tag_id: int, tags: tuple[Tag, ...]) -> Tag:
         if one.tag_id == tag_id:
             return one
     raise NotFound(
-        f"there is no tag {str(tag_id)[:20]} in the table", remedy="Choose a tag of the table"
+        f"there is no tag {str(tag_id)[:20]} in the table",
+        remedy="Choose a tag that is in the table",
     )
 
 
@@ -183,7 +184,7 @@ def _made(request: PlanMapRequest, on_step: OnStep) -> PlanMaps:
 
 
 def _size(wide_m: float, high_m: float) -> "MapSize":
-    """Size of a map's cells: as in `uavrt coverage`, but larger if there would be too many."""
+    """Choose the size of a map's cells: as `uavrt coverage`, or larger if too many."""
     from uavrt.analysis.covered.coverage_maps import MapSize
 
     size = MapSize()

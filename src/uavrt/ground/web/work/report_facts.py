@@ -9,14 +9,14 @@ from uavrt.core.errors import ConfigError, UsageError
 
 
 def facts_in(folder: Path) -> dict[str, str]:
-    """Text of each field, empty if it is not set; raises `ConfigError`."""
+    """Return the text of each field, empty if it is not set; raises `ConfigError`."""
     path = folder / NAME
     found = read_facts(path) if path.is_file() else ReportFacts()
     return {name: text or "" for name, text in asdict(found).items()}
 
 
 def change_facts(folder: Path, values: dict[str, Any]) -> dict[str, str]:
-    """Change some fields; return all. Raises `UsageError` or `ConfigError`."""
+    """Change the given fields and return all fields; raises `UsageError` or `ConfigError`."""
     now = facts_in(folder)
     for name, text in values.items():
         if name not in now:

@@ -39,7 +39,7 @@ class Reporter:
 
 
 def _named(antenna: AntennaChoice) -> str:
-    """Name of the reports' folder for an antenna with its settings."""
+    """Name of the folder for reports with one antenna and its settings."""
     usual = AntennaChoice(pattern=antenna.pattern, offset_deg=antenna.offset_deg)
     name = antenna.pattern + (f"{antenna.offset_deg:+g}" if antenna.offset_deg else "")
     return (
@@ -48,7 +48,7 @@ def _named(antenna: AntennaChoice) -> str:
 
 
 def _kept(place: Path, flight: Path) -> bytes | None:
-    """Stored report, if the flight has not changed since; else None."""
+    """Return the stored report if the flight has not changed since; otherwise None."""
     report = place / "report.html"
     if not report.is_file():
         return None
@@ -87,7 +87,9 @@ async def _made(place: Path, flight: Path, antenna: AntennaChoice) -> bytes:
             )
     except TimeoutError as error:
         late = f"the report was not ready after {TIMEOUT_S:g} s"
-        raise RecordingError(late, remedy="Make it with uavrt report") from error
+        raise RecordingError(
+            late, remedy="Make the report with the command uavrt report"
+        ) from error
     if code != 0:
         raise RecordingError(f"the report could not be made: {text}")
     return await asyncio.to_thread((place / "report.html").read_bytes)

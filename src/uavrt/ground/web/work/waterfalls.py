@@ -38,19 +38,20 @@ log = get_logger()
 HALF_WIDTH_HZ = 800.0
 """Half-width of the picture around the tag's frequency [Hz]; the search covers ± 500 Hz."""
 LONGEST_S = 120.0
-"""Longest stretch of a recording in one picture [s]: 4 s of a core at 3 MS/s."""
+"""Longest section of a recording in one picture [s]; at 3 MS/s it takes 4 s of a core."""
 LOWEST_DB, SPAN_DB = -3.0, 33.0
 """Level of pixel value 0 and range of all 255 values [dB over the picture's median]."""
 LIVE_RATE_HZ = 3750.0
 LIVE_PULSE_S = 0.02
 LIVE_COLUMNS = 8
-"""Number of 10 ms frames combined by maximum into a live waterfall's column: 12.5 a second."""
+"""Number of 10 ms frames in one column of a live waterfall, which shows their maximum; 12.5
+columns a second."""
 NOISE_COLUMNS = 60
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
-    """A stretch of a waterfall, as the page draws it."""
+    """A section of a waterfall as image data for the page."""
 
     start_time_ns: int
     column_s: float
@@ -69,7 +70,7 @@ def recordings(flight: Path) -> list[Path]:
 
 
 def recorded_picture(path: Path, tag: Tag, start_s: float, length_s: float) -> Picture:
-    """Draw a stretch of a SigMF recording, `LONGEST_S` at most, around a tag's frequency."""
+    """Draw a section of a SigMF recording, at most `LONGEST_S`, around a tag's frequency."""
     source = open_recording(path)
     try:
         front = FrontEnd(
@@ -139,7 +140,7 @@ class LiveWaterfall:
         self.address: str | None = None
 
     async def listen(self, address: str) -> None:
-        """Receive datagrams at an address; an empty one ends it. Raises `UavrtError`."""
+        """Receive datagrams at an address; an empty address ends it. Raises `UavrtError`."""
         self.close()
         if not address:
             return
@@ -178,7 +179,7 @@ class ChannelStream:
             self._style = self._style or stamp_style(payload)
         except FormatError as error:
             if self.refused == 0:
-                log.warning("invalid channel datagram ignored", reason=str(error))
+                log.warning("an invalid datagram of the channel was ignored", reason=str(error))
             self.refused += 1
             return
         self._frames.put(time_ns, np.where(np.isfinite(samples), samples, 0.0))
@@ -230,7 +231,9 @@ class _Datagrams(asyncio.DatagramProtocol):
         try:
             self._stream.receive(data)
         except (UavrtError, ValueError) as error:
-            log.warning("channel datagram not shown in the waterfall", reason=str(error))
+            log.warning(
+                "a datagram of the channel is not shown in the waterfall", reason=str(error)
+            )
 
 
 def tag_of(tags: tuple[Tag, ...], tag_id: int) -> Tag:

@@ -1,8 +1,9 @@
 """Upload and download missions and fences by MAVLink's mission protocol; no I/O.
 
-A transfer takes messages and the time, and returns messages to send. In an upload the vehicle
-requests the items, and lost ones again. In a download, items are requested from the vehicle
-(https://mavlink.io/en/services/mission.html). Nothing here starts a mission.
+A transfer object receives messages and the time, and returns the messages to send. In an
+upload, the vehicle requests each item and repeats the request if the item was lost. In a
+download, this side requests each item from the vehicle
+(https://mavlink.io/en/services/mission.html). This module never starts a mission.
 """
 
 from abc import ABC, abstractmethod
@@ -19,26 +20,29 @@ from uavrt.link.mavlink.message import Message
 MOST_ITEMS = 1000
 """Largest number of items in a mission download; ArduPilot holds some 700, PX4 2000."""
 RETRY_S = 1.0
-"""Time until a mission request is repeated [s], longer than a full queue at 57 600 baud."""
+"""Time after which an unanswered mission request is repeated [s]; a full send queue at 57 600
+baud empties within this time."""
 TRIES = 12
-"""Maximum number of tries of a mission request; at 20 % loss each way, all tries of one in 200
-000 requests fail."""
+"""Number of times a mission request is sent before the transfer fails. At 20 % loss in each
+direction, one in 200 000 requests stays unanswered."""
 SILENCE_S = 6.0
-"""Longest silence in a mission upload [s]; PX4 repeats requests for 5 s, ArduPilot for 8 s."""
+"""Time without a request from the vehicle after which a mission upload fails [s]. PX4 repeats
+its requests for 5 s, ArduPilot for 8 s."""
 LIMIT_S, LIMIT_PER_ITEM_S = 60.0, 2.0
 """Longest duration of a whole mission transfer, and additional time for each item [s]."""
 LAST_S = 3.0
-"""Longest wait for the answer to a complete upload [s]; then a download shows the result."""
+"""Longest wait for the vehicle's final answer after all items were uploaded [s]. Afterwards, a
+download checks what the vehicle has stored."""
 _TYPES: dict[MissionKind, int] = {
     "mission": MavMissionType.MISSION,
     "fence": MavMissionType.FENCE,
 }
 _REFUSALS: dict[int, str] = {
-    MavMissionResult.MISSION_ERROR: "it accepts no mission now",
+    MavMissionResult.MISSION_ERROR: "it cannot accept a mission now",
     MavMissionResult.MISSION_UNSUPPORTED_FRAME: "the coordinate frame is not supported",
     MavMissionResult.MISSION_UNSUPPORTED: "a kind of item is not supported",
-    MavMissionResult.MISSION_NO_SPACE: "it has no room for that number of items",
-    MavMissionResult.MISSION_DENIED: "it accepts none from this station",
+    MavMissionResult.MISSION_NO_SPACE: "the mission has more items than it can store",
+    MavMissionResult.MISSION_DENIED: "it accepts no missions from this station",
     MavMissionResult.MISSION_OPERATION_CANCELLED: "it was cancelled",
 }
 _OURS = (
@@ -81,14 +85,14 @@ class MissionTransfer(ABC):
         return self._take(message, now_s)
 
     def due(self, now_s: float) -> list[Message]:
-        """Messages to send now, for the first time or as a repetition."""
+        """Return the messages that must be sent now, first or repeated."""
         if self.over:
             return []
         if self._begun_s is None:
             self._begun_s = now_s
         limit_s = LIMIT_S + LIMIT_PER_ITEM_S * self._size
         if now_s - self._begun_s > limit_s:
-            return self.cancel(f"it was not finished after {limit_s:.0f} s")
+            return self.cancel(f"the transfer took longer than {limit_s:.0f} s")
         return self._again(now_s) if now_s >= self._due_s else []
 
     def cancel(self, reason: str) -> list[Message]:
@@ -109,14 +113,14 @@ class MissionTransfer(ABC):
 
     @abstractmethod
     def _again(self, now_s: float) -> list[Message]:
-        """Mission requests that are due to be sent, for the first time or as a repetition."""
+        """Return the mission requests that must be sent now, first or repeated."""
 
     def _ignore_unexpected(self) -> list[Message]:
         self.counters["strange"] += 1
         return []
 
     def _try(self, message: Message, now_s: float) -> list[Message]:
-        """Send a mission request; after `TRIES` requests the transfer fails."""
+        """Return a mission request to send; the transfer fails after `TRIES` requests."""
         if self._tries >= TRIES:
             self.fault = f"the autopilot did not answer in {TRIES * RETRY_S:.0f} s"
             self.silent = True
@@ -131,7 +135,7 @@ class MissionTransfer(ABC):
         self._tries, self._due_s = 0, now_s + wait_s
 
     def _refused(self, message: dialect.MissionAck) -> None:
-        why = _REFUSALS.get(message.type, f"an item is invalid (result {message.type})")
+        why = _REFUSALS.get(message.type, f"a mission item is invalid (result {message.type})")
         self.fault = f"the autopilot refused: {why}"
 
     def _ack(self, result: int) -> Message:
@@ -142,7 +146,7 @@ class MissionTransfer(ABC):
 
 
 class MissionUpload(MissionTransfer):
-    """Sends items as the vehicle requests them; parameters as in `MissionTransfer`."""
+    """Sends each mission item when the vehicle requests it; parameters as `MissionTransfer`."""
 
     def __init__(
         self,
@@ -213,7 +217,7 @@ class MissionUpload(MissionTransfer):
 
 
 class MissionDownload(MissionTransfer):
-    """Downloads a mission by requesting all items; `items` holds those received."""
+    """Downloads a mission by requesting each item; `items` holds the items received so far."""
 
     def __init__(self, kind: MissionKind, vehicle: Peer, own: tuple[int, int]) -> None:
         super().__init__(kind, vehicle, own)

@@ -1,4 +1,6 @@
-"""Read and set the autopilot's parameters over a separate link; for set-up, not for flight."""
+"""Read and set parameters of the autopilot over a link of its own. This is for set-up on the
+ground, not for flight.
+"""
 
 import asyncio
 import contextlib
@@ -24,7 +26,8 @@ from uavrt.link.mavlink.services.parameter_service import decode_value, encode_v
 
 HEARTBEAT_S = 1.0
 ANSWER_S = 0.7
-"""Longest wait for the autopilot's answer [s], longer than a full queue at 57 600 baud."""
+"""Longest wait for the autopilot's answer [s]; a full send queue at 57 600 baud empties within
+this time."""
 TRIES = 4
 REQUEST_GAP_S = 0.03
 OWN_COMPONENT = 191
@@ -56,7 +59,7 @@ class ParameterClient:
         try:
             if not await within(timeout_s, client._there.wait()):
                 raise LinkError(
-                    f"no autopilot was received at {address} in {timeout_s:.0f} s",
+                    f"no message from an autopilot arrived at {address} in {timeout_s:.0f} s",
                     remedy="Check wiring and baud rate; USB always works: "
                     "--mavlink serial:///dev/ttyACM0:57600",
                 )
@@ -69,11 +72,13 @@ class ParameterClient:
 
     @property
     def bytewise(self) -> bool:
-        """True if the autopilot writes integers as bytes into parameters (PX4)."""
+        """True if parameter messages hold the bytes of integers (PX4), not float values."""
         return self.kind != MavAutopilot.ARDUPILOTMEGA
 
     async def read(self, names: Iterable[str]) -> dict[str, float | None]:
-        """Get parameters' values; None without an answer, as for an unknown parameter."""
+        """Read parameters by name; the value is None if the autopilot does not answer, as for
+        an unknown name.
+        """
         assert self.autopilot is not None
         values: dict[str, float | None] = dict.fromkeys(names)
         for _ in range(TRIES):
@@ -88,7 +93,9 @@ class ParameterClient:
         return values
 
     async def write(self, name: str, value: float) -> float | None:
-        """Set a parameter that was read before; return its new value, None if unanswered."""
+        """Set a parameter that was read before, and return its new value; None if the autopilot
+        does not answer.
+        """
         assert self.autopilot is not None
         kind = self._types.get(name, MavParamType.REAL32)
         request = dialect.ParamSet(

@@ -10,7 +10,7 @@ NORM_TOLERANCE = 0.01
 
 
 def attitude_sample(message: AttitudeQuaternion, time_ns: int) -> AttitudeSample | None:
-    """Make an attitude sample of the instant `time_ns`; None unless it is a unit quaternion."""
+    """Make an attitude sample for time `time_ns`; None if the quaternion's norm is not 1."""
     quaternion = (message.q1, message.q2, message.q3, message.q4)
     norm = math.hypot(*quaternion)
     if not abs(norm - 1.0) < NORM_TOLERANCE:  # also NaN
@@ -20,13 +20,15 @@ def attitude_sample(message: AttitudeQuaternion, time_ns: int) -> AttitudeSample
 
 
 def is_place(latitude_1e7: int, longitude_1e7: int) -> bool:
-    """True for a position on the globe [1e-7 deg]; False for 0, 0, which means no GNSS fix."""
+    """True if a latitude and longitude [1e-7 deg] are on the globe; False for 0, 0, which
+    autopilots send without a GNSS fix.
+    """
     on_globe = abs(latitude_1e7) <= 900_000_000 and abs(longitude_1e7) <= 1_800_000_000
     return on_globe and (latitude_1e7 != 0 or longitude_1e7 != 0)
 
 
 def position_sample(message: GlobalPositionInt, time_ns: int) -> PositionSample | None:
-    """Make a position sample of the instant `time_ns`; None unless the position `is_place`."""
+    """Make a position sample for time `time_ns`; None if the message has no valid position."""
     if not is_place(message.lat, message.lon):
         return None
     return PositionSample(

@@ -1,8 +1,8 @@
-"""Decide which messages to request from the autopilot, at fixed rates; no I/O.
+"""Decide which message streams to request from the autopilot, and when; no I/O.
 
-PX4 streams most of them without a request, ArduPilot none. One request is under way at a time,
-because the acknowledgement does not name the message. A stream that is silent for 3 s is
-requested again, so a restarted autopilot needs no special case.
+PX4 sends most of these streams without a request, ArduPilot none. Requests are sent one at a
+time, because the acknowledgement does not name the requested message. A stream without messages
+for 3 s is requested again, so the streams also return after a restart of the autopilot.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,9 @@ class _Stream:
 
 
 class StreamRequests:
-    """Messages to request, their rates by message id, and the state of each request."""
+    """Message streams to request from the autopilot, their rates, and the state of each
+    request.
+    """
 
     def __init__(self, rates_hz: dict[int, float]) -> None:
         self._streams = {

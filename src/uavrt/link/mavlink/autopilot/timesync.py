@@ -1,8 +1,9 @@
-"""Convert the autopilot's boot time to this computer's time.
+"""Convert the autopilot's time since boot to this computer's time.
 
-TIMESYNC round trips give pairs of boot time and local time. A straight line through the best
-pairs gives offset and skew. Without answers, the messages themselves bound the offset from one
-side: no message arrives before it was sent. No clock is read here.
+A TIMESYNC round trip gives one pair of boot time and local time. A straight line through the
+pairs with the shortest round trips gives clock offset and rate. If the autopilot does not
+answer TIMESYNC, the time stamps of its messages limit the offset from one side, because no
+message arrives before it was sent. This module reads no clock itself.
 """
 
 import math
@@ -15,30 +16,34 @@ MAX_SKEW = 0.025
 """Maximum relative rate error of the autopilot's clock; simulated PX4 1.17: 1.1 to 2 % slow."""
 BIN_NS = ns_from_s(2.0)
 LEAST_SPAN_S = 4.0
-"""Minimum span of TIMESYNC round trips for a reliable clock skew, even on a slow link [s]."""
+"""Shortest time span of TIMESYNC round trips that gives a reliable clock rate, even on a slow
+link [s]."""
 CLEAR_SPAN_S = 0.5
 WINDOW_NS = ns_from_s(20.0)
 """Age up to which a TIMESYNC round trip is used for the clock fit [ns]."""
 KEPT_SHARE = 0.6
-"""Share of round trips used for the clock fit, the shortest first; only the shortest of every 2
-s is considered at all."""
+"""Share of the TIMESYNC round trips that the clock fit uses, shortest first. The shortest of
+every 2 s are selected beforehand."""
 JUMP_NS = ns_from_s(0.08)
-"""Clock error, beyond the uncertainty of round trips and skew, that shows a restarted clock
-[ns]; below one second it must occur in two consecutive answers."""
+"""Clock error that shows a restarted autopilot, in excess of the uncertainty of round trips and
+clock rate [ns]. An error below one second must occur in two consecutive answers."""
 CLEAR_SKEW = 0.002
-"""Largest uncertainty at which a skew fitted over less than `LEAST_SPAN_S` is used [s/s]."""
+"""Largest uncertainty of a clock rate error that was fitted over less than `LEAST_SPAN_S` and
+is still used [s/s]."""
 ONE_WAY_NS = ns_from_s(3.0)
-"""Time for which messages are received before their least delay sets the clock offset [ns]."""
+"""Time for which message delays are collected before the smallest one sets the clock offset
+[ns]."""
 ONE_WAY_BIN_NS = ns_from_s(1.0)
 ONE_WAY_BINS = 20
-"""Number of one-second bins whose messages bound the clock offset; older ones have drifted."""
+"""Number of one-second bins of message delays that determine the clock offset. Older delays are
+dropped because the clock has drifted since."""
 STALE_NS = ns_from_s(10.0)
 """Age of the last TIMESYNC answer above which the clock fit counts as extrapolated [ns]."""
 
 
 @dataclass(frozen=True, slots=True)
 class RoundTrip:
-    """One answered TIMESYNC request; all times [ns]."""
+    """Send, answer and receive times of one answered TIMESYNC request [ns]."""
 
     remote_ns: int
     local_ns: int
@@ -47,11 +52,13 @@ class RoundTrip:
 
 
 class TimeSync:
-    """Maps boot time to local time by a line through the shortest round trips of a window.
+    """Converts the autopilot's boot time to local time by a line through the shortest round
+    trips.
 
-    A message waits in a queue in one direction only, so its midpoint is off by up to half its
-    round trip. The shortest trips waited least. If the boot clock falls, or jumps by more than
-    any delay explains, the window restarts, because the autopilot was restarted.
+    Usually a message waits in a queue in one direction only, so the midpoint of a round trip is
+    wrong by up to half its duration. The shortest round trips waited least. The fit starts
+    again if the boot time decreases, or jumps by more than any delay explains: the autopilot
+    has restarted.
     """
 
     def __init__(self) -> None:
@@ -76,12 +83,12 @@ class TimeSync:
 
     @property
     def synchronized(self) -> bool:
-        """True once a round trip is known."""
+        """True once at least one TIMESYNC round trip has been measured."""
         return self._line is not None
 
     @property
     def skew_ppm(self) -> float:
-        """Rate of the local clock over the autopilot's, minus one [ppm]."""
+        """Relative rate error between the local clock and the autopilot's clock [ppm]."""
         return 0.0 if self._line is None else self._line[2] * 1e6
 
     @property
@@ -92,7 +99,7 @@ class TimeSync:
         return min(trip.round_trip_ns for trip in self._trips) / NANOSECONDS_PER_SECOND
 
     def reset(self) -> None:
-        """Reset all but the skew, because the boot clock restarted with the same crystal."""
+        """Discard all measurements except the clock rate, which a restarted autopilot keeps."""
         self._trips.clear()
         self._line = self._suspect = None
         self._one_way.clear()
@@ -100,16 +107,18 @@ class TimeSync:
         self.resets += 1
 
     def age_ns(self, now_ns: int) -> int | None:
-        """Time since the last answer [ns]; None without any."""
+        """Time since the last TIMESYNC answer [ns]; None if there has been none."""
         return now_ns - self._trips[-1].local_ns if self._trips else None
 
     def is_stale(self, now_ns: int) -> bool:
-        """True if the clock fit is extrapolated for lack of answers, or the offset bounded."""
+        """True if the clock conversion is extrapolated or rests on one-way delays only, because
+        TIMESYNC answers are missing.
+        """
         age_ns = self.age_ns(now_ns)
         return age_ns is None or age_ns > STALE_NS
 
     def counters(self, now_ns: int) -> dict[str, float]:
-        """State of the clocks for a health record; unknown values are left out."""
+        """Clock offset, rate and round trip for a health record, without unknown values."""
         age_ns, trip_s, residual_s = self.age_ns(now_ns), self.round_trip_s, self.residual_s
         known = {
             "clock_skew_ppm": self.skew_ppm if self.synchronized else None,
@@ -147,9 +156,10 @@ class TimeSync:
         self._line = self._fit()
 
     def add_one_way(self, remote_ns: int, received_ns: int) -> None:
-        """Handle a boot time of an autopilot that does not answer TIMESYNC.
+        """Use the time stamp of a message if the autopilot does not answer TIMESYNC.
 
-        The smallest differences of the last seconds are the offset plus the shortest delay.
+        The smallest differences between arrival and boot time in the last seconds are the clock
+        offset plus the shortest delay.
         """
         offset = received_ns - remote_ns
         if not self._one_way or received_ns - self._one_way_bin_ns >= ONE_WAY_BIN_NS:
@@ -174,9 +184,10 @@ class TimeSync:
         return remote_ns + self._least_offset(remote_ns + bound[-1][1])
 
     def _least_offset(self, at_ns: int) -> int:
-        """Clock offset at a local time [ns], by the lower bound of one-way offsets and a slope.
+        """Estimate the clock offset at a local time from one-way message delays [ns].
 
-        The slope follows from the messages of smallest delay in the first and second half.
+        The result is a line below all measured offsets. Its slope follows from the messages
+        with the smallest delays in the first and second half of the window.
         """
         points = list(self._one_way)
         half = len(points) // 2
@@ -189,7 +200,9 @@ class TimeSync:
         return int(least)
 
     def _error_ns(self, trip: RoundTrip) -> int:
-        """Deviation of an answer's local time from the fitted line of clock times [ns]."""
+        """Difference between a round trip's local time and the time that the clock fit predicts
+        [ns].
+        """
         expected = self.local_ns(trip.remote_ns)
         assert expected is not None
         return trip.local_ns - expected
@@ -203,11 +216,12 @@ class TimeSync:
         return abs(self._error_ns(trip)) > allowed or fell
 
     def _fit(self) -> tuple[int, int, float]:
-        """Fit local to boot time by the shortest round trips; of equal ones the newest counts.
+        """Fit a line from boot time to local time through the shortest round trips.
 
-        First the shortest trip of every 2 s (initially of less) is taken, then the shortest of
-        these, so that they spread over the window. While the span is too short for a skew, the
-        line goes through the shortest trip with the previous skew, at first 0.
+        The shortest round trip of every 2 s (less at the start) is selected, then the shortest
+        of these, so that the selection spreads over the window. Of equally short round trips
+        the newest is selected. While the time span is too short for a clock rate, the line goes
+        through the shortest round trip with the previous rate, which is 0 at the start.
         """
         shortest: dict[int, RoundTrip] = {}
         span_ns = self._trips[-1].local_ns - self._trips[0].local_ns

@@ -1,4 +1,6 @@
-"""Convert between MAVLink and `uavrt.guidance`: vehicle state in, commands out; no I/O."""
+"""Convert the autopilot's MAVLink messages to the vehicle state of `uavrt.guidance`, and
+commands to messages; no I/O.
+"""
 
 from collections.abc import Iterator
 from math import degrees, isfinite
@@ -50,12 +52,13 @@ WATCHED_HZ: dict[int, float] = {
     dialect.Wind.ID: 0.2,
     dialect.WindCov.ID: 0.2,
 }
-"""Messages that show at once that the pilot takes over, with their rates [Hz]. PX4 reports its
-mode by CURRENT_MODE, ArduPilot by HEARTBEAT; each also has its own message for the wind."""
+"""Messages that show when the pilot takes over, and their requested rates [Hz]. PX4 reports its
+flight mode in CURRENT_MODE, ArduPilot in HEARTBEAT; the wind also arrives in a different
+message from each."""
 NO_CHANNEL_US = 65_535
 STICKS, MOST_CHANNELS = 4, 18
 TIMED = (dialect.GlobalPositionInt, dialect.AttitudeQuaternion, dialect.SystemTime)
-"""Messages with a time stamp that the autopilots set when sending."""
+"""Messages that carry the autopilot's time of sending."""
 _FAILING: dict[int, str] = {
     MavSysStatusSensor.SYS_STATUS_GEOFENCE: "fence",
     MavSysStatusSensor.SYS_STATUS_AHRS: "position estimate",
@@ -66,14 +69,16 @@ _RELATIVE = (MavFrame.GLOBAL_RELATIVE_ALT, MavFrame.GLOBAL_RELATIVE_ALT_INT)
 
 
 def kind_of(heartbeat: dialect.Heartbeat) -> AutopilotName | None:
-    """Kind of an autopilot by its heartbeat; None for an unknown kind or a winged vehicle."""
+    """Return the kind of autopilot that sent a heartbeat; None if the kind is unknown or the
+    vehicle has wings.
+    """
     return _KINDS.get(heartbeat.autopilot) if heartbeat.type in _MULTIROTORS else None
 
 
 def observations(
     message: Message, now_s: float, late_s: float | None = None
 ) -> Iterator[Observation]:
-    """Convert a message of the autopilot to observations; most messages contain none."""
+    """Convert an autopilot's message to observations of the vehicle; most yield none."""
     if isinstance(message, TIMED):
         yield BootTimeReport(now_s, message.time_boot_ms / 1e3, late_s)
     match message:
@@ -150,7 +155,9 @@ def _target(message: dialect.PositionTargetGlobalInt, now_s: float) -> TargetRep
 
 
 def _rc(message: dialect.RcChannels, now_s: float) -> SticksReport:
-    """All RC channels; empty without a receiver, or if it has lost the transmitter."""
+    """Values of all RC channels; empty without an RC receiver, or if the receiver has lost the
+    transmitter.
+    """
     count = min(message.chancount, MOST_CHANNELS)
     raw = [getattr(message, f"chan{number}_raw") for number in range(1, count + 1)]
     known_us = tuple(0 if one == NO_CHANNEL_US else int(one) for one in raw)
@@ -169,8 +176,8 @@ def _failing(message: dialect.SysStatus, now_s: float) -> Iterator[FailsafeRepor
 def command_message(command: VehicleCommand, system_id: int) -> Message:
     """Make the MAVLink message of a command to the autopilot with number `system_id`.
 
-    DO_REPOSITION goes by COMMAND_INT in GLOBAL_INT, which both autopilots interpret correctly;
-    other commands by COMMAND_LONG.
+    DO_REPOSITION is sent as COMMAND_INT with frame GLOBAL_INT, which PX4 and ArduPilot both
+    interpret correctly. Other commands are sent as COMMAND_LONG.
     """
     number = MavCmd[command.name]
     head: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""Wait for answers that a link may lose."""
+"""Wait, with a time limit, for answers that a link may lose."""
 
 import asyncio
 from collections.abc import Awaitable

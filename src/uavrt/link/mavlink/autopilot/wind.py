@@ -1,7 +1,7 @@
-"""Read the wind in the messages of each autopilot; no I/O.
+"""Read the wind from PX4's and ArduPilot's messages; no I/O.
 
-ArduPilot sends WIND and PX4 WIND_COV, where they estimate it: a multirotor needs its drag to be
-measured for that (EK3_DRAG_*, EKF2_DRAG_CTRL).
+ArduPilot sends WIND and PX4 sends WIND_COV if they estimate the wind. On a multirotor this
+requires a measured drag (EK3_DRAG_*, EKF2_DRAG_CTRL).
 """
 
 from math import cos, hypot, isfinite, radians, sin
@@ -10,11 +10,12 @@ from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.message import Message
 
 STRONGEST_M_S = 60.0
-"""Strongest plausible wind [m/s]; stronger reports are ignored, as no drone flies then."""
+"""Strongest plausible wind [m/s]; a drone cannot fly in stronger wind, so such reports are
+ignored."""
 
 
 def wind_of(message: Message) -> tuple[float, float] | None:
-    """Velocity of the air, east and north [m/s]; None for a message without wind."""
+    """Return the wind velocity to the east and north [m/s]; None if a message has no wind."""
     match message:
         case dialect.Wind():  # the direction that it comes from
             comes = radians(message.direction)

@@ -122,7 +122,7 @@ class Link:
                 self._faults += 1
                 if self._faults.bit_count() == 1:  # 1, 2, 4, 8 …: a flood must not fill the log
                     log.exception(
-                        "frame skipped: unexpected error in its handler",
+                        "a received frame was skipped after an unexpected error",
                         address=str(self.address),
                         frame=frame.raw.hex(),
                         faults=self._faults,

@@ -263,7 +263,7 @@ def _serial_error(address: Address, error: OSError | ValueError) -> LinkError:
         remedy = "Run `sudo usermod -aG dialout $USER`, then log in again"
     elif number in (errno.EAGAIN, errno.EBUSY) or "lock" in str(error):
         message = "the serial port is in use"
-        remedy = "Stop the program that holds it (`fuser -v` on the device shows which)"
+        remedy = "Stop the program that uses the port (`fuser -v` on the device shows which)"
     else:
         message, remedy = f"cannot open: {error}", "Check the device and the baud rate"
     return LinkError(f"{address}: {message}", remedy=remedy)

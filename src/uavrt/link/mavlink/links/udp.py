@@ -178,7 +178,7 @@ class UdpLink(Link):
         try:
             await self.open()
         except LinkError as error:
-            log.warning("link still down; next try follows", reason=str(error))
+            log.warning("the link is still down; it is tried again", reason=str(error))
             self._retry_later()
 
     def _remember(self, peer: tuple[str, int]) -> None:

@@ -1,4 +1,6 @@
-"""Name a tag's values that stock ground stations show and plot: NAMED_VALUE_FLOAT (251)."""
+"""Choose names for the NAMED_VALUE_FLOAT (251) messages of a tag, which QGroundControl and
+other stations show and plot.
+"""
 
 import string
 
@@ -8,10 +10,10 @@ _DIGITS = string.digits + string.ascii_uppercase
 
 
 def value_name(kind: str, tag_id: int) -> str:
-    """Name of a tag's value, such as ``SNR_2``; long ids are in base 36 (``SNRLFLS``).
+    """Return the name of a tag's value in at most ten bytes, such as ``SNR_2``.
 
-    Ten bytes hold an id of six digits. A longer id is written in base 36 without the underscore
-    (``SNRLFLS`` is tag 1 000 000).
+    Ids of up to six digits are written in decimal. A longer id is written in base 36 without
+    the underscore (``SNRLFLS`` is tag 1 000 000).
     """
     if tag_id < DECIMAL_BELOW:
         return f"{kind}_{tag_id}"

@@ -1,11 +1,12 @@
-"""Decide when messages are sent: no faster than an autopilot forwards and a radio carries.
+"""Decide when each message to the ground is sent: no faster than the autopilot forwards and the
+radio transmits.
 
-PX4 buffers forwarded messages in a ring of 583 bytes and takes out one per pass of its main
-loop; the excess is dropped silently. Three tunnel messages fit, so messages for the ground are
-sent one at a time, a gap apart.
+PX4 buffers forwarded messages in a ring of 583 bytes, which holds three tunnel messages. It
+forwards one message per pass of its main loop and drops the excess without a report. Messages
+for the ground are therefore sent one at a time, separated by a gap.
 
-Urgent messages are queued here. Pulses and files stay with their sources; the next one is taken
-when there is room for it.
+Urgent messages are queued here. Pulses and files stay with their sources until there is room to
+send the next one.
 """
 
 from collections import deque
@@ -20,9 +21,11 @@ from uavrt.link.mavlink.message import Message
 from uavrt.link.mavlink.sending.rate import FRAME_OVERHEAD, LinkRate
 
 MIN_GAP_S = 0.012
-"""Shortest time between frames via an autopilot [s]; PX4's loop at ``-r 1200``: 8.33 ms."""
+"""Shortest time between frames that an autopilot forwards [s]; PX4's main loop at ``-r 1200``
+takes 8.33 ms."""
 DIRECT_LINK_GAP_S = 0.001
-"""Shortest time between frames on a direct link [s]; bursts of 200 overran a socket."""
+"""Shortest time between frames on a direct link [s]; without it, bursts of 200 frames overran a
+socket."""
 HEADER_BYTES = 12
 
 
@@ -42,38 +45,42 @@ CAPACITY = {Priority.ACK: 64, Priority.STATUS: 64, Priority.OTHER: 32}
 """Largest number of queued messages of each priority."""
 URGENT = (Priority.ACK, Priority.STATUS)
 ROOM_BYTES = {Priority.VALUE: 45, Priority.OTHER: 160, Priority.FILE: 280}
-"""Bytes that a message of low priority must leave in the rate limiter's token bucket, so that a
-pulse can follow: the longest frame of that priority."""
+"""Number of bytes that a low-priority message must leave in the rate limiter's token bucket, so
+that a pulse can follow at once. It equals the longest low-priority frame."""
 OTHER_WAIT_NS = ns_from_s(2.0)
-"""Longest wait behind pulses for answers to stations that do not command [ns]."""
+"""Longest time that pulses delay an answer to a station that does not command the drone [ns].
+"""
 
 
 Item = TunnelPayload | Message
 
 
 class Source(Protocol):
-    """Protocol of a source that stores its messages and returns them one by one."""
+    """Protocol of a message source: it stores its messages and returns one at a time for
+    sending.
+    """
 
     def wait_ns(self, now_ns: int) -> int | None:
         """Time until the source has a message to send [ns]; None without any."""
 
     def take(self, now_ns: int, rate_bytes_s: float) -> Item | None:
-        """Return the source's next message; `rate_bytes_s`: present rate of the link."""
+        """Return the next message to send; `rate_bytes_s` is the present rate of the link."""
 
 
 @dataclass(slots=True)
 class PacingCounters:
-    """Numbers of messages sent from a paced queue, and dropped by it."""
+    """Counts of the messages that a paced queue has sent and dropped."""
 
     released: int = 0
     dropped: dict[Priority, int] = field(default_factory=lambda: dict.fromkeys(CAPACITY, 0))
 
 
 class PacedQueue:
-    """Bounded queues by priority, and sources, that send one message per gap of 12 ms or more.
+    """Sends messages from bounded priority queues and from sources, one per gap of 12 ms or
+    more.
 
-    When a queue is full its oldest message is dropped and counted: an old status is useless,
-    and an acknowledgement is requested again.
+    A full queue drops its oldest message and counts it: an old status is useless, and a lost
+    acknowledgement is requested again.
     """
 
     def __init__(
@@ -128,7 +135,7 @@ class PacedQueue:
         return max(gap_ns, self.rate.wait_ns(now_ns, ROOM_BYTES.get(min(ready), 0)))
 
     def _urgent(self, now_ns: int) -> deque[Item] | None:
-        """Queue whose message may be sent regardless of the rate; None if there is none."""
+        """Return the queue whose message may exceed the rate limit; None if there is none."""
         other = self._queues[Priority.OTHER]
         if not other:
             self._other_since_ns = None
@@ -139,7 +146,7 @@ class PacedQueue:
         return next((self._queues[p] for p in URGENT if self._queues[p]), None)
 
     def take(self, now_ns: int) -> Item | None:
-        """Return the message that may be sent now, and start the gap."""
+        """Return the message to send now and start the gap before the next one."""
         if self.wait_ns(now_ns) != 0:
             return None
         queue = self._urgent(now_ns)

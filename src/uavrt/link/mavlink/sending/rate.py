@@ -19,32 +19,35 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 START_BYTES_S = 1200.0
 LEAST_BYTES_S = 300.0
 MOST_BYTES_S = 3000.0
-"""Highest rate set by RADIO_STATUS [bytes/s]; a SiK radio at AIR_SPEED 64 carries 3167."""
+"""Highest send rate that RADIO_STATUS can set [bytes/s]; a SiK radio at AIR_SPEED 64 transmits
+3167 bytes/s."""
 MOST_BY_ACKS_BYTES_S = 24_000.0
 PLAIN_BYTES_S = 2000.0
-"""Send rate while neither RADIO_STATUS nor acknowledgements arrive [bytes/s]: 3000 of a SiK
-radio at AIR_SPEED 64, minus 1000 of telemetry."""
+"""Send rate while neither RADIO_STATUS nor acknowledgements arrive [bytes/s]. A SiK radio at
+AIR_SPEED 64 transmits 3000, and telemetry uses 1000 of them."""
 FRAME_OVERHEAD = 17
-"""Size of a TUNNEL frame beyond its payload [bytes]: 12 of MAVLink 2, 5 of TUNNEL."""
+"""Number of bytes that a TUNNEL frame adds to its payload: 12 of MAVLink 2 and 5 of TUNNEL."""
 BURST_BYTES = 300.0
 DEBT_BYTES = 1000.0
 PULSE_WAIT_S = 0.005
-"""Accepted wait of a pulse behind other messages [s]; timers cannot resolve less."""
+"""Accepted delay of a pulse by other messages [s]; timers are not more precise than this."""
 RADIO_FRESH_NS = ns_from_s(5.0)
 ACKS_FRESH_NS = ns_from_s(30.0)
 ROUND_NS = ns_from_s(0.25)
 BASE_WINDOW = 240
-"""Number of 0.25 s rounds, a minute, whose smallest mean round trip counts as queue-free."""
+"""Number of 0.25 s rounds (one minute) over which the smallest mean round trip counts as that
+of an empty queue."""
 QUEUE_GROW_S = 0.15
 QUEUE_SHRINK_S = 0.35
-"""Queueing delay above which the send rate is lowered [s]; a SiK radio holds 1850 B, 0.6 s."""
+"""Queueing delay above which the send rate is lowered [s]. A SiK radio buffers 1850 bytes, or
+0.6 s."""
 MEAN_WEIGHT = 0.1
 QUICK_GROWTH = 1.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reach:
-    """Expected rates of one kind of link: first, lowest and highest [bytes/s]."""
+    """Range of send rates of one kind of link: initial, lowest and highest rate [bytes/s]."""
 
     start: float = START_BYTES_S
     least: float = LEAST_BYTES_S
@@ -59,7 +62,7 @@ DIRECT_LINK = Reach(start=60_000.0, least=2_000.0, most=1_000_000.0, plain=30_00
 
 
 class LinkRate:
-    """Token bucket with a rate that adapts to the kind of link (`reach`)."""
+    """Token bucket that limits the bytes sent; its rate adapts within the range `reach`."""
 
     def __init__(self, reach: Reach = RADIO) -> None:
         self._reach = reach
@@ -76,7 +79,7 @@ class LinkRate:
         """True until a queueing delay is measured; the send rate grows fast meanwhile."""
 
     def bytes_s(self, now_ns: int) -> float:
-        """Present rate of the link [bytes/s]."""
+        """Present limit of the send rate [bytes/s]."""
         if self._fresh(self._radio_ns, RADIO_FRESH_NS, now_ns):
             return min(self._rate, MOST_BYTES_S)
         if self._fresh(self._acks_ns, ACKS_FRESH_NS, now_ns):
@@ -84,7 +87,7 @@ class LinkRate:
         return self._reach.plain
 
     def radio_status(self, free_percent: int, now_ns: int) -> None:
-        """Handle RADIO_STATUS: free space in the radio's send buffer."""
+        """Adapt the send rate to the free space in the radio's send buffer (RADIO_STATUS)."""
         self._radio_ns = now_ns
         if free_percent < 20:
             self._rate *= 0.6
@@ -95,7 +98,10 @@ class LinkRate:
         self._rate = min(MOST_BYTES_S, max(self._reach.least, self._rate))
 
     def acknowledged(self, trip_s: float | None, now_ns: int) -> None:
-        """Handle an acknowledgement; `trip_s`: round trip if sent once, else None."""
+        """Adapt the send rate to an acknowledgement.
+
+        `trip_s`: round trip time of a message that was sent once; None if it was repeated.
+        """
         self._acks_ns = now_ns
         if trip_s is None:
             return
@@ -121,7 +127,9 @@ class LinkRate:
         self._rate = min(self._reach.most, max(self._reach.least, self._rate))
 
     def wait_ns(self, now_ns: int, room_bytes: float = 0.0) -> int:
-        """Time until a message that is not urgent may be sent [ns], with room for a pulse."""
+        """Time until a message that is not urgent may be sent and a pulse can still follow
+        [ns].
+        """
         self._fill(now_ns)
         rate = self.bytes_s(now_ns)
         lacking = max(0.0, room_bytes - PULSE_WAIT_S * rate) - self._tokens

@@ -1,8 +1,8 @@
-"""Choose the link to each peer; no I/O.
+"""Choose the link for messages to each peer; no I/O.
 
-Link 0 leads to the autopilot and by its radio to the ground. The others lead directly to ground
-stations, by Wi-Fi or cable; they are faster and reach less far. A ground station is reached
-over the first direct link on which it is received, else over link 0.
+Link 0 leads to the autopilot, and by its radio to the ground. The other links lead directly to
+ground stations by Wi-Fi or cable; they are faster, but have less range. Messages to a ground
+station use the first direct link on which its frames arrive, otherwise link 0.
 """
 
 from collections.abc import Iterable
@@ -12,18 +12,19 @@ from uavrt.core.units import ns_from_s
 from uavrt.link.mavlink.discovery import Peer
 
 FRESH_NS = ns_from_s(1.5)
-"""Silence on a link after which another link is used [ns]. Ground stations send a heartbeat a
-second: one may be lost, and repetitions still arrive within the 2 s of a failover."""
+"""Time without frames on a link after which another link is used [ns]. Ground stations send one
+heartbeat per second. One may be lost, and repeated messages still arrive within the 2 s of a
+failover."""
 STEADY_NS = ns_from_s(3.0)
-"""Time without silence above `FRESH_NS` after which a link may replace a working one [ns]. At
-the edge of its range a link comes and goes."""
+"""Time for which frames must arrive on a link without a pause above `FRESH_NS` before it
+replaces a working link [ns]. A link at the edge of its range fails again and again."""
 DOUBT_NS = ns_from_s(10.0)
-"""Time for which a link that receives but does not deliver is avoided [ns]."""
+"""Time for which a link is avoided after peers were received on it but did not answer [ns]."""
 MAX_PEERS = 64
 
 
 class Routes:
-    """Links on which each peer was received, and when."""
+    """Records on which links, and when, frames of each peer have arrived."""
 
     def __init__(self, links: int) -> None:
         self._order = (*range(1, links), 0)
@@ -37,11 +38,15 @@ class Routes:
         links[link] = (since_ns if now_ns - last_ns < FRESH_NS else now_ns, now_ns)
 
     def doubt(self, link: int, now_ns: int) -> None:
-        """Avoid `link` for a while: peers are received there, but do not answer."""
+        """Avoid `link` for a while, because frames of peers arrive on it but their answers do
+        not.
+        """
         self._doubted_until[link] = now_ns + DOUBT_NS
 
     def link_to(self, peer: Peer, now_ns: int) -> int:
-        """Number of the link to a peer; if all are silent, the one that received it last."""
+        """Return the number of the link to a peer; if all are silent, the link of its last
+        frame.
+        """
         links = self._heard.get(peer)
         if not links:
             return 0

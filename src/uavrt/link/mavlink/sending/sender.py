@@ -30,16 +30,18 @@ log = get_logger()
 TICK_S = 0.05
 TUNNEL_SIZE = 128
 COPIES = 256
-"""Largest number of copied pulses that wait on a link that is not the preferred one."""
+"""Largest number of copied pulses that wait to be sent on a secondary link."""
 UNSENT = 64
-"""Largest number of messages to all stations kept until the first ground station appears. In
-the queue they would delay replies to file clients, which are not ground stations."""
+"""Largest number of messages to all stations that are kept until the first ground station
+appears. In the send queue, they would delay the replies to file clients, which need not be
+ground stations."""
 
 
 class PacedSender:
-    """Sends messages for the ground over one link, one at a time, a gap apart.
+    """Sends messages for the ground over one link, one at a time with a gap between them.
 
-    `straight`: direct link without an autopilot: fast, with the shortest gap.
+    `straight`: True for a direct link without an autopilot, which is fast and uses the shortest
+    gap.
     """
 
     def __init__(
@@ -67,11 +69,13 @@ class PacedSender:
 
     @property
     def rate(self) -> LinkRate:
-        """Estimate of the rate that this link can carry."""
+        """Rate limiter of this link."""
         return self._queue.rate
 
     def add_source(self, source: Source, priority: Priority) -> None:
-        """Send messages of `source` with the given priority; call `wake` for new ones."""
+        """Add a source of messages with the given priority; call `wake` when it has a new
+        message.
+        """
         self._queue.add_source(source, priority)
 
     def put(self, item: Item, priority: Priority) -> None:
@@ -108,10 +112,10 @@ class PacedSender:
             self._pump()
 
     def _pump(self) -> None:
-        """Send the messages that may be sent now; set a timer for the next one.
+        """Send the messages that may be sent now, and set a timer for the next one.
 
-        Timers cost less than a task, whose wake-ups at 200 messages a second cost more than the
-        messages.
+        Timers are used instead of a task, because waking a task 200 times a second costs more
+        than sending the messages.
         """
         self._cancel_timer()
         while (wait_ns := self._queue.wait_ns(now_ns := self._clock_ns())) is not None:
@@ -143,7 +147,7 @@ class PacedSender:
 
 
 class LinkView:
-    """One link's access to a source shared by several links; only the active link sends."""
+    """Access of one link to a source that several links share; only the active link sends."""
 
     def __init__(
         self, source: Source, link: int, group: "TunnelSender", views: list["LinkView"]
@@ -175,16 +179,19 @@ class LinkView:
         return None
 
     def leave(self, given: Item) -> None:
-        """Queue a copy of a message that another link took; drop the oldest if too many."""
+        """Queue a copy of a message that another link sends; drop the oldest copy if too many
+        wait.
+        """
         self._group.copies_dropped += len(self._copies) == COPIES
         self._copies.append(given)
 
 
 class TunnelSender:
-    """Sends each message for the ground on the link that reaches its stations.
+    """Sends each message for the ground on the link that reaches the receiving stations.
 
-    An answer leaves by the link of its request. Messages to all ground stations leave by the
-    fewest links that reach them, so that each station gets them once.
+    An answer is sent on the link on which its request arrived. Messages to all ground stations
+    are sent on the smallest set of links that reaches them, so that each station receives them
+    once.
     """
 
     def __init__(
@@ -216,7 +223,9 @@ class TunnelSender:
         return self._senders[link].rate
 
     def add_source(self, source: Source, priority: Priority) -> None:
-        """Send messages of `source` with the given priority; call `wake` for new ones."""
+        """Add a source of messages with the given priority; call `wake` when it has a new
+        message.
+        """
         if len(self._senders) == 1:
             self._senders[0].add_source(source, priority)
             return
@@ -238,7 +247,10 @@ class TunnelSender:
     ) -> None:
         """Queue a payload for one peer, or for all (None); `TunnelError` above 128 bytes."""
         if len(payload) > TUNNEL_SIZE:
-            raise TunnelError(f"a payload has at most 128 bytes, not {len(payload)}", payload)
+            raise TunnelError(
+                f"a tunnel payload may have at most 128 bytes, but this one has {len(payload)}",
+                payload,
+            )
         place = None if target is None else target.place
         item = TunnelPayload(payload, place, payload_type)
         if target is None:
@@ -256,7 +268,7 @@ class TunnelSender:
             self._senders[link].put(message, priority)
 
     def send_text(self, severity: int, text: str) -> None:
-        """Queue a text for the operators, in as many pieces as it needs."""
+        """Queue a text for the operators, split into STATUSTEXT messages."""
         self._text_id = self._text_id % 65_535 + 1
         for chunk in chunks_of(text, severity, self._text_id):
             self._put(chunk, Priority.STATUS)
@@ -278,12 +290,12 @@ class TunnelSender:
             self._put(*self._unsent.popleft())
         if links[0] != before[0]:
             self.changes += 1
-            log.info("pulses are sent by another link", link=links[0], before=before[0])
+            log.info("pulses are now sent over another link", link=links[0], before=before[0])
             self.changed()
             self.wake()
 
     def unanswered(self, now_ns: int) -> None:
-        """Avoid the link that carries pulses for a while, since no station answers on it."""
+        """Avoid the link that carries pulses for a while, because no station answers on it."""
         self._routes.doubt(self.link, now_ns)
 
     def links_for(self, place: tuple[int, int] | None, now_ns: int) -> tuple[int, ...]:

@@ -30,7 +30,7 @@ from uavrt.link.mavlink.dialect import MavComponent
 from uavrt.link.mavlink.frame import SIGNATURE_SIZE, Frame
 
 Unsigned = Literal["none", "autopilot", "all"]
-"""Senders whose unsigned frames are accepted: none, the autopilot for telemetry, or all."""
+"""Which unsigned frames are accepted: none, telemetry of the autopilot, or all."""
 
 KEY_SIZE = 32
 HASH_SIZE = 6
@@ -49,7 +49,8 @@ COMMANDING = frozenset(
         dialect.FileTransferProtocol.ID,
     }
 )
-"""Messages that accept_unsigned=autopilot refuses unsigned: anyone can claim component id 1."""
+"""Messages that are refused without a signature under accept_unsigned=autopilot, because any
+sender can use the autopilot's component id 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +83,7 @@ def signing_from(settings: MavlinkSettings, clock_ns: Callable[[], int]) -> "Sig
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SigningTimes:
-    """The newest signing times that were accepted [10 µs since 2015]."""
+    """The newest signing times of accepted frames [10 µs since 2015], for storage."""
 
     newest: int
     """Newest signing time of all streams and of this side's own frames [10 µs since 2015]."""
@@ -91,7 +92,7 @@ class SigningTimes:
 
 
 class Signing:
-    """Signs frames and checks received ones; one for all links of a component."""
+    """Signs frames and checks the signatures of received frames; one object for all links."""
 
     def __init__(
         self, key: SigningKey, clock_ns: Callable[[], int], unsigned: Unsigned = "autopilot"
@@ -109,7 +110,7 @@ class Signing:
         return SigningTimes(newest=self._last_ticks, streams=streams)
 
     def remember(self, times: SigningTimes, *, behind_s: float) -> None:
-        """Restore stored times plus `behind_s`, since they may be that much out of date."""
+        """Restore stored signing times and add `behind_s`, by which they may be out of date."""
         behind = round(behind_s * NANOSECONDS_PER_SECOND / TICK_NS)
         self._last_ticks = max(self._last_ticks, times.newest)
         for system_id, component_id, link_id, ticks in times.streams:
@@ -122,7 +123,7 @@ class Signing:
         return tail + self._hash(frame + tail)
 
     def accepts(self, frame: Frame) -> bool:
-        """True if a frame's signature is valid; refused frames are counted."""
+        """True if a frame's signature is valid or not required; refused frames are counted."""
         reason = (
             self._fault_of_signed(frame) if frame.signed else self._fault_of_unsigned(frame)
         )

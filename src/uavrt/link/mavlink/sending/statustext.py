@@ -1,4 +1,6 @@
-"""Split operator texts into pieces of 50 bytes, join them again, limit their rate; no I/O."""
+"""Split operator texts into STATUSTEXT pieces of 50 bytes, join received pieces, and limit the
+rate of texts; no I/O.
+"""
 
 from uavrt.core.newest import Newest
 from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
@@ -10,8 +12,8 @@ TEXTS_A_SECOND = 0.5
 TEXTS_KNOWN = 64
 REPEAT_NS = ns_from_s(10.0)
 MAX_CHUNKS = 8
-"""Largest number of STATUSTEXT pieces of a text: 400 bytes; longer texts would block a
-radio."""
+"""Largest number of STATUSTEXT pieces per text (400 bytes); a longer text would block a radio.
+"""
 
 
 def chunks_of(text: str, severity: int, text_id: int) -> list[Statustext]:
@@ -39,10 +41,10 @@ def chunks_of(text: str, severity: int, text_id: int) -> list[Statustext]:
 
 
 class TextLimiter:
-    """Limits uncritical texts: ten at once, then one in 2 s, no repetition within 10 s.
+    """Limits uncritical texts to ten at once, then one per 2 s, without repetition within 10 s.
 
-    A fault that repeats must not fill the radio link. Texts of severity critical or worse are
-    always sent.
+    Otherwise a repeated fault would fill the radio link. Texts of severity critical or higher
+    are always sent.
     """
 
     def __init__(self) -> None:
@@ -73,7 +75,7 @@ class TextLimiter:
 
 
 class TextAssembler:
-    """Joins the pieces of texts; a missing piece becomes an ellipsis."""
+    """Joins received STATUSTEXT pieces to texts; an ellipsis replaces a missing piece."""
 
     def __init__(self) -> None:
         self._parts: dict[tuple[int, int], tuple[int, int, dict[int, str]]] = {}

@@ -1,4 +1,4 @@
-"""Make the answer to each MAVLink command: one acknowledgement, to the sender; no I/O."""
+"""Answer MAVLink commands: each gets one acknowledgement, sent to its sender; no I/O."""
 
 from importlib.metadata import version
 
@@ -69,7 +69,9 @@ def _asked_message(message: dialect.CommandLong | dialect.CommandInt) -> int | N
 
 
 def _identity(message_id: int, uptime_ms: int, able: int) -> Message | None:
-    """Make the message of this id about version or capabilities (`able`), or None."""
+    """Return the message with this id if it reports version or capabilities (`able`), else
+    None.
+    """
     match message_id:
         case dialect.AutopilotVersion.ID:
             return dialect.AutopilotVersion(

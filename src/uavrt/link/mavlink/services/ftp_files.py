@@ -1,7 +1,7 @@
-"""Files served to MAVLink FTP clients: one directory, read-only, and files made in memory.
+"""Directory tree that MAVLink FTP clients can read: one directory and files made in memory.
 
-Names with ``..`` and links are refused, so that nothing outside can be reached. Only regular
-files and directories are visible.
+File names with ``..`` and symbolic links are refused, so that clients cannot read outside the
+directory. Only regular files and directories are visible.
 """
 
 import os
@@ -25,14 +25,17 @@ class FileRefused(Exception):
 
 
 class FileTree:
-    """A directory `root` as clients see it, and `extra` files in memory."""
+    """Directory `root` as file clients see it, with `extra` files that exist only in memory."""
 
     def __init__(self, root: str | Path, extra: Mapping[str, bytes] | None = None) -> None:
         self.root = Path(root)
         self.extra: dict[str, bytes] = dict(extra or {})
 
     def entries(self, name: str) -> list[bytes]:
-        """List a directory: ``F``, name, tab, size or ``D``, name; raises `FileRefused`."""
+        """List a directory as MAVLink FTP does; raises `FileRefused`.
+
+        An entry is ``F``, name, tab and size for a file, or ``D`` and name for a directory.
+        """
         parts = _parts(name)
         inside = "/".join(parts)
         found = self._extra_entries(inside)

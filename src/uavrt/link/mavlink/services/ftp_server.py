@@ -47,12 +47,14 @@ T = TypeVar("T")
 
 BURST_S = 0.5
 MOST_BURST_BYTES = 32 * DATA_SIZE
-"""Longest burst of file data [bytes]; the losses that a client reports show the link's rate."""
+"""Longest burst of file data [bytes]. The losses that the client then reports show which rate
+the link can carry."""
 MAX_SESSIONS = 8
 IDLE_NS = ns_from_s(300.0)
 """Time without use after which a client's open file is closed [ns]."""
 GIVES_WAY_NS = ns_from_s(10.0)
-"""Time without use after which a client's open file may be closed for another client [ns]."""
+"""Time without use after which a client's open file may be closed to open one for another
+client [ns]."""
 MAX_CLIENTS = 16
 WAITING = 32
 
@@ -107,7 +109,7 @@ class Burst:
 
 @dataclass(slots=True)
 class Client:
-    """The last request of a client and its reply."""
+    """Last request of a file client, and the reply that was sent."""
 
     request: FtpPacket
     reply: FtpPacket | None = None
@@ -119,7 +121,7 @@ class Client:
 
 @dataclass(slots=True)
 class Crc:
-    """Checksum of a file while it is being computed."""
+    """A file's checksum while it is being computed, and the position reached."""
 
     peer: Peer
     request: FtpPacket
@@ -176,7 +178,7 @@ class FileServer:
         return trip_s
 
     def on(self, link: int) -> "FilesOnLink":
-        """Return the source of the replies that are sent by link number `link`."""
+        """Return the source of replies to clients on link number `link`."""
         return FilesOnLink(self, link)
 
     def wait_ns(self, now_ns: int, link: int | None = None) -> int | None:
@@ -208,7 +210,7 @@ class FileServer:
         return FileTransferProtocol(target_network=0, **peer.address, payload=payload)
 
     def work(self) -> None:
-        """Continue a checksum: a megabyte at a time, about a millisecond."""
+        """Continue computing a checksum by one megabyte, which takes about a millisecond."""
         if not self._crcs or self._crcs[0].reading:
             return
         job = self._crcs[0]
@@ -291,7 +293,7 @@ class FileServer:
     def _on_disk(
         self, peer: Peer, request: FtpPacket, job: Callable[[], T], then: Callable[[T], None]
     ) -> bool:
-        """Run a disk job, and `then` with its result; False if too many jobs are waiting."""
+        """Run a disk job, then call `then` with its result; False if too many jobs wait."""
         client = self._clients.get(peer)
 
         def outcome() -> T | FileRefused:
@@ -443,10 +445,10 @@ class FileServer:
             self._disk(partial(close, session.file), _nothing)
 
     def _room_for(self, peer: Peer, now_ns: int) -> bool:
-        """True if a client may open another file, if need be by closing an old session.
+        """True if a client may open another file; closes an old session if necessary.
 
-        Idle sessions are closed first. Then the client with the most sessions, if it has more
-        than one, loses the one unused for longest.
+        Idle sessions are closed first. If there are none, the client with the most sessions (at
+        least two) loses the session that was unused for longest.
         """
         if len(self._sessions) < MAX_SESSIONS:
             return True
@@ -473,7 +475,7 @@ def _nothing(result: object) -> None:
 
 
 class FilesOnLink:
-    """Source of a `FileServer`'s replies for one link, as the paced queue needs it."""
+    """Message source with a `FileServer`'s replies for one link, for the paced queue."""
 
     def __init__(self, files: FileServer, link: int) -> None:
         self._files, self._link = files, link

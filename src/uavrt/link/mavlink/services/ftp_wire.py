@@ -88,7 +88,7 @@ class FtpPacket:
     session: int = 0
     opcode: int
     size: int | None = None
-    """Number of data bytes in the packet; in requests for data, the number requested."""
+    """Number of data bytes in the packet, or requested from the server."""
     request_opcode: int = 0
     burst_complete: bool = False
     offset: int = 0
@@ -127,5 +127,5 @@ class FtpPacket:
 
 
 def checksum(data: bytes, so_far: int = 0) -> int:
-    """CRC-32 as in MAVLink FTP and PX4: starts at zero and is not inverted at the end."""
+    """CRC-32 of MAVLink FTP and PX4: it starts at zero and is not inverted at the end."""
     return zlib.crc32(data, so_far ^ 0xFFFFFFFF) ^ 0xFFFFFFFF

@@ -1,4 +1,4 @@
-"""Interface of the gateway to ROS 2, implemented by `uavrt.link.ros2.network.dds`."""
+"""Interface of the gateway to ROS 2, which `uavrt.link.ros2.network.dds` implements."""
 
 from collections.abc import Collection
 from typing import Protocol
@@ -9,7 +9,7 @@ from uavrt.link.ros2.types.ros_messages import RosMessage
 
 
 class Bus(Protocol):
-    """Sends ROS 2 messages and keeps received ones for the gateway."""
+    """Publishes ROS 2 messages, and queues received messages for the gateway."""
 
     inbox: Inbox
 
@@ -17,7 +17,7 @@ class Bus(Protocol):
         """Send a message on its topic."""
 
     def show_detectors(self, nodes: Collection[str]) -> None:
-        """Keep one publishing node for each given tag's detector, and no others."""
+        """Show a publishing node for the detector of each given tag, and for no other."""
 
     def reply(self, message: ServiceMessage) -> None:
         """Send the reply of a service."""

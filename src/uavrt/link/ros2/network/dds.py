@@ -70,27 +70,32 @@ log = get_logger()
 
 DISCOVERY_TOPIC = "ros_discovery_info"
 WRITE_TIMEOUT_MS = 100
-"""Time limit of a DDS write [ms]; with few messages kept, a write never waits in practice."""
+"""Time limit of a DDS write [ms]. In practice a write does not wait, because few messages are
+kept."""
 SAMPLE_MB = 4
-"""Longest message that DDS assembles [MB], several times the longest of any topic. Longer
-messages are dropped part by part, with a warning."""
+"""Longest message that DDS assembles from fragments [MB], several times the longest message of
+any topic. The fragments of longer messages are dropped with a warning."""
 READER_DEPTH = 4000
-"""Largest number of a topic's messages that wait in its reader; 0.4 s at 10 000 a second."""
+"""Largest number of messages that wait in one topic's reader; at 10 000 messages a second this
+is 0.4 s."""
 PASSES = 3
-"""Largest number of passes over all readers in one round, while messages wait for the next."""
+"""Largest number of passes over all topic readers per round while messages still wait."""
 ANNOUNCED_LIMIT = 2000
 """Largest number of announced participants and publishers that are read at once."""
 SERVICE_DEPTH = 100
 READ_PAUSE_S = 0.02
-"""Pause of the DDS reading thread after each round [s]; a flood is read in large portions."""
+"""Pause of the DDS reading thread after each round [s]; during a flood it reads many messages
+at once."""
 ORDER_OF_USE = {
     "store_tag_information": 0,
     "store_coded_tag_information": 0,
     "release_tag_information": 1,
 }
-"""Order of messages with the same time stamp: tags, then the upload's end, then a start."""
+"""Order in which messages with the same time stamp are handled: tags, then the end of the
+upload, then a start command."""
 GOODBYE_S = 0.2
-"""Longest wait at the end for participants to acknowledge the empty list of nodes [s]."""
+"""Longest wait at shutdown until other participants have acknowledged the empty list of nodes
+[s]."""
 
 
 Reach = Literal["interfaces", "computer", "off"]
@@ -109,7 +114,7 @@ _DDS_TYPES: dict[type, Any] = {}
 
 
 def dds_type(message: type[RosMessage]) -> Any:
-    """DDS type of a message; its instances have bytes ready to be sent."""
+    """Make the DDS type of a message class; its instances hold bytes ready to be sent."""
     if message not in _DDS_TYPES:
         _DDS_TYPES[message] = _make_dds_type(message)
     return _DDS_TYPES[message]
@@ -156,7 +161,9 @@ def _plain_type(primitive: str) -> Any:
 
 
 def domain_id_of(settings: Ros2Settings, environment: Mapping[str, str]) -> int:
-    """Number of the ROS domain: settings, else ROS_DOMAIN_ID, else 0; raises `ConfigError`."""
+    """Return the number of the ROS domain: from the settings, otherwise from ROS_DOMAIN_ID,
+    otherwise 0. Raises `ConfigError` for an invalid number.
+    """
     if settings.domain_id is not None:
         return settings.domain_id
     text = environment.get("ROS_DOMAIN_ID", "").strip() or "0"
@@ -168,7 +175,8 @@ def domain_id_of(settings: Ros2Settings, environment: Mapping[str, str]) -> int:
 
 
 def reach_of(environment: Mapping[str, str]) -> Reach:
-    """Network reach that ROS 2's variables allow, limited to that of `interfaces`.
+    """Return how far ROS 2's environment variables let the nodes be visible on the network,
+    within what `interfaces` allow.
 
     ROS_LOCALHOST_ONLY (Humble) overrides ROS_AUTOMATIC_DISCOVERY_RANGE, as in ROS 2.
     """
@@ -193,10 +201,10 @@ def reach_of(environment: Mapping[str, str]) -> Reach:
 def cyclone_config(
     interfaces: tuple[str, ...], reach: Reach = "interfaces", warnings_path: str = ""
 ) -> str:
-    """Make Cyclone DDS's configuration for the loopback and the given interfaces.
+    """Make the Cyclone DDS configuration for the loopback and the given interfaces.
 
-    The loopback is always included, and named as a peer, so that ROS 2 bound to it is found.
-    Only participants with the same tag find each other.
+    The loopback is always included and listed as a peer, so that ROS 2 programs that only use
+    the loopback are found. Only participants with the same tag find each other.
     """
     wanted = interfaces if reach == "interfaces" else ()
     named = "".join(f"<NetworkInterface name={quoteattr(name)}/>" for name in wanted)
@@ -219,14 +227,14 @@ def cyclone_config(
 
 
 def _reply_name(message: type[RosMessage]) -> str:
-    """Key of the writer of a service's replies, among this participant's writers."""
+    """Return the key of a service's reply writer among this participant's writers."""
     return f"reply {message.ros_name}"
 
 
 def _qos(
     *, depth: int, message: type[RosMessage], keep: bool = False, mark: str = ""
 ) -> list[Any]:
-    """Quality of service of ROS 2: reliable, with the last `depth` messages."""
+    """Make ROS 2's quality of service: reliable, with the last `depth` messages kept."""
     policies = [
         Policy.Reliability.Reliable(duration(milliseconds=WRITE_TIMEOUT_MS)),
         Policy.Durability.TransientLocal if keep else Policy.Durability.Volatile,
@@ -303,7 +311,7 @@ class Participant:
             self._open(settings, environment, nodes)
         except DDSException as error:
             raise LinkError(
-                f"ROS 2 cannot be joined: {error}",
+                f"cannot join the ROS 2 network: {error}",
                 remedy="Check [ros2] interfaces, CYCLONEDDS_URI and the loopback interface",
             ) from error
         self._thread = threading.Thread(target=self._read, name="ros2-reader", daemon=True)
@@ -414,7 +422,7 @@ class Participant:
                 break
 
     def _count_too_long(self) -> None:
-        """Count messages that DDS itself has dropped as too long."""
+        """Count messages that the DDS library has dropped as too long."""
         for name in self._warnings.too_long() if self._warnings is not None else ():
             if name in self._read_topics:
                 self.inbox.drop(self._read_topics[name])
@@ -454,9 +462,11 @@ class Participant:
                 yield samples[0]
 
     def _note_fault(self, error: Exception) -> None:
-        """Count a fault that must not end the reading, and log it rarely."""
+        """Count an error that must not end the reading thread; log it at a limited rate."""
         self.faults += 1
-        log.seldom(self.faults, "ROS 2 network: cannot be read", error=repr(error)[:200])
+        log.seldom(
+            self.faults, "messages of the ROS 2 network cannot be read", error=repr(error)[:200]
+        )
 
     def _wake_for(self, reader: Any) -> None:
         """Wake the reading thread when a reader has messages."""
@@ -486,7 +496,7 @@ class Participant:
         self._read_topics[shared.name] = topic
 
     def _add_services(self) -> None:
-        """Add the parameter services: request and reply topics with a common identifier."""
+        """Create the request and reply topics of the parameter services."""
         for number, (service, (request, answer)) in enumerate(SERVICES.items()):
             bare = self._participant.guid.bytes[:15] + bytes([number])
             mark = f"serviceid={'.'.join(f'{byte:02x}' for byte in bare)};"
@@ -557,12 +567,13 @@ class Participant:
                     self._add_writer(node, topic.name, topic.message, topic.depth)
         except DDSException as error:
             raise LinkError(
-                f"no ROS node for each tag: {error}", remedy="Set [ros2] node_per_tag = false"
+                f"cannot make a ROS 2 node for each tag: {error}",
+                remedy="Set [ros2] node_per_tag = false",
             ) from error
         self._introduce((*self._nodes, *nodes))
 
     def close(self) -> None:
-        """Announce the end and leave; else the nodes would be listed for ten more seconds."""
+        """Announce that the nodes are gone, then leave; else they stay listed for 10 s."""
         self._closing.set()
         self._thread.join(2.0)
         self._introduce(())

@@ -1,7 +1,7 @@
-"""Read the warnings of the DDS library, which reports dropped messages only in this way.
+"""Find messages that the DDS library has dropped, which only its warnings report.
 
-The library can write them into a file as well as to stderr. The file's name is removed once the
-library has opened it, so it disappears with the process.
+The library writes its warnings to a file as well as to stderr. The file is unlinked once the
+library has opened it, so it disappears when the process ends.
 """
 
 import os
@@ -15,19 +15,21 @@ _TOO_LONG = re.compile(rb"dropping oversize .* ([^ ]+)/[^/ ]+$")
 
 
 class DdsWarnings:
-    """The file of warnings, and the position up to which it was read."""
+    """The file to which the DDS library writes warnings, and the position read so far."""
 
     def __init__(self) -> None:
         self._descriptor, self.path = tempfile.mkstemp(prefix="uavrt-dds-")
         self._at = 0
 
     def opened(self) -> None:
-        """Remove the file's name once the library has opened the file."""
+        """Unlink the file of warnings once the DDS library has opened it."""
         with suppress(OSError):  # not where open files cannot be removed
             os.unlink(self.path)
 
     def too_long(self) -> list[str]:
-        """DDS topic names of the messages dropped as too long since the last call."""
+        """Return the DDS topics of the messages that were dropped as too long since the last
+        call.
+        """
         data = os.pread(self._descriptor, 1 << 16, self._at)
         whole = data[: data.rfind(b"\n") + 1]
         self._at += len(whole)

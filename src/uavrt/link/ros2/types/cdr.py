@@ -44,7 +44,7 @@ def encode(message: RosMessage) -> bytes:
     try:
         _encoder(type(message))(data, message)
     except struct.error as error:
-        raise FormatError(f"{message.ros_name} cannot hold this: {error}") from error
+        raise FormatError(f"{message.ros_name} cannot be encoded: {error}") from error
     return bytes(data)
 
 
@@ -175,7 +175,7 @@ def decode(message: type[M], data: bytes) -> M:
     try:
         value: M = reader.message(message)
     except (struct.error, UnicodeDecodeError) as error:
-        raise FormatError(f"not a {message.ros_name}: {error}") from error
+        raise FormatError(f"the bytes are not a valid {message.ros_name}: {error}") from error
     return value
 
 
@@ -218,7 +218,9 @@ class _Reader:
         """Read a length; the remaining bytes limit it, as each element takes at least one."""
         count = int(self._number("I"))
         if count > len(self._data) - self._at:
-            raise struct.error(f"{count} bytes needed, {len(self._data) - self._at} left")
+            raise struct.error(
+                f"{count} bytes are needed, but only {len(self._data) - self._at} are left"
+            )
         return count
 
     def _bytes(self, count: int) -> bytes:

@@ -199,7 +199,9 @@ def check(payload: bytes, command: CommandId, size: int) -> None:
         raise TunnelError(f"{command.name} has {len(payload)} bytes, not {size}", payload)
     number = int.from_bytes(payload[:4], "little")
     if number != command:
-        raise TunnelError(f"command {number}, not {command.name}", payload)
+        raise TunnelError(
+            f"the command number is {number}, but must be that of {command.name}", payload
+        )
 
 
 def text_from_bytes(field: bytes) -> str:

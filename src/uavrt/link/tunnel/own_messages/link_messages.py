@@ -49,9 +49,10 @@ class ToDrone:
     inside: int
     """Number that identifies this kind of message inside a sealed message."""
     payload_type: int | None = None
-    """Payload type of an unsealed message; None: sealed only."""
+    """Payload type of the unsealed message; None if the message is only accepted sealed
+    (authenticated)."""
     answers: int = 0
-    """Number of messages that answer this kind, used to limit unsealed requests."""
+    """Number of messages that the drone sends in answer, used to limit unsealed requests."""
 
 
 TO_DRONE = (

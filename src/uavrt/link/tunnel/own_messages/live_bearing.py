@@ -1,8 +1,8 @@
 """Send a bearing estimated on the drone to a ground station of uavrt.
 
-64 bytes hold the sum of all pulses of a turn. The message is sent again with each new pulse and
-a few times after the last, so that a single received message is enough. Layout: payload type
-60003 of the manual's tunnel reference.
+The 64-byte message holds the sum over all pulses of a turn. It is sent again with each new
+pulse and a few times after the last, so that receiving any one of them is enough. Layout:
+payload type 60003 of the manual's tunnel reference.
 """
 
 from dataclasses import replace

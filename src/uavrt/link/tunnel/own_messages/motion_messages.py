@@ -1,8 +1,8 @@
-"""Encode motion orders and the drone's answers, between ground station and drone.
+"""Encode motion orders from the ground station and the drone's answers.
 
-An order requests a motion, confirms a proposed one or stops; it is sealed except to a
-simulator. The answer is a proposal, a refusal or a state. Layouts: payload types 60005 and
-60006 of the manual's tunnel reference.
+An order requests a motion, confirms a proposed motion or stops the drone. It is sealed
+(authenticated) except when sent to a simulator. The answer is a proposal, a refusal or a state.
+Layouts: payload types 60005 and 60006 of the manual's tunnel reference.
 """
 
 import struct
@@ -46,7 +46,8 @@ _FURTHER = struct.Struct("<hh")
 _FINE, _COARSE = 1e-7, 2e-6
 _MOST = 1e6
 MAX_PLACES = 20
-"""Largest number of positions in a motion order; limited by a seal's 108 bytes."""
+"""Largest number of positions in a motion order, limited by the 108 bytes of a sealed message.
+"""
 MAX_TEXT = 108
 MOTION_ACTIONS: tuple[MotionAction, ...] = (
     "rotate",
@@ -83,7 +84,7 @@ class MotionStop:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionState:
-    """State of one motion order, or of the drone's motion."""
+    """State of one motion order, or of the drone's present motion."""
 
     kind: StateKind
     standing: ControlStage
@@ -147,7 +148,7 @@ def encode_request(request: MotionRequest) -> bytes:
 
 
 def _sought(request: MotionRequest) -> bytes:
-    """Encode the fields of a search order."""
+    """Encode the search settings in a search order."""
     try:
         return _SEARCH.pack(request, radius_m=round(request.radius_m or 0.0), body=b"")
     except (TunnelError, ValueError, OverflowError) as error:
@@ -158,7 +159,7 @@ def _sought(request: MotionRequest) -> bytes:
 
 
 def _kept(one: KeepOut) -> bytes:
-    """Encode a keep-out area's number of corners and radius, without the corners."""
+    """Encode the number of corners and the radius of a keep-out area, without its corners."""
     try:
         radius = 0 if one.radius_m is None else max(1, ceil(one.radius_m))
         return _KEPT.pack(len(one.places), radius)
@@ -179,7 +180,7 @@ def encode_confirmation(confirmation: MotionConfirmation) -> bytes:
 
 
 def number_of(payload: bytes) -> int:
-    """Request id of an order, or of an answer to one."""
+    """Return the request id in a motion order or in an answer to one."""
     return int.from_bytes(payload[4:8], "little")
 
 
@@ -260,7 +261,7 @@ def _places(body: bytes) -> tuple[tuple[float, float], ...]:
 
 
 def cut_text(text: str, tail: str = "") -> str:
-    """Cut a text at a whole word, so that it fits together with the uncut `tail`."""
+    """Cut a text after a whole word, so that text and uncut `tail` fit together."""
     most = MAX_TEXT - len(tail.encode())
     if len(text.encode()) <= most:
         return text + tail
@@ -271,7 +272,7 @@ def cut_text(text: str, tail: str = "") -> str:
 
 
 def _printable(text: str) -> str:
-    """Replace control characters, which could affect terminals, in an unsealed text."""
+    """Replace control characters, which could affect a terminal, in an unsealed text."""
     return "".join(one if one.isprintable() else "\ufffd" for one in text)
 
 

@@ -38,7 +38,9 @@ Place = tuple[float, float]
 
 
 def encode_course(course: Course, most: int = MAX_COURSE) -> bytes:
-    """Encode a drone's course with the tags that fit in `most` bytes; raises `TunnelError`."""
+    """Encode a drone's position, path and as many of its tags as fit into `most` bytes; raises
+    `TunnelError`.
+    """
     here = course.place
     latitude, longitude = here
     asked = course.requested_leg or (here, here)
@@ -64,7 +66,7 @@ def encode_course(course: Course, most: int = MAX_COURSE) -> bytes:
 
 
 def _offset(here: Place, place: Place) -> tuple[int, int]:
-    """Offset of a position north and east of `here`, in the course message's units."""
+    """Return the offset of a position north and east of `here` in the units of the message."""
     north, east = (
         round((there - own) / _COARSE) for own, there in zip(here, place, strict=True)
     )

@@ -33,7 +33,8 @@ COURSE_TYPE, NEIGHBOUR_TYPE = 60_009, 60_010
 `uavrt.link.tunnel.own_messages.neighbour_messages`."""
 MAX_HASHES = 15
 MAX_SEALED_HASHES = 12
-"""Largest number of pulse hashes in a sealed receipt; limited by a seal's 108 bytes."""
+"""Largest number of pulse hashes in a sealed receipt, limited by the 108 bytes of a sealed
+message."""
 _LAYOUT = Layout(
     "a receipt",
     "version:B hashes#:B :2x store:I hashes*:Q",
@@ -43,13 +44,13 @@ _LAYOUT = Layout(
 
 
 def payload_hash(payload: bytes) -> int:
-    """Identity of a payload: 64 bits of BLAKE2b, little-endian."""
+    """Return the 64-bit BLAKE2b hash that identifies a payload."""
     return int.from_bytes(hashlib.blake2b(payload, digest_size=8).digest(), "little")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Receipt:
-    """Acknowledgement of pulses by a ground station's store."""
+    """Acknowledgement of the pulses that a ground station has stored."""
 
     store: int
     hashes: tuple[int, ...] = ()

@@ -37,7 +37,8 @@ _SESSION = struct.Struct("<B3xQQ")
 _NONCE, _ALIVE = struct.Struct("<Q"), struct.Struct("<QB")
 _VERSION, _VERSION_ECHO = 2, 3
 _PROOF_SIZE = 7
-"""Size of an answer's keyed hash [bytes]; 2000 guesses/s for a day succeed with p = 2e-9."""
+"""Size of the keyed hash of an answer [bytes]. An attacker with 2000 guesses a second succeeds
+within a day with p = 2e-9."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,22 +58,26 @@ def read_key(path: str | Path) -> Key:
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """Scope in which a seal is valid: one run of the connection process of one drone."""
+    """One run of a drone's connection process; a seal (keyed hash) is valid within it."""
 
     number: int
     drone: Ids
 
     def mixed_in(self) -> bytes:
-        """Bytes that identify the session; the seal protects them together with the message."""
+        """Bytes that identify the session; they are part of each message's keyed hash."""
         return struct.pack("<QBB", self.number, *self.drone)
 
 
 def seal(
     inside: bytes, kind: int, key: Key, sender: Ids, counter: int, session: Session
 ) -> bytes:
-    """Make a sealed payload; raises `TunnelError` if `inside` is too long."""
+    """Make a sealed (authenticated) payload; raises `TunnelError` if `inside` is too long."""
     if len(inside) > MAX_INSIDE:
-        raise TunnelError(f"{len(inside)} bytes cannot be sealed, at most {MAX_INSIDE}", inside)
+        raise TunnelError(
+            f"{len(inside)} bytes are too many to be sealed (authenticated); the limit is "
+            f"{MAX_INSIDE}",
+            inside,
+        )
     head = _HEAD.pack(_VERSION, kind, 0, counter)
     return head + _mac(key, session.mixed_in() + bytes(sender) + head + inside) + inside
 
@@ -84,7 +89,7 @@ def session_of(payload: bytes, key: Key, drone: Ids) -> tuple[Session, int, int]
     if not payload or len(head) != sizes.get(payload[0]):
         raise TunnelError("the session has an unsupported version", payload)
     if not hmac.compare_digest(mac, _session_mac(key, drone, head)):
-        raise TunnelError("the session was made with another key, or forged", payload)
+        raise TunnelError("the session was announced with another key, or is forged", payload)
     _, number, newest = _SESSION.unpack_from(head)
     return Session(number, drone), newest, int.from_bytes(head[_SESSION.size :], "little")
 
@@ -108,7 +113,7 @@ def proven_answer(
         state = bytes((1, first & 15, first >> 4, 0)) + number + payload[8:]
         if hmac.compare_digest(payload[1:8], _proof(state, key, session, station)):
             return state
-    raise TunnelError("an answer is forged, or to an order of another station", payload)
+    raise TunnelError("the answer is forged, or belongs to another station's order", payload)
 
 
 def _proof(state: bytes, key: Key, session: Session, station: Ids) -> bytes:
@@ -116,9 +121,9 @@ def _proof(state: bytes, key: Key, session: Session, station: Ids) -> bytes:
 
 
 def keepalive_content(nonce: int, *, files: bool = False) -> bytes:
-    """Make the content of a keepalive before sealing; the drone returns its nonce.
+    """Make the content of a keepalive before sealing; the drone sends its nonce back.
 
-    With `files`, the drone answers the station's file requests quickly even while it detects.
+    With `files`, the drone answers the station's file requests quickly even during detection.
     """
     return _ALIVE.pack(nonce, files)
 
@@ -145,7 +150,7 @@ def read_parameter(inside: bytes) -> tuple[str, float]:
 
 
 class SealKeeper:
-    """Opens sealed payloads that are authentic, new, and for this drone and session."""
+    """Opens sealed payloads; refuses those that are forged, repeated or for another session."""
 
     def __init__(self, key: Key, session: int | None = None) -> None:
         self._key = key
@@ -153,7 +158,7 @@ class SealKeeper:
         self._newest: dict[Ids, int] = {}
 
     def announcement(self, drone: Ids, nonce: int = 0) -> bytes:
-        """Message that announces the session; a returned nonce proves that it is current."""
+        """Message that announces the session; a nonce in it proves that it is not a replay."""
         newest = max(self._newest.values(), default=0)
         version = _VERSION_ECHO if nonce else _VERSION
         head = _SESSION.pack(version, self._session, newest)
@@ -175,11 +180,12 @@ class SealKeeper:
         proven = Session(self._session, drone).mixed_in() + bytes(sender) + head + inside
         if not hmac.compare_digest(mac, _mac(self._key, proven)):
             raise TunnelError(
-                "the seal is wrong: another key, an earlier session, another drone, or forged",
+                "the seal (keyed hash) is wrong: other key, earlier session, other drone, "
+                "or forged",
                 payload,
             )
         if counter <= self._newest.get(sender, 0):
-            raise TunnelError("the sealed message is old: repeated", payload)
+            raise TunnelError("the sealed message is a repeated one", payload)
         self._newest[sender] = counter
         return kind, inside
 

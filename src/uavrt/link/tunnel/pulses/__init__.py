@@ -1,5 +1,6 @@
-"""Delivery of pulses over a link that loses messages: receipts, repeats (`reliable`).
+"""Deliver all pulses over a link that loses messages.
 
-`reliable` handles receipts: once all confirmed stations have a pulse, `pulse_memory` drops it.
-`underway` finds lost messages; the ground acknowledges in `ground/link/delivery_receipts`.
+`reliable` handles receipts and repeats lost messages. Once all confirmed stations have
+acknowledged a pulse, `pulse_memory` drops it. `underway` detects lost messages. The ground
+station acknowledges pulses in `ground/link/delivery_receipts`.
 """

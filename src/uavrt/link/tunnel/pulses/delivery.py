@@ -1,16 +1,19 @@
-"""Track which pulses were sent, so that each is sent once, before it is recorded.
+"""Track which pulses were sent, so that each is sent once.
 
-The recorder confirms a pulse later. After a restart of the connection process, the flight's
-database shows which pulses have a pose and were received on the ground.
+A pulse is sent before it is recorded, and the recorder confirms it later. After a restart of
+the connection process, the flight's database shows which pulses have a pose and were received
+on the ground.
 """
 
 from uavrt.core.messages import PulseKey
 from uavrt.core.newest import Newest
 
 REMEMBERED = 500
-"""Number of recorded pulses kept to ignore repeated reports; 20 s at 25 per second, 50 kB."""
+"""Number of recorded pulses that are remembered, so that repeated reports are ignored: 20 s at
+25 pulses per second, or 50 kB."""
 MOST_UNRECORDED = 20_000
-"""Largest number of sent pulses kept until the recorder, perhaps restarting, confirms them."""
+"""Largest number of sent pulses that are kept until the recorder confirms them; it may be
+restarting."""
 
 
 class PulseDelivery:

@@ -1,9 +1,9 @@
-"""Keep pulses to be sent in memory, and decide the order of sending.
+"""Keep pulses that wait to be sent in memory, and decide the order of sending.
 
-Pulses that do not fit stay in the flight's database, and are read again when there is room. The
-oldest pulse goes first if all can be sent within `LIVE_S`. With more to send, the newest goes
-first, for the display, and the backlog follows. Pulses only for stores that never acknowledged
-go last, as probes.
+Pulses that do not fit into memory stay in the flight's database and are read later. If all
+pulses can be sent within `LIVE_S`, the oldest is sent first. With more, the newest is sent
+first, for the display, and the backlog follows. Pulses for stations that have never
+acknowledged one are sent last, as probes.
 """
 
 import math
@@ -26,14 +26,15 @@ PROBES, PROBE_NS = 4, ns_from_s(1.0)
 """Largest number of probes at once; time to the next [ns]. A probe repeats a pulse for stations
 that never acknowledged. At 40 % loss each way, one of four is answered in five cases of six."""
 MOST_PROBES = 64
-"""Largest number of pulses in memory that only stations without any acknowledgement lack."""
+"""Largest number of pulses in memory that are kept only for stations that have never
+acknowledged one."""
 CAPACITY = 2048
-"""Largest number of pulses in memory, about 4 MB; others stay on disk."""
+"""Largest number of pulses in memory, about 4 MB; further pulses stay on disk."""
 REFILL_AT = 256
-"""Number of pulses in memory below which pulses are read from disk."""
+"""Number of pulses in memory below which more pulses are read from disk."""
 LIVE_S = 2.0
 ROUGH_BYTES = 137
-"""Approximate size of a pulse's frame, to estimate the duration of the backlog [bytes]."""
+"""Approximate frame size of a pulse [bytes], used to estimate how long the backlog takes."""
 
 
 class PulseMemory(Generic[T]):
@@ -77,7 +78,7 @@ class PulseMemory(Generic[T]):
         return min(MOST_PROBES if unconfirmed else CAPACITY, CAPACITY - len(self._entries))
 
     def wanted(self) -> int | None:
-        """Ground station for which to read pulses from disk now; None if none, or no room."""
+        """Return the station for which to read pulses from disk now; None if there is none."""
         if len(self._entries) >= REFILL_AT:
             return None
         return self._stores.on_disk(unconfirmed=not self._probes)
@@ -171,13 +172,13 @@ class PulseMemory(Generic[T]):
         return self._probes.pop(min(self._probes, key=lambda key: key[1]))
 
     def probe_due_ns(self, now_ns: int) -> float:
-        """Time at which the next probe may be sent [ns]; infinite without any."""
+        """Time at which the next probe may be sent [ns]; infinite if none waits."""
         if not self._probes:
             return math.inf
         return max(self._probed_ns, now_ns - PROBES * PROBE_NS) + PROBE_NS
 
     def forget(self, entry: Entry[T]) -> None:
-        """Remove a pulse from memory, so that it is not sent from there again."""
+        """Remove a pulse from memory; only the copy on disk remains."""
         if entry.state == "waiting" and self._probes.pop(entry.key, None) is None:
             place = bisect_left(self._waiting, (entry.time_ns, entry.key))
             if place < len(self._waiting) and self._waiting[place][1] == entry.key:
@@ -191,7 +192,9 @@ class PulseMemory(Generic[T]):
         self._sent_plain.append(entry.pulse)
 
     def sent_plain(self) -> list[ItemKey]:
-        """Pulses sent since the last call only to stations without acknowledgements."""
+        """Return the pulses that were sent, since the last call, only to stations that do not
+        acknowledge.
+        """
         done, self._sent_plain = self._sent_plain, []
         return done
 

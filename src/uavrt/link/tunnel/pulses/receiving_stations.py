@@ -1,7 +1,8 @@
-"""Ground stations that acknowledge pulses, each with a store number.
+"""Ground stations that receive and acknowledge pulses, by their store numbers.
 
-Anyone can make up a number. A store that has acknowledged a pulse is confirmed. Unconfirmed
-stores are limited, and ignored for a while when they acknowledge none of many messages.
+Anyone can invent a store number, so a station counts as confirmed only after it has
+acknowledged a pulse. The number of unconfirmed stations is limited. A station that acknowledges
+none of many messages is ignored for a while.
 """
 
 import math
@@ -14,17 +15,19 @@ from uavrt.link.allowance import Allowance
 from uavrt.link.tunnel.generations.wire import Ids
 
 PLAIN = 0
-"""Store number that stands for all ground stations without acknowledgements."""
+"""Store number that stands for all ground stations that do not acknowledge pulses."""
 MOST_STORES = 8
-"""Largest number of ground stations that get all pulses, as store numbers can be made up."""
+"""Largest number of ground stations that get all pulses; a limit is needed because store
+numbers can be invented."""
 NEW_STORES, NEW_STORES_PER_S = 4, 0.1
 """Number of new ground stations accepted at once, and per second."""
 STORE_SILENCE_NS = ns_from_s(10.0)
-"""Silence after which a ground station is removed [ns]; its pulses are on disk."""
+"""Time without receipts after which a ground station is removed [ns]; its pulses stay on disk.
+"""
 UNRESPONSIVE_SENDS = 64
 UNRESPONSIVE_NS = ns_from_s(10.0)
-"""Time, with at least `UNRESPONSIVE_SENDS` messages, without an acknowledgement after which a
-ground station is ignored as made up or not receiving [ns]."""
+"""Time without an acknowledgement after which a ground station is ignored [ns], if at least
+`UNRESPONSIVE_SENDS` messages were sent to it. It does not exist or does not receive."""
 IGNORED_NS = ns_from_s(60.0)
 MOST_IGNORED = 64
 PATIENCE, SENDS_OF_PATIENCE = 8, 32
@@ -34,7 +37,7 @@ once after 32 in total. At 40 % loss each way, none of 32 is answered once in a 
 
 @dataclass(slots=True)
 class Store:
-    """A ground station that acknowledges pulses."""
+    """A ground station that acknowledges pulses, and which messages it was sent."""
 
     place: Ids
     received_ns: int
@@ -65,7 +68,7 @@ class Store:
 
 
 class Stores:
-    """Ground stations that acknowledge, and those for which pulses may be on disk."""
+    """Stations that acknowledge pulses, and whether they may lack pulses on disk."""
 
     def __init__(self) -> None:
         self._stores: dict[int, Store] = {}
@@ -121,7 +124,7 @@ class Stores:
         return False
 
     def to_replace(self) -> int | None:
-        """Ground station to remove before another is added; None if there is room."""
+        """Return the station to remove before another is added; None if there is room."""
         if len(self._stores) < MOST_STORES:
             return None
         unconfirmed = [n for n, store in self._stores.items() if not store.acknowledges]
@@ -132,7 +135,7 @@ class Stores:
         self._stores[number] = Store(place, now_ns, since_ns=now_ns)
 
     def silent(self, now_ns: int) -> list[int]:
-        """Ground stations to remove because they are silent or have never acknowledged."""
+        """Return the stations to remove: those that are silent or never acknowledged."""
         return [
             number
             for number, store in self._stores.items()

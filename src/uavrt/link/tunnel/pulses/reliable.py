@@ -29,14 +29,15 @@ from uavrt.link.tunnel.pulses.receiving_stations import Stores
 from uavrt.link.tunnel.pulses.underway import Entry, ItemKey, T
 
 WINDOW = 64
-"""Largest number of pulses sent and not yet acknowledged."""
+"""Largest number of pulses that were sent and wait for an acknowledgement."""
 PLAIN_AFTER_NS = ns_from_s(3.0)
-"""Time without an acknowledgement after which a ground station gets each pulse once [ns].
-Stations acknowledge once a second: at 40 % loss 3 % are late, and get some pulses twice."""
+"""Time without an acknowledgement after which a ground station counts as one that does not
+acknowledge, and gets each pulse once [ns]. Stations acknowledge once a second. At 40 % loss, 3
+% of them are late and get some pulses twice."""
 
 
 class ReliableSender(Generic[T]):
-    """Decides which pulse is sent next, and which pulses count as lost."""
+    """Decides which pulse to send next, and which sent pulses count as lost."""
 
     def __init__(
         self,
@@ -64,7 +65,7 @@ class ReliableSender(Generic[T]):
             self._station_since_ns = now_ns
 
     def link_changed(self) -> None:
-        """Send all unacknowledged pulses again, because another link is used."""
+        """Send all unacknowledged pulses again, because another link is now in use."""
         for entry in self.underway.restart():
             entry.tries = 0
             self.pulses.wait(entry)
@@ -128,7 +129,7 @@ class ReliableSender(Generic[T]):
         return [done.pulse]
 
     def _confirm(self, store: int) -> None:
-        """Record that a ground station has acknowledged a pulse, so it is not made up."""
+        """Record that a station has acknowledged a pulse, which proves that it exists."""
         if not self.stores[store].acknowledges:
             self.stores[store].acknowledges = True
             self.pulses.promote_probes(store)
@@ -177,7 +178,7 @@ class ReliableSender(Generic[T]):
         )
 
     def _count(self, entry: Entry[T]) -> None:
-        """Count a sent message in the totals and for each ground station."""
+        """Count a sent message in total and for each ground station."""
         for number in entry.missing_at:
             self.stores[number].sends += 1
             self.stores[number].insides += entry.inside is not None

@@ -1,4 +1,6 @@
-"""Measure acknowledgement delays and set the time-out (RFC 6298); no I/O."""
+"""Measure how long acknowledgements take, and set the retransmission time-out (RFC 6298); no
+I/O.
+"""
 
 FIRST_RTO_S = 1.0
 MIN_RTO_S = 0.4

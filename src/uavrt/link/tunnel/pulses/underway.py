@@ -1,4 +1,4 @@
-"""Track pulse messages that were sent and are not yet acknowledged."""
+"""Track the pulse messages that were sent and wait for an acknowledgement."""
 
 import math
 from bisect import bisect_left
@@ -19,17 +19,19 @@ REORDERING = 3
 BACKOFF = 1.5
 MAX_BACKOFF = 4.0
 DONE = 256
-"""Number of acknowledged pulses kept, since another station may acknowledge them later."""
+"""Number of acknowledged pulses that are remembered, since another station may acknowledge them
+later."""
 
 ItemKey = tuple[int, int]
 """Tag id and start time [ns, UTC] of a pulse."""
 EntryKey = ItemKey | tuple[int, int, int]
-"""Key of an entry in memory: a pulse, or with a third number a burst's single pulses."""
+"""Key of a message in memory: tag id and start time of a pulse, and a third number if the
+message holds a burst's single pulses."""
 
 
 @dataclass(slots=True, eq=False)
 class Entry(Generic[T]):
-    """A pulse in memory, or the message with a burst's single pulses."""
+    """A message in memory: a pulse, or a burst's single pulses."""
 
     key: EntryKey
     time_ns: int
@@ -37,7 +39,8 @@ class Entry(Generic[T]):
     inside: bytes | None = None
     """Payload with a burst's single pulses; None for a pulse message."""
     live: bool = True
-    """True for a new pulse, sent to all; False for one read from disk for one station."""
+    """True for a new pulse, which all stations get; False for a pulse that was read from disk
+    for one station."""
     state: Literal["waiting", "sent"] = "waiting"
     sent_ns: int = 0
     order: int = 0
@@ -125,7 +128,7 @@ class UnacknowledgedMessages(Generic[T]):
         return min(map(self._deadline_ns, self._sent.values()), default=math.inf)
 
     def late(self, now_ns: int) -> list[Entry[T]]:
-        """Messages that were not acknowledged in time."""
+        """Return the messages that were not acknowledged in time."""
         return [e for e in self._sent.values() if self._deadline_ns(e) <= now_ns]
 
     def acknowledged(self, entries: Iterable[Entry[T]], now_ns: int) -> list[Entry[T]]:
@@ -149,7 +152,7 @@ class UnacknowledgedMessages(Generic[T]):
         return lost
 
     def unanswered(self, now_ns: int) -> bool:
-        """True if the sent messages have brought no acknowledgement for too long."""
+        """True if no sent message was acknowledged for too long a time."""
         since_ns = self._unanswered_since_ns
         return since_ns is not None and now_ns - since_ns > UNANSWERED_NS
 

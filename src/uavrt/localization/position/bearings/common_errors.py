@@ -213,14 +213,14 @@ def _inlier(residual: _Floats, sigma: _Floats, outlier_share: float) -> _Floats:
 
 UNCHECKED = Caution(
     name="unchecked",
-    text="a shared error (compass, a moving tag) cannot be checked: that needs "
-    f"{COMMON.least_stations} bearings from around the tag",
+    text="an error shared by all bearings (compass, a moving tag) cannot be checked: this "
+    f"needs {COMMON.least_stations} bearings from around the tag",
 )
 
 UNKNOWN_SIGMAS = Caution(
     name="unchecked",
-    text="a shared error (compass, a moving tag) cannot be checked: the bearings have no error "
-    "estimates",
+    text="an error shared by all bearings (compass, a moving tag) cannot be checked, "
+    "because the bearings have no error estimates",
 )
 
 
@@ -258,7 +258,7 @@ def _cautions_of_odd(odd: NDArray[np.bool_], *, scatter: bool) -> tuple[Caution,
     numbers = np.flatnonzero(odd) + 1
     few = len(odd) - len(numbers) < COMMON.least_agreeing
     if scatter or len(numbers) >= 2 or (len(numbers) == 1 and few):
-        text = f"{_contradicting(numbers)}: the position may be wrong"
+        text = f"{_contradicting(numbers)}, so the position may be wrong"
         return (Caution(name="contradiction", text=text),)
     if len(numbers):
         text = f"{_contradicting(numbers)} and is left out"

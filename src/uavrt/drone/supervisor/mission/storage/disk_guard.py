@@ -81,7 +81,10 @@ class DiskGuard:
             note_flight(self._to_note)
         except OSError as error:
             if not self._note_failed:
-                log.warning("cannot write the list of flights by age", reason=str(error))
+                log.warning(
+                    "cannot write the list of flights in the order of recording",
+                    reason=str(error),
+                )
             self._note_failed = True
         else:
             self._to_note = None
