@@ -1,9 +1,10 @@
-"""Compute frequencies where a receiver shows ghosts of a strong signal, such as mirror images.
+"""Compute at which frequencies a strong signal causes spurious signals in a receiver.
 
-If a ghost of one tag may appear at another tag's frequency, one detector process searches for
-both tags, as far as the load stays even. It compares both pulse trains at once. Two processes
-would exchange trains through the supervisor, a second later, and some flights would confirm a
-ghost.
+Spurious signals are mirror images, harmonics and intermodulation products. If one tag may cause
+a spurious signal at another tag's frequency, a single detector process searches for both tags,
+if this keeps the processes' loads balanced. It can compare both pulse trains at once. Two
+processes would have to compare them through the supervisor a second later, and some flights
+would confirm a spurious signal as a tag.
 """
 
 import itertools
@@ -12,30 +13,35 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 HIGHEST = 9
-"""Highest multiple of a signal's offset from the centre frequency at which a ghost is
+"""Highest multiple of a signal's offset from the centre frequency at which a spurious signal is
 assumed."""
 _NEAR_HZ = 15.0
 _NEAR_HZ_PER_MULTIPLE = 3.0
 _NEIGHBOUR_HZ = 1000.0
-"""Smallest distance between a signal and its ghost [Hz]; nearer signals count as leakage."""
+"""Smallest distance between a signal and a spurious signal that it causes [Hz]; anything nearer
+counts as spectral leakage."""
 _USUAL_HZ = 500.0
 """Largest assumed error of a tag's labelled frequency [Hz], even if the search band is
 wider."""
 _MULTIPLES = sorted(set(range(-HIGHEST, HIGHEST + 1)) - {0, 1}, key=lambda m: (abs(m), m))
-"""Multiples of a signal's offset from the centre frequency at which ghosts appear, lowest
-first; -1 is the mirror image."""
+"""Multiples of a signal's offset from the centre frequency at which it causes spurious signals,
+lowest first; -1 is the mirror image."""
 _PRODUCTS = (
     *((2, -1), (-1, 2), (3, -2), (-2, 3)),
     *((1, 1), (-1, -1), (1, -1), (-1, 1), (-2, -1), (-1, -2)),
 )
-"""Pairs of multiples; two signals' offsets from the centre frequency, multiplied by them,
-add up to a ghost's. Nonlinear amplifiers make the first four; a converter that treats I and
-Q separately makes the others."""
+"""Factors (m, n) of third-order and other intermodulation products.
+
+Two signals at offsets a and b from the centre frequency cause a spurious signal at m a + n b.
+The first four pairs come from nonlinear amplifiers, the rest from converters that process I and
+Q separately."""
 
 
 @dataclass(frozen=True, slots=True)
 class Receiver:
-    """Tuning of a receiver, which determines its ghost frequencies."""
+    """A receiver's centre frequency and sample rate, which determine where spurious signals
+    appear.
+    """
 
     center_frequency_hz: float
     sample_rate_hz: float
@@ -43,7 +49,9 @@ class Receiver:
     def makes(
         self, ghost_hz: float, original_hz: float, partners_hz: Iterable[float] = ()
     ) -> bool:
-        """True if a signal, alone or with `partners_hz`, may cause a ghost at `ghost_hz`."""
+        """True if a signal, alone or with `partners_hz`, may cause a spurious signal at
+        `ghost_hz`.
+        """
         if abs(ghost_hz - original_hz) < _NEIGHBOUR_HZ:
             return False
         return any(
@@ -59,7 +67,9 @@ class Receiver:
         nominal_hz: float,
         half_width_hz: float,
     ) -> float:
-        """Share (0 to 1) of a tag's search band that ghosts of a signal may occupy."""
+        """Share (0 to 1) of a tag's search band that may contain spurious signals of another
+        signal.
+        """
         half_hz = min(half_width_hz, _USUAL_HZ)
         inside_hz = 0.0
         for place_hz, near_hz in self._places(original_hz, partners_hz):
@@ -70,7 +80,9 @@ class Receiver:
         return min(1.0, inside_hz / (2.0 * half_hz))
 
     def multiple(self, ghost_hz: float, original_hz: float, window_hz: float) -> int | None:
-        """Order of a signal's lowest ghost in a search band (-1: mirror image), or None."""
+        """Multiple of a signal's offset that explains a spurious signal within a window, lowest
+        first (-1: mirror image); None if none does.
+        """
         original = original_hz - self.center_frequency_hz
         for multiple in _MULTIPLES:
             miss_hz = self._apart_hz(ghost_hz, multiple * original)
@@ -81,7 +93,9 @@ class Receiver:
     def _places(
         self, original_hz: float, partners_hz: Iterable[float]
     ) -> Iterator[tuple[float, float]]:
-        """Offset of each possible ghost from the centre before aliasing, and tolerance [Hz]."""
+        """Yield the offset from the centre frequency, before aliasing, and the tolerance of
+        each possible spurious signal [Hz].
+        """
         original = original_hz - self.center_frequency_hz
         for multiple in _MULTIPLES:
             yield multiple * original, _NEAR_HZ + _NEAR_HZ_PER_MULTIPLE * abs(multiple)

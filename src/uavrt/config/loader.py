@@ -79,7 +79,9 @@ def parse_settings(content: bytes, *, name: str) -> Settings:
 
 
 def _radio_faults(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Key and text of each fault: an unknown kind, or a value not supported by the radio."""
+    """Yield the key and an error text for an unknown kind of radio and for each value that the
+    chosen radio does not support.
+    """
     table = document.get("radio")
     if not isinstance(table, dict):
         return
@@ -163,7 +165,7 @@ def _table_schema(schema: dict[str, Any], name: str) -> dict[str, Any] | None:
 
 
 def _explain(detail: "ErrorDetails", schema: dict[str, Any]) -> str:
-    """Explain a fault found by pydantic as a sentence: ``[radio] gian is unknown; …``."""
+    """Convert an error of pydantic to a sentence such as ``[radio] gian is unknown; …``."""
     where = [str(part) for part in detail["loc"]]
     table = _table_schema(schema, where[0]) if where else None
     label = f"[{where[0]}] {'.'.join(where[1:])}".rstrip() if table else ".".join(where)
@@ -194,7 +196,9 @@ def _explain(detail: "ErrorDetails", schema: dict[str, Any]) -> str:
 
 
 def _setting_lines(key: str, entry: dict[str, Any]) -> list[str]:
-    """Lines of one setting: comment, then default, commented out if there is none."""
+    """Format one setting as lines of ``uavrt.toml``: its description as a comment, then the
+    default; without a default, the key is commented out.
+    """
     comment = [f"# {line}" for line in _plain(str(entry.get("description", ""))).split("\n")]
     default = entry.get("default")
     if default is None:
@@ -212,7 +216,9 @@ def _plain(text: str) -> str:
 
 
 def _rule(kind: str, text: str) -> str:
-    """Explain a violated custom rule; pydantic reports only the name of the rule's function."""
+    """Explain in words which custom rule a setting violates, since pydantic reports only the
+    rule's function name.
+    """
     if kind == "predicate_failed" and "is_ros_namespace" in text:
         return "a ROS namespace has letters, digits and single underscores, like drone1"
     return text.lower()

@@ -1,4 +1,4 @@
-"""Keep paths at a distance from the possible positions of animals."""
+"""Compute the probability that paths keep a minimum distance from animals."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -15,9 +15,9 @@ _Real = NDArray[np.floating[Any]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeepAway:
-    """Distance that paths keep from every tag, found or still searched for.
+    """Minimum distance of paths from every tag, found or not.
 
-    `margin`: factor on the radius when planning, as an animal may move.
+    When planning, the distance is multiplied by `margin`, as an animal may move.
     """
 
     radius_m: float = 50.0
@@ -43,7 +43,9 @@ class KeepAway:
         speed_m_s: float,
         stays_s: float = 0.0,
     ) -> _Floats:
-        """(tags, paths) probability that a path with a stay at its end keeps the distance."""
+        """Probability that each path, with a stay at its end, keeps the distance from each tag,
+        shape (tags, paths).
+        """
         out = np.empty((len(beliefs), len(east_m)))
         limit = (self.margin * self.radius_m) ** 2
         way_x, way_y = east_m - start_m[0], north_m - start_m[1]
@@ -65,7 +67,9 @@ class KeepAway:
 def _nearest_m2(
     x: _Real, y: _Real, speed_x: _Real, speed_y: _Real, span_s: _Real | float
 ) -> _Floats:
-    """Square of the least distance from the origin during a motion at constant velocity."""
+    """Square of the shortest distance from the origin during a motion at constant velocity
+    [m²].
+    """
     speed2 = np.maximum(speed_x**2 + speed_y**2, 1e-9)
     time = np.clip(-(x * speed_x + y * speed_y) / speed2, 0.0, span_s)
     return np.asarray((x + speed_x * time) ** 2 + (y + speed_y * time) ** 2)

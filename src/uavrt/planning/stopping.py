@@ -21,15 +21,19 @@ class StopRule(Protocol):
     """Interface of a rule that decides whether a tag counts as found."""
 
     def verdict(self, belief: TagBelief) -> Verdict:
-        """Decide whether a tag is found, with the reason."""
+        """Decide whether a tag counts as found; return the decision with its reason."""
 
     def needed_nats(self, belief: TagBelief) -> float:
-        """Approximate information on the position still missing to find the tag [nats]."""
+        """Approximate information on the position that is still missing for the tag to count as
+        found [nats].
+        """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AccuracyStop:
-    """Rule: a tag is found if its 95 % circle is small, it exists, and pulses fit the model."""
+    """Rule by which a tag is found if its 95 % circle is small enough, it very probably exists,
+    and its pulses fit the model.
+    """
 
     radius95_m: float = 25.0
     bayes_factor: float = 100.0
@@ -43,7 +47,9 @@ class AccuracyStop:
             )
 
     def verdict(self, belief: TagBelief) -> Verdict:
-        """Decide whether a tag is found; the checks that need least computing come first."""
+        """Decide whether a tag is found; the checks that need the least computing time come
+        first.
+        """
         rms = belief.spread().rms_m
         # The 95 % radius is 1.7 times the rms of a round cloud of hypotheses, and twice that of
         # a long one, so a cloud whose rms exceeds the target is rejected without its circle.
@@ -65,6 +71,8 @@ class AccuracyStop:
         )
 
     def needed_nats(self, belief: TagBelief) -> float:
-        """Missing information [nats]: 1.4 for each halving of the radius, at least 0.3."""
+        """Information on the position that is still missing [nats]: 1.4 for each halving of the
+        95 % radius, at least 0.3.
+        """
         ratio = 1.75 * belief.spread().rms_m / self.radius95_m
         return float(max(0.3, 2.0 * np.log(ratio)))
