@@ -1,7 +1,8 @@
 """Find coded tags in a recording: bursts of pulses that repeat with the same gaps.
 
-Each pulse is detected alone, since a tag to be measured is near. Pulses within a quarter of a
-second are a burst. Bursts with equal gaps are one tag, and their times give the burst interval.
+Each pulse is detected separately, which is possible because the tag to be measured is near.
+Pulses within a quarter of a second form a burst. Bursts with equal gaps belong to one tag, and
+their times give the burst interval.
 """
 
 import math
@@ -20,18 +21,21 @@ from uavrt.detection.coded.slot_cells import Cells
 from uavrt.dsp.block_times import BlockTimes
 
 LONGEST_PULSE_S: Final = 0.006
-"""Pulse width up to which a tag may be coded [s]; beeping tags have 8 ms or more."""
+"""Pulse width up to which a tag may be coded [s]; pulses of uncoded tags are 8 ms or longer."""
 _WIDTH_S: Final = 0.0025
-"""Length of the pulse detection filter [s]: a coded tag's usual pulse width. Others are up to
-7.5 ms wide."""
+"""Length of the filter that detects pulses [s], equal to a coded tag's usual pulse width.
+Pulses up to 7.5 ms wide are found."""
 _REACH_S: Final = 0.009
-"""Time around a pulse with which its energy is compared [s]; gaps between pulses are longer."""
+"""Half-width of the time around a pulse with which its energy is compared [s]; gaps between
+pulses are longer."""
 _WIDTH_STEPS_PER_S: Final = 2000.0
-"""Steps per second to which measured pulse widths are rounded: 0.5 ms, as in data sheets."""
+"""Inverse of the step to which measured pulse widths are rounded [1/s]: 0.5 ms, as in data
+sheets."""
 _LEAST: Final = 30.0
-"""Minimum ratio of a coded pulse's energy to the noise's mean energy: 15 dB."""
+"""Minimum ratio of a coded pulse's energy to the mean energy of the noise, 30 (15 dB)."""
 _PEAKED: Final = 4.0
-"""Minimum ratio of a coded pulse's energy at its frequency to the median within 1 kHz."""
+"""Minimum ratio of a coded pulse's energy at its frequency to the median energy within 1
+kHz."""
 _OFF_BEAT_S: Final = 0.008
 """Largest deviation of a burst's start from a multiple of the burst interval [s]."""
 _MOST_LOST: Final = 4
