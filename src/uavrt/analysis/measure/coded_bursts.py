@@ -39,13 +39,14 @@ kHz."""
 _OFF_BEAT_S: Final = 0.008
 """Largest deviation of a burst's start from a multiple of the burst interval [s]."""
 _MOST_LOST: Final = 4
-"""Maximum number of burst intervals in the shortest time between two received bursts."""
+"""Maximum number of burst intervals that the shortest time between two received bursts may
+contain."""
 _WINDOW_HZ: Final = 1000.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredCode:
-    """Measured gaps and interval of a coded tag; each sigma is one standard deviation."""
+    """Measured gaps and burst interval of a coded tag; each sigma is one standard deviation."""
 
     frequency_hz: float
     gaps_s: tuple[float, ...]
@@ -57,7 +58,7 @@ class MeasuredCode:
     bursts: int
 
     def entry(self, tag_id: int, name: str | None = None) -> Tag:
-        """Make a tag list entry with the usual tolerances."""
+        """Return a tag list entry with the measured values and the usual tolerances."""
         return Tag(
             tag_id=tag_id,
             frequency_hz=float(round(self.frequency_hz)),
@@ -75,7 +76,7 @@ class MeasuredCode:
 def find_codes(
     times_s: NDArray[np.float64], widths_s: NDArray[np.float64], frequency_hz: float
 ) -> list[MeasuredCode]:
-    """Find coded tags among pulses at one frequency, given their times and widths [s]."""
+    """Find coded tags among pulses at one frequency, given the pulses' times and widths [s]."""
     left = split_bursts(times_s)
     found = []
     while left:
@@ -95,10 +96,11 @@ def find_codes(
 def _code(
     middles_s: NDArray[np.float64], widths_s: NDArray[np.float64], frequency_hz: float
 ) -> MeasuredCode | None:
-    """Measure a code from bursts with equal gaps, one per row; None if not regular.
+    """Measure a code from bursts with equal gaps, one burst per row; None if the bursts are not
+    regular.
 
-    A pulse's middle is measured more accurately than its start. The n-th pulses of all bursts
-    are equally long.
+    Gaps are measured between the pulses' middles, which are more accurate than their starts.
+    They are then corrected for the mean width of each pulse in the burst.
     """
     beat = _beat(middles_s[:, 0])
     if beat is None:
@@ -116,9 +118,11 @@ def _code(
 
 
 def _beat(starts_s: NDArray[np.float64]) -> Beat | None:
-    """Fit the longest burst interval that divides all times between bursts.
+    """Fit the longest burst interval that divides all times between bursts; None if there is
+    none.
 
-    If every second burst is lost, the shortest time between two is more than one interval.
+    If every second burst is lost, the shortest time between two bursts contains more than one
+    interval.
     """
     shortest_s = float(np.diff(starts_s).min())
     for part in range(1, _MOST_LOST + 1):
@@ -174,7 +178,9 @@ class BurstPulses:
             self._held = self._held[count * cells.hop :]
 
     def finish(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Middles [s from the first sample] and widths [s] of the strong pulses, ascending."""
+        """Return the middles [s from the first sample] and the widths [s] of the strong pulses,
+        in order of time.
+        """
         if self._cells is None:
             return np.zeros(0), np.zeros(0)
         self._push(self._cells)
@@ -186,9 +192,10 @@ class BurstPulses:
 def _pulses(
     energies: NDArray[np.float32], cells: Cells
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Measure middle and width [s] of each pulse at half height in the filter's output.
+    """Measure the middle and the width [s] of each pulse, at half its height in the filter's
+    output.
 
-    Behind the filter, the amplitude of a rectangular pulse rises and falls linearly.
+    At the filter's output, the amplitude of a rectangular pulse rises and falls linearly.
     """
     amplitude = np.sqrt(np.pad(energies.astype(np.float64), 1))
     reach = round(_REACH_S / cells.column_s)
