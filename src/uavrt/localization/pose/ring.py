@@ -1,11 +1,10 @@
-"""Interpolate the antenna's pose at any time in the last minute.
+"""Interpolate the antenna's pose at any time in about the last minute.
 
 The thesis gave each pulse the pose half-way between take-off and the present, so that a turn of
-90° was logged as 45°. Here bisection finds the samples around a time.
-
-Without a later sample, the motion of the last 0.2 s is extrapolated for at most 1 s. Gaps of
-more than 2 s are not interpolated. In a steady turn at 30°/s, holding the last pose would be
-wrong by 15° after half a second. From two samples 20 ms apart, noise of 0.1° would become 5°/s;
+90° was logged as 45°. Here bisection finds the samples around a time. If there is no later
+sample, the motion of the last 0.2 s is extrapolated for at most 1 s. Gaps of more than 2 s are
+not interpolated. In a steady turn at 30°/s, using the last pose unchanged would be wrong by 15°
+after half a second. A rate from two samples 20 ms apart would amplify noise of 0.1° to 5°/s;
 over 0.2 s it is 0.5°/s.
 """
 
@@ -20,21 +19,25 @@ from uavrt.localization.pose.mounting import Mounting
 from uavrt.localization.pose.series import Four, S, Series
 
 CAPACITY = 6_000
-"""Number of attitudes and of positions kept: two minutes at 50 Hz, one at 100 Hz."""
+"""Number of attitudes and of positions that are stored: two minutes at 50 Hz, one minute at 100
+Hz."""
 
 MAX_GAP_S = 2.0
-"""Longest gap between samples that is interpolated [s]; in a longer one a vehicle may turn."""
+"""Longest gap between samples that is interpolated [s]; in a longer gap the vehicle may
+turn."""
 
 MAX_EXTRAPOLATION_S = 1.0
 """Longest extrapolation beyond the newest sample, or from the edge of a gap [s]. At 30°/s the
 error is some degrees where a turn begins or ends."""
 
 _RATE_BASELINE_S = 0.2
-"""Time over which the rate of turn and movement is measured for extrapolation [s]."""
+"""Time over which the rates of turn and movement are measured for extrapolation [s]."""
 
 
 class PoseRing:
-    """The vehicle's last `capacity` attitudes and positions, interpolated for the antenna."""
+    """Stores the vehicle's last `capacity` attitudes and positions, and interpolates the
+    antenna's pose.
+    """
 
     def __init__(
         self, antenna: AntennaSettings | None = None, *, capacity: int = CAPACITY
