@@ -1,12 +1,14 @@
-"""Estimate the lasting error of received levels for each tag position, with its strength.
+"""Estimate the lasting error of received levels for each tag position, together with the tag's
+strength.
 
-Behind a rounded hilltop, in woods, or with a map some metres off, pulses lose more or less than
-the map predicts. The error persists while the drone flies along the same side of the hill. On
-level ground the same holds for shadowing: reflections from the ground, plants, and the animal's
-body change the level by some decibels over tens of metres. As an independent error of each
-pulse, twenty of them would rule out the truth. It is therefore one unknown that pulses update
-and that decorrelates along the drone's path. Behind hills, the independent part must be small:
-otherwise each pulse would make positions deeper behind a hill less probable.
+Behind a rounded hilltop, in woods, or with an elevation map that is off by some metres, pulses
+lose more or less than the map predicts. The error persists while the drone flies along the same
+side of the hill. On level ground the same holds for shadowing: reflections from the ground,
+plants, and the animal's body change the level by some decibels over tens of metres. If each
+pulse had an independent error, twenty pulses would rule out the true position. The error is
+therefore one unknown, which pulses update and which decorrelates along the drone's path. Behind
+hills, the independent part must be small, because otherwise each pulse would make positions
+deeper behind a hill less probable.
 """
 
 from dataclasses import dataclass, replace
@@ -21,9 +23,10 @@ _Floats = NDArray[np.floating[Any]]
 
 
 def doubtful_db(lost_db: _Floats) -> _Floats:
-    """Additional loss per unit of the relative error of losses [dB].
+    """Additional loss for a relative error of one unit in the computed loss [dB].
 
-    Near grazing, some metres of height change a loss by up to 6 dB (P.526-15, equation 31).
+    Where the path just grazes the ground, some metres of height change a loss by up to 6 dB
+    (P.526-15, equation 31).
     """
     return np.asarray(
         lost_db - LOSS.grazing_db * np.expm1(lost_db * (-1.0 / LOSS.grazing_fall_db))
@@ -34,14 +37,15 @@ def doubtful_db(lost_db: _Floats) -> _Floats:
 class LossError:
     """Normal distribution of the lasting error of levels, for each possible tag position.
 
-    Behind hills it is relative to the losses, else in standard deviations of the shadowing.
+    Behind hills the error is relative to the loss; on level ground it is in standard deviations
+    of the shadowing.
     """
 
     law: LastingError
     mean: _Floats
     variance: _Floats
     with_level_db: _Floats
-    """Covariance of the lasting error of losses with the tag's strength [dB]."""
+    """Covariance of the lasting error with the tag's strength [dB]."""
 
     @classmethod
     def before_pulses(cls, law: LastingError, shape: tuple[int, ...] | int) -> "LossError":
@@ -55,7 +59,7 @@ class LossError:
 
     @classmethod
     def of_columns(cls, law: LastingError | None, columns: _Floats) -> "LossError | None":
-        """Convert (n, 3) columns to a distribution; None if `law`, its constants, is None."""
+        """Convert columns (n, 3) to a distribution; None if its constants `law` are None."""
         if law is None:
             return None
         return cls(
@@ -63,13 +67,17 @@ class LossError:
         )
 
     def columns(self) -> NDArray[np.float32]:
-        """(n, 3) the error's mean, variance, and covariance with the tag's strength."""
+        """Mean and variance of the error, and its covariance with the tag's strength, shape (n,
+        3).
+        """
         return np.stack((self.mean, self.variance, self.with_level_db), axis=1)
 
     def after(
         self, was_m: tuple[float, float] | None, now_m: tuple[float, float]
     ) -> "LossError":
-        """Distribution after a movement of the drone, which partly decorrelates the error."""
+        """Return the distribution after a movement of the drone, which partly decorrelates the
+        error.
+        """
         if was_m is None or was_m == now_m:
             return self
         law = self.law
@@ -84,7 +92,9 @@ class LossError:
         )
 
     def learnt(self, doubtful: _Floats | float, moved: _Floats, shrunk: _Floats) -> "LossError":
-        """Distribution after a pulse by slope (`moved`) and curvature of its likelihood."""
+        """Return the distribution after a pulse, given the slope (`moved`) and curvature
+        (`shrunk`) of the pulse's log-likelihood.
+        """
         with_pulse = self.with_level_db - doubtful * self.variance
         return replace(
             self,
