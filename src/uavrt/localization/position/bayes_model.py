@@ -28,7 +28,7 @@ LogDensity = Callable[[_Floats, _Floats], _Floats]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Known:
-    """What is known before the flight about errors, path loss and ground."""
+    """Assumptions about errors, path loss and ground that are made before the flight."""
 
     outlier_share: float
     heading_sigma_deg: float

@@ -78,11 +78,12 @@ def _along(axis_m: _Floats, place: _Floats) -> _Floats:
 
 
 def _rings(values: _Floats, level: float) -> list[tuple[_Floats, _Floats]]:
-    """Closed contours of an array at a level, as rows and columns; its margin must be lower.
+    """Return closed contours of an array at a level, as rows and columns; the values at its
+    margin must be below the level.
 
     The contours are found by marching squares. Around each cell, counter-clockwise, the edge at
-    which a contour leaves the region leads to the edge at which it enters; so the region is on
-    its left.
+    which a contour leaves the region is linked to the edge at which it enters, so the region is
+    on the contour's left.
     """
     after: dict[_Edge, _Edge] = {}
     inside = values >= level

@@ -1,9 +1,9 @@
-"""Compare a resting tag with one of constant velocity, for a power survey.
+"""Compare a resting tag with a tag of constant velocity, in a survey by signal power.
 
-A tag moving past a drone is equivalent to the drone moving past a tag. The same likelihood
-applies, with each position of the drone shifted back by the tag's movement. The evidence of
-both is summed over a coarse grid of positions and velocities, with some of the pulses. If that
-favours walking, a finer grid follows.
+A tag that moves past a drone is equivalent to a drone that moves past a tag. So the same
+likelihood applies after each position of the drone has been shifted back by the tag's movement.
+The evidence of both explanations is summed over a coarse grid of positions and velocities, with
+some of the pulses. If it favours walking, a finer grid follows.
 """
 
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SurveyWalk:
-    """Walking tag, as estimated from the powers of a survey."""
+    """Velocity and position of a walking tag, as estimated from the powers of a survey."""
 
     probability: float
     velocity_m_s: tuple[float, float]
@@ -35,7 +35,8 @@ class SurveyWalk:
     place_s: float
     """Time at which the tag's pulses were strongest [s]."""
     fading_db: float
-    """Standard deviation of pulses' fading [dB], more if neighbouring pulses correlate."""
+    """Standard deviation of the pulses' fading [dB], increased if neighbouring pulses are
+    correlated."""
 
     def at(self, time_s: float) -> tuple[float, float]:
         """East and north of the tag at a time [m]."""
@@ -59,14 +60,14 @@ class SurveyWalk:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Moved:
-    """Received pulses of a survey, as seen from a walking tag."""
+    """Received pulses of a survey in coordinates that move with a walking tag."""
 
     east_m: _Floats
     north_m: _Floats
     since_s: _Floats
-    """(n,) times of the pulses after `place_s` [s]."""
+    """Times of the pulses relative to `place_s` [s], shape (n,)."""
     place_s: float
-    """Time for which positions are compared [s]."""
+    """Time at which positions of resting and walking tags are compared [s]."""
     track: PowerTrack
     propagation: Propagation
 
@@ -100,7 +101,9 @@ def survey_walk(
     around: Area,
     propagation: Propagation,
 ) -> SurveyWalk | None:
-    """Compare a walking with a resting tag by a survey's powers; None: no signs of a walk."""
+    """Compare a walking tag with a resting tag by the powers of a survey; None if nothing
+    indicates a walk.
+    """
     if powers.time_s is None:
         return None
     heard = ~np.isnan(powers.snr_db)
@@ -130,7 +133,9 @@ def survey_walk(
 
 
 def _weighed(moved: _Moved, around: Area, rest: _Peak, walk: _Peak) -> SurveyWalk:
-    """Probability that the tag walked, by integrals around both peaks on finer grids."""
+    """Compute the probability that the tag walked, by integrals around both likelihood peaks on
+    finer grids.
+    """
     step = (
         max(around.east_m - around.west_m, around.north_m - around.south_m) / WALK.rough_cells
     )
@@ -149,7 +154,9 @@ def _weighed(moved: _Moved, around: Area, rest: _Peak, walk: _Peak) -> SurveyWal
 
 
 def _integrated_peak(moved: _Moved, peak: _Peak, step_m: float, step_m_s: float) -> _Peak:
-    """Evidence integrated around a likelihood peak, on grids that narrow to its width."""
+    """Return the evidence around a peak of the likelihood, integrated on grids that narrow to
+    the peak's width.
+    """
     for _ in range(WALK.rounds):
         half = (0.5 * WALK.fine_cells - 0.5) * step_m / 2.0
         around = Area(
@@ -197,7 +204,9 @@ def _best(
 
 
 def _fading_db(moved: _Moved, peak: _Peak) -> float:
-    """Standard deviation of fading [dB], from the scatter about the fit and its correlation."""
+    """Standard deviation of fading [dB], computed from the scatter about the fit and its
+    correlation.
+    """
     evidence = moved.evidence(peak.velocity)
     east, north = np.array([peak.place[0]]), np.array([peak.place[1]])
     fit = evidence.fit(east, north)

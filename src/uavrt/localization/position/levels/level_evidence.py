@@ -22,7 +22,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Propagation:
-    """Knowledge about the path loss before the flight."""
+    """Assumptions about the path loss that are made before the flight."""
 
     exponent: float = LEVELS.exponent
     exponent_sigma: float = LEVELS.exponent_sigma
