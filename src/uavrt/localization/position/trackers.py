@@ -474,14 +474,13 @@ class _StoredPaths:
 
 
 class ParticleTracker:
-    """Particle filter: many hypotheses of a tag that rests, browses or travels, each with its
+    """Particle filter with hypotheses of a tag that rests, browses or travels, each with its
     strength.
 
-    Computed in single precision; a pulse takes 0.5 ms with ten thousand hypotheses. `prior`:
-    assumptions about area, strength, antenna and motion. `rng`: random numbers; the same seed
-    gives the same track. `particles`: number of hypotheses. `first`: number of hypotheses at
-    the beginning, if larger. Each resampling halves it, down to `particles`, since a wide prior
-    needs more hypotheses than the posterior after some pulses.
+    `prior`: assumptions about area, strength, antenna and motion. `rng`: random numbers; the
+    same seed gives the same track. `particles`: number of hypotheses; with 10 000, a pulse
+    takes 0.5 ms in single precision. `first`: number of hypotheses at the beginning, if larger;
+    each resampling halves it, down to `particles`, since a wide prior needs more hypotheses.
     """
 
     def __init__(
@@ -549,9 +548,7 @@ class ParticleTracker:
         return Expectation(level_db=mean, variance_db2=variance, log_probability=evidence)
 
     def density(self, heard: Listening) -> float:
-        """Probability density of this pulse's level if the tag sent it [1/dB]; the tracker is
-        not updated.
-        """
+        """Density of this pulse's level if the tag sent it [1/dB]; updates nothing."""
         level, expected, ground = self._expected(heard)
         both = level.update(
             heard,
@@ -587,11 +584,9 @@ class ParticleTracker:
     def take_bearing(
         self, east_m: float, north_m: float, posterior: NDArray[np.float64]
     ) -> float:
-        """Update with the posterior (360,) of a bearing, whose pulses must not be used a second
-        time.
+        """Update with the posterior (360,) of a bearing, whose pulses must not be used as well.
 
-        Returns the logarithm of the bearing's probability density per degree if the tag is
-        there.
+        Returns the logarithm of its probability density per degree if the tag is there.
         """
         evidence = BearingEvidence(
             np.array([east_m]), np.array([north_m]), posterior[None, :], outlier_share=0.05
@@ -605,9 +600,7 @@ class ParticleTracker:
         return gained
 
     def confine(self, area: Area) -> float:
-        """Exclude hypotheses outside an area; return the logarithm of the probability inside
-        it.
-        """
+        """Exclude hypotheses outside an area; return the log of the probability inside."""
         state = self._state
         inside = (state.east_m >= area.west_m) & (state.east_m <= area.east_m)
         inside &= (state.north_m >= area.south_m) & (state.north_m <= area.north_m)
@@ -620,9 +613,7 @@ class ParticleTracker:
         return mean, float(weight @ (exponent - mean) ** 2)
 
     def take_exponent(self, precision: float, weighted: float) -> None:
-        """Update the path loss exponent with information from other tags: precision, and
-        precision × mean.
-        """
+        """Update the path loss exponent by other tags' (precision, precision × mean)."""
         self._walk.learn_exponent(precision, weighted)
         exponent = self._state.exponent
         self._weigh((weighted - 0.5 * precision * exponent) * exponent)
@@ -680,9 +671,7 @@ class ParticleTracker:
         )
 
     def replace_at_random(self, share: float) -> None:
-        """Move a share of the hypotheses to random positions in the area, as TrackerBots
-        does.
-        """
+        """Move a share of the hypotheses to random positions, as TrackerBots does."""
         count = round(share * self._count)
         those = self._rng.choice(self._count, count, replace=False)
         kept = np.setdiff1d(np.arange(self._count), those)
@@ -703,9 +692,7 @@ class ParticleTracker:
         return evidence
 
     def _add_surprise(self, nats: float) -> None:
-        """Add to the log-likelihood ratio of clutter to tag; above a limit, redraw all
-        hypotheses.
-        """
+        """Add to the log-likelihood ratio of clutter to tag; redraw all above a limit."""
         self._surprise = max(0.0, self._surprise + nats)
         if self._surprise > TRACK.lost_nats:
             self._renew()

@@ -143,7 +143,7 @@ class SurveyEvidence:
         return east, north
 
     def _shifts(self) -> tuple[float, ...]:
-        """Candidate errors of the height for which the drone is still above the ground [m]."""
+        """Candidate height errors for which the drone is still above the ground [m]."""
         if self._height_sigma_m <= 0.0:
             return (0.0,)
         lowest = float(np.median(self._track.height_m)) - SURVEY.least_height_m
@@ -190,12 +190,12 @@ class SurveyEvidence:
     ) -> list[NDArray[np.bool_]]:
         """Return probable sets of the tag's own pulses, as masks (n,), the most probable first.
 
-        A pulse is excluded where another sender is more probable than the pulse's deviation.
-        That depends on the tag's position: a monopole receives little from directly below the
-        drone, so a weak pulse of another sender looks like the pulse of a tag there. Positions
-        around the approximate one and below weak pulses are examined. With missed pulses or
-        over hills, likelihoods of different sets cannot be compared; then only pulses that are
-        outliers at all positions are excluded.
+        A pulse is excluded where another sender is more probable than its deviation. That
+        depends on the tag's position: a monopole receives little from directly below the drone,
+        so a weak pulse of another sender looks like one of a tag there. Positions near the
+        approximate one and below weak pulses are examined. With missed pulses or over hills,
+        only pulses that are outliers at all positions are excluded, since likelihoods of
+        different sets cannot be compared.
         """
         reach_m = SURVEY.mirror_reach * step_m
         off = np.linspace(-reach_m, reach_m, SURVEY.mirror_cells)
