@@ -291,7 +291,7 @@ def _too_wide(tags: Floats, span_hz: float) -> TunerError:
     low, high = tags.min(), tags.max()
     return TunerError(
         f"the tags span {(high - low) / 1e3:.1f} kHz, from {_mhz(low)} to {_mhz(high)} MHz, "
-        f"but the radio serves {span_hz / 1e3:.1f} kHz at a time",
+        f"but the radio receives only {span_hz / 1e3:.1f} kHz at a time",
         remedy="Search them in two flights, leave the outermost tag out, or use a radio with a "
         "higher sample rate",
     )

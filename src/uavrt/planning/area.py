@@ -286,7 +286,7 @@ class SearchArea:
     def __post_init__(self) -> None:
         if not 0.0 < self.lowest_m < self.highest_m:
             raise PlanError(
-                f"the heights are {self.lowest_m:g} to {self.highest_m:g} m above ground",
+                f"the heights {self.lowest_m:g} to {self.highest_m:g} m are invalid",
                 remedy="Give a lower and a higher height, both above 0",
             )
         if self.fence is None:

@@ -28,8 +28,8 @@ class KeepAway:
     def __post_init__(self) -> None:
         if self.radius_m <= 0.0 or not 0.0 < self.probability < 1.0 or self.margin < 1.0:
             raise ConfigError(
-                f"the distance to animals is {self.radius_m:g} m, its probability "
-                f"{self.probability:g}, and its margin {self.margin:g}",
+                f"invalid distance to animals: {self.radius_m:g} m, probability "
+                f"{self.probability:g}, margin {self.margin:g}",
                 remedy="Give a radius above 0, a probability below 1, a margin of 1 or more",
             )
 

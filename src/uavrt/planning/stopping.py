@@ -54,12 +54,16 @@ class AccuracyStop:
         # The 95 % radius is 1.7 times the rms of a round cloud of hypotheses, and twice that of
         # a long one, so a cloud whose rms exceeds the target is rejected without its circle.
         if rms > self.radius95_m:
-            return Verdict(found=False, reason=f"still ± {rms:.0f} m")
+            return Verdict(
+                found=False, reason=f"the position is still uncertain by {rms:.0f} m"
+            )
         if belief.log_bayes_factor < np.log(self.bayes_factor):
             return Verdict(found=False, reason="the tag may be absent")
         check = belief.model_check()
         if not check.passed:
-            return Verdict(found=False, reason=f"pulses are not as expected ({check})")
+            return Verdict(
+                found=False, reason=f"the pulses do not fit the estimated position ({check})"
+            )
         doubt = belief.doubt()
         if doubt is not None:
             return Verdict(found=False, reason=doubt)

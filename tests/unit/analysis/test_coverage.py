@@ -155,7 +155,7 @@ def test_another_datum_is_named(
     flight = write_flight(tags=2, heard=1)
     hills = write_hills(tmp_path, amsl_m=2107.0 - 31.0)
     coverage(flight, tag_power=-50.0, dem=hills, cell=50.0, as_json=True)
-    assert "another datum" in str(told(capsys)[0]["limitations"])
+    assert "height datums or positions differ" in str(told(capsys)[0]["limitations"])
 
 
 def test_a_cut_off_tile_and_a_file_without_places_are_named(tmp_path: Path) -> None:

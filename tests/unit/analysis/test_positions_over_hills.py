@@ -48,7 +48,7 @@ def test_level_ground_changes_nothing_and_wrong_ground_is_named(
         place=Placing(antenna="monopole", dem=write_tile(tmp_path, amsl_m=2076.0)),
         as_json=True,
     )
-    assert any("another datum" in text for text in cautions(capsys))
+    assert any("height datums or positions differ" in text for text in cautions(capsys))
     elsewhere = write_tile(tmp_path, name="N47E008")
     localize(flight, place=Placing(antenna="monopole", dem=elsewhere), as_json=True)
     records = json.loads(capsys.readouterr().out)

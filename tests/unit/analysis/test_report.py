@@ -108,7 +108,7 @@ def test_the_headline_says_what_its_bearings_say(survey: Survey) -> None:
 
 def test_the_headline_says_what_may_be_wrong_with_all_bearings(survey: Survey) -> None:
     rows = dict(words.findings(survey)[0].facts.rows)
-    assert any("a shared error" in text for text in rows["Caution"])
+    assert any("an error common to all bearings" in text for text in rows["Caution"])
 
 
 def test_a_card_has_the_words_of_the_command_line(

@@ -94,7 +94,7 @@ def run_batch(
     lock = WriterLock()
     if not lock.take(output, 0.0):
         raise RecordingError(
-            f"{output} cannot be written, or another batch is writing there",
+            f"{output} cannot be written, or another batch is writing to it",
             remedy="Wait until the other batch ends, or give another directory with -o",
         )
     try:

@@ -141,7 +141,7 @@ class _StoredBytes:
             got = int(self._file.readinto(view))
         if got == 0:
             raise StoreError(
-                f"{self._url} ends in the middle, at byte {offset} of {self._size}",
+                f"{self._url} is truncated: it ends at byte {offset} of {self._size}",
                 remedy="Repeat the command: it continues from there",
             )
         return got

@@ -132,10 +132,10 @@ class Found:
     """Files that are neither a recording nor part of a flight or a recording."""
 
 
-NO_RECORDING = "its name is not that of a recording (name it in --manifest)"
+NO_RECORDING = "the file name is not that of a recording (list the file in --manifest)"
 _LONE_DATA = "its .sigmf-meta is missing"
-_LINK = "a link to a folder (name it itself)"
-_NO_TEXT = "its name is not UTF-8 text (rename it)"
+_LINK = "a link to a folder (name the folder itself)"
+_NO_TEXT = "the file name is not UTF-8 text (rename the file)"
 """Reason for skipping a file whose name cannot be written into a table."""
 
 

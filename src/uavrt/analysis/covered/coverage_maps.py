@@ -135,7 +135,7 @@ def inside(polygon: Polygon, ground: GroundGrid) -> NDArray[np.bool_]:
     away_m = float(np.hypot(*beyond).min())
     if not away_m:
         raise UsageError(
-            f"the {polygon.name} contains the middle of no map cell",
+            f"the {polygon.name} contains no map cell's centre",
             remedy="Choose a smaller --cell",
         )
     if away_m > _ELSEWHERE_M:

@@ -264,12 +264,12 @@ def _setting_changes(tag: Tag, searched: SearchedFor) -> list[str]:
     if searched.interval_uncertainty_s < tag.interval_uncertainty_s:
         found.append(
             f"intervals within {1e3 * searched.interval_uncertainty_s:g} ms of the listed one, "
-            f"which may be {1e3 * tag.interval_uncertainty_s:g} ms off"
+            f"but the tag's may differ by {1e3 * tag.interval_uncertainty_s:g} ms"
         )
     if searched.interval_jitter_s < tag.interval_jitter_s:
         found.append(
-            f"pulses within {1e3 * searched.interval_jitter_s:g} ms of their beat, which may "
-            f"be {1e3 * tag.interval_jitter_s:g} ms off"
+            f"pulses at most {1e3 * searched.interval_jitter_s:g} ms off equal intervals, but "
+            f"they may be {1e3 * tag.interval_jitter_s:g} ms off"
         )
     return found
 

@@ -189,7 +189,10 @@ def _without_repeats(
     for path, rows in files:
         kept = [one for one in rows if key(one) not in known]
         if copies := len(rows) - len(kept):
-            warn(f"{copies} bearings of {path} are in another file, too: left out")
+            warn(
+                f"{copies} bearings of {path} are also in another file and are not counted "
+                "twice"
+            )
         known.update(map(key, rows))
         found.append((path, kept))
     return found
@@ -205,7 +208,7 @@ def _under_keys(rows: Sequence[TagBearing], same: SameTags) -> list[TagBearing]:
     for tag_id in sorted({one.tag_id for one in rows}):
         if len(keys.get(tag_id, ())) > 1:
             raise UsageError(
-                f"{tag_id} is the number of several tags in these flights",
+                f"tag id {tag_id} means different tags in these flights",
                 remedy="With a bearings file, name flights in which this number is one tag",
             )
     return [replace(one, tag_id=keys.get(one.tag_id, [one.tag_id])[0]) for one in rows]
@@ -315,7 +318,10 @@ def _positions_of_turns(
     own_bearings = [one for each in together for one in each.bearings]
     kept = [one for one in noted if not any(_is_copy(one, each) for each in own_bearings)]
     if copies := len(noted) - len(kept):
-        warn(f"{copies} bearings of a file are of turns in these flights: left out")
+        warn(
+            f"{copies} bearings of a file come from turns in these flights and are not "
+            "counted twice"
+        )
     together.append(Found(bearings=kept))
     every = Found(heard=frozenset().union(*(each.heard for each in together)))
     return place([every, *together], how, over)

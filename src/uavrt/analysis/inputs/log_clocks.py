@@ -54,7 +54,7 @@ def clock_doubts(logs: Sequence[tuple[str | Path, Sequence[int]]]) -> list[str]:
         if gap_s > _APART_S:
             doubts.append(
                 f"{path} begins {iso_utc(first_ns)[:16]}, {timedelta(minutes=gap_s // 60)} "
-                "from the nearest other one: if they were recorded together, a clock is wrong"
+                "from the nearest other log: if they were recorded together, a clock is wrong"
             )
     return doubts
 
@@ -74,7 +74,7 @@ def pulse_doubts(logs: Sequence[tuple[str | Path, Mapping[int, Sequence[int]]]])
         apart = [_is_apart(pulses[key], others[key]) for key in pulses.keys() & others.keys()]
         if True in apart and False not in apart:
             doubts.append(
-                f"{path} and {other_path} have the pulses of the same tag at different times: "
+                f"{path} and {other_path} contain the same tag's pulses at different times: "
                 f"one of their clocks is wrong, by {_SAME_PULSE_S:g} s or much more"
             )
     return doubts

@@ -177,7 +177,11 @@ class Integration:
                 self.fault = None
             except (UavrtError, OSError, MemoryError) as error:
                 if str(error) != self.fault:
-                    log.warning("tag left out of the search", tag=tag.tag_id, reason=str(error))
+                    log.warning(
+                        "tag excluded from the whole-flight search",
+                        tag=tag.tag_id,
+                        reason=str(error),
+                    )
                 self.fault = str(error)
             except Exception as error:  # ours: other tags are judged all the same
                 log.exception("whole-flight search of a tag failed; other tags continue")
@@ -200,7 +204,7 @@ def main() -> None:
         try:
             integration = Integration(frame)
         except UsageError as error:
-            log.error("whole-flight search off in this flight", reason=str(error))
+            log.error("whole-flight search disabled in this flight", reason=str(error))
             frame.notify(4, f"no whole-flight search on the drone: {error.message}")
             frame.idle(error.message)
             return

@@ -111,7 +111,7 @@ def export_bag(
         shutil.rmtree(target)  # half of it would be in the way of the next try
         if isinstance(error, ValueError | TypeError | OverflowError | struct.error):
             raise FormatError(
-                f"{flight_directory} has a value that no ROS 2 message can hold: {error}",
+                f"{flight_directory} has a value that ROS 2 messages cannot represent: {error}",
                 remedy="Export it in another format",
             ) from error
         raise

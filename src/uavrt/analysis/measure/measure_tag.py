@@ -163,7 +163,9 @@ def _doubt(train: Train, half_span_hz: float, center_hz: float) -> str | None:
         original_mhz = (center_hz + train.image_of_hz) / 1e6
         return f"an image of {original_mhz:.6f} MHz, made in the receiver: reduce its gain"
     if train.together > 1:
-        return f"at {train.together} frequencies at once: a device, not an animal"
+        return (
+            f"received at {train.together} frequencies at once: a device, not an animal's tag"
+        )
     if abs(train.frequency_hz) > half_span_hz:
         return "at the band's edge, where nothing can be measured: tune the radio nearer"
     return train.doubt

@@ -147,7 +147,7 @@ def _system(survey: Survey) -> Iterator[Block]:
         yield Paragraph("Bearings", "section")
         yield Grid(words.bearing_table(survey), (6, 11, 22, 8, 15, 7, 23))
     if (beeps := words.beep_table(survey)) is not None:
-        yield Paragraph("What else beeped", "heading")
+        yield Paragraph("Other beeping signals", "heading")
         yield Grid(beeps, (10, 11, 9, 7, 5, 50))
     events = words.events(survey)
     if survey.health or survey.search_reports or events:

@@ -93,7 +93,7 @@ def _draft(cells: list[str], line: int, faults: list[Fault]) -> TagDraft | None:
     if len(cells) != len(COLUMNS):
         names = ", ".join(name for name, _ in COLUMNS)
         hint = " (write numbers with a point, 0.01)" if len(cells) > len(COLUMNS) else ""
-        text = f"{len(cells)} values where {len(COLUMNS)} belong: {names}{hint}"
+        text = f"{len(cells)} values instead of {len(COLUMNS)}: {names}{hint}"
         faults.append(Fault(line=line, text=text))
         return None
     draft = TagDraft(line=line, name=name)

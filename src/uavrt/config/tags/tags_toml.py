@@ -204,11 +204,11 @@ def _read_code(
         return
     if kind == "beeping":
         for key in given[1:]:
-            fault(key, f'{key} is of a coded tag: write kind = "coded", or leave it out')
+            fault(key, f'{key} is only for a coded tag: write kind = "coded", or leave it out')
         return
     for key in ("interval_ms", "second_interval_ms"):
         if key in table:
-            fault(key, f"{key} is of a beeping tag: a coded one has burst_interval_s")
+            fault(key, f"{key} is only for a beeping tag: a coded tag has burst_interval_s")
     read_gaps(
         draft, table.get("gaps_ms"), line_of(lines, (*path, "gaps_ms")) or draft.line, faults
     )

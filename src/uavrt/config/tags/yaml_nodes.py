@@ -60,11 +60,11 @@ def _documents(yaml: Any, text: str) -> Iterator[Any]:
         def compose_node(self, parent: Any, index: Any) -> Any:
             fault = None
             if self.check_event(yaml.AliasEvent):
-                fault = "aliases (*) are not read here: write the value itself"
+                fault = "aliases (*) are not supported: write the value itself"
             elif self.depth > YAML_TAGS.depth:
                 fault = "nested too deeply for a list of tags"
             elif self.nodes >= YAML_TAGS.values:
-                fault = "more values than a list of tags has"
+                fault = "more values than a list of tags may have"
             if fault is not None:
                 mark = self.peek_event().start_mark
                 raise yaml.composer.ComposerError(None, None, fault, mark)
@@ -88,7 +88,7 @@ def _node(found: Any, faults: list[Fault]) -> Node:
     for key, value in found.value:
         at = key.start_mark.line + 1
         if key.id != "scalar":
-            faults.append(Fault(line=at, text="a name that is a list or a mapping"))
+            faults.append(Fault(line=at, text="a key is a list or a mapping instead of a name"))
             continue
         if key.value in pairs:
             faults.append(Fault(line=at, text=f"{key.value[:40]} is given twice"))

@@ -288,8 +288,8 @@ def height_warning(ground_m: float, said_m: float) -> tuple[str, ...]:
         return ()
     return (
         f"the take-off is at {ground_m:.0f} m in the elevation files and at {said_m:.0f} m in "
-        "the flight: another datum, or another place. Heights count from the take-off in the "
-        "elevation files",
+        "the flight: their height datums or positions differ. Heights are counted from the "
+        "take-off in the elevation files",
     )
 
 

@@ -347,7 +347,7 @@ def _straight(
     if not np.isfinite(duration):
         raise ConfigError(
             f"the wind ({wind.east_m_s:.1f} m/s east, {wind.north_m_s:.1f} m/s north) is too "
-            f"strong for a drone of {vehicle.speed_m_s:g} m/s",
+            f"strong for a drone that flies {vehicle.speed_m_s:g} m/s",
             remedy="Land, or fly downwind only",
         )
     count = max(1, int(np.ceil(duration / step - 1e-6)))

@@ -32,8 +32,8 @@ class Separation:
     def __post_init__(self) -> None:
         if min(self.distance_m, self.height_m) <= 0.0 or self.margin < 1.0:
             raise ConfigError(
-                f"the distance between drones is {self.distance_m:g} m, {self.height_m:g} m in "
-                f"height, with a margin of {self.margin:g}",
+                f"invalid distance between drones: {self.distance_m:g} m, height difference "
+                f"{self.height_m:g} m, margin {self.margin:g}",
                 remedy="Give distances above 0 and a margin of 1 or more",
             )
 

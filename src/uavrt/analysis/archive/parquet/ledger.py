@@ -182,7 +182,9 @@ class Ledger(Generic[R]):
                 if is_part(path):
                     path.unlink()
                 elif _TABLE.fullmatch(path.name) and f"{table}/{path.name}" not in known:
-                    self._discard(path, "it belongs to no row", keeps=unreadable)
+                    self._discard(
+                        path, "no finished recording or flight refers to it", keeps=unreadable
+                    )
 
     def _is_table(self, name: str) -> bool:
         folder, _, file = name.partition("/")

@@ -122,7 +122,7 @@ class _Cluster:
             elif now_s - self._alone_s > NO_WORKER_S:
                 self._alone_s = math.inf  # it is said once, until one has come
                 self._on_wait(
-                    f"no worker has come to the scheduler. Start one on each machine: "
+                    f"no worker is connected to the scheduler. Start one on each machine: "
                     f"dask worker {self._scheduler} --nthreads 1"
                 )
         return max(_QUEUED_LEAST, 2 * self._threads)

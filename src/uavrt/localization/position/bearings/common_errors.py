@@ -219,14 +219,14 @@ def _inlier(residual: _Floats, sigma: _Floats, outlier_share: float) -> _Floats:
 
 UNCHECKED = Caution(
     name="unchecked",
-    text="a shared error (compass, a moving tag) cannot be checked: that needs "
+    text="an error common to all bearings (compass, moving tag) cannot be detected: that needs "
     f"{COMMON.least_stations} bearings from around the tag",
 )
 
 UNKNOWN_SIGMAS = Caution(
     name="unchecked",
-    text="a shared error (compass, a moving tag) cannot be checked: the bearings have no error "
-    "estimates",
+    text="an error common to all bearings (compass, moving tag) cannot be detected: the "
+    "bearings have no error estimates",
 )
 
 

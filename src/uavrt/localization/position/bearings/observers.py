@@ -22,8 +22,8 @@ each direction, as a share of the mean distance and as a constant [m]."""
 
 AGREEMENT_ALONE = Caution(
     name="observer",
-    text="the circle rests on the agreement of the bearings alone: bearings by hand may agree "
-    "and miss the tag; test trials at known places show how far",
+    text="the circle is based only on how well the bearings agree: bearings taken by hand may "
+    "agree and still miss the tag; test trials at known places show by how much",
 )
 
 

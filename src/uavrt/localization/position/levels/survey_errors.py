@@ -289,7 +289,7 @@ def cautions_of_survey(evidence: SurveyEvidence) -> tuple[Caution, ...]:
     if evidence.foreign >= max(2, 0.01 * len(evidence.kept)):
         text = (
             f"{evidence.foreign} of {len(evidence.kept)} pulses do not fit the others and are "
-            "left out: perhaps of another transmitter"
+            "excluded: they may come from another transmitter"
         )
         found.append(Caution(name="foreign", text=text))
     return tuple(found)
