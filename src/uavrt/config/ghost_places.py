@@ -30,7 +30,7 @@ _PRODUCTS = (
     *((2, -1), (-1, 2), (3, -2), (-2, 3)),
     *((1, 1), (-1, -1), (1, -1), (-1, 1), (-2, -1), (-1, -2)),
 )
-"""Factors (m, n) of third-order and other intermodulation products.
+"""Pairs of factors (m, n) of intermodulation products.
 
 Two signals at offsets a and b from the centre frequency cause a spurious signal at m a + n b.
 The first four pairs come from nonlinear amplifiers, the rest from converters that process I and

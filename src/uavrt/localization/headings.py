@@ -49,7 +49,9 @@ class Headings:
     def gain_db(
         self, pattern: AntennaPattern, bearing_deg: NDArray[np.float64], elevation_deg: float
     ) -> NDArray[np.float64]:
-        """Gain relative to boresight (n, b) [dB] towards bearings (b,) at one elevation."""
+        """Gain relative to boresight [dB], shape (n, b), towards bearings (b,) at one elevation
+        [deg].
+        """
         if self.axes is None and elevation_deg == 0.0:
             return pattern.gain_db(bearing_deg[None, :] - self.yaw_deg[:, None])
         bearing, elevation = np.radians(bearing_deg), np.radians(elevation_deg)

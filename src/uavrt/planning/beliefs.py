@@ -50,8 +50,8 @@ class _ExistenceRules:
     rival_nats: float = 7.0
     """Largest log odds that received pulses come from an interferer [nats]."""
     tag_nats: float = 25.0
-    """Upper limit of the evidence that a tag exists [nats]. It keeps the probability able to
-    fall when pulses stop."""
+    """Upper limit of the evidence that a tag exists [nats], with which the probability can
+    still fall when pulses stop."""
     known_share: float = 0.5
     """Largest position spread at which an interferer counts as located, as a share of the
     search area's spread."""

@@ -39,8 +39,8 @@ from uavrt.radio.opening import open_recording
 SWITCH_KEY = "uavrt:antenna_switch"
 """Name of the antenna switch's entry in SigMF metadata (docs/reference/formats.md)."""
 _EDGE = 0.1
-"""Share of a pulse's width that is excluded at each end: 2 ms of 20 ms. Twice the error of the
-measured start is less."""
+"""Share of a pulse's width that is excluded at each end: 2 ms of 20 ms, twice the error of the
+measured start."""
 _ONE_PLACE_M = 15.0
 _METHODS: dict[str, ArrayMethod] = {
     "circle": "pseudo_doppler",

@@ -66,8 +66,8 @@ class BatchWatch:
     """Function called with each missing or damaged output file, and the reason; the file is
     written again."""
     on_wait: Callable[[str], None] = lambda _text: None
-    """Function called with a message for the user that says what the run waits for and what to
-    do."""
+    """Function called with a message for the user that states what the run waits for and what
+    to do."""
     on_origin: Callable[[str, str], None] = lambda _name, _origin: None
     """Function called with each recording whose file has no start time, and the source of the
     time used instead."""

@@ -33,12 +33,12 @@ class Strengths:
     """Reason why none of the levels can be used; None if they can."""
 
     def because(self, reason: str) -> str:
-        """Sentence telling the operator that the levels are not used, with the reason."""
+        """Sentence for the operator that states why the levels are not used."""
         return f"{self.listener}: strengths of {self.pulses} pulses are not used: {reason}"
 
     @property
     def outcome(self) -> str:
-        """Sentence telling the operator whether the levels were used."""
+        """Sentence for the operator that states whether the levels were used."""
         if self.unused is not None:
             return self.because(self.unused)
         stood = "one place" if len(self.level_db) == 1 else f"{len(self.level_db)} places"
