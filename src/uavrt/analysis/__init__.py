@@ -1,9 +1,9 @@
 """Turn recordings and flights into results: bearings, positions, reports and exports.
 
 `survey` reads a flight or a pulse log with all its estimates; `estimates/bearings`,
-`estimates/positions` and `whole_flights/judged_flights` are single steps. `measure` works on
-recordings, and `tracks` reads logs of autopilots. `export` and `report` write results, and
-`covered/coverage_maps` maps where a tag would have been detected.
+`estimates/positions` and `whole_flights/judged_flights` compute single steps. `measure`
+analyses recordings, and `tracks` reads logs of autopilots. `export` and `report` write results,
+and `covered/coverage_maps` maps where a tag would have been detected.
 """
 
 from typing import TYPE_CHECKING

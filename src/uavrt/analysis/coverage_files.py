@@ -18,7 +18,7 @@ from uavrt.planning.detectability.detection_coverage import Coverage
 def write_maps(
     directory: Path, name: str, coverage: Coverage, path: Sequence[tuple[float, float]]
 ) -> list[Path]:
-    """Write a coverage map as `name`.tif (detection probabilities) and `name`.png.
+    """Write a coverage map as `name`.tif (detection probabilities) and `name`.png (picture).
 
     The picture is drawn as in a report; without matplotlib it shows only the map's cells.
     """
@@ -52,9 +52,11 @@ def _picture(coverage: Coverage, path: Sequence[tuple[float, float]]) -> bytes:
 def write_silence(
     directory: Path, flight: Flight, maps: dict[int, SilentMap], tag_ids: Sequence[int]
 ) -> dict[int, list[Path]]:
-    """Write coverage maps of tags not found as GeoTIFF and PNG; remove outdated ones.
+    """Write GeoTIFF and PNG coverage maps of tags that were not found, and remove outdated
+    maps.
 
-    `maps` come from `silent_maps`, by tag id. Files of the other tags in `tag_ids` are removed.
+    `maps` come from `silent_maps`, by tag id. Map files of other tags in `tag_ids` are
+    removed.
     """
     for tag_id in set(tag_ids) - set(maps):
         for ending in ("tif", "png"):

@@ -1,7 +1,7 @@
-"""Season statistics: flights, minutes, effort for each animal, batteries.
+"""Compute statistics of a season: flights, minutes, effort for each animal, batteries.
 
-They cover all flights in a folder. A flight that was recorded by both ground station and drone
-counts once, as do its batteries.
+They cover all flights in a folder. A flight that both ground station and drone recorded counts
+once, as do its batteries.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ CHANGED_PERCENT = 10
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnimalOfSeason:
-    """Flights and effort for one animal."""
+    """Number of flights and effort for one animal in a season."""
 
     tag_id: int
     name: str | None
@@ -52,13 +52,14 @@ class Season:
     """Flight minutes per detected animal, with one detection counted per animal and flight;
     None if no animal was detected."""
     batteries: int
-    """Number of batteries used; flights in `flights_without_battery` are not counted."""
+    """Number of batteries used; flights counted in `flights_without_battery` are not
+    included."""
     batteries_used: float
-    """Battery charge used by all flights, in units of one full battery."""
+    """Total battery charge used by all flights, as a number of full batteries."""
     flights_without_battery: int
-    """Number of flights without battery data, since no ground station recorded them."""
+    """Number of flights without battery data, because no ground station recorded them."""
     copies: int
-    """Number of directories that are a second copy of a flight."""
+    """Number of directories that contain a second copy of a flight."""
     unreadable: tuple[str, ...]
     animals: tuple[AnimalOfSeason, ...]
 
@@ -99,7 +100,8 @@ def read_season(directory: Path) -> Season:
 
 
 _Animal = tuple[int, int]
-"""Tag id and frequency [kHz], since ids are reused for other animals."""
+"""Tag id and frequency [kHz]. Both identify an animal, since ids are reused for other
+animals."""
 
 
 def _minutes(flight: CopiesOfFlight) -> float:
@@ -142,9 +144,9 @@ def _animal(searched: Sequence[tuple[Tag, CopiesOfFlight]]) -> AnimalOfSeason:
 
 
 def _batteries(flights: Sequence[CopiesOfFlight]) -> tuple[int, float]:
-    """Number of batteries and charge used, over all vehicles; a flight's copies count once.
+    """Return the number of batteries and the charge used, over all vehicles.
 
-    Of a flight's copies, the one with most battery reports counts.
+    Of several copies of a flight, only the one with the most battery reports is counted.
     """
     before: dict[str | None, int] = {}
     put_in, used = 0, 0.0
@@ -163,6 +165,8 @@ def _batteries(flights: Sequence[CopiesOfFlight]) -> tuple[int, float]:
 
 
 def _discharges(copy: FlightOutline) -> tuple[int, int]:
-    """Total drop of the charge [%] in one record's battery reports, and number of reports."""
+    """Return the total drop of the charge [%] in one record's battery reports, and the number
+    of reports.
+    """
     falls = (max(0, one - other) for one, other in pairwise(copy.battery_percent))
     return sum(falls), len(copy.battery_percent)

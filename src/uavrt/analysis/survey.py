@@ -1,4 +1,4 @@
-"""Collect all data and estimates of a flight or pulse log, for reports and exports."""
+"""Collect all data and estimates of a flight or a pulse log, for reports and exports."""
 
 import math
 import os
@@ -73,12 +73,13 @@ class Survey:
     antenna: str
     """Name of the antenna pattern used for the bearings."""
     pattern: AntennaPattern | None = None
-    """Antenna pattern as corrected by the turns; None without a turn."""
+    """Antenna pattern after correction by the flight's turns; None if the drone did not
+    turn."""
     offset_deg: float = 0.0
-    """Antenna boresight, clockwise from the heading in the poses [deg]."""
+    """Angle of the antenna's boresight clockwise from the heading in the poses [deg]."""
     pulse_poses: tuple[PulsePose, ...]
     track: tuple[Pose, ...]
-    """Poses of the vehicle; for a log without them, the positions of the pulses."""
+    """Poses of the vehicle; for a log without poses, the positions of its pulses."""
     bearings: tuple[TagBearing, ...] = ()
     positions: tuple[TagPosition, ...] = ()
     signals: tuple[TagSignal, ...] = ()
@@ -115,7 +116,7 @@ class Survey:
         return next((tag for tag in tags if tag.tag_id == tag_id), None)
 
     def pulses_of(self, tag_id: int) -> tuple[PulsePose, ...]:
-        """Pulses of one tag, without those found by ``uavrt integrate``."""
+        """Pulses of one tag, excluding those found by ``uavrt integrate``."""
         return tuple(one for one in self.pulse_poses if one.pulse.tag_id == tag_id)
 
     def integrated_of(self, tag_id: int) -> tuple[PulsePose, ...]:
@@ -139,7 +140,9 @@ class Survey:
         return tuple(one for one in self.bearings if one.tag_id == tag_id)
 
     def position_of(self, tag_id: int) -> TagPosition | None:
-        """Position of one tag or the reason why there is none; None without any result."""
+        """Position of one tag, or the reason why it has none; None if no position was
+        estimated.
+        """
         return next((one for one in self.positions if one.tag_id == tag_id), None)
 
     def placed(self, tag_id: int) -> Position | None:
@@ -148,7 +151,9 @@ class Survey:
         return None if found is None else found.position
 
     def position_time_ns(self, tag_id: int) -> int | None:
-        """Time of a tag's position [ns, UTC]: end of its last bearing, pulse or path."""
+        """Time to which a tag's position refers [ns, UTC]: end of its path, last bearing or
+        last pulse.
+        """
         position = self.placed(tag_id)
         if position is not None and position.track:
             return position.track[-1].time_ns
@@ -157,7 +162,7 @@ class Survey:
         return max(bearings or heard, default=None)
 
     def signal_of(self, tag_id: int) -> TagSignal | None:
-        """Signal strength results of one tag; None unless flown with a monopole."""
+        """Results from the signal strength of one tag; None unless flown with a monopole."""
         return next((one for one in self.signals if one.tag_id == tag_id), None)
 
     @property
@@ -181,7 +186,7 @@ class Survey:
 
     @property
     def span_ns(self) -> tuple[int, int] | None:
-        """First and last time of any record [ns, UTC]; None without records."""
+        """First and last time in the records [ns, UTC]; None without records."""
         times = [pose.time_ns for pose in self.track]
         times += [one.pulse.start_time_ns for one in self.pulse_poses]
         if self.info is not None:
@@ -192,10 +197,10 @@ class Survey:
 def read_survey(path: str | os.PathLike[str], how: EstimationOptions | None = None) -> Survey:
     """Read a flight directory or a pulse log of any kind, and estimate bearings and positions.
 
-    Estimates that fail are missing from the result, and a warning gives the reason. Without an
-    antenna in `how`, the flight's is used, RA-23K for a log without, and a monopole for UCSD's
-    pings. Raises `FormatError` if `path` is neither flight nor log, and `UsageError` for an
-    unknown antenna or a damaged report.toml.
+    An estimate that fails is missing from the result, and a warning states the reason. If `how`
+    names no antenna, the flight's antenna is used, RA-23K for a log without one, and a monopole
+    for UCSD's pings. Raises `FormatError` if `path` is neither flight nor log, and `UsageError`
+    for an unknown antenna or a damaged report.toml.
     """
     how, recorded = how or EstimationOptions(), read_recorded(path)
     antenna = how.antenna or recorded.antenna
@@ -241,7 +246,9 @@ def read_survey(path: str | os.PathLike[str], how: EstimationOptions | None = No
 
 
 def _estimated(recorded: Recorded, how: EstimationOptions, warnings: list[str]) -> Estimated:
-    """Estimate bearings and positions; past flights help to correct the antenna pattern."""
+    """Estimate bearings and positions. Turns of past flights are also used to correct the
+    antenna pattern.
+    """
     heard = recorded.heard(recorded.antenna)
     past: list[list[HeardInTurn]] = []
     if how.antenna is not None and how.antenna != MONOPOLE and recorded.flight is not None:
@@ -282,7 +289,7 @@ def _with_records(survey: Survey, directory: Path, flight: Flight) -> Survey:
 
 
 def thinned(track: Sequence[Pose], step_s: float = 1.0) -> list[Pose]:
-    """Keep the first pose of each time step, and the last pose."""
+    """Reduce a track to the first pose of each time step, and the last pose."""
     first = [
         next(group)
         for _, group in groupby(track, lambda p: p.time_ns // (step_s * NANOSECONDS_PER_SECOND))

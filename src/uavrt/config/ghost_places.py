@@ -1,9 +1,10 @@
-"""Compute frequencies at which a receiver shows spurious signals, such as mirror images.
+"""Compute at which frequencies a strong signal causes spurious signals in a receiver.
 
-If a ghost of one tag may appear at another tag's frequency, one detector process searches for
-both tags, as far as the load stays even. It compares both pulse trains at once. Two processes
-would exchange trains through the supervisor, a second later, and some flights would confirm a
-ghost.
+Spurious signals are mirror images, harmonics and intermodulation products. If one tag may cause
+a spurious signal at another tag's frequency, a single detector process searches for both tags,
+if this keeps the processes' loads balanced. It can compare both pulse trains at once. Two
+processes would have to compare them through the supervisor a second later, and some flights
+would confirm a spurious signal as a tag.
 """
 
 import itertools
@@ -17,26 +18,30 @@ assumed."""
 _NEAR_HZ = 15.0
 _NEAR_HZ_PER_MULTIPLE = 3.0
 _NEIGHBOUR_HZ = 1000.0
-"""Smallest distance between a signal and its spurious signal [Hz]; anything nearer counts as
-leakage."""
+"""Smallest distance between a signal and a spurious signal that it causes [Hz]; anything nearer
+counts as spectral leakage."""
 _USUAL_HZ = 500.0
 """Largest assumed error of a tag's labelled frequency [Hz], even if the search band is
 wider."""
 _MULTIPLES = sorted(set(range(-HIGHEST, HIGHEST + 1)) - {0, 1}, key=lambda m: (abs(m), m))
-"""Multiples of a signal's offset from the centre frequency at which spurious signals appear,
+"""Multiples of a signal's offset from the centre frequency at which it causes spurious signals,
 lowest first; -1 is the mirror image."""
 _PRODUCTS = (
     *((2, -1), (-1, 2), (3, -2), (-2, 3)),
     *((1, 1), (-1, -1), (1, -1), (-1, 1), (-2, -1), (-1, -2)),
 )
-"""Pairs of multiples that give an intermodulation product: the offsets of two signals from the
-centre frequency, multiplied by them, add up to its offset. Nonlinear amplifiers make the first
-four; a converter that treats I and Q separately makes the others."""
+"""Pairs of factors (m, n) of intermodulation products.
+
+Two signals at offsets a and b from the centre frequency cause a spurious signal at m a + n b.
+The first four pairs come from nonlinear amplifiers, the rest from converters that process I and
+Q separately."""
 
 
 @dataclass(frozen=True, slots=True)
 class Receiver:
-    """Centre frequency and sample rate of a receiver, which determine its spurious signals."""
+    """A receiver's centre frequency and sample rate, which determine where spurious signals
+    appear.
+    """
 
     center_frequency_hz: float
     sample_rate_hz: float
@@ -44,7 +49,9 @@ class Receiver:
     def makes(
         self, ghost_hz: float, original_hz: float, partners_hz: Iterable[float] = ()
     ) -> bool:
-        """True if a signal, alone or with `partners_hz`, may be received at `ghost_hz` too."""
+        """True if a signal, alone or with `partners_hz`, may cause a spurious signal at
+        `ghost_hz`.
+        """
         if abs(ghost_hz - original_hz) < _NEIGHBOUR_HZ:
             return False
         return any(
@@ -60,7 +67,9 @@ class Receiver:
         nominal_hz: float,
         half_width_hz: float,
     ) -> float:
-        """Return the share (0 to 1) of a tag's search band that spurious signals may occupy."""
+        """Share (0 to 1) of a tag's search band that may contain spurious signals of another
+        signal.
+        """
         half_hz = min(half_width_hz, _USUAL_HZ)
         inside_hz = 0.0
         for place_hz, near_hz in self._places(original_hz, partners_hz):
@@ -71,9 +80,8 @@ class Receiver:
         return min(1.0, inside_hz / (2.0 * half_hz))
 
     def multiple(self, ghost_hz: float, original_hz: float, window_hz: float) -> int | None:
-        """Return the lowest multiple at which a signal's spurious signal is in a search band.
-
-        Return None without one; -1 is the mirror image.
+        """Multiple of a signal's offset that explains a spurious signal within a window, lowest
+        first (-1: mirror image); None if none does.
         """
         original = original_hz - self.center_frequency_hz
         for multiple in _MULTIPLES:
@@ -85,9 +93,8 @@ class Receiver:
     def _places(
         self, original_hz: float, partners_hz: Iterable[float]
     ) -> Iterator[tuple[float, float]]:
-        """Yield each spurious signal's offset from the centre and its tolerance [Hz].
-
-        The offset is that before aliasing.
+        """Yield the offset from the centre frequency, before aliasing, and the tolerance of
+        each possible spurious signal [Hz].
         """
         original = original_hz - self.center_frequency_hz
         for multiple in _MULTIPLES:

@@ -1,4 +1,6 @@
-"""Check ``[guidance]`` where several settings depend on each other: planner, limits."""
+"""Check the settings in ``[guidance]`` that depend on each other, such as the height limits,
+and the name of the planner.
+"""
 
 import json
 from collections.abc import Iterator
@@ -13,7 +15,9 @@ PLANNER_NAMES = ("mi_rate",)
 
 
 def guidance_faults(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield key and text of each contradiction between settings."""
+    """Yield the key and an error text for each inconsistent guidance setting; the loader
+    reports wrong types.
+    """
     table = document.get("guidance")
     if not isinstance(table, dict):
         return

@@ -79,7 +79,9 @@ def parse_settings(content: bytes, *, name: str) -> Settings:
 
 
 def _radio_faults(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield key and text of each fault: an unknown radio, or a value it does not support."""
+    """Yield the key and an error text for an unknown kind of radio and for each value that the
+    chosen radio does not support.
+    """
     table = document.get("radio")
     if not isinstance(table, dict):
         return
@@ -166,7 +168,7 @@ def _table_schema(schema: dict[str, Any], name: str) -> dict[str, Any] | None:
 
 
 def _explain(detail: "ErrorDetails", schema: dict[str, Any]) -> str:
-    """Convert a fault that pydantic found to a sentence: ``[radio] gian is unknown; …``."""
+    """Convert an error of pydantic to a sentence such as ``[radio] gian is unknown; …``."""
     where = [str(part) for part in detail["loc"]]
     table = _table_schema(schema, where[0]) if where else None
     label = f"[{where[0]}] {'.'.join(where[1:])}".rstrip() if table else ".".join(where)
@@ -197,9 +199,8 @@ def _explain(detail: "ErrorDetails", schema: dict[str, Any]) -> str:
 
 
 def _setting_lines(key: str, entry: dict[str, Any]) -> list[str]:
-    """Return a setting's lines: its comment and its default.
-
-    Without a default, the setting is commented out.
+    """Format one setting as lines of ``uavrt.toml``: its description as a comment, then the
+    default; without a default, the key is commented out.
     """
     comment = [f"# {line}" for line in _plain(str(entry.get("description", ""))).split("\n")]
     default = entry.get("default")
@@ -218,7 +219,9 @@ def _plain(text: str) -> str:
 
 
 def _rule(kind: str, text: str) -> str:
-    """Return the text of a violated custom rule; pydantic reports only its function's name."""
+    """Explain in words which custom rule a setting violates, since pydantic reports only the
+    rule's function name.
+    """
     if kind == "predicate_failed" and "is_ros_namespace" in text:
         return "a ROS namespace has letters, digits and single underscores, like drone1"
     return text.lower()

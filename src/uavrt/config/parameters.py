@@ -1,8 +1,9 @@
-"""Table of the settings that a ground station may change as MAVLink parameters.
+"""Table of the settings that a ground station may change as MAVLink parameters, one row each.
 
-Each parameter is one row. The drone's answers, the supervisor's checks, the file of stored
-values, the ground stations' metadata and the manual all derive from it. Names have at most 16
-characters (PARAM_VALUE); ground stations group them by the part before the first underscore.
+The drone's answers, the supervisor's checks, the file of stored values, the metadata for ground
+stations and the manual are all derived from this table. PARAM_VALUE limits names to 16
+characters; ground stations group parameters by the part of the name before the first
+underscore.
 """
 
 import math
@@ -18,7 +19,8 @@ from uavrt.core.messages import Tag
 Kind = Literal["whole", "real", "switch", "choice"]
 
 SIGNIFICANT_DIGITS = 7
-"""Number of decimal digits that a float32 holds; with it a received 0.005 is shown as 0.005."""
+"""Number of decimal digits to which parameters are rounded, because MAVLink sends them as
+float32; 0.005 is then shown as 0.005."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,17 +39,18 @@ class Parameter:
     unit: str = ""
     decimals: int = 0
     choices: tuple[str, ...] = ()
-    """Names of the values 0, 1, …; empty if the value is a quantity."""
+    """Names of the values 0, 1, … of a choice; empty for a numeric parameter."""
     absent: float | None = None
     """Value outside `low` to `high` that means "not set"; None if the setting must have a
     value."""
     scale: float = 1.0
     """Factor that converts the parameter's value to that of the setting."""
     live: bool = False
-    """True if a change applies at once, False if it applies from the next start of
+    """True if a change applies at once; False if it applies from the next start of
     detection."""
     volatile: bool = False
-    """True for a state that changes by itself; its value is not stored."""
+    """True for a state that changes during operation, such as `DET_RUN`, and is therefore not
+    stored as a setting."""
 
     def allows(self, value: float) -> bool:
         """True if a value is within the parameter's range."""
@@ -220,9 +223,8 @@ def parameter_values(settings: Settings) -> dict[str, float]:
 
 
 def with_parameter(settings: Settings, name: str, value: float) -> Settings:
-    """Return the settings with one parameter changed.
-
-    Raises `ConfigError` with the allowed range.
+    """Return the settings with one parameter changed. Raises `ConfigError`, which states the
+    allowed range.
     """
     parameter = PARAMETERS.get(name)
     if parameter is None:
@@ -246,7 +248,9 @@ def with_parameter(settings: Settings, name: str, value: float) -> Settings:
 def check_start(
     settings: Settings | None, center_frequency_hz: float | None, gain: float | None
 ) -> int | None:
-    """Check the frequency and gain of a start or capture command; return the gain, or None."""
+    """Check the frequency and gain of a start or capture command; return the gain, or None if
+    the command has none. Raises `ConfigError` for an unsupported value.
+    """
     if center_frequency_hz is not None:
         row = PARAMETERS["RADIO_FREQ_KHZ"]
         if not row.low <= center_frequency_hz / row.scale <= row.high:
@@ -261,9 +265,8 @@ def check_start(
 
 
 def tuned_frequency(radio: RadioSettings, frequency_hz: float) -> float:
-    """Return the frequency to which the radio will tune [Hz].
-
-    Raises `ConfigError` if it cannot receive there.
+    """Return the frequency that the radio actually tunes to [Hz]. Raises `ConfigError` if the
+    radio cannot receive it.
     """
     row = RADIOS.get(radio.kind)
     if row is None:
@@ -279,9 +282,8 @@ def tuned_frequency(radio: RadioSettings, frequency_hz: float) -> float:
 def warnings_of_band(
     tags: Sequence[Tag], center_hz: float, sample_rate_hz: float
 ) -> tuple[str, ...]:
-    """Return warnings about tags outside the received band.
-
-    Raises `ConfigError` if all tags are outside.
+    """Return warnings about tags outside the received band. Raises `ConfigError` if all tags
+    are outside.
     """
     half_hz = sample_rate_hz / 2.0
     beyond = [str(tag.tag_id) for tag in tags if abs(tag.frequency_hz - center_hz) > half_hz]
@@ -294,7 +296,9 @@ def warnings_of_band(
 
 
 def tags_with_overrides(settings: Settings, tags: Iterable[Tag]) -> tuple[Tag, ...]:
-    """Return the tags with K and false-alarm probability from the settings, if set there."""
+    """Return the tags with `k` and `false_alarm_probability` replaced where the settings give
+    one value for all tags.
+    """
     detection = settings.detection
     changes: dict[str, Any] = {}
     if detection.k:

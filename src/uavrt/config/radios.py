@@ -1,9 +1,8 @@
-"""Table of supported radios, one row each.
+"""Table of the supported radios, one row each.
 
-Gain ranges, kinds in ``uavrt.toml``, programs, names in logs and the service's device
-permissions derive from it. A new radio needs a row here, and its program's arguments
-(`uavrt.radio.receivers.radio_programs`) or, without a program, its driver
-(`uavrt.radio.opening`).
+Gain ranges, values of ``[radio] kind``, programs, names in logs and the service's permissions
+for devices are derived from this table. A new radio needs a row here, and either the arguments
+of its program (`uavrt.radio.receivers.radio_programs`) or a driver (`uavrt.radio.opening`).
 
 Checked against the programs of Debian 12: airspy 1.0.10, airspyhf 1.6.8, rtl-sdr 0.6.0, hackrf
 2022.09.1.
@@ -23,13 +22,13 @@ class RadioRow:
     gains: tuple[int, int]
     """Lowest and highest gain, in the radio's own steps."""
     default_gain: int | None = None
-    """Usual gain, in the radio's own steps; None for the driver's default."""
+    """Gain used unless the user sets one [steps of the radio]; None: the driver's default."""
     package: str
     """Debian package with the radio's programs."""
     receive: str = ""
     """Program that writes samples to stdout; empty if a driver is used."""
     inform: tuple[str, ...] = ()
-    """Program that prints the sample rates of the connected device."""
+    """Command that prints the sample rates supported by the connected device."""
     sample_format: str = "cf32"
     """Format of the program's samples (`uavrt.radio.formats`)."""
     rates_hz: tuple[tuple[float, float], ...] = ((3e3, 100e6),)
@@ -38,18 +37,18 @@ class RadioRow:
     receives_mhz: tuple[tuple[float, float], ...] = ((20.0, 1000.0),)
     """Receivable radio frequencies: lowest and highest of each range [MHz]."""
     tunes_in_float32: bool = False
-    """True if the program reads the frequency in megahertz as float32, so that it tunes in
-    steps of 16 Hz."""
+    """True if the program reads the frequency in megahertz as a float32; the radio then tunes
+    in steps of 16 Hz."""
     usual_rate_hz: float = 3e6
     """Sample rate suggested by the first set-up [Hz]."""
     overruns_option: str = ""
-    """Command line option with which recent versions of the program print overruns on
+    """Option of the radio's program, in recent versions, that makes it print overruns on
     stderr."""
     lists: tuple[str, ...] = ()
-    """Program that lists the devices with index and serial number. Needed if `receive` would
-    read a numeric serial number as an index."""
+    """Command that lists the connected devices with index and serial number. It is needed if
+    the receiving program would interpret a numeric serial number as an index."""
     serial_prefix: str = ""
-    """Prefix that the program needs before the hexadecimal serial number from USB."""
+    """Prefix that the program expects before the hexadecimal serial number that USB reports."""
     usb: tuple[tuple[str, str, str], ...] = ()
     """USB vendor id, product id and name of each model."""
 

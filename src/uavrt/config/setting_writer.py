@@ -1,4 +1,4 @@
-"""Change single settings in ``uavrt.toml``; comments and other text remain."""
+"""Change single settings in ``uavrt.toml`` without changing comments and other text."""
 
 import copy
 import json
@@ -21,13 +21,12 @@ Value = str | int | float | bool | None
 Changes = Mapping[tuple[str, str], Value]
 """New values of settings by table and key; None resets a setting to its default."""
 _MOST_LINES = 200
-"""Maximum number of lines of one setting's value in ``uavrt.toml``."""
+"""Maximum number of lines in ``uavrt.toml`` that the value of one setting may take."""
 
 
 def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
-    """Change settings in ``uavrt.toml``; return all settings.
-
-    Raises `ConfigError` if a value is invalid.
+    """Write changed settings into ``uavrt.toml`` and return all settings. Raises
+    `ConfigError`.
     """
     target = Path(path)
     settings, text = changed_settings(target, changes)
@@ -42,9 +41,8 @@ def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
 
 
 def changed_settings(path: Path, changes: Changes) -> tuple[Settings, str]:
-    """Return settings and file text with the changes, without writing them.
-
-    Raises `ConfigError`.
+    """Apply changes to a settings file's text; return the settings and the new text without
+    writing it. Raises `ConfigError`.
     """
     try:
         written = read_file(path, SETTINGS) if path.exists() else None
@@ -86,7 +84,9 @@ def _with_value(text: str, table: str, key: str, value: Value) -> str:
 
 
 def _end_of_value(lines: list[str], first: int) -> int:
-    """Return the number of a value's last line, given its first line; counted from 1."""
+    """Return the number of the last line of a value that starts at line `first`; lines are
+    counted from 1.
+    """
     for last in range(first, min(len(lines), first + _MOST_LINES) + 1):
         try:
             tomllib.loads("\n".join(lines[first - 1 : last]))
@@ -97,7 +97,9 @@ def _end_of_value(lines: list[str], first: int) -> int:
 
 
 def _left_out(lines: list[str], header: int, key: str) -> int | None:
-    """Return the index of an unset setting's line ``# key =``; None if there is none."""
+    """Index of the commented-out line ``# key =`` of an unset setting in its table; None if
+    there is no such line.
+    """
     for number in range(header, len(lines)):
         if lines[number].startswith("["):
             return None
@@ -107,7 +109,9 @@ def _left_out(lines: list[str], header: int, key: str) -> int | None:
 
 
 def _require_only(before: str, after: str, changes: Changes, path: Path) -> None:
-    """Raise `ConfigError` unless exactly the requested values have changed."""
+    """Raise `ConfigError` unless the new text differs from the old one in exactly the requested
+    values.
+    """
     wanted: dict[str, Any] = copy.deepcopy(tomllib.loads(before))
     for (table, key), value in changes.items():
         inside = wanted.setdefault(table, {})

@@ -1,6 +1,6 @@
-"""The drone side's settings, as in ``uavrt.toml``; the loader is `uavrt.config.loader`.
+"""Settings of the drone in ``uavrt.toml``, which `uavrt.config.loader` reads.
 
-Each class is one table of the file; each default suits a first flight.
+Each class is one table of the file. The defaults suit a first flight.
 """
 
 import os
@@ -21,12 +21,13 @@ class _Table:
         "allow_inf_nan": False,
         "use_attribute_docstrings": True,
     }
-    """Options for pydantic in `uavrt.config.loader`. A plain dict, so that the drone need not
-    import pydantic."""
+    """Options that `uavrt.config.loader` passes to pydantic. This is a plain dict so that
+    programs on the drone need not import pydantic."""
 
 
 def is_ros_namespace(text: str) -> bool:
-    """True for a ROS 2 namespace: names of letters, digits and underscores.
+    """True if a text is a valid ROS 2 namespace: names of letters, digits and single
+    underscores, separated by slashes.
 
     Rules: design.ros2.org, "Topic and Service name mapping to DDS".
     """
@@ -38,11 +39,12 @@ Shape = Literal["workers", "one"]
 OperatingModeName = Literal[
     "freqSearchSoftLock", "freqSearchHardLock", "freqKnownHardLock", "freqAllNeverLock"
 ]
-"""Names of `uavrt.detection.modes.OperatingMode`, those of the original's
+"""Names of the values of `uavrt.detection.modes.OperatingMode`, as in the original system's
 ``detectorConfig.txt``."""
 NamedValuesName = Literal["all", "snr", "off"]
 RADIO_GROUP = "uavrt.radios"
-"""Entry point group of radios in other installed packages (docs/how-to/extend.md)."""
+"""Entry point group in which other installed packages register radios
+(docs/how-to/extend.md)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -194,7 +196,7 @@ class DetectionSettings(_Table):
 
     @property
     def worker_count(self) -> int:
-        """Number of detector processes: as set, or one for each core but one."""
+        """Number of detector processes: the setting, or one less than the number of cores."""
         return self.workers or max(1, (os.cpu_count() or 2) - 1)
 
 

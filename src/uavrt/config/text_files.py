@@ -13,7 +13,7 @@ _UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 def decode_text(content: bytes) -> str:
-    """Decode a file's bytes; line ends become newlines.
+    """Decode a file's bytes as text in which all line ends are newlines.
 
     Raises `ValueError`, with the reason, for a file that is too large or not text.
     """

@@ -1,6 +1,7 @@
-"""Process signals: arrays in, arrays out.
+"""Signal processing from arrays to arrays, without files or sockets.
 
-`FrontEnd` turns the radio's blocks into tag channels; `tune` chooses the radio's frequency.
+`FrontEnd` converts the radio's sample blocks to tag channels; `tune` chooses the radio's
+frequency.
 """
 
 from typing import TYPE_CHECKING

@@ -1,7 +1,7 @@
 """Compute the times of a stream's samples from the times of its blocks.
 
-The nominal rate is used only within a block. Over an hour a crystal that is off by 50 ppm errs
-by 180 ms, and gaps and clock corrections add to this.
+The nominal sample rate is used only within a block. Over an hour, a crystal that is off by 50
+ppm would cause an error of 180 ms, and gaps and clock corrections would add to it.
 """
 
 from bisect import bisect_right
@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 
 _LEAST_STEP_NS: Final = 100_000
-"""Minimum deviation from the expected time at which a sample block's time is stored [ns]."""
+"""Minimum deviation of a block's time from the time computed by the sample rate for it to be
+stored [ns]."""
 
 
 class BlockTimes:
@@ -31,14 +32,16 @@ class BlockTimes:
         return self._times_ns[0] if self._times_ns else 0
 
     def add(self, index: int, time_ns: int) -> None:
-        """Add the time (UTC) and index of the next block's first sample; lost samples count."""
+        """Add the UTC time and the index of the next block's first sample; lost samples are
+        counted in the index.
+        """
         if self._indices and abs(time_ns - self.time_ns(index)) < _LEAST_STEP_NS:
             return
         self._indices.append(index)
         self._times_ns.append(time_ns)
 
     def time_ns(self, index: float) -> int:
-        """Time of a sample, also between two samples [ns, UTC]."""
+        """Time of a sample [ns, UTC]; `index` may lie between two samples."""
         at = max(0, bisect_right(self._indices, index) - 1)
         ahead_ns = round((index - self._indices[at]) * self._ns_per_sample)
         return self._times_ns[at] + ahead_ns
@@ -51,7 +54,9 @@ class BlockTimes:
         return np.asarray(begin_s[at] + ahead / self._rate_hz, np.float64)
 
     def index(self, time_ns: int) -> float:
-        """Index of the sample at a time; the first of two if the clock was set back."""
+        """Return the fractional sample index at a time. If the clock was set back and two
+        samples have that time, the first is returned.
+        """
         for at, first in enumerate(self._indices):
             index = first + (time_ns - self._times_ns[at]) / self._ns_per_sample
             if at + 1 == len(self._indices) or index < self._indices[at + 1]:

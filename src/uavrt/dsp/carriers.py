@@ -1,4 +1,6 @@
-"""Find steady carriers in the radio's band, which intermodulate with a tag's pulses."""
+"""Find steady carriers in the radio's band. Their intermodulation products with a tag's pulses
+appear as spurious signals.
+"""
 
 import itertools
 import math
@@ -11,23 +13,26 @@ from numpy.typing import NDArray
 from uavrt.core.messages import IQBlock
 
 _APART_NS = (710_000_000, 970_000_000, 1_130_000_000)
-"""Times between searches for carriers, in turn [ns]; no pulse train coincides with them all."""
+"""Intervals between searches for carriers, used in turn [ns]. They differ so that no pulse
+train coincides with all searches."""
 _LENGTH_S = 0.011
 """Maximum length of samples searched for carriers [s]; their number is a power of two."""
 _LEAST_SAMPLES = 256
 _CONSECUTIVE_CHECKS = 3
-"""Number of consecutive searches that must find a signal for it to be a carrier and not a
-pulse."""
+"""Number of consecutive searches that must find a signal before it counts as a carrier; a pulse
+is found in fewer."""
 _STRONG_RATIO = 10.0**3.0
-"""Minimum power of a carrier's bin over the median bin; weaker carriers cause no ghosts."""
+"""Minimum power of a carrier's frequency bin over the median bin; weaker carriers cause no
+spurious signals."""
 MOST_CARRIERS = 8
-"""Maximum number of carriers reported: the strongest."""
+"""Maximum number of carriers reported; if there are more, the strongest are reported."""
 _CENTRE_BINS = 4
-"""Distance from the radio's centre within which bins are ignored [bins]: its DC offset."""
+"""Distance from the radio's centre within which bins are ignored because of the DC offset
+[bins]."""
 _SAME_BINS = 0.5
 _LEAST_SHARE = 1e-4
-"""Minimum power of a carrier relative to the strongest; weaker peaks are the window's side
-lobes."""
+"""Minimum power of a carrier relative to the strongest one; weaker peaks are sidelobes of the
+window function."""
 
 
 class Carriers:
@@ -41,9 +46,10 @@ class Carriers:
         self._apart_ns = itertools.cycle(_APART_NS)
 
     def check(self, block: IQBlock, center_frequency_hz: float) -> None:
-        """Search a block of the radio's samples for steady carriers, if the next check is due.
+        """Search a block of the radio's samples for steady carriers if the next search is due.
 
-        Blocks of less than 256 samples are skipped. `center_frequency_hz`: of the radio.
+        Blocks of less than 256 samples are skipped. `center_frequency_hz` is the radio's tuned
+        frequency.
         """
         if self._next_ns is not None and 0 < self._next_ns - block.time_ns < _APART_NS[-1]:
             return
@@ -65,7 +71,9 @@ class Carriers:
 
 
 def _strong(samples: NDArray[np.complex64], rate_hz: float) -> list[float]:
-    """Frequencies of the strongest carriers in some samples, from the radio's centre [Hz]."""
+    """Return the frequencies of the strongest carriers in a block of samples, relative to the
+    radio's centre [Hz].
+    """
     length = len(samples)
     spectrum = np.fft.fft(samples * _window(length))
     power = spectrum.real**2 + spectrum.imag**2

@@ -25,10 +25,12 @@ MATRIX_CHANNELS = 32
 """Maximum number of channels for which a DFT matrix is faster than an FFT (measured)."""
 
 WINDOWS_PER_PASS = 8
-"""Number of sample windows weighted in one pass; the longer loop saves a fifth of the time."""
+"""Number of sample windows weighted in one pass; a longer inner loop saves a fifth of the
+time."""
 
 OUTPUTS_PER_PASS = 1024
-"""Maximum number of output samples computed per pass; a usual block gives 655 or 327."""
+"""Maximum number of output samples computed per pass; a block of the radio usually yields 655
+or 327."""
 
 
 class Channelizer:
@@ -184,7 +186,9 @@ class Channelizer:
         return out
 
     def _fold_rows(self, samples: NDArray[np.complex64], folded: NDArray[np.float32]) -> None:
-        """Fold band samples, from the oldest that row 0 needs, into the rows of `folded`."""
+        """Weight and fold samples of the band into the rows of `folded`; the first sample is
+        the oldest one that row 0 needs.
+        """
         floats = samples.view(np.float32)
         group = WINDOWS_PER_PASS if self.hop == self.channels else 1
         grouped = len(folded) // group * group
@@ -194,9 +198,10 @@ class Channelizer:
     def _fold(
         self, floats: NDArray[np.float32], folded: NDArray[np.float32], group: int
     ) -> None:
-        """Weight the windows and add them up modulo M; `group` windows as one long row.
+        """Weight the windows and add their samples modulo M, processing `group` windows as one
+        long row.
 
-        Consecutive windows can be joined if H = M, because then they begin M samples apart.
+        Consecutive windows can be joined if H = M, because they then begin M samples apart.
         """
         if len(folded) == 0:
             return

@@ -1,4 +1,6 @@
-"""Detect when the receiver's converter clipped; signals are then stronger than measured."""
+"""Detect when the receiver's converter clipped. Signals are then stronger than their measured
+power.
+"""
 
 import math
 from collections import deque
@@ -10,20 +12,26 @@ from uavrt.core.messages import IQBlock
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 
 CLIPPED_AMPLITUDE = 0.99
-"""Minimum amplitude of a clipped sample [full scales]; the last code of 8 bits is 0.992."""
+"""Amplitude from which a sample counts as clipped [full scales]; the largest 8-bit value is
+0.992."""
 COMPUTED_AMPLITUDE = 2.0
-"""Amplitude that only computed samples exceed [full scales]; a radio's filters reach less."""
+"""Amplitude above which samples must be computed and not received [full scales]; a radio's
+filters do not reach it."""
 _STRETCH_S = 0.5e-3
-"""Duration of each piece of samples examined for clipping [s]; a pulse of 15 ms has thirty."""
+"""Length of the pieces into which samples are divided to search for clipping [s]; a 15 ms pulse
+has thirty pieces."""
 _MOST_SAMPLES = 64
-"""Number of samples examined in each piece; if a tone clips, a quarter or more are clipped."""
+"""Number of samples examined in each piece; a clipping tone clips at least a quarter of
+them."""
 _PULSE_SHARE = 0.2
-"""Minimum share of a pulse's pieces that are clipped in a clipped pulse; an impulse clips
-one."""
+"""Share of a pulse's pieces that must contain clipped samples for the pulse to count as
+clipped; an impulse clips only one piece."""
 MOST_UNREAD = 1000
-"""Maximum number of clipped pieces stored until they are read: half a second or more."""
+"""Maximum number of clipped pieces stored until they are read, enough for half a second or
+more."""
 _KEEP_NS = 20 * NANOSECONDS_PER_SECOND
-"""Time for which clipped pieces of samples are stored [ns]; a pulse's report takes less."""
+"""Duration for which clipped pieces are stored [ns]; every pulse is reported within this
+time."""
 
 
 class ClippedTimes:
@@ -34,13 +42,15 @@ class ClippedTimes:
         """Begin and end of each clipped piece of samples [ns, UTC], in order of time."""
 
     def add(self, stretches_ns: Sequence[tuple[int, int]]) -> None:
-        """Add begin and end of each further clipped piece [ns, UTC], in order of time."""
+        """Add the begin and end times of further clipped pieces [ns, UTC], in order of time."""
         self._stretches.extend(stretches_ns)
         while self._stretches and self._stretches[0][1] < self._stretches[-1][1] - _KEEP_NS:
             self._stretches.popleft()
 
     def covers(self, start_ns: int, end_ns: int) -> bool:
-        """True if a pulse between two times was clipped."""
+        """True if a pulse between two times [ns, UTC] was clipped during more than a fifth of
+        its duration.
+        """
         inside_ns = sum(
             max(0, min(last_ns, end_ns) - max(first_ns, start_ns))
             for first_ns, last_ns in self._stretches
@@ -49,7 +59,7 @@ class ClippedTimes:
 
 
 class Clipping:
-    """Finds samples at the converter's limits.
+    """Finds samples at the limits of the radio's converter.
 
     At high sample rates it examines 64 samples in each half millisecond.
     """
@@ -101,6 +111,8 @@ class Clipping:
         self._new = (self._new + new)[-MOST_UNREAD:]
 
     def take_new(self) -> tuple[tuple[int, int], ...]:
-        """Return begin and end of each clipped piece found since the last call [ns, UTC]."""
+        """Return the begin and end times of the clipped pieces found since the last call [ns,
+        UTC].
+        """
         new, self._new = tuple(self._new), []
         return new

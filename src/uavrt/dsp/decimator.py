@@ -20,11 +20,11 @@ from uavrt.dsp.filters import compatible_decimator_taps, decimator_taps
 Mode = Literal["default", "compatible"]
 
 PASS_SAMPLES = 270_000
-"""Maximum number of samples per matrix product: a block of 262 144 at once; smaller ones are
-slower."""
+"""Maximum number of samples per matrix product. A block of 262 144 samples fits into one
+product; smaller products are slower."""
 
 DIRECT_OUTPUTS = 1024
-"""Maximum number of outputs per pass of the filter's direct sum, which bounds its memory."""
+"""Maximum number of outputs that a direct sum computes per pass, which limits its memory."""
 
 
 class Decimator:
@@ -82,7 +82,9 @@ class Decimator:
         return self.delay_samples / self.sample_rate_hz
 
     def reset(self) -> None:
-        """Clear all samples; the next output is ``y[0]``, at the next input sample."""
+        """Clear the filter's memory; the next input sample becomes sample 0 and yields output
+        ``y[0]``.
+        """
         self._tail = np.zeros(self.taps.size - 1, dtype=np.complex64)
 
     def process(self, block: NDArray[np.complex64]) -> NDArray[np.complex64]:
@@ -117,7 +119,9 @@ class Decimator:
         return out
 
     def _filter(self, samples: NDArray[np.complex64], out: NDArray[np.complex64]) -> None:
-        """Filter samples into `out`; the first is the oldest that ``out[0]`` needs."""
+        """Filter samples into `out`; the first sample is the oldest one that ``out[0]``
+        needs.
+        """
         native = kernels()
         if native is not None:
             native.decimate(samples, self._pairs, self.factor, out)
@@ -165,7 +169,8 @@ class Decimator:
 def _shifted_taps(
     weights: NDArray[np.complex64], factor: int, starts: int
 ) -> NDArray[np.complex64]:
-    """Matrix that converts a block of samples to its parts of all outputs that it reaches.
+    """Return the matrix that converts a block of samples to its contributions to all outputs
+    that it affects.
 
     Leading zero columns make the number of columns a multiple of 4, which is 10 % faster in the
     BLAS for D = 8.

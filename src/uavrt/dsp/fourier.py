@@ -1,9 +1,9 @@
-"""Compute many short Fourier transforms at once, without the rest of SciPy's imports.
+"""Compute many short Fourier transforms at once while importing only a small part of SciPy.
 
-SciPy's pocketfft takes a tenth of the time of NumPy's. But ``import scipy.fft`` takes 28 MB and
-0.1 s, for one function of an extension module of 1 MB. That module is loaded by itself. It is
-not a documented part of SciPy: if it is missing, or fails a test at the first use, scipy.fft is
-used.
+SciPy's pocketfft takes a tenth of the time of NumPy's. But ``import scipy.fft`` needs 28 MB and
+0.1 s, although only one function of a 1 MB extension module is used. So that module is loaded
+directly. It is not a documented part of SciPy: if it is missing, or fails a test at first use,
+scipy.fft is imported instead.
 """
 
 import importlib.util
@@ -22,7 +22,9 @@ Transform = Callable[..., NDArray[np.complex64]]
 def transform_columns(
     values: NDArray[np.complex64], out: NDArray[np.complex64] | None = None
 ) -> NDArray[np.complex64]:
-    """Fourier transform of each column, shape (n, columns); `out` saves an allocation."""
+    """Return the Fourier transform of each column, shape (n, columns). Passing an array as
+    `out` saves an allocation.
+    """
     return column_transform()(values, out)
 
 
@@ -56,7 +58,9 @@ def public_transform() -> Transform:
 
 
 def _extension() -> ModuleSpec:
-    """Specification of SciPy's pocketfft module; raises `ImportError` if it is missing."""
+    """Return the import specification of SciPy's pocketfft module. Raises `ImportError` if it
+    is missing.
+    """
     package = importlib.util.find_spec("scipy")
     for folder in (package.submodule_search_locations or ()) if package else ():
         for suffix in EXTENSION_SUFFIXES:

@@ -29,7 +29,8 @@ from uavrt.dsp.plan import (
 )
 
 LONGEST_FILLED_GAP_S = 1.0
-"""Longest gap in the samples filled with zeros [s]; longer ones restart the channelizer."""
+"""Longest gap in the samples that is filled with zeros [s]; a longer gap restarts the
+channelizer."""
 
 
 class FrontEnd:
@@ -70,11 +71,13 @@ class FrontEnd:
         self.reset()
 
     def channel_of(self, frequency_hz: float) -> int:
-        """Channel with the nearest centre; raises `TunerError` outside of the usable span."""
+        """Number of the channel whose centre is nearest to a frequency. Raises `TunerError`
+        outside the usable span.
+        """
         return self.plan.channel_of(frequency_hz)
 
     def reset(self) -> None:
-        """Clear all samples, as before the first block."""
+        """Clear all stored samples; the next block is processed like the first."""
         self._next_input: int | None = None
         self._next_band: int | None = None
         self._next_output = 0

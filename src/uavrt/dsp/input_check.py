@@ -1,4 +1,6 @@
-"""Detect poor input from its samples: wrong format, wrong gain, a tag on the DC line."""
+"""Detect faults of the radio's input from its samples: a wrong format, a wrong gain, or a tag
+on the DC line.
+"""
 
 from collections.abc import Iterable, Iterator
 from typing import Final
@@ -17,16 +19,20 @@ _FEWEST_SAMPLES: Final = 1024
 _CONSECUTIVE_CHECKS: Final = 3
 """Number of consecutive checks that must show an input fault before it is reported."""
 _SAME_LEVEL: Final = 0.6
-"""Maximum share of samples at one converter level; noise is then 0.6 steps, a loss of 1 dB."""
+"""Maximum share of samples with the same converter value. At this share the noise is 0.6
+converter steps rms, and quantisation costs 1 dB."""
 _EMPTY_MIDDLE: Final = 0.25
-"""Amplitude below which a wrong format has no samples, though noise has [full scales]."""
+"""Amplitude below which samples read in a wrong format never lie, while samples of noise do
+[full scales]."""
 _UNEQUAL_RATIO: Final = 4.0
-"""Ratio of the powers of I and Q above which the input is wrong; no radio produces it."""
+"""Ratio of the powers of I and Q above which the input is faulty, since no radio produces
+it."""
 _CLIPPED_SHARE: Final = 0.05
 """Maximum share of values at the converter's limits; more clipping distorts the noise."""
 _ON_DC_HZ: Final = 300.0
 _DC_RATIO: Final = 30.0
-"""Minimum power of a disturbing line at the radio's centre (DC) over the noise there."""
+"""Minimum power of the line at the radio's centre (DC) over the noise for it to count as a
+disturbance."""
 
 WRONG_FORMAT: Final = "Wrong sample format? The values do not look like noise"
 UNEQUAL: Final = "I and Q differ in power: wrong format, or one is missing"
@@ -36,7 +42,7 @@ GAIN_TOO_HIGH: Final = "Gain too high: samples are at the converter's limits"
 
 
 class InputCheck:
-    """Checks once a second for faults of the radio's set-up that affect the searched tags."""
+    """Checks the radio's samples once a second for faults that affect the searched tags."""
 
     def __init__(self, tags: Iterable[Tag], center_frequency_hz: float) -> None:
         self._on_dc = sorted(
@@ -48,7 +54,9 @@ class InputCheck:
         self._seen: dict[str, int] = {}
 
     def check(self, block: IQBlock) -> list[str]:
-        """Check a block, if a check is due; return the texts of new faults."""
+        """Check a block if a check is due; return messages about faults that were not reported
+        before.
+        """
         due = self._next_ns is None or not 0 < self._next_ns - block.time_ns <= _EVERY_NS
         samples = block.samples[:_EXAMINED_SAMPLES]
         if not due or len(samples) < _FEWEST_SAMPLES:
@@ -87,7 +95,9 @@ class InputCheck:
 
 
 def _clipped_share(parts: NDArray[np.float32]) -> float:
-    """Share of sample values at full scale; 0 for computed samples, which have none."""
+    """Share of sample values at full scale; 0 for computed samples, which have no full
+    scale.
+    """
     size = np.abs(parts)
     computed = float(size.max()) > COMPUTED_AMPLITUDE
     return 0.0 if computed else float(np.mean(size >= CLIPPED_AMPLITUDE))

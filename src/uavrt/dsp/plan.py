@@ -9,15 +9,16 @@ from uavrt.dsp.decimator import Mode
 from uavrt.dsp.filters import CLEAN_FRACTION
 
 CHANNEL_SPACING_HZ = 3750.0
-"""Channel spacing of the original system [Hz]; ours is the nearest with small prime factors."""
+"""Channel spacing of the original system [Hz]. The spacing used is the nearest that gives a
+channel count with small prime factors."""
 
 NARROWEST_BAND_HZ = 375_000.0
 """Minimum sample rate of the band after decimation [Hz]."""
 
 LOWEST_RATE_HZ = 3_000.0
 ONE_CHANNEL_RATE_HZ = 14_000.0
-"""Maximum rate of a recording that is a single channel [Hz]; the filter bank needs at least
-four channels."""
+"""Maximum sample rate of a recording that is treated as a single channel [Hz]; the filter bank
+needs at least four channels."""
 
 HIGHEST_FACTOR = 64
 UNDECIMATED_FRACTION = 0.45
@@ -25,15 +26,17 @@ UNDECIMATED_FRACTION = 0.45
 
 
 DEFAULT_WINDOW_HZ = 500.0
-"""Half-width of a tag's search for which all channels are wide enough [Hz]."""
+"""Half-width of a tag's search band that every channel can hold [Hz]."""
 SEARCHED_FRACTION = 0.4
-"""Maximum distance of searched frequencies from a channel's centre, as a share of its rate:
-3000 of 7500 Hz. There the bank attenuates by 0.3 dB, and aliases by 30 dB."""
+"""Maximum distance of searched frequencies from a channel's centre, as a share of the channel's
+rate: 3000 Hz at 7500 Hz.
+
+At this distance the filter bank attenuates signals by 0.3 dB and aliases by 30 dB."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BandPlan:
-    """Decimation and channels for a sample rate."""
+    """Decimation factor and channels for a sample rate."""
 
     decimation_factor: int
     band_rate_hz: float
@@ -54,12 +57,16 @@ class BandPlan:
 
     @property
     def channel_rate_hz(self) -> float:
-        """Sample rate of a channel of the oversampled bank [Hz]; of the band if not split."""
+        """Sample rate of one channel [Hz]; if the band is not split into channels, the band's
+        rate.
+        """
         return self.channel_spacing_hz * (2.0 if self.channel_count > 1 else 1.0)
 
 
 def plan_band(sample_rate_hz: float, *, reach_hz: float, mode: Mode = "default") -> BandPlan:
-    """Choose decimation and channels; the usable span reaches `reach_hz` if possible."""
+    """Choose the decimation and the channels for a sample rate, such that the usable span
+    reaches `reach_hz` from the centre if possible.
+    """
     factor = choose_decimation(sample_rate_hz=sample_rate_hz, reach_hz=reach_hz, mode=mode)
     one = sample_rate_hz <= ONE_CHANNEL_RATE_HZ
     band_rate_hz = sample_rate_hz / factor
@@ -77,7 +84,9 @@ def plan_band(sample_rate_hz: float, *, reach_hz: float, mode: Mode = "default")
 
 
 def widest_window_hz(offset_hz: float, channel_rate_hz: float) -> float:
-    """Widest half-width of the search around a frequency in a channel [Hz]."""
+    """Widest possible half-width of the search around a frequency at `offset_hz` from its
+    channel's centre [Hz].
+    """
     return max(DEFAULT_WINDOW_HZ, SEARCHED_FRACTION * channel_rate_hz - abs(offset_hz))
 
 
@@ -108,7 +117,9 @@ class FrontEndPlan:
     """Group delay of decimator and channelizer [s], already subtracted from all times."""
 
     def channel_of(self, frequency_hz: float) -> int:
-        """Channel with the nearest centre; raises `TunerError` outside of the usable span."""
+        """Number of the channel whose centre is nearest to a frequency. Raises `TunerError`
+        outside the usable span.
+        """
         offset_hz = frequency_hz - self.center_frequency_hz
         if not abs(offset_hz) <= self.usable_half_span_hz:
             raise outside_span(
@@ -132,7 +143,7 @@ def channel_center_hz(
 def outside_span(
     frequencies_hz: Sequence[float], center_hz: float, half_span_hz: float
 ) -> TunerError:
-    """Error for frequencies outside of the usable span around a radio frequency."""
+    """Return the error for frequencies outside the usable span around a radio frequency."""
     listed = ", ".join(f"{frequency / 1e6:.6f}" for frequency in frequencies_hz)
     low, high = (center_hz - half_span_hz) / 1e6, (center_hz + half_span_hz) / 1e6
     return TunerError(
@@ -143,9 +154,10 @@ def outside_span(
 
 
 def usable_half_span_hz(*, band_rate_hz: float, decimated: bool, mode: Mode) -> float:
-    """Maximum distance of a tag from the radio's centre [Hz]: the decimator's clean span.
+    """Maximum usable distance of a tag from the radio's centre [Hz], within the decimator's
+    span without aliases.
 
-    The compatible mode takes the whole band with its aliases, as the original system does.
+    The compatible mode uses the whole band with its aliases, as the original system does.
     """
     if mode == "compatible":
         return band_rate_hz / 2
@@ -159,7 +171,9 @@ def widest_half_span_hz(sample_rate_hz: float) -> float:
 
 
 def choose_decimation(*, sample_rate_hz: float, reach_hz: float, mode: Mode) -> int:
-    """Largest decimation whose usable span reaches `reach_hz` from the centre."""
+    """Return the largest decimation factor for which the usable span reaches `reach_hz` from
+    the centre.
+    """
     largest = int(sample_rate_hz / NARROWEST_BAND_HZ + 1e-9)
     largest = min(max(largest, 1), HIGHEST_FACTOR)
     if mode == "compatible":
@@ -174,7 +188,9 @@ def choose_decimation(*, sample_rate_hz: float, reach_hz: float, mode: Mode) -> 
 
 
 def choose_channel_count(band_rate_hz: float) -> int:
-    """Even number without a prime factor above 11 that gives a spacing nearest 3750 Hz."""
+    """Return the number of channels that gives a spacing nearest to 3750 Hz: even, and without
+    a prime factor above 11.
+    """
     exact = band_rate_hz / CHANNEL_SPACING_HZ
     nearest = 2 * round(exact / 2)
     candidates = (n for n in range(max(2, nearest - 16), nearest + 17, 2) if _smooth(n))
@@ -182,7 +198,9 @@ def choose_channel_count(band_rate_hz: float) -> int:
 
 
 def fast_length(least: int) -> int:
-    """Smallest length not below `least` without a prime factor above 11: fast to transform."""
+    """Return the smallest length, at least `least`, without a prime factor above 11, since such
+    lengths are fast to transform.
+    """
     while not _smooth(least):
         least += 1
     return least

@@ -1,11 +1,13 @@
-"""Compute medians over time of each row of a spectrogram, several times faster than NumPy."""
+"""Compute the median over time of each frequency row of a spectrogram, several times faster
+than NumPy.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
 
 
 def medians(power: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Median of each column, equal to `np.median(power, axis=0)`, by sorting row by row.
+    """Return the median of each column, equal to `np.median(power, axis=0)`.
 
     It is faster because it sorts contiguous copies around one element; `np.median` sorts
     strided data around two.

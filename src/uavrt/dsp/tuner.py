@@ -1,10 +1,10 @@
-"""Choose the radio frequency that serves all tags.
+"""Choose a radio frequency at which all tags can be received.
 
-The default keeps all tags within the clean span of the decimator, widened if needed. It keeps
-them away from the radio's centre, where a zero-IF receiver has its DC spur. Then it avoids
-mirror images (an IQ imbalance shows a tag at +f also at -f), and puts the tags near channel
-centres. Among such frequencies it prefers those with no higher cost in the original system's
-tuner than that tuner's own choice. The plan then also suits that system's detectors.
+The default keeps all tags within the decimator's span without aliases, widened if needed. It
+keeps them away from the radio's centre, where a zero-IF receiver has its DC spur. Then it
+avoids mirror images (an IQ imbalance shows a tag at +f also at -f), and puts the tags near
+channel centres. Among such frequencies it prefers those that the original system's tuner rates
+no worse than its own choice. The plan then also suits that system's detectors.
 """
 
 from collections.abc import Sequence
@@ -25,14 +25,16 @@ IMAGE_GUARD_HZ = 1000.0
 
 GRID_STEP_HZ = 100.0
 FLAT_FRACTION = 0.85
-"""Share of a channel that the original system takes as flat; the rest are two shoulders."""
+"""Share of a channel that the original system considers flat; the rest are two shoulders."""
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TunerPlan:
-    """A radio frequency and its effect on each tag, in the order of the tags."""
+    """A radio frequency and the resulting channel, offset and warnings for each tag, in the
+    order of the tags.
+    """
 
     center_frequency_hz: float
     channels: tuple[int, ...]
@@ -42,7 +44,7 @@ class TunerPlan:
     shares_channel: bool
     """True if two or more tags share a channel."""
     image_pairs: tuple[tuple[int, int], ...]
-    """Indices of tags that lie on each other's mirror image, in pairs."""
+    """Pairs of tags, as indices, in which each tag lies on the other's mirror image."""
     band_rate_hz: float
     channel_count: int
     warnings: tuple[str, ...]
@@ -51,14 +53,16 @@ class TunerPlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompatibleCost:
-    """Costs that the tuner of the original system minimises, in this order."""
+    """Costs that the original system's tuner minimises, in the order of their priority."""
 
     tags_per_channel: Floats
-    """(candidates,) mean number of tags per occupied channel, for each radio frequency."""
+    """Mean number of tags per occupied channel, shape (candidates,), for each candidate radio
+    frequency."""
     edge_cost: Floats
-    """(candidates,) summed costs of tags near channel edges; infinite with a tag on one."""
+    """Summed costs of tags near channel edges, shape (candidates,); infinite if a tag lies on
+    an edge."""
     mean_offset_hz: Floats
-    """(candidates,) mean distance of tags from channel centres [Hz], per radio frequency."""
+    """Mean distance of the tags from channel centres [Hz], shape (candidates,)."""
 
 
 def tune(
@@ -109,10 +113,10 @@ def tune(
 def compatible_cost(
     tags_hz: Floats, centers_hz: Floats, *, spacing_hz: float, channel_count: int
 ) -> CompatibleCost:
-    """Cost of candidate radio frequencies by the original system's tuner.
+    """Cost of candidate radio frequencies, computed as in the original system's tuner.
 
-    A tag at d from its channel's edge costs ``|w / d - 1|`` where d < w, half a shoulder (7.5 %
-    of the channel), else nothing.
+    Let w be half a shoulder, 7.5 % of the channel. A tag at distance d from its channel's edge
+    costs ``|w / d - 1|`` if d < w, and nothing otherwise.
     """
     offsets = tags_hz - centers_hz[:, None]
     channels = _nearest_channels(offsets, spacing_hz, channel_count)
@@ -192,7 +196,9 @@ def _candidates(tags: Floats, spacing: float, low: float, high: float) -> Floats
 
 
 def _middles(tags: Floats) -> Floats:
-    """Mid-points of all tag pairs [Hz], sorted; a centre there mirrors one tag to the other."""
+    """Mid-points of all pairs of tags [Hz], sorted; a radio centred on one shows each tag of
+    the pair at the other's mirror image.
+    """
     first, second = np.triu_indices(tags.size, 1)
     middles: Floats = np.sort((tags[first] + tags[second]) / 2)
     return middles
@@ -285,7 +291,7 @@ def _too_wide(tags: Floats, span_hz: float) -> TunerError:
     low, high = tags.min(), tags.max()
     return TunerError(
         f"the tags span {(high - low) / 1e3:.1f} kHz, from {_mhz(low)} to {_mhz(high)} MHz, "
-        f"but the radio serves {span_hz / 1e3:.1f} kHz at a time",
+        f"but the radio receives only {span_hz / 1e3:.1f} kHz at a time",
         remedy="Search them in two flights, leave the outermost tag out, or use a radio with a "
         "higher sample rate",
     )

@@ -1,14 +1,15 @@
-"""Find lost samples by the zeros that replace them."""
+"""Find lost samples, which appear as runs of zeros."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 
 def zero_runs(samples: NDArray[np.complex64], shortest: int) -> list[tuple[int, int]]:
-    """Find runs of at least `shortest` samples that are exactly 0.
+    """Find runs of at least `shortest` samples that are exactly 0; return the first index and
+    the index after the last of each run.
 
-    Noise has no long ones: samples were lost, or the radio was dead. Returns the first sample
-    of each run and the one after its last.
+    Noise contains no long runs of zeros, so samples were lost or the radio delivered
+    nothing.
     """
     if not (samples[shortest - 1 :: shortest] == 0).any():  # every run has one of these
         return []

@@ -1,8 +1,9 @@
-"""Estimate bearings from pulses, and positions from bearings and powers; no I/O, no clocks.
+"""Estimate bearings from pulses, and positions from bearings and signal strengths; the package
+does no I/O and reads no clock.
 
-`bearing` and `position` hold the estimators, `antenna` the patterns, `results` the records.
-`estimates/flight_estimates` applies them to a whole flight. `tuning` modules hold the
-constants.
+`bearing` and `position` contain the estimators, `antenna` the antenna patterns, `results` the
+records of results. `estimates/flight_estimates` applies the estimators to a whole flight. The
+`tuning` modules contain the constants.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Differences and gaps of angles on the circle, for whole arrays."""
+"""Compute differences and gaps of angles on the circle, for whole arrays."""
 
 from typing import overload
 
@@ -18,7 +18,9 @@ def difference_deg(first: ArrayLike, second: ArrayLike) -> float | NDArray[np.fl
 
 
 def widest_gap_deg(angles_deg: NDArray[np.float64]) -> float:
-    """Widest arc without an angle [deg]; 360 for fewer than two angles."""
+    """Width of the widest arc that contains none of the angles [deg]; 360 for fewer than two
+    angles.
+    """
     if len(angles_deg) < 2:
         return 360.0
     ordered = np.sort(np.remainder(angles_deg, 360.0))

@@ -1,8 +1,8 @@
 """Antenna patterns: gain relative to boresight, by direction in the antenna's frame.
 
 A pattern is a table of decibels from 0° to 180° off boresight, mirrored to the other side. The
-Telonics tables are read off the maker's plots (±1.5 dB); the Adelaide H antenna's are measured
-in one plane and theoretical in the other.
+tables of Telonics antennas are read from the maker's plots (±1.5 dB). Those of the Adelaide H
+antenna are measured in one plane and theoretical in the other.
 """
 
 from collections.abc import Sequence
@@ -15,21 +15,23 @@ from uavrt.core.errors import NotFound, UsageError
 from uavrt.core.plugins import Registry
 
 MONOPOLE = "monopole"
-"""Name of the upright whip antenna, which receives equally at all headings."""
+"""Name of the upright whip antenna, whose gain is equal at all headings."""
 NULL_DB = -30.0
-"""Gain in the deepest null of an installed antenna [dB]; airframe reflections fill it."""
+"""Gain in the deepest null of an installed antenna [dB]; reflections by the airframe prevent
+deeper nulls."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AntennaPattern:
-    """Gain relative to boresight as a function of the angle off boresight."""
+    """Table of an antenna's gain relative to boresight, by angle off boresight."""
 
     name: str
     e_plane_db: tuple[float, ...]
-    """Gain at equal steps off boresight, 0° to 180° [dB], in the plane of the elements, which
-    is horizontal on a level drone."""
+    """Gain at equal steps from 0° to 180° off boresight [dB], in the plane of the antenna's
+    elements, which is horizontal on a level drone."""
     h_plane_db: tuple[float, ...] | None = None
-    """Gain at the same angles, in the plane across the elements [dB]; None: `e_plane_db`."""
+    """Gain at the same angles in the plane across the elements [dB]; None if equal to
+    `e_plane_db`."""
 
     def __post_init__(self) -> None:
         for table in (self.e_plane_db, self.h_plane_db):
@@ -40,7 +42,9 @@ class AntennaPattern:
                 )
 
     def gain_db(self, off_boresight_deg: ArrayLike) -> NDArray[np.float64]:
-        """Gain relative to boresight in the plane of the elements [dB]; any angles."""
+        """Gain relative to boresight in the plane of the elements [dB], for any angles off
+        boresight.
+        """
         return _looked_up(self.e_plane_db, off_boresight_deg)
 
     def gain_towards_db(
@@ -49,11 +53,12 @@ class AntennaPattern:
         right: NDArray[np.float64],
         down: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """Gain relative to boresight towards unit vectors from antenna to source [dB].
+        """Gain relative to boresight in directions given as unit vectors from antenna to source
+        [dB].
 
-        Between the two planes decibels are averaged by cos² of the angle about the boresight,
-        the usual interpolation of two cuts. `forward`, `right`, `down`: components along
-        the antenna's axes, arrays of one shape.
+        Between the planes along and across the elements, decibels are averaged by cos² of the
+        angle about the boresight, the usual interpolation. `forward`, `right` and `down` are
+        the vectors' components along the antenna's axes, arrays of one shape.
         """
         off = np.degrees(np.arccos(np.clip(forward, -1.0, 1.0)))
         e_plane = _between(self.e_plane_db, off)
@@ -78,10 +83,11 @@ def _between(table_db: Sequence[float], angle_deg: NDArray[np.float64]) -> NDArr
 
 
 def _theory_h_plane(steps: int) -> tuple[float, ...]:
-    """Pattern of the H antenna across its elements, "0 to -8.75 dB smoothly" (thesis §1.5).
+    """Return the H antenna's theoretical pattern across its elements, "0 to -8.75 dB smoothly"
+    (thesis §1.5).
 
-    Two half-wave elements, each omnidirectional in this plane, form a cardioid-like figure (1 +
-    c cos θ) / (1 + c); c = 0.4650 gives -8.75 dB at 180°.
+    Two half-wave elements, each omnidirectional in this plane, give a figure similar to a
+    cardioid, (1 + c cos θ) / (1 + c); c = 0.4650 gives -8.75 dB at 180°.
     """
     ratio = 10.0 ** (-8.75 / 20.0)
     c = (1.0 - ratio) / (1.0 + ratio)
@@ -135,17 +141,22 @@ _OWN = {
     )
 }
 PATTERNS = Registry("uavrt.antennas", _OWN, AntennaPattern)
-"""Antenna patterns by name, including those of installed packages (docs/how-to/extend.md)."""
+"""Antenna patterns by name, including those that installed packages add
+(docs/how-to/extend.md)."""
 
 
 def monopole_gain_db(elevation_deg: ArrayLike) -> NDArray[np.float64]:
-    """Gain of an upright monopole relative to the horizon [dB], limited to -30 dB."""
+    """Gain of an upright monopole relative to that towards the horizon [dB], at least -30
+    dB.
+    """
     cosine = np.abs(np.cos(np.radians(np.asarray(elevation_deg, np.float64))))
     return np.maximum(20.0 * np.log10(np.maximum(cosine, 1e-9)), NULL_DB)
 
 
 def pattern_named(antenna: AntennaPattern | str) -> AntennaPattern:
-    """Pattern with a given name; `antenna` itself if it is a pattern. Raises `UsageError`."""
+    """Return the pattern with a given name; a pattern is returned unchanged. Raises
+    `UsageError` for an unknown name.
+    """
     if isinstance(antenna, AntennaPattern):
         return antenna
     if antenna not in PATTERNS:

@@ -1,4 +1,4 @@
-"""Compute directions of the antenna's axes, for many attitudes at once."""
+"""Compute the directions of the antenna's axes for many attitudes at once."""
 
 from dataclasses import dataclass
 
@@ -14,9 +14,11 @@ class Headings:
     """Directions of the antenna at each pulse."""
 
     yaw_deg: NDArray[np.float64]
-    """(n,) direction of the boresight over ground, clockwise from true north [deg]."""
+    """Direction of the boresight over ground at each pulse, clockwise from true north [deg],
+    shape (n,)."""
     axes: NDArray[np.float64] | None = None
-    """(n, 3, 3) antenna's forward, right, down axis in north, east, down; None: level."""
+    """The antenna's forward, right and down axes in north, east, down, shape (n, 3, 3); None
+    for a level antenna."""
 
     @classmethod
     def level(cls, yaw_deg: ArrayLike) -> "Headings":
@@ -25,10 +27,10 @@ class Headings:
 
     @classmethod
     def from_quaternions(cls, quaternion_wxyz: ArrayLike) -> "Headings":
-        """Headings from attitudes.
+        """Compute headings and antenna axes from attitudes.
 
-        `quaternion_wxyz` (n, 4): antenna frame (forward, right, down) to north-east-down, any
-        length but zero.
+        `quaternion_wxyz` (n, 4) rotates from the antenna frame (forward, right, down) to
+        north-east-down; it may have any length except zero.
         """
         q = np.atleast_2d(np.asarray(quaternion_wxyz, np.float64))
         length = np.linalg.norm(q, axis=1, keepdims=True)
@@ -47,7 +49,9 @@ class Headings:
     def gain_db(
         self, pattern: AntennaPattern, bearing_deg: NDArray[np.float64], elevation_deg: float
     ) -> NDArray[np.float64]:
-        """Gain (n, b) [dB relative to boresight] towards bearings (b,) at one elevation."""
+        """Gain relative to boresight [dB], shape (n, b), towards bearings (b,) at one elevation
+        [deg].
+        """
         if self.axes is None and elevation_deg == 0.0:
             return pattern.gain_db(bearing_deg[None, :] - self.yaw_deg[:, None])
         bearing, elevation = np.radians(bearing_deg), np.radians(elevation_deg)
@@ -65,7 +69,9 @@ class Headings:
 
 
 def yaws_deg(quaternion_wxyz: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Headings (n,) [deg] of unit quaternions (n, 4), clockwise from north; NaN stays NaN."""
+    """Headings (n,) of unit quaternions (n, 4), clockwise from north [deg]; NaN for quaternions
+    with NaN.
+    """
     w, x, y, z = quaternion_wxyz.T
     yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return np.asarray(np.remainder(np.degrees(yaw), 360.0))

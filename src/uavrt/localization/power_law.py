@@ -1,10 +1,10 @@
-"""Probability of a measured pulse power, given the power that reached the receiver.
+"""Compute the probability of a measured pulse power, given the power that reached the receiver.
 
-The measured power is the matched filter's output over the noise power, with mean S + 1 for a
-pulse of energy S over the noise density. Without fading it has a noncentral chi-square law with
-two degrees of freedom for each pulse summed. Normal fading in decibels is convolved on a grid
-of levels. Gauss–Hermite quadrature is no substitute at high SNR: nine nodes at 4 dB fading gave
-intervals of 13 % coverage instead of 90 %.
+The measured power is the matched filter's output divided by the noise power; its mean is S + 1
+for a pulse of energy S over the noise density. Without fading it has a noncentral chi-square
+distribution with two degrees of freedom for each pulse summed. Fading that is normal in
+decibels is included by a convolution on a grid of levels. Gauss–Hermite quadrature cannot
+replace this at high SNR: with nine nodes, 90 % intervals at 4 dB fading covered only 13 %.
 """
 
 from dataclasses import dataclass
@@ -19,10 +19,10 @@ from uavrt.localization.tuning import LEVELS, POWER_LAW
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PowerTables:
-    """Log-likelihood of each pulse on a grid of expected levels, for each fading."""
+    """Log-likelihood of each pulse on a grid of expected levels, for each assumed fading."""
 
     log_likelihood: NDArray[np.float32]
-    """(pulses, levels, fadings) natural logarithm of each pulse's likelihood."""
+    """Natural logarithm of each pulse's likelihood, shape (pulses, levels, fadings)."""
     fadings_db: tuple[float, ...]
     lowest_db: float
     highest_db: float
@@ -31,10 +31,12 @@ class PowerTables:
 def _faded(
     likelihood: NDArray[np.float64], fadings_db: tuple[float, ...]
 ) -> NDArray[np.float64]:
-    """Convolve likelihoods (pulses, levels) with normal fading: (pulses, fadings, levels).
+    """Convolve likelihoods (pulses, levels) with normal fading; return shape (pulses, fadings,
+    levels).
 
-    Fourier transforms run on one core; NumPy spreads a matrix product over all, which took 18
-    ms instead of 2 ms on a busy computer. A level beyond the grid counts as the last one.
+    The Fourier transforms run on one core. A matrix product in NumPy would use all cores, which
+    took 18 ms instead of 2 ms on a busy computer. Levels beyond the grid count as the outermost
+    level.
     """
     margin = round(4.0 * max(fadings_db) / POWER_LAW.level_step_db)
     padded = np.pad(likelihood, ((0, 0), (margin, margin)), mode="edge")
@@ -55,11 +57,11 @@ def power_tables(
     fadings_db: tuple[float, ...] = POWER_LAW.fadings_db,
     spread_db: Guard[float] = 40.0,
 ) -> PowerTables:
-    """Tabulate log p(power given level), first of received pulses, then of missed pulses.
+    """Tabulate log p(power given level), first for received pulses, then for missed pulses.
 
-    `matched_power` (n,): over the noise power, noise included. `missed_below` (m,): upper
-    limits. `folds`: number of pulses summed in each value. Returns n + m rows. Each
-    distribution includes a share of outliers that is independent of the level.
+    `matched_power` (n,) is relative to the noise power, noise included. `missed_below` (m,) are
+    upper limits. `folds` is the number of pulses summed in each value. The table has n + m
+    rows. Each distribution includes a share of outliers that does not depend on the level.
     """
     strongest = 10.0 * np.log10(max(10.0, matched_power.max(initial=1.0)))
     highest = 10.0 * np.ceil((strongest + 15.0) / 10.0)
@@ -89,7 +91,7 @@ def power_tables(
 def _log_density(
     power: NDArray[np.float64], level_db: NDArray[np.float64], folds: int
 ) -> NDArray[np.float64]:
-    """(pulses, levels) logarithm of the noncentral chi-square density, without fading."""
+    """Logarithm of the noncentral chi-square density without fading, shape (pulses, levels)."""
     y = np.maximum(power, 1e-9)[:, None]
     s = 10.0 ** (level_db / 10.0)[None, :]
     root = 2.0 * folds * np.sqrt(y * s)
@@ -107,7 +109,7 @@ def _log_density(
 def _log_missed(
     thresholds: NDArray[np.float64], level_db: NDArray[np.float64], folds: int
 ) -> NDArray[np.float64]:
-    """(thresholds, levels) log-probability that a pulse remains below its threshold."""
+    """Log-probability that a pulse remains below its threshold, shape (thresholds, levels)."""
     y = thresholds[:, None]
     s = 10.0 ** (level_db / 10.0)[None, :]
     # Beyond ten times the threshold the probability is under 1e-5 for the lowest thresholds

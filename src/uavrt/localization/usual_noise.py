@@ -1,4 +1,6 @@
-"""Noise at each pulse relative to the usual noise at the receiver's gain at that time."""
+"""Compute the noise at each pulse relative to the usual noise at the receiver's gain at that
+time.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,9 +11,10 @@ _Floats = NDArray[np.float64]
 
 
 def over_usual_noise_db(noise_db: _Floats, snr_db: _Floats) -> _Floats:
-    """(n,) noise at pulses in order of time, over its median at that gain [dB].
+    """Noise at pulses in order of time, relative to its median at the same receiver gain [dB],
+    shape (n,).
 
-    Only the effect of the gain is removed: directional and sudden noise remain.
+    Only the effect of the gain is removed: noise from a direction and sudden noise remain.
     """
     over_db = noise_db.copy()
     for part in np.split(np.arange(len(noise_db)), _gain_changes(noise_db, snr_db)):
@@ -22,8 +25,8 @@ def over_usual_noise_db(noise_db: _Floats, snr_db: _Floats) -> _Floats:
 def _gain_changes(noise_db: _Floats, snr_db: _Floats) -> list[int]:
     """Indices of the first pulses after a change of the receiver's gain.
 
-    Such a change moves noise and pulses alike between two pulses. Other noise that begins
-    lowers the SNR; directional noise grows over several pulses.
+    Such a change shifts noise and pulses equally between two pulses. Noise that begins
+    otherwise lowers the SNR, and noise from a direction grows over several pulses.
     """
     side = FLIGHT.gain_pulses
     if len(noise_db) < 2 * side:

@@ -1,9 +1,9 @@
-"""Decide where to fly next to find tagged animals; no I/O.
+"""Decide where to fly next to find tagged animals; the package does no I/O.
 
-`beliefs` hold the probability of each tag's position, `drone_model/drone_motion` and
-`drone_model/energy` model what the drone can reach, `area` limits where it may fly. `search`
-gets the next path from one of the `planners`; `stopping` decides when a tag is found,
-`division` and `shares` divide tags among drones, `detectability/detection_coverage` computes
+`beliefs` holds the probability of each tag's position. `drone_model/drone_motion` and
+`drone_model/energy` model what the drone can reach, and `area` limits where it may fly.
+`search` gets the next path from one of the `planners`. `stopping` decides when a tag is found;
+`division` and `shares` divide tags among drones. `detectability/detection_coverage` computes
 where a tag would have been detected.
 """
 

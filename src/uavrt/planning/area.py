@@ -13,8 +13,8 @@ from uavrt.planning.tuning import PLANNING
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
 Ground = Callable[[_Floats, _Floats], _Floats]
-"""Function that returns the ground heights [m] at positions (east, north) [m], relative to any
-fixed level."""
+"""Function that returns the height of the ground [m] at (east, north) [m]; the reference height
+is arbitrary."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,23 +52,27 @@ class Circle:
         return np.asarray(np.maximum(off - self.radius_m, 0.0))
 
     def depth_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Return how far inside the circle each position is [m]; 0 or negative outside."""
+        """Distance of positions from the circle's edge [m], positive inside and negative
+        outside.
+        """
         off = np.hypot(east_m - self.east_m, north_m - self.north_m)
         return np.asarray(self.radius_m - off)
 
     def path_depth_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Return how far straight paths stay inside the circle [m]; 0 or less if they leave."""
+        """Shortest distance from the circle's edge to the ends of straight paths [m], positive
+        if both ends are inside.
+        """
         start = self.depth_m(*np.array([start_m]).T)
         return np.asarray(np.minimum(self.depth_m(east_m, north_m), start))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Polygon:
-    """Outline whose sides do not cross each other.
+    """Outline of an area, whose sides must not cross each other.
 
-    Raises `PlanError`: fewer than three corners, sides that cross, or hardly any area.
+    Raises `PlanError` for fewer than three corners, sides that cross, or hardly any area.
     """
 
     corners: tuple[tuple[float, float], ...]
@@ -99,7 +103,7 @@ class Polygon:
     def rectangle(
         cls, west_m: float, east_m: float, south_m: float, north_m: float, name: str = "polygon"
     ) -> "Polygon":
-        """Return a rectangle with sides in east and north direction."""
+        """Return the outline of a rectangle with sides along east and north."""
         corners = ((west_m, south_m), (east_m, south_m), (east_m, north_m), (west_m, north_m))
         return cls(corners=corners, name=name)
 
@@ -111,7 +115,7 @@ class Polygon:
 
     @property
     def box(self) -> Area:
-        """Smallest rectangle along east and north that contains the polygon."""
+        """Smallest rectangle with sides along east and north that contains the outline."""
         x, y = np.array(self.corners).T
         return Area(
             west_m=float(x.min()),
@@ -138,7 +142,9 @@ class Polygon:
         return None
 
     def contains(self, east_m: _Floats, north_m: _Floats) -> _Flags:
-        """True for positions inside: a ray to the east crosses an odd number of sides."""
+        """True for positions inside the outline, from which a ray to the east crosses an odd
+        number of sides.
+        """
         x, y = np.asarray(east_m, np.float64), np.asarray(north_m, np.float64)
         inside = np.zeros(np.broadcast_shapes(x.shape, y.shape), bool)
         points = np.array(self.corners, np.float64)
@@ -174,7 +180,9 @@ class Polygon:
     def path_depth_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Return how far inside the polygon each straight path stays [m]; 0 if it leaves."""
+        """Shortest distance from the outline to straight paths inside it [m]; 0 for paths with
+        an end outside.
+        """
         edge = self._edge_distance_m(start_m, east_m, north_m)
         start = self.contains(*np.array([start_m]).T)
         return np.asarray(np.where(self.contains(east_m, north_m) & start, edge, 0.0))
@@ -182,7 +190,9 @@ class Polygon:
     def _edge_distance_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Return the distance of straight paths from the sides [m]; 0 if they cross one."""
+        """Shortest distance between straight paths and the outline [m]; 0 if a path crosses
+        it.
+        """
         end = (east_m, north_m)
         off = [segment_distance_m(start_m, end, side) for side in self._sides]
         return np.asarray(np.min(off, axis=0))
@@ -192,7 +202,9 @@ _Place = tuple[float | _Floats, float | _Floats]
 
 
 def _turn(a: _Place, b: _Place, c: _Place) -> _Floats:
-    """Return the turn direction of the path a, b, c: positive for a left turn."""
+    """Twice the signed area of the triangle a, b, c [m²]: positive if the path from a over b to
+    c turns left.
+    """
     return np.asarray((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
 
@@ -242,16 +254,16 @@ def _overlap(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> bool:
 
 
 def flat_ground(east_m: _Floats, north_m: _Floats) -> _Floats:
-    """Return the height of level ground, 0 at all positions."""
+    """Return the height of level ground, 0 m at all positions."""
     return np.zeros(np.broadcast_shapes(np.shape(east_m), np.shape(north_m)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchArea:
-    """Area of the animals, and limits within which the drone may fly.
+    """Area in which the animals are, and limits within which the drone may fly.
 
-    Raises `PlanError`: the area reaches beyond the fence, the least height exceeds the
-        greatest, or home is outside.
+    Raises `PlanError` if the area reaches beyond the fence, if the minimum height exceeds the
+    maximum, or if home is outside.
     """
 
     search: Polygon
@@ -260,23 +272,24 @@ class SearchArea:
     excluded: tuple[Circle | Polygon, ...] = ()
     """Excluded areas that the drone must not enter."""
     within: tuple[Circle | Polygon, ...] = ()
-    """Areas that the drone must not leave; home and the return path must be inside too."""
+    """Areas that the drone must not leave, on the way out and on its return."""
     margin_m: float = 0.0
     """Distance kept from fence and excluded areas [m], for gusts and wide turns."""
     straight_home: bool = False
-    """True if the straight return from any position must also avoid the excluded areas."""
+    """True if the straight return home from any position must also avoid the excluded areas."""
     lowest_m: float = 20.0
-    """Minimum height of the drone above the ground beneath [m]."""
+    """Minimum height of the drone above the ground below it [m]."""
     highest_m: float = 120.0
     ground: Ground = flat_ground
     ground_home: Ground | None = None
-    """Function that returns the highest ground between positions and home [m]."""
+    """Function that returns the height of the highest ground along the straight return from
+    given positions [m]."""
     home_m: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         if not 0.0 < self.lowest_m < self.highest_m:
             raise PlanError(
-                f"the heights are {self.lowest_m:g} to {self.highest_m:g} m above ground",
+                f"the heights {self.lowest_m:g} to {self.highest_m:g} m are invalid",
                 remedy="Give a lower and a higher height, both above 0",
             )
         if self.fence is None:
@@ -301,7 +314,9 @@ class SearchArea:
             )
 
     def check_home(self) -> None:
-        """Raise `PlanError` if take-off and return are not allowed at home."""
+        """Raise `PlanError` if home lies where the drone cannot take off or return, such as in
+        an excluded area.
+        """
         home = np.array([self.home_m]).T
         for zone in self.excluded:
             if float(zone.off_m(*home)[0]) <= self.margin_m:
@@ -317,10 +332,11 @@ class SearchArea:
                 )
 
     def entered_area(self, east_m: _Floats, north_m: _Floats) -> str | None:
-        """Return which area to avoid or to stay in forbids a path or its return, or None.
+        """Reason why excluded areas forbid a path, or the return home from it; None if they do
+        not.
 
-        The path is given by its points, from the start on. The segments between them are
-        checked too.
+        The path is given as points, the first of which is its start; the segments between
+        points are also checked.
         """
         x, y = _close_points(east_m, north_m)
         here = float(east_m[0]), float(north_m[0])
@@ -329,10 +345,10 @@ class SearchArea:
     def _entered_areas(
         self, x: _Floats, y: _Floats, start_m: tuple[float, float]
     ) -> list[tuple[int, str]]:
-        """Return the numbers of legs that areas forbid, each with the reason.
+        """Return the number of each path that enters an excluded area, with the reason.
 
-        A drone that a gust has blown into the margin of an area may leave the margin, but not
-        come closer to the area.
+        A drone that a gust has blown into the margin may leave the margin, but not come closer
+        to the area.
         """
         found: list[tuple[int, str]] = []
         here = np.array([start_m]).T
@@ -365,9 +381,9 @@ class SearchArea:
     def refusal(
         self, east_m: _Floats, north_m: _Floats, height_m: _Floats | float
     ) -> str | None:
-        """Return why a path must not be flown at a height above home; None if it may.
+        """Reason why a path must not be flown at a height above home; None if it may.
 
-        The path is given by its points. The segments between them are checked too.
+        The path is given as points; the segments between them are also checked.
         """
         x, y = _close_points(east_m, north_m)
         here = float(east_m[0]), float(north_m[0])
@@ -377,7 +393,9 @@ class SearchArea:
     def refusals(
         self, state_m: tuple[float, float], east_m: _Floats, north_m: _Floats, height_m: float
     ) -> list[str | None]:
-        """Return, for each position, why the straight path to it must not be flown, or None."""
+        """For each position, the reason why the straight path to it must not be flown; None if
+        it may.
+        """
         longest = float(np.max(np.hypot(east_m - state_m[0], north_m - state_m[1]), initial=0))
         share = np.linspace(0.0, 1.0, max(2, int(np.ceil(longest / PLANNING.path_step_m)) + 1))[
             1:
@@ -392,7 +410,7 @@ class SearchArea:
     def _faults(
         self, x: _Floats, y: _Floats, height_m: _Floats | float, start_m: tuple[float, float]
     ) -> list[tuple[int, str]]:
-        """Yield the numbers of legs that must not be flown, each with the reason."""
+        """Return the number of each path that must not be flown, with the reason."""
         found: list[tuple[int, str]] = []
 
         def add(bad: _Flags, reason: str) -> None:
@@ -440,7 +458,9 @@ def _nudged(corners: _Floats) -> _Floats:
 
 
 def _close_points(east_m: _Floats, north_m: _Floats) -> tuple[_Floats, _Floats]:
-    """Add points to a path, so that it is checked at least every `PLANNING.path_step_m`."""
+    """Insert points into a path, so that consecutive points are at most `PLANNING.path_step_m`
+    apart.
+    """
     if len(east_m) < 2:
         return np.asarray(east_m, np.float64), np.asarray(north_m, np.float64)
     gone = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(east_m), np.diff(north_m)))])
@@ -450,7 +470,9 @@ def _close_points(east_m: _Floats, north_m: _Floats) -> tuple[_Floats, _Floats]:
 
 
 def check_reach(area: SearchArea, farthest_m: float) -> None:
-    """Raise `PlanError` for an area that lies wholly beyond `farthest_m` from home."""
+    """Raise `PlanError` for a search area that lies entirely farther than `farthest_m` from
+    home.
+    """
     corners = np.array(area.search.corners)
     if area.search.contains(*np.array([area.home_m]).T).all():
         return
@@ -475,9 +497,8 @@ def _distance_m(point: _Floats, a: _Floats, b: _Floats) -> float:
 def survey_lines(
     polygon: Polygon, spacing_m: float, *, most: int | None = None
 ) -> list[tuple[float, float]]:
-    """Return the ends of survey lines along a polygon's longest side, back and forth.
-
-    Raises `PlanError` for more than `most` lines.
+    """Return the end points of parallel survey lines along a polygon's longest side, flown back
+    and forth. Raises `PlanError` for more than `most` lines.
     """
     if not spacing_m > 0.0:
         raise PlanError(

@@ -1,8 +1,8 @@
-"""Probabilities about each tag during a search.
+"""Probabilities of each tag's position and existence during a search.
 
-A tracker of `uavrt.localization` estimates the tag's position, given that it is there. This
-module adds the probability that the tag is there at all, and checks whether the pulses agree
-with such a tag.
+A tracker of `uavrt.localization` estimates the tag's position on the assumption that the tag is
+in the area. This module adds the probability that the tag is in the area at all, and checks
+whether the received pulses agree with such a tag.
 """
 
 from collections.abc import Iterator, Mapping
@@ -29,29 +29,32 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ExistenceRules:
-    """Constants of the test whether pulses fit the tag, and of a possible interferer."""
+    """Constants of the model check, and of the model of an interferer whose signal is received
+    as the tag's.
+    """
 
     memory: float = 0.95
-    """Factor by which the weight of earlier pulses in the test decreases with each new
+    """Factor by which the weight of earlier pulses in the model check is multiplied at each new
     pulse."""
     largest_sigmas: float = 4.0
-    """Largest deviation of a pulse's level that counts in the test [standard deviations]."""
+    """Limit to which one pulse's level deviation is clipped in the model check [standard
+    deviations]."""
     failing_sigmas: float = 3.3
-    """Mean level deviation above which the test fails [standard deviations]; by chance once in
-    1000 cases."""
+    """Mean level deviation from which the model check fails [standard deviations]; it fails by
+    chance once in 1000."""
     rival_sigma_db: float = 12.0
     """Prior standard deviation of the level of a stationary interferer [dB]."""
     rival_particles: int = 2000
     rival_share: float = 0.1
-    """Prior probability that a stationary interferer is received as the tag."""
+    """Prior probability that the signal of a stationary interferer is received as the tag's."""
     rival_nats: float = 7.0
     """Largest log odds of an interferer as the source of the received pulses [nats]."""
     tag_nats: float = 25.0
-    """Largest evidence for a tag's existence [nats]; the limit keeps a later loss of the tag
-    noticeable."""
+    """Upper limit of the evidence that a tag exists [nats], with which the probability can
+    still fall when pulses stop."""
     known_share: float = 0.5
-    """Largest position uncertainty of an interferer that counts as located, as a fraction of
-    the area's width."""
+    """Largest position spread at which an interferer counts as located, as a share of the
+    search area's spread."""
 
 
 _RULES = _ExistenceRules()
@@ -59,20 +62,20 @@ _RULES = _ExistenceRules()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelCheck:
-    """Result of a test: do recent pulses fit a tag at the estimated position?"""
+    """Measures of how well recent pulses agree with a tag at its estimated position."""
 
     bias_sigmas: float
-    """Mean deviation of the pulses' levels from the model [standard deviations of this
-    mean]."""
+    """Mean deviation of pulses' levels from the model, divided by the standard deviation of
+    this mean."""
     scatter: float
-    """Mean square deviation of the levels, relative to the expected value; 1 if the model is
-    right."""
+    """Ratio of the mean square deviation of levels to its expected value; 1 if the model
+    holds."""
     pulses: float
-    """Effective number of recent pulses in the test, as the sum of their weights."""
+    """Effective number of recent pulses in the check, after weighting."""
 
     @property
     def passed(self) -> bool:
-        """True if mean and scatter of the pulses are as expected."""
+        """True if the mean and the scatter of the pulses' levels are as the model predicts."""
         if self.pulses < 1.0:
             return False
         room = _RULES.failing_sigmas * np.sqrt(2.0 / self.pulses)
@@ -83,10 +86,12 @@ class ModelCheck:
 
 
 def _deviation(level_db: float, threshold_db: float, expected: Expectation) -> float:
-    """Deviation of a pulse [standard deviations], among pulses above the threshold.
+    """Return a received pulse's level deviation [standard deviations], corrected for the
+    detection threshold.
 
-    Far from a tag only its strongest pulses reach the threshold; a pulse's deviation is then
-    the normal deviate with the same conditional probability.
+    Far from a tag only its strongest pulses reach the threshold. So the deviation is the normal
+    deviate with the same probability as the pulse's level, given that it exceeded the
+    threshold.
     """
     sigma = np.sqrt(expected.variance_db2)
     above, heard = (
@@ -97,10 +102,11 @@ def _deviation(level_db: float, threshold_db: float, expected: Expectation) -> f
 
 
 class Interferer:
-    """Possible stationary interferer that is received as the tag.
+    """Stationary interferer whose signal may be received as the tag's, with its position and
+    probability of existence.
 
-    The interferer has a probability of existence. Its tracker weights each pulse by the
-    probability that the interferer, not the tag, has sent it.
+    Its tracker weights each pulse by the probability that it came from the interferer and not
+    from the tag.
     """
 
     def __init__(self, prior: TagPrior, rng: Generator) -> None:
@@ -120,7 +126,9 @@ class Interferer:
 
     @classmethod
     def of(cls, prior: TagPrior, rng: Generator) -> "Interferer | None":
-        """Return a tag's possible interferer; None if `missed_share` of the prior is 0."""
+        """Create the model of a possible interferer for a tag; None if the prior excludes one
+        (`missed_share` 0).
+        """
         return cls(prior, rng) if prior.missed_share > 0.0 else None
 
     @property
@@ -134,7 +142,9 @@ class Interferer:
         return self._density
 
     def heard(self, heard: Listening, log_probability: float) -> None:
-        """Update with a received pulse, given its log-density from all sources together."""
+        """Update position and probability of the interferer with a received pulse;
+        `log_probability` is that of the pulse under all sources.
+        """
         others = self._missed * self.probability * self._density
         chance = self._chance * false_pulse_density(heard)
         tags = max(float(np.exp(log_probability)) - others, chance)
@@ -142,7 +152,7 @@ class Interferer:
         self.tracker.listen(heard, elsewhere=max(tags / self._missed - chance, 0.0))
 
     def missed(self, heard: Listening) -> None:
-        """Update the interferer's belief with a missed pulse."""
+        """Update position and probability of the interferer after a missed pulse."""
         self._add(self.tracker.listen(heard).log_probability)
 
     def _add(self, nats: float) -> None:
@@ -150,10 +160,10 @@ class Interferer:
 
 
 class TagBelief:
-    """Position and existence of one tag.
+    """Probability distribution of one tag's position, and probability that the tag exists.
 
-    `particles`: number of hypotheses of the position.
-    `existence`: prior probability that the tag is in the area and transmits.
+    `particles` is the number of position hypotheses. `existence` is the prior probability that
+    the tag is in the area and transmits.
     """
 
     def __init__(
@@ -179,17 +189,19 @@ class TagBelief:
 
     @property
     def prior(self) -> TagPrior:
-        """Strength, motion and detection of the tag as assumed before the flight."""
+        """Signal strength, motion and detection threshold of the tag as assumed before the
+        flight.
+        """
         return self._tracker.prior
 
     @property
     def tracker(self) -> ParticleTracker:
-        """Particle tracker of the position, given that the tag is in the area."""
+        """Particle tracker of the tag's position, which assumes that the tag is in the area."""
         return self._tracker
 
     @property
     def log_bayes_factor(self) -> float:
-        """Log Bayes factor of all evidence, for the tag's presence against its absence."""
+        """Log Bayes factor of all pulses so far for "the tag is there" against "it is not"."""
         return float(self._log_bayes_factor)
 
     @property
@@ -198,13 +210,15 @@ class TagBelief:
         return float(1.0 / (1.0 + np.exp(-self._prior_odds - self._log_bayes_factor)))
 
     def advance_to(self, time_s: float) -> None:
-        """Advance the animal's motion (rest, browse or travel) to a time."""
+        """Advance the model of the animal's motion (rest, browse or travel) to a time."""
         self._tracker.advance_to(time_s)
         if self._rival is not None:
             self._rival.tracker.advance_to(time_s)
 
     def listen(self, heard: Listening) -> Expectation:
-        """Update with a received or a missed pulse."""
+        """Update position and existence of the tag with a received or a missed pulse; return
+        the level that was expected.
+        """
         rival, chance = self._rival, self.prior.chance_share
         if heard.snr_db is None:
             expected = self._tracker.listen(heard)
@@ -227,7 +241,9 @@ class TagBelief:
         return expected
 
     def _check(self, heard: Listening, expected: Expectation, absent: float) -> None:
-        """Add a pulse's level deviation to the test; probably false pulses count less."""
+        """Record how far a received pulse's level deviates from the model; pulses that may be
+        false alarms get less weight.
+        """
         if heard.snr_db is None:
             return
         off = _deviation(heard.snr_db, heard.threshold_db, expected)
@@ -236,7 +252,9 @@ class TagBelief:
         self._sums = self._sums * fade + own * np.array([1.0, own, off, off * off])
 
     def model_check(self) -> ModelCheck:
-        """Test whether the recent pulses fit a tag at the estimated position."""
+        """Compare the levels of recent pulses with those expected from the estimated
+        position.
+        """
         weight, squares, off, off2 = (float(one) for one in self._sums)
         if weight < 1.0:
             return ModelCheck(bias_sigmas=0.0, scatter=0.0, pulses=0.0)
@@ -246,10 +264,10 @@ class TagBelief:
         )
 
     def doubt(self) -> str | None:
-        """Return why an interferer may have sent the pulses; None without a reason.
+        """Reason to suspect that an interferer sent the tag's pulses; None if there is none.
 
-        A probable interferer must be located away from the tag: until then, the tag's position
-        may be based on the interferer's pulses.
+        An interferer that is more likely than not must be located, away from the tag. Until
+        then, the tag's position may be based on the interferer's pulses.
         """
         rival = self._rival
         if rival is None or rival.probability < 0.5:
@@ -264,7 +282,7 @@ class TagBelief:
         return None
 
     def estimate(self) -> TrackEstimate:
-        """Estimated position of the tag, given that it is in the area."""
+        """Estimated position of the tag, on the assumption that it is in the area."""
         return self._tracker.estimate()
 
     def spread(self) -> Spread:
@@ -272,14 +290,14 @@ class TagBelief:
         return self._tracker.spread()
 
     def hypotheses(self, count: int) -> Hypotheses:
-        """Return equally probable hypotheses of the tag's position, drawn from its tracker."""
+        """Draw equally probable hypotheses of the tag's state from its tracker."""
         return self._tracker.hypotheses(count)
 
 
 class Beliefs(Mapping[int, TagBelief]):
-    """Positions and existence of several tags, whose pulses differ in frequency.
+    """Position and existence of several tags whose pulses differ in frequency, by tag id.
 
-    Raises `ConfigError`: there is no tag, or an id is repeated.
+    Raises `ConfigError` without tags and for repeated ids.
     """
 
     def __init__(self, *beliefs: TagBelief) -> None:
@@ -300,6 +318,6 @@ class Beliefs(Mapping[int, TagBelief]):
         return len(self._by_id)
 
     def advance_to(self, time_s: float) -> None:
-        """Advance all animals' motion to a time."""
+        """Advance the motion models of all animals to a time."""
         for one in self._by_id.values():
             one.advance_to(time_s)

@@ -1,13 +1,13 @@
-"""Share the path loss exponent among the tags of one area.
+"""Share what each tag's pulses show about the path loss exponent among all tags of one area.
 
-Each tracker learns its own exponent, but ground and plants are those of the area: a flight
-around one tag measures the exponent of all. Without sharing, the two hypotheses of each other
-tag (near and weak, far and strong) persist for minutes.
+Each tracker learns its own exponent. But the exponent depends on the ground and plants of the
+area, so a flight around one tag measures it for all tags. Without sharing, each other tag keeps
+two hypotheses (near and weak, far and strong) for minutes.
 
 Each tag's likelihood of the exponent is approximated as normal: its posterior divided by its
-prior and others' messages (expectation propagation with one message for each tag; Minka 2001,
-"Expectation Propagation for Approximate Bayesian Inference"). So a tag's own information never
-returns to it.
+prior and by the other tags' messages. This is expectation propagation with one message for each
+tag (Minka 2001, "Expectation Propagation for Approximate Bayesian Inference"). So a tag never
+receives its own information back.
 """
 
 from collections.abc import Iterable
@@ -18,20 +18,22 @@ from uavrt.planning.beliefs import TagBelief
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Sharing:
-    """Constants of sharing the path loss exponent."""
+    """Constants that control how tags share the path loss exponent."""
 
     exponent_sigma: float = 0.15
     """Standard deviation of the difference between two tags' path loss exponents in the same
     area."""
     existence: float = 0.95
-    """Probability of existence from which a tag's path loss exponent is used for other tags."""
+    """Minimum probability of existence at which a tag's path loss exponent is shared with other
+    tags."""
     news: float = 1.25
-    """Factor by which the precision of a path loss exponent must grow before tags share it
+    """Ratio by which the precision of a tag's path loss exponent must grow before it is shared
     again."""
     placed_m: float = 50.0
     """Largest rms position spread at which a tag counts as located [m]."""
     most_precision: float = 1.0 / 0.1**2
-    """Largest precision of the path loss exponent that one tag's pulses may contribute."""
+    """Largest precision (inverse variance) of the path loss exponent that one tag's pulses may
+    contribute."""
 
 
 _SHARING = _Sharing()
@@ -39,11 +41,13 @@ _SHARING = _Sharing()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ExponentMessage:
-    """Normal likelihood of the path loss exponent, as natural parameters that can be summed."""
+    """Normal likelihood of the path loss exponent in natural parameters, so that messages
+    combine by addition.
+    """
 
     precision: float = 0.0
     weighted: float = 0.0
-    """Mean of the path loss exponent, multiplied by its precision."""
+    """Product of mean and precision of the path loss exponent."""
 
     def plus(self, other: "_ExponentMessage") -> "_ExponentMessage":
         return _ExponentMessage(
@@ -61,12 +65,14 @@ class _ExponentMessage:
         )
 
     def softened(self, variance: float) -> "_ExponentMessage":
-        """Return the message for another tag, whose exponent differs with a given variance."""
+        """Return the message for another tag, less precise because that tag's exponent may
+        differ by a given variance.
+        """
         return self.scaled(1.0 / (1.0 + variance * self.precision))
 
 
 class ExponentSharing:
-    """Uses each tag's estimate of the path loss exponent for all other tags."""
+    """Passes information on the path loss exponent from each tag's pulses to all other tags."""
 
     def __init__(self) -> None:
         self._variance = _SHARING.exponent_sigma**2
@@ -74,7 +80,9 @@ class ExponentSharing:
         self._received: dict[int, _ExponentMessage] = {}
 
     def share(self, beliefs: Iterable[TagBelief]) -> None:
-        """Collect the exponents that the tags' pulses show, and pass each to all other tags."""
+        """Collect each tag's information on the path loss exponent, and pass it to all other
+        tags.
+        """
         learning = [one for one in beliefs if one.prior.exponent_sigma > 0.0]
         if len(learning) < 2:
             return
@@ -94,7 +102,9 @@ class ExponentSharing:
             self._received[one.tag_id] = others
 
     def _collect(self, belief: TagBelief) -> None:
-        """Store a tag's path loss exponent if the tag exists, is located and fits the model."""
+        """Store the path loss exponent learned from a tag's pulses, if the tag exists, is
+        located and fits the model.
+        """
         if belief.existence_probability < _SHARING.existence or not belief.model_check().passed:
             return
         if belief.spread().rms_m > _SHARING.placed_m:

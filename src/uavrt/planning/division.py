@@ -30,11 +30,13 @@ def divided(
     stay_s: float,
     owners: Sequence[int | None] = (),
 ) -> list[list[int]]:
-    """Divide tags into one round for each drone, as indices of tags in the order of visits.
+    """Divide tags into one round for each drone; return the tags' indices in the order of
+    visits.
 
-    Each tag in turn goes to the drone that would finish it first (list scheduling). Then single
-    tags move to other rounds while that shortens the longest round or the total.
-    `owners`: index of the drone that each tag has now; a change costs `PLANNING.transfer_s`.
+    Each tag in turn is assigned to the drone that would finish it first (list scheduling). Then
+    single tags are moved to other rounds while that shortens the longest round or the total.
+    `owners` holds the index of the drone that has each tag now; a change of drone costs
+    `PLANNING.transfer_s`.
     """
     rounds = _Rounds(starts, east_m, north_m, speed_m_s, stay_s, owners)
     tours: list[list[int]] = [[] for _ in starts]
@@ -82,7 +84,9 @@ class _Rounds:
         return self._after[drone] + way + PLANNING.transfer_s * changed
 
     def improve(self, tours: list[list[int]], tag: int) -> bool:
-        """Move a tag to the position in any round that costs least; False if it stays."""
+        """Move a tag to its best position in all rounds; return False if it is already
+        there.
+        """
         owner = next(drone for drone, tour in enumerate(tours) if tag in tour)
         times = [self.time_s(drone, tour) for drone, tour in enumerate(tours)]
         without = [one for one in tours[owner] if one != tag]

@@ -1,10 +1,10 @@
-"""Predict how much information a path would give about the tags' positions.
+"""Predict how much information about the tags' positions a path would give.
 
-Under each hypothesis, the levels of a path's pulses are normal about their expected values.
-Their information on the hypotheses is bounded by the distances between these values (Kolchinsky
-and Tracey 2017). Levels below the threshold are set to it, so two hypotheses without a
-detection stay equal. The unknown strength is common to all pulses of the path; the part of the
-distances that it could explain is removed.
+Under each hypothesis, the levels of a path's pulses are normally distributed around their
+expected values. The distances between the expected values bound the information on the
+hypotheses (Kolchinsky and Tracey 2017). Levels below the threshold are set to it, so that
+hypotheses without a detection remain equal. The unknown signal strength is common to all pulses
+of the path; the part of the distances that it could explain is removed.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,9 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listener:
-    """Parameters of the reception of pulses at the drone."""
+    """Parameters of the reception of pulses at the drone: height above tags, pulse interval and
+    threshold.
+    """
 
     above_tags_m: float
     pulse_s: float
@@ -44,11 +46,11 @@ def expected_levels_db(
     listener: Listener,
     walked_m: tuple[_Singles, _Singles] | None = None,
 ) -> tuple[_Singles, _Singles | float]:
-    """Return each hypothesis's expected level along paths [dB], (legs, samples, hypotheses).
+    """Return the expected level of each hypothesis along paths [dB], shape (legs, samples,
+    hypotheses), and the variance of the lasting error [dB²], shape (legs, samples).
 
-    The second result is the variance (legs, samples) of the lasting error [dB²]. Travelling
-    hypotheses continue at their velocity; `walked_m`, east and north of each leg and hypothesis
-    (legs, 1, hypotheses), is added.
+    Hypotheses of a travelling tag continue at their velocity. `walked_m`, the east and north
+    displacement of each hypothesis (legs, 1, hypotheses), is added.
     """
     east, north, yaw, time = (
         one.astype(np.float32)[:, :, None]
@@ -84,11 +86,11 @@ def information_nats(
     hypotheses: int = 64,
     others: Legs | None = None,
 ) -> _Floats:
-    """Return the information of each path on each tag's position [nats], (tags, legs).
+    """Information that each path would give on each tag's position [nats], shape (tags, legs).
 
-    `legs`: each sample represents an equal share of its path's time.
-    `hypotheses`: number drawn for each tag; its logarithm limits the information.
-    `others`: paths of other drones, whose information is excluded.
+    In `legs`, each sample represents an equal share of the path's time. `hypotheses` is the
+    number drawn for each tag; its logarithm limits the information. Information from `others`,
+    the paths of other drones, is excluded.
     """
     out = np.empty((len(beliefs), len(legs.duration_s)))
     for number, belief in enumerate(beliefs):
@@ -108,11 +110,14 @@ class _Pulses:
     """Expected levels and weights of pulses along candidate paths, with path durations."""
 
     level_db: _Singles
-    """(legs, samples, hypotheses) expected SNR of the pulses on each candidate leg [dB]."""
+    """Expected SNR of the pulses on each candidate path [dB], shape (legs, samples,
+    hypotheses)."""
     per_db2: _Singles
-    """(legs, samples) number of pulses divided by the variance of one pulse's level [1/dB²]."""
+    """Number of pulses divided by the variance of one pulse's level [1/dB²], shape (legs,
+    samples)."""
     alike_db2: _Floats
-    """(legs,) variance of a level error that all pulses of a leg have in common [dB²]."""
+    """Variance of the lasting error that all pulses of a path have in common [dB²], shape
+    (legs,)."""
     span_s: _Floats
 
     def as_one(self) -> "_Pulses":
@@ -155,10 +160,12 @@ def _pulses(prior: TagPrior, some: Hypotheses, legs: Legs, listener: Listener) -
 def _lasting_variance(
     law: LastingError | None, wrong2: _Singles | float, legs: Legs, pulses: _Floats
 ) -> tuple[_Floats, _Floats | float]:
-    """Variance by a lasting error, common to a leg (legs,) and per pulse (legs, samples) [dB²].
+    """Variance of the lasting error [dB²]: the part common to a path (legs,) and the part per
+    pulse (legs, samples).
 
-    Pulses of a turn in place have the same error, so the direction to the tag stays known.
-    Along a path the error changes slowly: all pulses of a stretch count as one.
+    All pulses of a turn in place have the same error, so the turn still shows the direction to
+    the tag. Along a path the error changes slowly, so pulses that are close together count as
+    one.
     """
     if law is None or isinstance(wrong2, float):
         return np.zeros(len(pulses)), 0.0
@@ -172,7 +179,9 @@ def _lasting_variance(
 
 
 def _heard_nats(prior: TagPrior, some: Hypotheses, heard: _Pulses) -> _Floats:
-    """Return the information (legs,) that expected pulses give on a tag's position [nats]."""
+    """Information that the expected pulses of each path give on the tag's position [nats],
+    shape (legs,).
+    """
     root = np.sqrt(heard.per_db2)
     scaled = heard.level_db * root[:, :, None]
     scaled -= scaled.mean(axis=2, keepdims=True)
@@ -211,7 +220,9 @@ def minus_quarter_squares(scaled: _Singles, whole: _Singles) -> _Singles:
 
 
 def _walked_m(some: Hypotheses, spans_s: _Floats) -> tuple[_Singles, _Singles] | None:
-    """Return how far walking tag hypotheses move east and north during each path [m]."""
+    """Displacement to the east and north of each hypothesis of a walking tag until each path's
+    end [m]; None if no hypothesis walks.
+    """
     if not some.wandering_m_per_root_s.any():
         return None
     steps = np.random.default_rng(0).normal(size=(2, 1, 1, len(some.east_m)))
@@ -220,7 +231,9 @@ def _walked_m(some: Hypotheses, spans_s: _Floats) -> tuple[_Singles, _Singles] |
 
 
 def _walked_db2(some: Hypotheses, legs: Legs, spans_s: _Floats, above_tags_m: float) -> _Floats:
-    """Return the variance (legs, samples) of the level that a tag's walk causes [dB²]."""
+    """Variance of the level caused by the tag's walk until the path's end [dB²], shape (legs,
+    samples).
+    """
     walk2 = float(np.mean(some.wandering_m_per_root_s**2))
     if walk2 == 0.0:
         return np.zeros_like(legs.time_s)

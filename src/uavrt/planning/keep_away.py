@@ -1,4 +1,4 @@
-"""Keep paths at a distance from the possible positions of animals."""
+"""Compute the probability that paths keep a minimum distance from animals."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -15,9 +15,9 @@ _Real = NDArray[np.floating[Any]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeepAway:
-    """Distance that paths must keep from every tag, found or not.
+    """Minimum distance of paths from every tag, found or not.
 
-    `margin` is the factor on the radius in planning, because an animal may move.
+    When planning, the distance is multiplied by `margin`, as an animal may move.
     """
 
     radius_m: float = 50.0
@@ -28,8 +28,8 @@ class KeepAway:
     def __post_init__(self) -> None:
         if self.radius_m <= 0.0 or not 0.0 < self.probability < 1.0 or self.margin < 1.0:
             raise ConfigError(
-                f"the distance to animals is {self.radius_m:g} m, its probability "
-                f"{self.probability:g}, and its margin {self.margin:g}",
+                f"invalid distance to animals: {self.radius_m:g} m, probability "
+                f"{self.probability:g}, margin {self.margin:g}",
                 remedy="Give a radius above 0, a probability below 1, a margin of 1 or more",
             )
 
@@ -43,7 +43,9 @@ class KeepAway:
         speed_m_s: float,
         stays_s: float = 0.0,
     ) -> _Floats:
-        """Return the probability (tags, paths) that a path with its stay keeps the distance."""
+        """Probability that each path, with a stay at its end, keeps the distance from each tag,
+        shape (tags, paths).
+        """
         out = np.empty((len(beliefs), len(east_m)))
         limit = (self.margin * self.radius_m) ** 2
         way_x, way_y = east_m - start_m[0], north_m - start_m[1]
@@ -65,7 +67,9 @@ class KeepAway:
 def _nearest_m2(
     x: _Real, y: _Real, speed_x: _Real, speed_y: _Real, span_s: _Real | float
 ) -> _Floats:
-    """Return the smallest squared distance from the origin during a uniform motion [m²]."""
+    """Square of the shortest distance from the origin during a motion at constant velocity
+    [m²].
+    """
     speed2 = np.maximum(speed_x**2 + speed_y**2, 1e-9)
     time = np.clip(-(x * speed_x + y * speed_y) / speed2, 0.0, span_s)
     return np.asarray((x + speed_x * time) ** 2 + (y + speed_y * time) ** 2)

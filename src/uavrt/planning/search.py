@@ -1,4 +1,6 @@
-"""A search for tags: evaluates pulses and decides on each action, up to the return flight."""
+"""Search for all tags, from the first pulse to the return flight; used by processes and
+experiments.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -20,7 +22,7 @@ from uavrt.planning.situation import Decision, Planner, SearchSettings, Situatio
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
-    """A found tag: when it was found, where it is, and why it counts as found."""
+    """A found tag: the time, the estimated position and the reason why it counts as found."""
 
     time_s: float
     estimate: TrackEstimate
@@ -28,7 +30,9 @@ class Found:
 
 
 class Search:
-    """Search for all tags: position estimates, planner, stop rule and return."""
+    """Search for all tags: holds their beliefs, the planner and its random numbers, and applies
+    stop rule and return.
+    """
 
     def __init__(
         self, settings: SearchSettings, beliefs: Beliefs, planner: Planner, rng: Generator
@@ -40,10 +44,10 @@ class Search:
         self._fall = ExponentSharing()
 
     def check(self, state: VehicleState, battery: Battery | None = None) -> None:
-        """Raise an error for a search that cannot be flown, before the drone moves.
+        """Raise `PlanError` for a search that cannot be flown, before the drone moves.
 
-        Raises `PlanError`: a tag without any strength, a start outside the fence or the
-            heights, or an area beyond the battery's reach.
+        Reasons are a tag without an expected signal strength, a start outside the fence or the
+        height limits, or an area beyond the battery's reach.
         """
         for belief in self.beliefs.values():
             prior = belief.prior
@@ -99,7 +103,9 @@ class Search:
         battery: Battery | None = None,
         others: OtherDrones | None = None,
     ) -> Decision:
-        """Decide the next action: the return flight when due, else the planner's choice."""
+        """Return the next action: the flight home when it is due, otherwise the planner's
+        choice.
+        """
         self._fall.share(self.beliefs.values())
         decision = self._home(state, wind, battery)
         if decision is None:
@@ -110,7 +116,9 @@ class Search:
         return decision
 
     def near(self, state: VehicleState) -> float:
-        """Probability that an animal comes too close while the drone stays."""
+        """Probability that an animal comes too close if the drone stays at its position for one
+        planner cycle.
+        """
         rule = self.settings.keep_away
         if rule is None:
             return 0.0
@@ -127,7 +135,7 @@ class Search:
     def situation(
         self, state: VehicleState, wind: Wind, others: OtherDrones | None = None
     ) -> Situation:
-        """Input of the planner for the next decision."""
+        """Return the planner's input for the next decision."""
         return Situation.of(
             self.settings,
             state=state,
@@ -173,7 +181,9 @@ class Search:
         wind: Wind | None,
         battery: Battery | None,
     ) -> Decision | None:
-        """Return the decision to fly home if an action would use energy for it; else None."""
+        """Return the decision to fly home if an action would use energy needed for the return;
+        otherwise None.
+        """
         energy = self.settings.energy
         if battery is None or energy is None or isinstance(decision.action, Return):
             return None
@@ -196,6 +206,6 @@ class Search:
         )
 
     def set_energy(self, energy: EnergyModel) -> None:
-        """Set the energy model learned from the battery."""
+        """Replace the energy model by one updated from the battery's readings."""
         if self.settings.energy is not None:
             self.settings = replace(self.settings, energy=energy)

@@ -1,4 +1,4 @@
-"""Assign tags to drones that search together."""
+"""Assign tags to drones that search together, once the tags are roughly located."""
 
 from collections.abc import Collection, Mapping
 
@@ -17,9 +17,8 @@ def tags_by_drone(
     *,
     speed_m_s: float,
 ) -> dict[int, list[int]]:
-    """Return for each drone its tags in the order of visits.
-
-    Only tags that are located but not yet found are assigned.
+    """Assign the located tags that are not yet found to drones; return each drone's tags in the
+    order of visits.
     """
     known = [one for tag_id, one in beliefs.items() if tag_id not in found and _is_known(one)]
     drones = list(starts)
@@ -42,7 +41,7 @@ def tags_by_drone(
 
 
 def _is_known(belief: TagBelief) -> bool:
-    """True if a tag's position is known well enough for a search by one drone alone."""
+    """True if a tag's position is known well enough for one drone to search for it alone."""
     area = belief.prior.area
     width = np.hypot(area.east_m - area.west_m, area.north_m - area.south_m) / np.sqrt(12.0)
     return belief.spread().rms_m < float(PLANNING.located_share * width)

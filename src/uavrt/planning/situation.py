@@ -1,4 +1,4 @@
-"""Input and output of a planner."""
+"""Records that a planner gets as input and returns as output."""
 
 from dataclasses import dataclass, field, fields
 from typing import Any, Protocol
@@ -35,39 +35,41 @@ class SearchSettings:
     pulse_s: float = 1.0
     """Interval between a tag's pulses [s]."""
     threshold_db: float = 10.0
-    """SNR above which the drone detects a tag's pulse [dB]."""
+    """SNR from which the drone detects a tag's pulse [dB]."""
     tag_height_m: float = 0.0
-    """Height of tags above the ground beneath [m]."""
+    """Height of the tags above the ground below them [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Situation(SearchSettings):
-    """State of the search before a decision: the input of a planner."""
+    """State of a search before a decision, which is the input of a planner."""
 
     state: VehicleState
     beliefs: Beliefs
     found: frozenset[int]
-    """Ids of found tags, which need no more searching."""
+    """Ids of found tags, which are no longer searched for."""
     rng: Generator
     wind: Wind = field(default_factory=Wind)
     others: OtherDrones | None = None
-    """Other drones of the same search."""
+    """Paths and tags of other drones in the same search; None if this drone searches alone."""
 
     @classmethod
     def of(cls, settings: SearchSettings, **now: Any) -> "Situation":
-        """Return the situation from constant settings and present values (`now`)."""
+        """Create a situation from the constant settings and from the present values (`now`) of
+        the other fields.
+        """
         fixed = {one.name: getattr(settings, one.name) for one in fields(settings)}
         return cls(**fixed, **now)
 
     @property
     def wanted(self) -> list[TagBelief]:
-        """Tags that are neither found nor searched by other drones."""
+        """Tags that are not yet found and not assigned to other drones."""
         left = frozenset() if self.others is None else self.others.left
         return [one for tag_id, one in self.beliefs.items() if tag_id not in self.found | left]
 
     @property
     def above_tags_m(self) -> float:
-        """Height of the drone above the tags [m]."""
+        """Height of the drone above the tags, at least 1 [m]."""
         return max(1.0, self.state.height_m - self.tag_height_m)
 
     @property
@@ -80,14 +82,14 @@ class Situation(SearchSettings):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """An action that the planner has rated."""
+    """Action that a planner rated, with its rating or the reason for refusing it."""
 
     action: Action
     duration_s: float
     nats_per_s: float | None = None
-    """Expected rate of information on tag positions [nats/s]; None if not computed."""
+    """Expected information on tag positions per second [nats/s]; None if not computed."""
     refused: str | None = None
-    """Reason why the action may not be flown; None if it may."""
+    """Reason why the action must not be flown; None if it may."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,16 +98,16 @@ class Decision:
 
     action: Action
     reason: str
-    """Reason of the planner's action for the operator; its figures are in `candidates`."""
+    """Reason for the action, in words for the operator; the figures are in `candidates`."""
     candidates: tuple[Candidate, ...] = ()
 
 
 class Planner(Protocol):
     """Interface of a planner, which decides where to fly next.
 
-    A planner may have state (such as a survey's line); all randomness is from the situation's
-    generator, so that equal flights give equal decisions.
+    A planner may have state, such as its line in a survey. All its random numbers come from the
+    situation's generator, so that equal flights give equal decisions.
     """
 
     def decide(self, situation: Situation) -> Decision:
-        """Choose the next action; called after each action and each cycle."""
+        """Choose the next action; called after each action and each planner cycle."""

@@ -21,15 +21,19 @@ class StopRule(Protocol):
     """Interface of a rule that decides whether a tag counts as found."""
 
     def verdict(self, belief: TagBelief) -> Verdict:
-        """Return whether a tag counts as found, with the reason."""
+        """Decide whether a tag counts as found; return the decision with its reason."""
 
     def needed_nats(self, belief: TagBelief) -> float:
-        """Approximate information on the position still missing to find the tag [nats]."""
+        """Approximate information on the position that is still missing for the tag to count as
+        found [nats].
+        """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AccuracyStop:
-    """Rule: a tag is found if it exists, its pulses fit, and its 95 % circle is small."""
+    """Rule by which a tag is found if its 95 % circle is small enough, it very probably exists,
+    and its pulses fit the model.
+    """
 
     radius95_m: float = 25.0
     bayes_factor: float = 100.0
@@ -43,17 +47,23 @@ class AccuracyStop:
             )
 
     def verdict(self, belief: TagBelief) -> Verdict:
-        """Decide whether a tag is found; the checks that need least computing come first."""
+        """Decide whether a tag is found; the checks that need the least computing time come
+        first.
+        """
         rms = belief.spread().rms_m
         # The 95 % radius is 1.7 times the rms of a round cloud of hypotheses, and twice that of
         # a long one, so a cloud whose rms exceeds the target is rejected without its circle.
         if rms > self.radius95_m:
-            return Verdict(found=False, reason=f"still ± {rms:.0f} m")
+            return Verdict(
+                found=False, reason=f"the position is still uncertain by {rms:.0f} m"
+            )
         if belief.log_bayes_factor < np.log(self.bayes_factor):
             return Verdict(found=False, reason="the tag may be absent")
         check = belief.model_check()
         if not check.passed:
-            return Verdict(found=False, reason=f"pulses are not as expected ({check})")
+            return Verdict(
+                found=False, reason=f"the pulses do not fit the estimated position ({check})"
+            )
         doubt = belief.doubt()
         if doubt is not None:
             return Verdict(found=False, reason=doubt)
@@ -65,6 +75,8 @@ class AccuracyStop:
         )
 
     def needed_nats(self, belief: TagBelief) -> float:
-        """Return the missing information [nats]: 1.4 per halving of the radius, or 0.3."""
+        """Information on the position that is still missing [nats]: 1.4 for each halving of the
+        95 % radius, at least 0.3.
+        """
         ratio = 1.75 * belief.spread().rms_m / self.radius95_m
         return float(max(0.3, 2.0 * np.log(ratio)))

@@ -57,7 +57,9 @@ def test_a_bag_that_fails_leaves_nothing_in_the_way_of_the_next_try(
     flight = tmp_path / write_flight(tmp_path, 100.0, 200.0)
     with monkeypatch.context() as failing:
         failing.setattr("uavrt.analysis.measure.bag.encode", lambda message: message / 1e6)
-        with pytest.raises(FormatError, match="has a value that no ROS 2 message can hold"):
+        with pytest.raises(
+            FormatError, match="has a value that ROS 2 messages cannot represent"
+        ):
             export_bag(flight, tmp_path / "bag")
     assert not (tmp_path / "bag").exists()
     assert export_bag(flight, tmp_path / "bag").messages["pulse"] == 72

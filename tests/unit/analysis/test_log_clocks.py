@@ -69,7 +69,7 @@ def test_a_wrong_clock_is_named_also_where_the_logs_overlap(off_ns: int) -> None
     drone = {8: train(MAY_NS + 3 * HOUR_NS), 9: []}
     mast = {8: train(MAY_NS, off_ns=off_ns, length_s=8 * 3600.0, seed=1)}
     assert pulse_doubts([(Path("drone.jsonl"), drone), (Path("mast.jsonl"), mast)]) == [
-        "drone.jsonl and mast.jsonl have the pulses of the same tag at different times: one of "
+        "drone.jsonl and mast.jsonl contain the same tag's pulses at different times: one of "
         "their clocks is wrong, by 0.1 s or much more"
     ]
 

@@ -93,7 +93,10 @@ def test_bearings_of_a_file_that_came_of_the_flight_count_once(tmp_path: Path) -
     said: list[str] = []
     (found,) = read_positions(log, noted(tmp_path / "noted.csv", *rows), warn=said.append)
     assert some(found.position).radius95_m == alone.radius95_m
-    assert "3 bearings of a file are of turns in these flights: left out" in said
+    assert (
+        "3 bearings of a file come from turns in these flights and are not counted twice"
+        in said
+    )
 
 
 @pytest.mark.parametrize("year", ["1970-01-01T00:20:00Z", "2022-11-14T22:14:20Z"])

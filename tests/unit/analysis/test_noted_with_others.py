@@ -19,7 +19,7 @@ from uavrt.core.messages import PulsePose
 from uavrt.localization.estimates.flight_estimates import EstimationOptions
 
 OFF_THE_TURNS = ((-250.0, 0.0), (0.0, 0.0), (400.0, 300.0))
-LEFT_OUT = "of turns in these flights: left out"
+LEFT_OUT = "from turns in these flights and are not counted twice"
 
 
 def by_hand(path: Path, sigma: str = "3") -> Path:
@@ -78,7 +78,10 @@ def test_a_file_of_bearings_given_twice_counts_once(tmp_path: Path) -> None:
         (found,) = read_positions(*paths, warn=said.append)
         assert some(found.position).stations == 3
         assert some(found.position).radius95_m == some(alone.position).radius95_m
-        assert f"3 bearings of {paths[1]} are in another file, too: left out" in said
+        assert (
+            f"3 bearings of {paths[1]} are also in another file and are not counted twice"
+            in said
+        )
 
 
 def test_a_survey_by_strength_and_noted_bearings_have_each_their_own_position(

@@ -33,7 +33,7 @@ def test_a_report_has_a_line_for_each_odd_sender_and_none_for_listed_ones(
         ["148.710640", "1254", "12", "20", "tag 2, 640 Hz above its label"],
         ["148.935200", "1102", "12", "20", "unlisted"],
     ]
-    assert "What else beeped" in html_page(survey)
+    assert "Other beeping signals" in html_page(survey)
 
 
 def test_a_report_names_an_offset_of_all_tags_although_each_is_found_as_listed(

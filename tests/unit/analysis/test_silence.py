@@ -270,8 +270,8 @@ def test_a_list_that_allows_more_than_was_searched_is_no_silence(
     )
     (told,) = json.loads(capsys.readouterr().out)
     assert not told["whole_flight"]
-    assert "which may be 60 ms off" in " ".join(told["limitations"])
-    assert "which may be 20 ms off" in " ".join(told["limitations"])
+    assert "but the tag's may differ by 60 ms" in " ".join(told["limitations"])
+    assert "but they may be 20 ms off" in " ".join(told["limitations"])
 
 
 def test_silence_is_that_of_the_search_that_was_made(

@@ -128,7 +128,7 @@ def test_a_power_cut_at_any_moment_leaves_an_archive_that_goes_on_by_itself(
     said = search(found, left).damaged
     # Every row that is there has its tables; only copies may be older than their list.
     rows = {name: fault for name, fault in said.items() if "/" in name}
-    assert set(rows.values()) <= {"it belongs to no row"}
+    assert set(rows.values()) <= {"no finished recording or flight refers to it"}
     assert held_in(left) == held_in(whole)
     again = search(found, left)
     assert (again.done_now, again.placed_now, again.damaged) == (0, 0, {})

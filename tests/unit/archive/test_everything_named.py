@@ -57,7 +57,7 @@ def test_every_entry_is_searched_or_named(
         "photo.jpg": (recordings.NO_RECORDING, False),
         "pipe": (recordings.NO_RECORDING, False),
         "c.sigmf-data": ("its .sigmf-meta is missing", True),
-        "elsewhere": ("a link to a folder (name it itself)", True),
+        "elsewhere": ("a link to a folder (name the folder itself)", True),
         "closed": ("cannot be read: Permission denied", True),
     }
 
@@ -75,7 +75,9 @@ def test_names_that_are_not_utf_8_are_named_and_the_others_searched(
     assert uavrt(*command, "-o", str(tmp_path / "out")) == 1
     said = capsys.readouterr().err
     for shown in ("a\\xe9.cf32", "se\\xf1al"):
-        assert f"{root}/{shown} skipped: its name is not UTF-8 text (rename it)" in said
+        assert (
+            f"{root}/{shown} skipped: the file name is not UTF-8 text (rename the file)" in said
+        )
     assert "1 recording, 0 flights" in said
     assert pq.read_table(tmp_path / "out" / "passed_over.parquet").num_rows == 2
 
@@ -96,7 +98,7 @@ def test_the_command_names_them_and_keeps_a_list(
     for _ in range(2):  # its own output is no part of the archive
         assert uavrt(*command, "-o", str(output)) == 1
         said = capsys.readouterr().err
-        assert f"3 files .jpg skipped, such as {root}/0.jpg: its name is not" in said
+        assert f"3 files .jpg skipped, such as {root}/0.jpg: the file name is not" in said
         assert f"{root}/c.sigmf-data skipped: its .sigmf-meta is missing" in said
     assert pq.read_table(output / "passed_over.parquet").num_rows == 4
     assert pq.read_table(output / "recordings.parquet")["state"].to_pylist() == ["done"]

@@ -30,7 +30,7 @@ def test_a_kill_after_the_row_was_set_aside_does_not_lose_its_tables(tmp_path: P
 
 def test_a_table_of_no_row_is_removed_where_every_row_can_be_read(tmp_path: Path) -> None:
     table = put(tmp_path, f"{PULSES}/{KEY}.parquet", b"pulses")
-    assert load(tmp_path) == {table: "it belongs to no row"}
+    assert load(tmp_path) == {table: "no finished recording or flight refers to it"}
     assert not (tmp_path / table).exists()
     assert not (tmp_path / ASIDE).exists()
 

@@ -93,7 +93,7 @@ def test_a_store_that_ends_in_the_middle_is_named_and_loses_nothing(
         first = run([store], url, tmp_path, tmp_path / "stored")
     (row,) = first.rows
     assert row.state == "failed"
-    said = "the line was cut" if breaks else "ends in the middle, at byte"
+    said = "the line was cut" if breaks else "is truncated: it ends at byte"
     assert said in (row.fault or "")
     assert url in (row.fault or "")
     kept = sorted((tmp_path / "stored" / "unfinished").glob("*/*"))

@@ -156,7 +156,7 @@ def test_faults_of_a_detector_config_are_named(
     assert uavrt("tags", "check", "detectorConfig.txt") == 2
     said = capsys.readouterr().err
     assert says in said
-    assert "values where" not in said
+    assert "values instead of" not in said
     assert uavrt("tags", "convert", "detectorConfig.txt", "m.toml") == 2
     assert not (folder / "m.toml").exists()
 

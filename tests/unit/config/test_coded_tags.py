@@ -231,7 +231,7 @@ def test_faults_of_yaml_are_told_at_once_each_with_its_line() -> None:
         "line 9: gaps_ms is 'y', not a number",
         "line 10: this tag has no burst_interval_s",
         "line 13: freq is given twice",
-        "line 14: a name that is a list or a mapping",
+        "line 14: a key is a list or a mapping instead of a name",
         "line 16: not a list of tags",
     )
 

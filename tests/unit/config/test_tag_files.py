@@ -69,7 +69,7 @@ def test_all_faults_are_told_at_once_each_with_its_line() -> None:
         "line 3: k 0 must be a whole number from 1 to 100",
         "line 3: false_alarm 5 must be above 0 and at most 0.5; 5 % is 0.05",
         "line 3: id 2 is already the tag of line 2",
-        "line 5: 4 values where 8 belong: id, freq_hz, ip_msecs, pulse_width_msecs, "
+        "line 5: 4 values instead of 8: id, freq_hz, ip_msecs, pulse_width_msecs, "
         "ip_uncertainty_msecs, ip_jitter_msecs, k, false_alarm",
         "line 6: freq_hz is 'x', not a number",
         "line 6: pulse_width_msecs inf is not a finite number",

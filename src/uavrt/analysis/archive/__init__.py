@@ -1,12 +1,14 @@
-"""Search whole archives of recordings for one tag list, write Parquet tables, and query them.
+"""Search whole archives of recordings for the tags of one list, write the results as Parquet
+tables, and query them.
 
-`recordings` finds recordings, `copies` excludes second copies, and `names` gives each flight a
-unique name. `steps/recording_cells` divides a recording, `steps/cell_work` detects in a cell,
-and `steps/detecting` combines cells into recordings. `steps/flight_work` computes poses,
-bearings and positions from one flight's pulses, and `steps/flight_placing` plans this for all
-flights. `steps/workers` runs tasks in parallel, `parquet/parquet_tables` writes Parquet, and
-`parquet/ledger` records finished work. `batch_run` runs these steps in order.
-`parquet/questions` runs queries, and `parquet/flight_search` finds flights.
+`recordings` finds recordings, `copies` excludes second copies of a flight, and `names` gives
+each flight a unique name. `steps/recording_cells` divides a recording into time spans (cells),
+`steps/cell_work` detects pulses in a cell, and `steps/detecting` combines the results of a
+recording's cells. `steps/flight_work` computes poses, bearings and positions from one flight's
+pulses, and `steps/flight_placing` plans this for all flights. `steps/workers` runs tasks in
+parallel, `parquet/parquet_tables` writes Parquet files, and `parquet/ledger` records finished
+work. `batch_run` runs these steps in order. `parquet/questions` runs queries, and
+`parquet/flight_search` finds flights.
 """
 
 from typing import TYPE_CHECKING

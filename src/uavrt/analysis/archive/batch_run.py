@@ -1,5 +1,6 @@
-"""Run a batch: detect in all recordings, cell by cell, and write Parquet; finished work is
-kept.
+"""Run a batch: detect pulses in all recordings, estimate positions and write Parquet tables.
+
+Work that an earlier run finished is not repeated.
 
 ::
 
@@ -14,7 +15,7 @@ kept.
     OUT/copies.json            digests of the files in the four lines above this one
 
 KEY is a hash of the recording or flight, the tags and the settings that affect it. When one of
-these changes, the work is done again, and its old rows are removed when the new ones are
+these changes, the work is repeated, and its old rows are removed when the new ones are
 written.
 """
 
@@ -93,7 +94,7 @@ def run_batch(
     lock = WriterLock()
     if not lock.take(output, 0.0):
         raise RecordingError(
-            f"{output} cannot be written, or another batch is writing there",
+            f"{output} cannot be written, or another batch is writing to it",
             remedy="Wait until the other batch ends, or give another directory with -o",
         )
     try:
@@ -192,7 +193,9 @@ def _rows_of(*ledgers: Ledger[RecordingRow] | Ledger[FlightRow]) -> list[dict[st
 def _lost_rows(
     output: Path, *ledgers: Ledger[RecordingRow] | Ledger[FlightRow]
 ) -> dict[str, str]:
-    """Output files of the last run's rows that are missing now, mapped to ``"missing"``."""
+    """Return the output files that contained rows of the last run and no longer exist, mapped
+    to ``"missing"``.
+    """
     try:
         before = decode_record(read_note(output / ROWS), list[dict[str, list[str]]])
     except (FormatError, OSError):

@@ -1,4 +1,6 @@
-"""Find flights that exist twice: recorded by the drone, and by the ground station."""
+"""Find flights that exist twice, because the drone and the ground station both recorded
+them.
+"""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -21,10 +23,12 @@ from uavrt.flight.reading.outline import FlightOutline, read_outline
 def copies_of(
     found: Found, recordings: Ledger[RecordingRow], flights: Ledger[FlightRow], output: Path
 ) -> dict[Path, Path]:
-    """Map each superfluous copy of a flight to the copy to use, the one with most data.
+    """Map each superfluous copy of a flight to the copy that is used, which is the one with
+    most data.
 
-    Samples count more than pulses, and among equals an earlier run's choice stays. Flights
-    with samples but no pulses are never copies. Copies are recognised as in `read_season`.
+    Samples count more than pulses. Among equal copies, an earlier run's choice remains. A
+    flight with samples but without pulses is never a copy. Copies are recognised as in
+    `read_season`.
     """
     known = {row.path: row for row in flights.rows if flights.of(row.path) is row}
     listed = {
@@ -64,7 +68,9 @@ def copies_of(
 
 
 def without(found: Found, copies: Mapping[Path, Path]) -> tuple[Found, int]:
-    """Remove copies of flights with their recordings; returns the rest and how many copies."""
+    """Remove copies of flights and their recordings from the found files; return the rest and
+    the number of removed copies.
+    """
     left = replace(
         found,
         recordings=tuple(one for one in found.recordings if one.flight_directory not in copies),
@@ -76,7 +82,9 @@ def without(found: Found, copies: Mapping[Path, Path]) -> tuple[Found, int]:
 def drop_copies(
     copies: Mapping[Path, Path], recordings: Ledger[RecordingRow], flights: Ledger[FlightRow]
 ) -> None:
-    """Delete stored results of copies once the copy in use has a result; raises `OSError`."""
+    """Delete the stored results of copies, once the copy that is used has a result. Raises
+    `OSError`.
+    """
     gone = {copy for copy, one in copies.items() if flights.of(str(one)) is not None}
     for row in recordings.rows if gone else ():
         of_itself = row.state == "recorded"
@@ -92,7 +100,7 @@ class _Kept(msgspec.Struct, frozen=True):
 
 
 def _groups(directories: set[Path], output: Path) -> list[list[FlightOutline]]:
-    """Group each readable flight with its copies; cached until a flight changes."""
+    """Group each readable flight with its copies. Groups are cached until a flight changes."""
     kept, found = _kept(output), dict[str, tuple[Stamp, FlightOutline]]()
     known = FlightCache(_outline, kept.flights)
     for directory in map(str, sorted(directories)):

@@ -1,4 +1,6 @@
-"""Export an archive to files for other tools: one folder per flight, GeoParquet of all."""
+"""Export an archive to files for other tools: one folder per flight, and GeoParquet files of
+all flights.
+"""
 
 import json
 from collections.abc import Sequence
@@ -33,7 +35,8 @@ if TYPE_CHECKING:
 
 GEOPARQUET = "geoparquet"
 FORMATS = (*(name for name in EXPORT_FORMATS if name != "geotiff"), GEOPARQUET)
-"""Export formats of archives: without GeoTIFF, since an archive stores no heat maps."""
+"""Formats to which an archive can be exported; GeoTIFF is excluded because an archive stores no
+heat maps."""
 _IN_NAMES = " !#$&'()+,;=@[]{}~"
 _Rows = list[dict[str, Any]]
 
@@ -98,7 +101,9 @@ def export_archive(
 
 
 def folder_for(directory: Path, flight: str) -> Path:
-    """Folder of a flight in `directory`, with a name that is valid on all operating systems."""
+    """Return the folder for a flight in `directory`; its name is valid on all operating
+    systems.
+    """
     parts = (encoded(one, _IN_NAMES) for one in flight.split("/"))
     return directory.joinpath(
         *(one if one.strip(".") else one.replace(".", "%2E") for one in parts)
@@ -113,7 +118,8 @@ def flights_in(archive: Path) -> list[str]:
 
 
 def survey_of(archive: Path, flight: str) -> Survey:
-    """Gather a flight's data from the tables, and its track if the flight still exists.
+    """Collect a flight's data from an archive's tables, and its track if the flight's directory
+    still exists.
 
     Raises `FormatError` if there is no archive.
     """
@@ -173,7 +179,9 @@ def _bearing(row: dict[str, Any]) -> TagBearing:
 
 
 def _shared(record: type, row: dict[str, Any]) -> dict[str, Any]:
-    """Entries of a table row whose columns are fields of the dataclass `record`."""
+    """Select from a table row the values of those columns that are fields of the dataclass
+    `record`.
+    """
     names = [one.name for one in fields(record)]
     return {name: row[name] for name in names if name in row}
 

@@ -1,7 +1,8 @@
-"""Read recordings in object stores in pieces, without a local copy.
+"""Read recordings in object stores in pieces, without copying them.
 
-A sparse local file has the true size, but only the first and last bytes. In it, the readers of
-SigMF, WAV and raw files find the samples, which are then read from the store.
+A sparse local file has the size of the stored file but contains only its first and last bytes.
+From it, the readers of SigMF, WAV and raw files determine where the samples are; the samples
+are then read from the store.
 """
 
 import sys
@@ -17,10 +18,11 @@ from uavrt.radio.files.recording_source import RecordingSource
 from uavrt.radio.opening import open_recording
 
 ENDS_BYTES = 1 << 20
-"""Number of bytes copied from the beginning and from the end of a file; WAV headers are
-there."""
+"""Number of bytes that are copied from the beginning and from the end of a file, which contain
+the headers of WAV files."""
 BLOCK_BYTES = 8 << 20
-"""Number of bytes per read from a store: half a second at 17 MB/s."""
+"""Number of bytes that are read from a store at a time; at 17 MB/s a read takes half a
+second."""
 MOST_BYTES = 1 << 50
 MOST_META_BYTES = 64 << 20
 MOST_DEPTH = 32
@@ -35,7 +37,9 @@ def is_url(text: str) -> bool:
 
 
 def list_store(url: str) -> tuple[str, ...]:
-    """List files at and below an address; raises `FormatError`, `StoreError`, `UsageError`."""
+    """List the files at and below an address. Raises `FormatError` if there are none,
+    `StoreError` or `UsageError`.
+    """
     with _store_errors(url):
         system, path = _opened(url)
         found = [path] if _is_file(system, path) else _below(system, path, url)
@@ -84,9 +88,10 @@ def _size_of(system: Any, path: str, url: str) -> int:
 
 
 def _is_file(system: Any, path: str) -> bool:
-    """True if a path is a file; on a web server, if it exists and its name has an extension.
+    """True if a path is a file. On a web server it must exist and have a file extension.
 
-    A web server cannot say whether a path is a folder, and listing a file downloads it.
+    A web server does not report whether a path is a folder, and listing a file would download
+    it.
     """
     if "http" not in system.protocol:
         return bool(system.isfile(path))
@@ -103,7 +108,9 @@ def version_of(url: str) -> list[object]:
 
 
 def open_stored(url: str, **stated: Any) -> RecordingSource:
-    """Open a recording at a URL; `stated` adds missing metadata. Also raises `StoreError`."""
+    """Open a recording at a URL; `stated` supplies metadata that the file lacks. Raises the
+    errors of `open_recording`, and `StoreError`.
+    """
     data_url = url[: -len(_META)] + _DATA if url.endswith(_META) else url
     with tempfile.TemporaryDirectory() as folder:
         copy = _ends(url, Path(folder), whole=url.endswith(_META))
@@ -126,13 +133,15 @@ class _StoredBytes:
             self._file = system.open(path, "rb", block_size=BLOCK_BYTES)
 
     def read_at(self, view: memoryview, offset: int) -> int:
-        """Fill a buffer from an offset; returns the byte count. Raises `StoreError`."""
+        """Fill a buffer with bytes from an offset; return the number of bytes read. Raises
+        `StoreError`.
+        """
         with _store_errors(self._url):
             self._file.seek(offset)
             got = int(self._file.readinto(view))
         if got == 0:
             raise StoreError(
-                f"{self._url} ends in the middle, at byte {offset} of {self._size}",
+                f"{self._url} is truncated: it ends at byte {offset} of {self._size}",
                 remedy="Repeat the command: it continues from there",
             )
         return got
@@ -142,7 +151,9 @@ class _StoredBytes:
 
 
 def _ends(url: str, folder: Path, *, whole: bool = False) -> Path:
-    """Write a sparse local copy of a stored file: first and last bytes only unless `whole`."""
+    """Write a local copy of a stored file. Unless `whole`, the copy is sparse and has only the
+    first and last bytes.
+    """
     copy = folder / PurePosixPath(url).name
     with _store_errors(url):
         system, path = _opened(url)
@@ -163,7 +174,9 @@ def _ends(url: str, folder: Path, *, whole: bool = False) -> Path:
 
 
 def _piece(url: str, system: Any, path: str, start: int, end: int) -> bytes:
-    """Read bytes `start` to `end` of a stored file; `StoreError` if that is impossible."""
+    """Read bytes `start` to `end` of a stored file. Raises `StoreError` if the server cannot
+    send parts of files.
+    """
     piece = bytes(system.cat_file(path, start=start, end=end))
     if len(piece) > end - start:
         raise StoreError(
@@ -210,7 +223,9 @@ def _named(url: str, copy: str) -> Iterator[None]:
 
 
 def _faults() -> tuple[type[Exception], ...]:
-    """Exception types that reading from a store may raise, of the libraries loaded so far."""
+    """Types of exceptions that reading from a store may raise, as defined by the libraries
+    loaded so far.
+    """
     known: list[type[Exception]] = [OSError, EOFError]
     for module, names in (
         ("aiohttp", ("ClientError",)),

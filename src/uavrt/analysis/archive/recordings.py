@@ -1,4 +1,6 @@
-"""Find recordings in folders; a manifest adds metadata that their files lack."""
+"""Find recordings in folders. A manifest (CSV file) supplies metadata that the recordings
+lack.
+"""
 
 import csv
 import hashlib
@@ -29,13 +31,13 @@ MANIFEST_COLUMNS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recording:
-    """A recording to search; a manifest may add metadata that the file lacks."""
+    """A recording to be searched, with metadata from a manifest where the file lacks them."""
 
     path: Path
-    """Path of the file; for a recording in an object store a placeholder (see `url`)."""
+    """Path of the file. For a recording in an object store, it is a placeholder (see `url`)."""
     flight: str
-    """Name of the flight directory, or of a recording outside of flights without its ending,
-    relative to the searched folder."""
+    """Name of the flight, relative to the searched folder: that of its directory or, outside
+    flights, that of the recording without extension."""
     format_name: str | None = None
     sample_rate_hz: float | None = None
     center_frequency_hz: float | None = None
@@ -44,9 +46,11 @@ class Recording:
     """Address of the recording in an object store; None for a local file."""
     flight_directory: Path | None = None
     track: Path | None = None
-    """Autopilot log or receiver track of the same time; None if there is none."""
+    """Autopilot log or track of a GPS receiver recorded at the same time; None if there is
+    none."""
     clock_offset_s: float | None = None
-    """Offset of the recording's clock ahead of the track's [s]; None if unknown."""
+    """Offset of the recording's clock from the track's clock [s], positive if the recording's
+    clock is ahead; None if unknown."""
 
     @property
     def name(self) -> str:
@@ -54,13 +58,15 @@ class Recording:
         return self.url or str(self.path)
 
     def open(self) -> RecordingSource:
-        """Open the recording; raises `FormatError`, or `StoreError` if its store fails."""
+        """Open the recording. Raises `FormatError`, or `StoreError` if an object store
+        fails.
+        """
         if self.url is not None:
             return open_stored(self.url, **self._stated())
         return open_recording(self.path, **self._stated())
 
     def _stated(self) -> dict[str, Any]:
-        """Metadata of a recording stated in the manifest, as arguments of `open_recording`."""
+        """Metadata from the manifest, as keyword arguments of `open_recording`."""
         names = ("format_name", "sample_rate_hz", "center_frequency_hz", "start_time_ns")
         return {name: getattr(self, name) for name in names}
 
@@ -77,7 +83,9 @@ class Recording:
 
 
 def flight_of(path: str, flights: Collection[Path]) -> Path | None:
-    """Flight directory that a path belongs to, even if it no longer exists; else None."""
+    """Return the flight directory that contains a path, even if the path no longer exists; None
+    if no flight does.
+    """
     if not flights or is_url(path):
         return None
     whole = Path(os.path.realpath(path))
@@ -85,7 +93,9 @@ def flight_of(path: str, flights: Collection[Path]) -> Path | None:
 
 
 def out_of_reach(error: BaseException) -> bool:
-    """True if an error is from disk or network: the file itself may be unchanged."""
+    """True if an error came from the disk or network; the recording itself may then be
+    intact.
+    """
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, StoreError | OSError):
@@ -117,15 +127,15 @@ class Found:
     flights: Mapping[Path, str] = field(default_factory=dict)
     """Flight directories, with and without recordings, and their names."""
     kept_channels: int = 0
-    """Number of files with one recorded radio channel each, which are not searched."""
+    """Number of files that contain one recorded radio channel each; they are not searched."""
     passed_over: tuple[SkippedFile, ...] = ()
-    """Other files, except those that belong to a flight or a recording."""
+    """Files that are neither a recording nor part of a flight or a recording."""
 
 
-NO_RECORDING = "its name is not that of a recording (name it in --manifest)"
+NO_RECORDING = "the file name is not that of a recording (list the file in --manifest)"
 _LONE_DATA = "its .sigmf-meta is missing"
-_LINK = "a link to a folder (name it itself)"
-_NO_TEXT = "its name is not UTF-8 text (rename it)"
+_LINK = "a link to a folder (name the folder itself)"
+_NO_TEXT = "the file name is not UTF-8 text (rename the file)"
 """Reason for skipping a file whose name cannot be written into a table."""
 
 
@@ -227,7 +237,7 @@ class _Search:
                 self._add(here / name, root)
 
     def _is_text(self, path: Path) -> bool:
-        """True if a path is valid UTF-8; other paths are noted as skipped."""
+        """True if a path is valid UTF-8; any other path is recorded as skipped."""
         text = os.fsencode(path).decode(errors="backslashreplace")
         if text != str(path):
             self._pass_over(text, _NO_TEXT, unreadable=True)
@@ -307,9 +317,10 @@ def _recording(file: Path) -> Recording:
 
 
 def read_manifest(path: Path) -> dict[Path, Recording]:
-    """Read a manifest of recordings: CSV with the columns of `MANIFEST_COLUMNS`.
+    """Read a manifest of recordings, which is a CSV file with the columns of
+    `MANIFEST_COLUMNS`.
 
-    Relative paths start at the manifest's folder, and empty cells are unknown values.
+    Relative paths are relative to the manifest's folder. Empty cells are unknown values.
     """
     remedy = f"A line has {', '.join(MANIFEST_COLUMNS)}; only path is required"
     found: dict[Path, Recording] = {}

@@ -1,4 +1,6 @@
-"""Coverage maps: probability that a tag at each position is detected from a flown path."""
+"""Compute coverage maps: the probability that a tag at each position is detected from a flown
+path.
+"""
 
 import math
 from collections.abc import Callable, Sequence
@@ -31,13 +33,16 @@ from uavrt.planning.detectability.whole_flight_chance import MODEL
 _Floats = NDArray[np.float64]
 _Places = tuple[tuple[float, float], ...]
 _ELSEWHERE_M = 50e3
-"""Distance of an outline from the map above which its coordinates are presumed wrong [m]."""
+"""Distance between an outline and the map above which the outline's coordinates are presumed
+wrong [m]."""
 MOST_PULSES = 20_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapArea:
-    """Grid and terrain heights of a coverage map, and sentences on missing elevation data."""
+    """Grid and terrain heights of a coverage map, with sentences about missing elevation
+    data.
+    """
 
     ground: GroundGrid
     hills: bool
@@ -53,7 +58,9 @@ class MapSize:
 
 
 def read_places(path: Path, spacing_m: float) -> tuple[TangentPlane, list[tuple[float, float]]]:
-    """Read a flight path, or lay survey lines over an area; returns plane and corners [m]."""
+    """Read a flight path, or an area over which survey lines are laid; return the local plane
+    and the path's corners [m].
+    """
     text = read_text(path, SHAPES)
     places = path_in(text, str(path))
     if places:
@@ -62,7 +69,9 @@ def read_places(path: Path, spacing_m: float) -> tuple[TangentPlane, list[tuple[
 
 
 def corners_of_path(places: _Places) -> tuple[TangentPlane, list[tuple[float, float]]]:
-    """Project latitudes and longitudes [deg]; returns plane and (east, north) corners [m]."""
+    """Project latitudes and longitudes [deg]; return the local plane and the (east, north)
+    corners [m].
+    """
     latitude, longitude = np.array(places, np.float64).T
     plane = plane_around(latitude, longitude)
     east, north = plane.to_local(latitude, longitude)
@@ -72,7 +81,9 @@ def corners_of_path(places: _Places) -> tuple[TangentPlane, list[tuple[float, fl
 def corners_over_area(
     outline: _Places, spacing_m: float, *, most: int | None = None
 ) -> tuple[TangentPlane, list[tuple[float, float]]]:
-    """Lay survey lines over an outline [deg]; raises `PlanError` for more than `most` lines."""
+    """Lay survey lines over an outline [deg]; return the local plane and the lines' corners
+    [m]. Raises `PlanError` for more than `most` lines.
+    """
     plane, corners = corners_of_path(outline)
     area = Polygon(corners=tuple(corners), name="area")
     return plane, survey_lines(area, spacing_m, most=most)
@@ -85,7 +96,7 @@ def assumed_tag(
     interval_s: float = 1.254,
     k: int = 3,
 ) -> Tag:
-    """Make a typical tag, for coverage maps without a tag list."""
+    """Return a typical tag, for coverage maps without a tag list."""
     return Tag(
         tag_id=2,
         frequency_hz=frequency_hz,
@@ -98,7 +109,9 @@ def assumed_tag(
 
 
 def read_polygon(path: Path, plane: TangentPlane) -> Polygon:
-    """Read one outline into plane coordinates [m]; raises `FormatError` for none or several."""
+    """Read one outline and convert it to plane coordinates [m]. Raises `FormatError` unless
+    there is exactly one.
+    """
     places = area_in(read_text(path, SHAPES), str(path))
     east, north = plane.to_local([one[0] for one in places], [one[1] for one in places])
     corners = tuple(zip(east.tolist(), north.tolist(), strict=True))
@@ -106,7 +119,9 @@ def read_polygon(path: Path, plane: TangentPlane) -> Polygon:
 
 
 def inside(polygon: Polygon, ground: GroundGrid) -> NDArray[np.bool_]:
-    """Mask of map cells whose middle lies in a polygon; raises `UsageError` if none does."""
+    """Mask of the map cells whose centre lies in a polygon. Raises `UsageError` if there is
+    none.
+    """
     cells = polygon.contains(ground.east_m[np.newaxis, :], ground.north_m[:, np.newaxis])
     if cells.any():
         return np.asarray(cells)
@@ -142,7 +157,7 @@ def map_around(
     elevation: Elevation | None,
     size: MapSize,
 ) -> MapArea:
-    """Make a map's grid and terrain around a path; raises `UsageError`, `FormatError`."""
+    """Create a map's grid and terrain around a path. Raises `UsageError` or `FormatError`."""
     area = {
         "west_m": float(east_m.min()) - size.margin_m,
         "east_m": float(east_m.max()) + size.margin_m,
@@ -191,7 +206,9 @@ def plan_coverage(
     level_sigma_db: float,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> Coverage:
-    """Compute detection probability along a planned path; raises `UsageError` if too long."""
+    """Compute a tag's detection probability along a planned path. Raises `UsageError` if the
+    path is too long.
+    """
     _check_pulses(pulses_on(corners_m, tag, speed_m_s), tag)
     way = planned_antenna_path(
         corners_m,
@@ -218,7 +235,7 @@ def _check_pulses(count: float, tag: Tag) -> None:
 
 
 def has_boresight(pattern: AntennaPattern | None) -> bool:
-    """True for a directional antenna, false for an upright whip."""
+    """True for an antenna that is directional in azimuth, False for an upright whip."""
     return pattern is not None and pattern.name != MONOPOLE
 
 
@@ -235,7 +252,9 @@ def covered_by(
     whole_flight: bool = False,
     most_drift: float = 0.0,
 ) -> Coverage:
-    """Map the detection probability along a path; raises `UsageError` if it is too long."""
+    """Compute a tag's detection probability along the antenna's path. Raises `UsageError` if
+    the path is too long.
+    """
     _check_pulses(len(way.time_s), tag)
     own = replace(budget, frequency_hz=tag.frequency_hz, pulse_width_s=tag.pulse_width_s)
     found = coverage_of(

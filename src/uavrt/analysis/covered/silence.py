@@ -1,7 +1,8 @@
-"""Make the coverage map of a flight for a tag, for page, report and ``uavrt coverage``.
+"""Compute the coverage map of a flight for a tag, for page, report and ``uavrt coverage``.
 
-For tags that ``uavrt integrate`` searched without finding them, the map is for whole-flight
-analysis; for others it is for single groups of pulses.
+If ``uavrt integrate`` searched for the tag without finding it, the map shows where whole-flight
+analysis would have found it. Otherwise it shows where single groups of pulses would have been
+detected.
 """
 
 import math
@@ -37,11 +38,12 @@ from uavrt.planning.detectability.link_budget import LinkBudget
 
 LEVEL_SIGMA_DB = 3.0
 SURE = 0.9
-"""Minimum detection probability at which not receiving a tag is evidence of its absence."""
+"""Detection probability from which not receiving a tag counts as evidence of its absence."""
 _MARGIN_M = 2000.0
 _FINEST_M = 20.0
 _CELLS = 120
-"""Number of cells along the longer side of a coverage map; a 20-minute flight takes seconds."""
+"""Number of cells along the longer side of a coverage map; for a 20-minute flight the
+computation takes seconds."""
 _NOT_JUDGED = "whole flight not searched for this tag yet; uavrt integrate finds weaker tags"
 _NO_DETECTORS = (
     "no record shows that a detector ran in this flight (no search report, no pulse); the map "
@@ -79,17 +81,21 @@ class SilentMap:
     """Sentence for the operator on the noise measurement that the map uses."""
     antenna: str
     sure_within_m: float | None
-    """Distance from the flight within which the tag would be detected everywhere with
-    probability .9 or more [m]; None: nowhere."""
+    """Distance from the flight within which a tag would have been detected everywhere with
+    probability 0.9 or more [m]; None if nowhere."""
 
     @property
     def heard(self) -> bool:
-        """True if the tag was or may have been received, so that silence is not evidence."""
+        """True if the tag was received or may have been, so that the map is no evidence of its
+        absence.
+        """
         return self.heard_pulses > 0 or self.in_hindsight or self.ambiguous
 
     @property
     def around(self) -> SilentAround:
-        """Distance within which the tag would be found, to save in its whole-flight result."""
+        """Return the distance within which the tag would have been found, as a record for its
+        whole-flight result.
+        """
         return SilentAround(
             tag_power_dbm=self.tag_power_dbm,
             probability=SURE,
@@ -100,7 +106,9 @@ class SilentMap:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ListenedFlight:
-    """A flight with map grid, terrain and noise, from which `silent_map` makes maps."""
+    """A flight with the grid, terrain and noise from which `silent_map` computes coverage
+    maps.
+    """
 
     flight: Flight
     area: MapArea
@@ -112,7 +120,7 @@ class ListenedFlight:
     of_track: bool = False
     """True if poses and samples come from other programs, without detectors."""
     detectors_ran: bool = True
-    """True if the flight has pulses or reports that show that its detectors ran."""
+    """True if pulses or reports in the flight show that its detectors ran."""
 
     @classmethod
     def read(
@@ -125,7 +133,7 @@ class ListenedFlight:
         cell_m: float | None = None,
         verdicts: Sequence[IntegratedVerdict] | None = None,
     ) -> "ListenedFlight":
-        """Make a map's grid around a flight, by default 120 cells wide, and read its noise.
+        """Read a flight's noise and create a map grid around it, by default 120 cells wide.
 
         Stored whole-flight results are read unless `verdicts` are given.
         """
@@ -165,7 +173,9 @@ class ListenedFlight:
         level_sigma_db: float = LEVEL_SIGMA_DB,
         on_pulse: Callable[[int, int], None] | None = None,
     ) -> SilentMap:
-        """Map the detection probability of a tag; without `antenna`, for the flown one."""
+        """Compute a tag's detection probability over the map, for the flown antenna unless
+        `antenna` names another.
+        """
         verdict = next((one for one in self.verdicts if one.tag_id == tag.tag_id), None)
         searched = None if verdict is None else verdict.searched
         named = antenna or _own_antenna(self.flight, searched)
@@ -216,7 +226,9 @@ class ListenedFlight:
         )
 
     def _doubts(self, tag: Tag, antenna: str, searched: SearchedFor | None) -> tuple[str, ...]:
-        """Sentence why a stored search does not apply to this map; empty if it does."""
+        """Return a sentence saying why a stored whole-flight search does not apply to this map;
+        empty if it does.
+        """
         if searched is None:
             return ()
         found = _setting_changes(tag, searched)
@@ -233,14 +245,16 @@ class ListenedFlight:
 
 
 def _own_antenna(flight: Flight, searched: SearchedFor | None) -> str:
-    """Antenna pattern used in whole-flight analysis if still known, else the flight's."""
+    """Return the name of the antenna pattern used in whole-flight analysis, or the flight's
+    antenna if that pattern is unknown.
+    """
     if searched is not None and searched.antenna in PATTERNS:
         return searched.antenna
     return flight_antenna(flight)
 
 
 def _setting_changes(tag: Tag, searched: SearchedFor) -> list[str]:
-    """Differences between the settings of a stored search and the present tag list."""
+    """List the differences between the settings of a stored search and the present tag list."""
     found = []
     listed = (tag.frequency_hz, tag.pulse_width_s, tag.pulse_intervals_s, tag.gaps_s)
     sought = (
@@ -252,18 +266,20 @@ def _setting_changes(tag: Tag, searched: SearchedFor) -> list[str]:
     if searched.interval_uncertainty_s < tag.interval_uncertainty_s:
         found.append(
             f"intervals within {1e3 * searched.interval_uncertainty_s:g} ms of the listed one, "
-            f"which may be {1e3 * tag.interval_uncertainty_s:g} ms off"
+            f"but the tag's may differ by {1e3 * tag.interval_uncertainty_s:g} ms"
         )
     if searched.interval_jitter_s < tag.interval_jitter_s:
         found.append(
-            f"pulses within {1e3 * searched.interval_jitter_s:g} ms of their beat, which may "
-            f"be {1e3 * tag.interval_jitter_s:g} ms off"
+            f"pulses at most {1e3 * searched.interval_jitter_s:g} ms off equal intervals, but "
+            f"they may be {1e3 * tag.interval_jitter_s:g} ms off"
         )
     return found
 
 
 def _shown(verdict: IntegratedVerdict) -> bool:
-    """True if whole-flight analysis found the tag at its own or the usual false-alarm limit."""
+    """True if whole-flight analysis found the tag at the limit of false alarms of its search,
+    or at the usual limit.
+    """
     return verdict.found or verdict.false_alarm_probability <= WHOLE_FLIGHT_FALSE_ALARM
 
 
@@ -277,10 +293,11 @@ def silent_map(
     antenna: str | None,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> SilentMap:
-    """Map where a flight would have detected a tag, with the link budget of `uavrt coverage`.
+    """Compute where a flight would have detected a tag, with the link budget of `uavrt
+    coverage`.
 
-    Without `elevation` the ground is level; without `antenna` the flight's is used. `on_pulse`
-    receives the number of computed pulses, and the total.
+    Without `elevation` the ground is assumed level; without `antenna` the flight's antenna is
+    used. `on_pulse` is called with the number of computed pulses and their total.
     """
     tag = next((one for one in flight.info.tags if one.tag_id == tag_id), None)
     if tag is None:
@@ -302,10 +319,12 @@ def silent_maps(
     elevation: Elevation | None,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> dict[int, SilentMap]:
-    """Coverage maps, by tag, of tags that were not found in the flight just analysed.
+    """Compute coverage maps of the tags that were not found in the flight just analysed, by tag
+    id.
 
-    These are the maps of `uavrt coverage FLIGHT`, made before the results are saved. Tags that
-    were or may have been received have none. Parameters and errors are as in `silent_map`.
+    These are the maps of `uavrt coverage FLIGHT`, computed before the results are saved. Tags
+    that were received, or may have been, get no map. Parameters and errors are as in
+    `silent_map`.
     """
     silent = [
         (tag, one)
@@ -341,10 +360,11 @@ def _budget(tag: Tag, tag_power_dbm: float) -> LinkBudget:
 def sure_within_m(
     coverage: Coverage, east_m: NDArray[np.float64], north_m: NDArray[np.float64]
 ) -> float | None:
-    """Distance from a path within which p ≥ 0.9 everywhere [m]; None means nowhere.
+    """Distance from a path within which the detection probability is at least 0.9 everywhere
+    [m]; None if nowhere.
 
-    Terrain of unknown height counts as not detected, and the map's extent is the maximum.
-    `east_m` and `north_m` (n,) are the path in the map's plane.
+    Cells of unknown ground height count as not detected, and the distance cannot exceed the
+    map's extent. `east_m` and `north_m` (n,) are the path in the map's plane.
     """
     from scipy.spatial import KDTree
 
@@ -366,7 +386,9 @@ def sure_within_m(
 
 
 def around_in_words(around: SilentAround) -> str:
-    """Sentence on the distance from the flight within which a tag would have been found."""
+    """Return a sentence that states within which distance of the flight a tag would have been
+    found.
+    """
     what = "found" if around.whole_flight else "detected"
     power = f"{around.tag_power_dbm:g} dBm".replace("-", "\N{MINUS SIGN}")
     if around.within_m is None:

@@ -1,4 +1,4 @@
-"""Bearings from flights and pulse logs, each file read once."""
+"""Estimate bearings from flights and pulse logs; each file is read once."""
 
 import os
 from collections.abc import Callable, Hashable, Sequence
@@ -46,19 +46,25 @@ class Recorded:
 
     @property
     def name(self) -> str:
-        """Name of the flight or log shown to the operator, with the vehicle if recorded."""
+        """Name of the flight or log as shown to the operator, with the vehicle if it was
+        recorded.
+        """
         vehicle = None if self.flight is None else vehicle_of(self.flight.notes)
         return self.path.name if vehicle is None else f"{self.path.name} (vehicle {vehicle})"
 
     @property
     def antenna(self) -> str:
-        """Antenna pattern's name; monopole for logs without headings. Raises `UsageError`."""
+        """Name of the antenna pattern; monopole for logs without headings. Raises
+        `UsageError`.
+        """
         if self.flight is not None:
             return flight_antenna(self.flight)
         return MONOPOLE if self.log.kind in WITHOUT_HEADINGS else USUAL_ANTENNA
 
     def turning(self) -> str:
-        """Name of the directional antenna, RA-23K if unknown; `UsageError` for a monopole."""
+        """Name of the directional antenna, RA-23K if unknown. Raises `UsageError` for an
+        upright whip, which gives no bearings.
+        """
         if self.flight is None:
             return USUAL_ANTENNA
         if self.antenna == MONOPOLE:
@@ -94,7 +100,9 @@ def heard_in_flight(
     name: str = "this flight",
     antenna: str = USUAL_ANTENNA,
 ) -> Heard:
-    """A flight's own or the given pulses with poses, as arrays; raises `UsageError` if none."""
+    """Return the pulses of a flight, or those given, with their poses as arrays. Raises
+    `UsageError` if no pulse has a pose.
+    """
     return Heard.of_records(
         flight.pulse_poses if pulse_poses is None else pulse_poses,
         flight.poses,
@@ -108,10 +116,10 @@ def heard_in_flight(
 def bearings_together(
     recorded: Sequence[Recorded], how: EstimationOptions, warn: Callable[[str], None]
 ) -> list[TagBearing]:
-    """Estimate the bearings of flights and logs in memory that share one antenna.
+    """Estimate bearings from flights and logs that were flown with the same antenna.
 
-    The method ``pattern_ml`` first corrects the antenna pattern with all turns, including those
-    of past flights; `warn` receives a sentence on the flights that contributed.
+    The method ``pattern_ml`` first corrects the antenna pattern by all turns, including turns
+    of past flights; `warn` is called with a sentence on the flights that were used.
     """
     check_method(how.bearing_method, (*get_args(BearingMethod), *ADDED_METHODS))
     antennas = [one.turning() if how.antenna is None else how.antenna for one in recorded]
@@ -142,10 +150,10 @@ def bearings_together(
 
 
 MOST_PAST_FLIGHTS = 6
-"""Maximum number of past flights read to correct the antenna pattern; each costs as much
-time as reading the flight itself."""
+"""Maximum number of past flights that are read to correct the antenna pattern; reading each
+takes as long as reading the flight itself."""
 ENOUGH_TURNS = 12
-"""Number of turns above which a learnt antenna pattern improves little."""
+"""Number of turns after which more turns improve the corrected antenna pattern only little."""
 
 
 def past_turns(
@@ -155,7 +163,8 @@ def past_turns(
     *,
     excluded: Sequence[Flight] = (),
 ) -> list[list[HeardInTurn]]:
-    """Pulses of each turn in the same drone's past flights with the same antenna, by flight.
+    """Return the pulses of each turn in past flights of the same drone with the same antenna,
+    by flight.
 
     Flights in the same folder are read, newest first, until there are enough turns.
     """
@@ -182,14 +191,18 @@ def past_turns(
 
 
 def _set_up(flight: Flight) -> tuple[Hashable, ...]:
-    """Drone, antenna and mounting of a flight; equal if flights share an antenna pattern."""
+    """Drone, antenna and mounting of a flight. Flights with equal values have the same antenna
+    pattern.
+    """
     settings = flight_settings(flight)
     mounted = None if settings is None else (settings.antenna, settings.bearings.antenna)
     return vehicle_of(flight.notes), mounted
 
 
 def pattern_origin(flights: Sequence[Sequence[HeardInTurn]]) -> str | None:
-    """Sentence on the turns and flights that corrected a pattern; None for a single flight."""
+    """Return a sentence that states how many turns of how many flights corrected the antenna
+    pattern; None for a single flight.
+    """
     turns = learning_turns(heard for flight in flights for heard in flight)
     used = sum(1 for flight in flights if any(one in turns for one in flight))
     if used < 2 or len(turns) < FLIGHT.least_turns:
@@ -198,7 +211,7 @@ def pattern_origin(flights: Sequence[Sequence[HeardInTurn]]) -> str | None:
 
 
 def check_method(method: str, known: Sequence[str]) -> None:
-    """Reject an unknown estimation method before anything is read; raises `UsageError`."""
+    """Raise `UsageError` for an unknown estimation method, before any file is read."""
     if method not in known:
         raise NotFound(
             f"there is no method {method!r}", remedy=f"Choose from {', '.join(known)}"
@@ -206,7 +219,9 @@ def check_method(method: str, known: Sequence[str]) -> None:
 
 
 def learnt_antenna(recorded: Recorded, antenna: str, offset_deg: float = 0.0) -> AntennaPattern:
-    """Correct an antenna pattern by at least three turns, to include the airframe's effect."""
+    """Correct an antenna pattern by at least three turns, so that it includes the airframe's
+    effect. Raises `UsageError` for fewer turns.
+    """
     turns = heard_in_turns(recorded.heard(antenna), offset_deg)
     if len(turns) < FLIGHT.least_turns:
         raise UsageError(

@@ -1,4 +1,4 @@
-"""Errors of bearings taken by hand, learnt from test trials and stored by observer."""
+"""Learn the errors of bearings taken by hand from test trials, and store them by observer."""
 
 from collections import defaultdict
 from collections.abc import Callable, Sequence
@@ -22,11 +22,12 @@ def observers_of(
     kept: Path | None,
     warn: Callable[[str], None],
 ) -> dict[str, Observer]:
-    """Bearing errors by observer: stored ones, and those learnt from trials in `tables`.
+    """Return the bearing errors of each observer: stored ones, and those learnt from trials in
+    `tables`.
 
-    `kept`: file to read and to update; None: read an observers.json next to a table.
-    Raises `FormatError` for a damaged file, `UsageError` if there is neither the file nor a
-    trial, and `RecordingError` if it cannot be written.
+    `kept` is the file to read and update; None reads an observers.json next to a table. Raises
+    `FormatError` for a damaged file, `UsageError` if there is neither a file nor a trial, and
+    `RecordingError` if the file cannot be written.
     """
     files = [path.with_name("observers.json") for path, _ in tables] if kept is None else [kept]
     known = {one.name: one for path in files if path.exists() for one in _read(path)}

@@ -18,11 +18,11 @@ class FactTable:
 
     rows: tuple[Row, ...] = ()
     details: tuple[Row, ...] = ()
-    """Rows of facts that do not help decisions in the field; shown on request."""
+    """Rows of facts that do not help decisions in the field and are shown only on request."""
 
 
 def place_in_words(place: Located) -> str:
-    """Format a position as decimal degrees to five places, about 1 m."""
+    """Format a position in decimal degrees with five decimals, a resolution of about 1 m."""
     return f"{place.latitude_deg:.5f}, {place.longitude_deg:.5f}"
 
 
@@ -32,7 +32,7 @@ def radii_in_words(radius50_m: float, radius95_m: float) -> str:
 
 
 def basis_in_words(position: Position) -> str:
-    """Name the data a position was estimated from."""
+    """Return in words which data a position was estimated from, such as "3 bearings"."""
     if position.stations:
         return counted(position.stations, "bearing")
     if position.pulses:
@@ -41,9 +41,10 @@ def basis_in_words(position: Position) -> str:
 
 
 def remarks_of(position: Position) -> tuple[str, ...]:
-    """Remarks printed with a position; for a moving tag also the time of that position.
+    """Remarks to print with a position; for a moving tag they include the time of that
+    position.
 
-    The time is left out where the tag's path is shown instead (method ``track``).
+    The time is omitted where the tag's path is shown (method ``track``).
     """
     walks = any(one.name == "walk" for one in position.cautions)
     if not position.track or not walks or position.method == "track":

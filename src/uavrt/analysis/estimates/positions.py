@@ -1,4 +1,4 @@
-"""Estimate one position for each tag from flights, pulse logs or a bearings.csv."""
+"""Estimate one position for each tag from flights, pulse logs or files of bearings."""
 
 import math
 import os
@@ -51,11 +51,13 @@ POSITION_METHODS = (*get_args(PositionMethod), *ADDED_METHODS)
 _BEARING_COLUMNS = 10
 _SAME_PLACE_M = 30.0
 _SAME_BEARING_SIGMAS = 3.0
-"""Largest difference between two bearings that may be copies of one [standard deviations]."""
+"""Largest difference between two bearings at which one may be a copy of the other [standard
+deviations]."""
 _USUAL_SIGMA_DEG = 6.0
-"""Standard deviation assumed for a bearing of a file that gives none [deg]."""
+"""Standard deviation assumed for a bearing from a file that states none [deg]."""
 _FIRST_LINES = 100
-"""Maximum number of lines read to recognise a file's format; comments may come first."""
+"""Maximum number of lines that are read to recognise a file's format, since comments may
+precede the data."""
 
 
 def read_positions(
@@ -67,14 +69,16 @@ def read_positions(
     """Estimate the positions of tags from flights, logs and files of bearings.
 
     `*paths` are flights, pulse logs of any kind, folders of them, and files of bearings
-    (bearings.csv, or noted by hand). All bearings of a tag give one position, assuming that
-    the tag rests. Positions in a positions.csv, or an estimate CSV of UCSD's tracker, are
-    returned unchanged.
-    Without an antenna in `how`, each flight's own is used, RA-23K for other logs, and a
-    monopole for UCSD's pings. `warn` receives warnings about a log.
-    `observers` is a file that keeps errors of people who take bearings by hand.
+    (bearings.csv, or noted by hand). All bearings of a tag together give one position, on the
+    assumption that the tag rests. Positions in a positions.csv, or in an estimate CSV of UCSD's
+    tracker, are returned unchanged.
+
+    If `how` names no antenna, each flight's own antenna is used, RA-23K for other logs, and a
+    monopole for UCSD's pings. `warn` is called with warnings about a log. `observers` is a file
+    that stores the bearing errors of people who take bearings by hand.
+
     Raises `FormatError` for a file of another kind, and `UsageError` for an unknown method or
-    inputs that cannot be combined.
+    for inputs that cannot be combined.
     """
     how = how or EstimationOptions()
     check_method(how.method, POSITION_METHODS)
@@ -134,7 +138,7 @@ def read_positions(
 
 
 def _times(log: Recorded, keys: Mapping[int, int]) -> dict[int, list[int]]:
-    """Start times of a log's pulses [ns, UTC], by tag key, which is unique over all logs."""
+    """Start times of a log's pulses [ns, UTC], by the tag key that is unique over all logs."""
     times = defaultdict[int, list[int]](list)
     for one in log.log.pulse_poses:
         times[keys[one.pulse.tag_id]].append(one.pulse.start_time_ns)
@@ -175,7 +179,9 @@ def _noted(rows: Sequence[BearingRow], observers: Mapping[str, Observer]) -> lis
 def _without_repeats(
     files: Sequence[tuple[str, list[TagBearing]]], warn: Callable[[str], None]
 ) -> list[tuple[str, list[TagBearing]]]:
-    """Remove bearings that an earlier file also has: same tag, position, time and angle."""
+    """Remove bearings that an earlier file also contains, with equal tag, position, time and
+    angle.
+    """
     key = attrgetter(
         "tag_id", "start_time_ns", "latitude_deg", "longitude_deg", "bearing.bearing_deg"
     )
@@ -183,21 +189,26 @@ def _without_repeats(
     for path, rows in files:
         kept = [one for one in rows if key(one) not in known]
         if copies := len(rows) - len(kept):
-            warn(f"{copies} bearings of {path} are in another file, too: left out")
+            warn(
+                f"{copies} bearings of {path} are also in another file and are not counted "
+                "twice"
+            )
         known.update(map(key, rows))
         found.append((path, kept))
     return found
 
 
 def _under_keys(rows: Sequence[TagBearing], same: SameTags) -> list[TagBearing]:
-    """Replace a file's tag numbers by unique ones; raises `UsageError` if one is ambiguous."""
+    """Replace the tag numbers of a file by keys that are unique over all files. Raises
+    `UsageError` if a number is ambiguous.
+    """
     keys: dict[int, list[int]] = {}
     for key, tag in same.tags.items():
         keys.setdefault(tag.tag_id, []).append(key)
     for tag_id in sorted({one.tag_id for one in rows}):
         if len(keys.get(tag_id, ())) > 1:
             raise UsageError(
-                f"{tag_id} is the number of several tags in these flights",
+                f"tag id {tag_id} means different tags in these flights",
                 remedy="With a bearings file, name flights in which this number is one tag",
             )
     return [replace(one, tag_id=keys.get(one.tag_id, [one.tag_id])[0]) for one in rows]
@@ -222,7 +233,9 @@ class _Log:
 
     @property
     def usable(self) -> bool:
-        """False if the original UAV-RT system logged the poses, whose headings are wrong."""
+        """False for a log whose poses were recorded by the original UAV-RT system, because
+        their headings are wrong.
+        """
         return ORIGINAL_POSES not in self.recorded.log.warnings
 
 
@@ -286,7 +299,9 @@ def _positions_of_turns(
     over: FlightGround | None,
     warn: Callable[[str], None],
 ) -> list[TagPosition]:
-    """Positions from bearings and strengths, or the reason why a tag has none."""
+    """Return each tag's position, estimated from bearings and signal strengths, or the reason
+    why it has none.
+    """
     usable = [one for one in logs if one.usable]
     if len(usable) < len(logs):
         warn(NO_BEARINGS_FROM_THESE)
@@ -303,7 +318,10 @@ def _positions_of_turns(
     own_bearings = [one for each in together for one in each.bearings]
     kept = [one for one in noted if not any(_is_copy(one, each) for each in own_bearings)]
     if copies := len(noted) - len(kept):
-        warn(f"{copies} bearings of a file are of turns in these flights: left out")
+        warn(
+            f"{copies} bearings of a file come from turns in these flights and are not "
+            "counted twice"
+        )
     together.append(Found(bearings=kept))
     every = Found(heard=frozenset().union(*(each.heard for each in together)))
     return place([every, *together], how, over)
@@ -323,9 +341,10 @@ def _is_copy(noted: TagBearing, own: TagBearing) -> bool:
 
 
 def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
-    """Column count of a bearings.csv (10 or 11) or positions.csv (up to 8); 0 for others.
+    """Number of columns of a bearings.csv (10 or 11) or positions.csv (up to 8); 0 for any
+    other file.
 
-    Both kinds begin with a number and a file name, unlike any pulse log.
+    Both kinds begin with a number and a file name, which no pulse log does.
     """
     if not Path(path).is_file():
         return 0
@@ -346,7 +365,9 @@ def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
 
 
 def _holds_estimates(path: str | os.PathLike[str]) -> bool:
-    """True for a CSV of UCSD's estimates: it has a column ``run`` and none ``amplitude``."""
+    """True for a CSV file of UCSD's position estimates, which has a column ``run`` but no
+    column ``amplitude``.
+    """
     if not Path(path).is_file():
         return False
     first = next((line for line in read_lines(path) if line.strip()), "")
@@ -355,7 +376,9 @@ def _holds_estimates(path: str | os.PathLike[str]) -> bool:
 
 
 def _stored_estimates(path: str | os.PathLike[str]) -> list[TagPosition]:
-    """Last position of each target in UCSD's file; later positions of a target are better."""
+    """Return the last position of each target in UCSD's file, since later estimates of a target
+    are better.
+    """
     rows = read_ucsd_estimates(path)
     last: dict[int, TargetEstimate] = {}
     for number, row in zip(tag_numbers([one.frequency_hz for one in rows]), rows, strict=True):
@@ -376,7 +399,9 @@ def _stored_estimates(path: str | os.PathLike[str]) -> list[TagPosition]:
 
 
 def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosition]:
-    """Positions by one method, or all for ``bayes``, in the original UAV-RT's positions.csv."""
+    """Read positions from the original UAV-RT's positions.csv: those of one method, or of all
+    methods for ``bayes``.
+    """
     found = []
     for row in read_position_file(path):
         for name, there in (("mle", row.mle), ("rmr", row.rmr), ("mest", row.mest)):
@@ -389,9 +414,10 @@ def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosi
 
 
 def _without_copies(logs: Sequence[Recorded], warn: Callable[[str], None]) -> list[Recorded]:
-    """Leave out logs that share half of their pulses, at equal positions, with a longer log.
+    """Exclude logs that share at least half of their pulses, at equal positions, with a longer
+    log.
 
-    A pulse recorded at two positions was received by two drones: both logs stay.
+    A pulse recorded at two positions was received by two drones, so both logs are kept.
     """
     heard = [set(map(_place_and_time, one.log.pulse_poses)) for one in logs]
     kept: list[int] = []
@@ -410,7 +436,9 @@ def _without_copies(logs: Sequence[Recorded], warn: Callable[[str], None]) -> li
 
 
 def _place_and_time(posed: PulsePose) -> tuple[int, int, int, int]:
-    """Key of a pulse, equal in all copies of a flight: tag, start [ms], position to 10 m."""
+    """Key of a pulse that is equal in all copies of a flight: tag, start time [ms] and position
+    (to 10 m).
+    """
     pose, pulse = posed.pose, posed.pulse
     milliseconds = round(pulse.start_time_ns / 1e6)
     if pose is None:

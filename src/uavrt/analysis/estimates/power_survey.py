@@ -1,8 +1,8 @@
-"""Locate a tag from signal strength alone, in surveys with a monopole.
+"""Locate a tag by signal strength alone, in surveys with a monopole.
 
-Without a directional antenna there are no bearings. Received pulses along the flight, and
-expected ones that were missed, give a position. The strongest signal is reported separately
-(`uavrt.localization.position.levels.strongest`).
+Without a directional antenna there are no bearings. The strengths of received pulses along the
+flight, and expected pulses that were not received, give a position. The place of the strongest
+signal is reported separately (`uavrt.localization.position.levels.strongest`).
 """
 
 from contextlib import suppress
@@ -27,10 +27,10 @@ from uavrt.localization.results import Position
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HeightBand:
-    """Signal strength of a tag in a range of flight heights."""
+    """Signal strength of a tag at flight heights within one range."""
 
     low_m: float
-    """Lower edge of a range of flown heights, above the take-off [m]."""
+    """Lower limit of the height range, above the take-off point [m]."""
     high_m: float
     pulses: int
     median_db: float
@@ -45,28 +45,34 @@ class HeightBand:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TagSignal:
-    """Results from the signal strength of one tag."""
+    """Results that are derived from one tag's signal strength: map, strongest signal, height
+    ranges.
+    """
 
     tag_id: int
     track: PowerTrack
     strongest: StrongestSignal | None
     surface: SignalSurface | None
-    """Map of signal strength; None if the flight covers no area."""
+    """Map of the signal strength; None if the flight covers no area."""
     heights: tuple[HeightBand, ...]
-    """Flown height ranges with at least three pulses of the tag, lowest first."""
+    """Height ranges in which at least three pulses of the tag were received, lowest first."""
     section: SignalSection | None = None
-    """Signal strength in a vertical section through the tag's position, or else through the
-    strongest signal; None if flown at one height."""
+    """Signal strength in a vertical section through the tag's position or, without a position,
+    through the place of the strongest signal; None if flown at one height."""
 
     @property
     def layers(self) -> tuple[HeightBand, ...]:
-        """Height ranges that have a signal map; empty if fewer than two have one."""
+        """Height ranges that have a map of signal strength; empty if fewer than two have
+        one.
+        """
         mapped = tuple(one for one in self.heights if one.surface is not None)
         return mapped if len(mapped) > 1 else ()
 
 
 def signal_of(tag_id: int, track: PowerTrack, position: Position | None = None) -> TagSignal:
-    """Map a tag's signal strength, with a side view at `position` or the strongest signal."""
+    """Map a tag's signal strength, with a vertical section through `position` or, by default,
+    the strongest signal.
+    """
     strongest = strongest_signal(track)
     place = strongest if position is None else position
     section = None

@@ -29,7 +29,7 @@ def known(value: Any) -> Any:
 
 
 def bearing_record(one: TagBearing) -> dict[str, Any]:
-    """Fields of a bearing by name, its cautions included."""
+    """Return a bearing's fields by name, including its cautions."""
     found = one.bearing
     return {
         "tag_id": one.tag_id,
@@ -42,7 +42,7 @@ def bearing_record(one: TagBearing) -> dict[str, Any]:
 
 
 def position_record(one: TagPosition) -> dict[str, Any]:
-    """Fields of a position by name; for a tag without one, the reason."""
+    """Return a position's fields by name; for a tag without a position, the reason."""
     tag = {"tag_id": one.tag_id, "name": one.name, "frequency_hz": one.frequency_hz}
     found = one.position
     if found is None:

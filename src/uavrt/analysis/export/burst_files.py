@@ -1,10 +1,12 @@
 """Export pulses and bursts for SensorGnome and Motus, two systems of automated telemetry.
 
-SensorGnome's pulse file has a line for each pulse. ``find_tags`` searches these for codes. On
-each port it considers only tags of the nominal frequency nearest to the port's tuning. So each
-nominal frequency gets its own port.
-The detections have a row for each burst, with the columns of ``find_tags``' hits and the
-nominal frequency, as in Motus. A single beep is exported as a burst of one pulse without gaps.
+SensorGnome's pulse file has one line for each pulse, in which ``find_tags`` searches for codes.
+On each port, ``find_tags`` considers only tags of the nominal frequency nearest to the
+frequency to which the port is tuned. So each nominal frequency gets a port of its own.
+
+The file of detections has one row for each burst, with the columns that ``find_tags`` writes
+and the nominal frequency, as in Motus. A pulse of an uncoded tag is exported as a burst of one
+pulse without gaps.
 """
 
 import io
@@ -20,9 +22,9 @@ from uavrt.formats.csv_line import TableWriter
 from uavrt.formats.pulses.ucsd import tag_numbers
 
 _SAME_HZ = 2_000.0
-"""Largest frequency difference between bursts of one unlisted tag [Hz]."""
+"""Largest frequency difference between bursts of the same unlisted tag [Hz]."""
 _RUN_S = 60.0
-"""Silence after which the next burst of a tag begins a new run of bursts [s]."""
+"""Pause after which a tag's next burst begins a new run of bursts [s]."""
 DETECTION_COLUMNS = (
     *("ant", "ts", "id", "name", "runID", "posInRun", "sig", "sigsd", "noise"),
     *("freq", "freqsd", "slop", "burstSlop", "lat", "lon", "alt"),
@@ -31,12 +33,16 @@ DETECTION_COLUMNS = (
 
 
 def has_bursts(survey: Survey) -> bool:
-    """True if any coded or beeping tag was received."""
+    """True if any pulse or burst of a tag was received, so that there is something to
+    export.
+    """
     return bool(_bursts(survey))
 
 
 def _bursts(survey: Survey) -> list[PulsePose]:
-    """Bursts and beeps above the detection threshold, as a SensorGnome records them."""
+    """Pulses and bursts above the detection threshold, as a SensorGnome records them, in order
+    of time.
+    """
     found = [one for one in survey.every_pulse if _written(one.pulse)]
     return sorted(found, key=lambda one: one.pulse.start_time_ns)
 
@@ -48,16 +54,18 @@ class _Port:
 
     @property
     def tuned_mhz(self) -> str:
-        """Tuned frequency [MHz] as find_tags reads it: three decimals, more where needed."""
+        """Frequency to which the port is tuned [MHz], in the form that find_tags reads: three
+        decimals, or more if needed.
+        """
         whole, part = f"{self.tuned_hz / 1e6:.6f}".split(".")
         return f"{whole}.{part.rstrip('0'):0<3}"
 
 
 def _ports(survey: Survey, bursts: Sequence[PulsePose]) -> list[_Port]:
-    """Port of each burst; there is one port for each frequency of listed tags.
+    """Return the port of each burst; there is one port for each frequency of listed tags.
 
-    An unlisted tag gets a listed frequency within 2 kHz, or else the median of its bursts'
-    frequencies, rounded to the kilohertz.
+    An unlisted tag is assigned to a listed frequency within 2 kHz. If there is none, it gets
+    the median of its bursts' frequencies, rounded to 1 kHz.
     """
     listed = [survey.tag(one.pulse.tag_id) for one in bursts]
     tuned_hz = [None if tag is None else tag.frequency_hz for tag in listed]
@@ -85,17 +93,17 @@ def _written(pulse: Pulse) -> bool:
 
 
 def _levels(pulse: Pulse) -> list[tuple[int, float]]:
-    """Start [ns] and SNR [dB] of each pulse of a burst; one pulse for a beep."""
+    """Start [ns] and SNR [dB] of each pulse in a burst; an uncoded tag's burst is one pulse."""
     if not pulse.burst_starts_ns:
         return [(pulse.start_time_ns, pulse.snr_db)]
     return list(zip(pulse.burst_starts_ns, pulse.burst_snrs_db, strict=True))
 
 
 def sensorgnome_text(survey: Survey) -> str:
-    """Write beeps, burst pulses and drone positions in SensorGnome's text format.
+    """Write pulses, bursts and drone positions in SensorGnome's text format.
 
     A pulse is ``p<port>,<time>,<kHz from the tuned frequency>,<signal dB>,<noise dB>``; ``S``
-    lines give a port's frequency in megahertz, and ``G`` lines a position. Levels are relative
+    lines state a port's frequency in megahertz, and ``G`` lines a position. Levels are relative
     to 1 unit² of the samples.
     """
     bursts = _bursts(survey)
@@ -122,10 +130,10 @@ def sensorgnome_text(survey: Survey) -> str:
 
 
 def detections_csv(survey: Survey) -> str:
-    """Write confirmed bursts and beeps with their runs, in the columns of ``find_tags``.
+    """Write confirmed bursts and pulses, numbered by run, in the columns of ``find_tags``.
 
-    ``freq`` is in kilohertz from ``nomFreq``, which is in megahertz. ``freqsd`` stays empty,
-    since all pulses of a burst share one measured frequency.
+    ``freq`` is the difference from ``nomFreq`` in kilohertz; ``nomFreq`` is in megahertz.
+    ``freqsd`` remains empty, since all pulses of a burst share one measured frequency.
     """
     stream = io.StringIO(newline="")
     writer = TableWriter(stream)
@@ -172,7 +180,9 @@ def _noise_db(pulse: Pulse) -> float:
 
 
 def _slop(pulse: Pulse, tag: Tag | None) -> str:
-    """Summed differences between a burst's gaps and its code's [s]; empty if unknown."""
+    """Sum of the differences between a burst's gaps and those of its code [s], as text; empty
+    if unknown.
+    """
     starts_ns: Sequence[int] = pulse.burst_starts_ns
     if tag is None or not starts_ns or len(starts_ns) != len(tag.gaps_s) + 1:
         return ""
@@ -182,7 +192,9 @@ def _slop(pulse: Pulse, tag: Tag | None) -> str:
 
 
 def _burst_slop(pulse: Pulse, tag: Tag | None, before_ns: int | None) -> str:
-    """Deviation of the time since the last burst from whole intervals [s]; 0 for the first."""
+    """Difference between the time since the previous burst and a whole number of intervals [s],
+    as text; 0 for the first burst.
+    """
     if tag is None or before_ns is None:
         return "0"
     passed_s = (pulse.start_time_ns - before_ns) / NANOSECONDS_PER_SECOND

@@ -36,7 +36,9 @@ REFERENCE_COLUMNS = (
 
 
 def pulses_csv(survey: Survey) -> str:
-    """Write all pulses like ``uavrt detect -o``, including those of whole-flight analysis."""
+    """Write all pulses, including those of whole-flight analysis, in the format of ``uavrt
+    detect -o``.
+    """
     stream = io.StringIO(newline="")
     pulses = survey.every_pulse
     writer = PulseWriter(stream, "csv", bursts=any(one.pulse.burst_starts_ns for one in pulses))
@@ -46,7 +48,9 @@ def pulses_csv(survey: Survey) -> str:
 
 
 def tagtracker_csv(survey: Survey) -> str:
-    """Write pulses with a pose in TagTracker's format; status 3 marks whole-flight analysis."""
+    """Write pulses that have a pose in TagTracker's format; status 3 marks pulses found by
+    whole-flight analysis.
+    """
     stream = io.StringIO()
     write_tagtracker(stream, survey.every_pulse)
     return stream.getvalue()
@@ -73,16 +77,19 @@ def track_csv(survey: Survey) -> str:
 
 
 def bearing_rows(survey: Survey, parent_file: str) -> list[BearingRow]:
-    """Rows for the original UAV-RT's ``bearings.csv``, without ambiguous turns.
+    """Return rows for the original UAV-RT's ``bearings.csv``.
 
-    Turns without a clear direction are left out, since the format has no column to mark them.
+    Turns without a clear direction are excluded, since the format has no column to mark
+    them.
     """
     known = (one for one in survey.bearings if one.bearing.accepted)
     return [_bearing_row(one, survey, parent_file) for one in known]
 
 
 def position_rows(survey: Survey, bearing_file: str) -> list[PositionRow]:
-    """Rows for the original UAV-RT's ``positions.csv``: its estimators mle, rmr and mest."""
+    """Return rows for the original UAV-RT's ``positions.csv``, by its estimators mle, rmr and
+    mest.
+    """
     places: dict[PositionMethod, dict[int, tuple[float, float] | None]] = {}
     methods: tuple[PositionMethod, ...] = ("mle", "rmr", "mest")
     for method in methods:
@@ -106,7 +113,9 @@ def position_rows(survey: Survey, bearing_file: str) -> list[PositionRow]:
 
 
 def fixes_csv(survey: Survey) -> str:
-    """Write positions with their uncertainty; a tag without a position gets the reason."""
+    """Write the tags' positions with their uncertainty; a tag without a position gets the
+    reason.
+    """
     header = (
         *("tag_id", "name", "time_utc", "method", "latitude_deg", "longitude_deg"),
         *("radius50_m", "radius95_m", "bearings", "may_be_farther_out"),
@@ -158,10 +167,11 @@ def marks_csv(survey: Survey) -> str:
 
 
 def movebank_csv(survey: Survey) -> str:
-    """Write positions as events of Movebank, one for a resting tag, a path for a moving one.
+    """Write positions as events for Movebank: one for a resting tag, one for each point of a
+    moving tag's path.
 
-    A resting tag has one event, at the end of its last bearing. Movebank recognises the column
-    names at the upload.
+    The event of a resting tag has the time of its last bearing. Movebank recognises the column
+    names when the file is uploaded.
     """
     events = [
         (one.tag_id, one.position, place)
@@ -178,7 +188,9 @@ def movebank_csv(survey: Survey) -> str:
 def _places(
     survey: Survey, tag_id: int, position: Position
 ) -> list[tuple[int, float, float, float | None]]:
-    """Times, latitudes, longitudes and 95 % radii of a position, or of each point on a path."""
+    """Time, latitude, longitude and 95 % radius of a position or, for a moving tag, of each
+    point of its path.
+    """
     if position.track:
         return [
             (one.time_ns, one.latitude_deg, one.longitude_deg, one.radius95_m)
@@ -218,7 +230,9 @@ def _movebank_row(
 
 
 def movebank_reference_csv(survey: Survey) -> str:
-    """Movebank's reference data: which animal wore which tag, dated by the flight."""
+    """Write Movebank's reference data, which state which animal carried which tag, with the
+    flight's date.
+    """
     span = survey.span_ns
     day = "" if span is None else _movebank_time(span[0])
     note = f"dates of {survey.name}: replace them by the deployment's"

@@ -1,4 +1,4 @@
-"""Export a survey as GeoJSON (RFC 7946): WGS84, longitude first, outer rings anticlockwise."""
+"""Export a survey as GeoJSON (RFC 7946): WGS 84, longitude first, outer rings anticlockwise."""
 
 import json
 import math
@@ -29,18 +29,21 @@ from uavrt.localization.position.levels.strongest import StrongestSignal
 from uavrt.localization.results import Position, TrackPoint
 
 _PLACES = 8
-"""Number of decimals of exported coordinates in degrees; the eighth is 1 mm."""
+"""Number of decimals of exported coordinates in degrees; the eighth decimal is 1 mm."""
 _OF_BEARING = ("bearing_deg", "sigma_deg", "method", "pulses", "accepted", "ambiguous")
 _OF_POSITION = ("method", "radius50_m", "radius95_m", "bearings", "powers")
 
 
 Properties = dict[str, Any]
 Shape = tuple[list[list[Point]], Properties]
-"""A point, line or area in parts, cut at the 180° meridian, and its attributes."""
+"""The attributes of a point, line or area, and its parts; it is cut into parts at the 180°
+meridian."""
 
 
 def geojson_text(survey: Survey) -> str:
-    """Write track, pulses, bearings, positions, paths of moving tags and marks as one text."""
+    """Write track, pulses, bearings, positions, paths of moving tags and marks as one GeoJSON
+    text.
+    """
     features = [
         {
             "type": "Feature",
@@ -54,7 +57,9 @@ def geojson_text(survey: Survey) -> str:
 
 
 def layers(survey: Survey) -> Iterator[tuple[str, str, str, list[Shape]]]:
-    """Map layers of a survey: name, table in a GeoPackage (or empty), geometry type, shapes."""
+    """Yield each map layer of a survey: name, table name in a GeoPackage (or empty), geometry
+    type and shapes.
+    """
     track = list(map(point_of, thinned(survey.track)))
     rays: list[Shape] = []
     wedges: list[Shape] = []
@@ -102,7 +107,7 @@ def _tag_paths(survey: Survey) -> list[Shape]:
 
 
 def _geometry(kind: str, parts: list[list[Point]]) -> Properties:
-    """GeoJSON geometry of a shape; several parts become a Multi- type."""
+    """Return the GeoJSON geometry of a shape; a shape of several parts gets a Multi- type."""
     rounded = [[[round(each, _PLACES) for each in point] for point in part] for part in parts]
     if kind == "POINT":
         return {"type": "Point", "coordinates": rounded[0][0]}
@@ -145,7 +150,7 @@ def bearing_properties(survey: Survey) -> list[Properties]:
 
 
 def position_properties(survey: Survey) -> list[tuple[Position, Properties]]:
-    """Each estimated position and its attributes."""
+    """Return each estimated position with its attributes."""
     found = []
     for one in survey.positions:
         if one.position is None:
@@ -166,7 +171,7 @@ def position_properties(survey: Survey) -> list[tuple[Position, Properties]]:
 
 
 def cautions_of(position: Position) -> dict[str, str]:
-    """Names and texts of the cautions on a position, each joined to one string."""
+    """Names and texts of the cautions on a position, joined to one string each."""
     return {
         "cautions": ", ".join(one.name for one in position.cautions),
         "cautions_in_words": "; ".join(one.text for one in position.cautions),
@@ -174,7 +179,7 @@ def cautions_of(position: Position) -> dict[str, str]:
 
 
 def path_properties(survey: Survey) -> list[tuple[TrackPoint, Properties]]:
-    """Each point on the paths of moving tags, and its attributes."""
+    """Return each point on the paths of moving tags, with its attributes."""
     return [
         (
             one,
@@ -192,7 +197,9 @@ def path_properties(survey: Survey) -> list[tuple[TrackPoint, Properties]]:
 
 
 def strongest_properties(signal: TagSignal) -> list[tuple[StrongestSignal, Properties]]:
-    """Place and attributes of a tag's strongest signal, over all heights and for each layer."""
+    """Return the place of a tag's strongest signal, over all heights and in each height range,
+    with its attributes.
+    """
     found: list[tuple[StrongestSignal, HeightBand | None]] = []
     if signal.strongest is not None:
         found.append((signal.strongest, None))
@@ -212,7 +219,9 @@ def strongest_properties(signal: TagSignal) -> list[tuple[StrongestSignal, Prope
 
 
 def integrated_places(survey: Survey) -> list[tuple[IntegratedPart, Properties]]:
-    """Tag positions by whole-flight analysis; two if a straight path leaves the side open."""
+    """Return tag positions found by whole-flight analysis. A tag has two if a straight flight
+    path does not show on which side it is.
+    """
     return [
         (
             part,
@@ -229,7 +238,9 @@ def integrated_places(survey: Survey) -> list[tuple[IntegratedPart, Properties]]
 
 
 def integrated_regions(survey: Survey) -> list[tuple[list[list[Point]], Properties]]:
-    """Outlines of 50 % and 95 % regions by whole-flight analysis, cut at the 180° meridian."""
+    """Return the outlines of the 50 % and 95 % regions found by whole-flight analysis, cut at
+    the 180° meridian.
+    """
     regions = []
     for verdict in survey.verdicts:
         for share, region in ((50, verdict.region50), (95, verdict.region95)):
@@ -244,7 +255,9 @@ def integrated_regions(survey: Survey) -> list[tuple[list[list[Point]], Properti
 
 
 def _counter_clockwise(ring: Ring) -> list[Point]:
-    """Ring of latitudes and longitudes as counter-clockwise points, as RFC 7946 requires."""
+    """Convert a ring of latitudes and longitudes to points in counter-clockwise order, as RFC
+    7946 requires.
+    """
     points = [(longitude, latitude) for latitude, longitude in ring]
     first = points[0][0]
     x = [math.remainder(longitude - first, 360.0) for longitude, _ in points]

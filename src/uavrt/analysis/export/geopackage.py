@@ -60,7 +60,8 @@ _SYSTEMS = (
 )
 _TYPES = {bool: "BOOLEAN", int: "INTEGER", float: "DOUBLE", str: "TEXT"}
 _TIMES = ("time", "start", "end")
-"""Attributes stored as DATETIME, which QGIS's temporal controller uses."""
+"""Names of the attributes that are stored as DATETIME, so that QGIS's temporal controller can
+use them."""
 _WKB = {"POINT": 1, "LINESTRING": 2, "POLYGON": 3}
 
 Feature = tuple[list[Point], dict[str, Any]]
@@ -133,7 +134,9 @@ def _box(points: Sequence[Point]) -> tuple[float, float, float, float]:
 
 
 def _cell(key: str, value: Any) -> Any:
-    """Convert an attribute to its column's type; times get milliseconds (clause 1.1.1.1.2)."""
+    """Convert an attribute to the type of its column; times are given to milliseconds (clause
+    1.1.1.1.2).
+    """
     if key not in _TIMES or value is None:
         return value
     seconds, _, rest = str(value).rstrip("Z").partition(".")

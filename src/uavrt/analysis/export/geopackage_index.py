@@ -2,7 +2,7 @@
 F.3).
 
 Triggers keep the index correct when features are edited. They call functions such as
-``ST_MinX`` that a GeoPackage reader provides.
+``ST_MinX``, which a program that edits GeoPackages provides.
 """
 
 import sqlite3
@@ -23,7 +23,7 @@ _GONE = "(NEW.geom ISNULL OR ST_IsEmpty(NEW.geom))"
 def add_index(
     database: sqlite3.Connection, table: str, boxes: Sequence[tuple[float, float, float, float]]
 ) -> None:
-    """Build the spatial index of a layer; a box is west, east, south and north [deg]."""
+    """Build the spatial index of a layer; each box is west, east, south and north [deg]."""
     tree = f"rtree_{table}_geom"
     database.execute(f"CREATE VIRTUAL TABLE {tree} USING rtree(id, minx, maxx, miny, maxy)")
     database.executemany(

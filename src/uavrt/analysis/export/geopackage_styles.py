@@ -1,7 +1,8 @@
-"""Write QML styles of GeoPackage layers into the table ``layer_styles``, which QGIS reads.
+"""Write QML styles of GeoPackage layers into the table ``layer_styles``, from which QGIS reads
+them.
 
-Each style is a QML document with one symbol. Layers with times follow QGIS's temporal
-controller.
+Each style is a QML document with one symbol. Layers with times are controlled by QGIS's
+temporal controller.
 """
 
 import sqlite3
@@ -54,7 +55,7 @@ def add_style(database: sqlite3.Connection, table: str, kind: str) -> None:
 
 
 def qml(table: str, kind: str) -> str:
-    """Make the QML document with a layer's symbol."""
+    """Return the QML document that contains a layer's symbol."""
     colour = _COLOURS.get(table, "11,93,117,255")
     symbol, layer, options = {
         "POINT": ("marker", "SimpleMarker", {"name": _shape(table), "size": _size(table)}),

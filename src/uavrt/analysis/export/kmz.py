@@ -1,6 +1,6 @@
-"""Export a survey as KMZ (OGC KML 2.2 in a zip), which Google Earth opens offline.
+"""Export a survey as KMZ (OGC KML 2.2 in a zip file), which Google Earth opens offline.
 
-The icon and each tag's heat map are files in the zip; styles are defined once.
+The icon and each tag's heat map are separate files in the zip file; styles are defined once.
 """
 
 import io
@@ -49,7 +49,7 @@ _PICTURES = ("GroundOverlay", "Icon")
 
 
 def kmz_bytes(survey: Survey) -> bytes:
-    """Encode track, and pulses, bearings, position and heat map of each tag, as KMZ."""
+    """Encode the track, and each tag's pulses, bearings, position and heat map, as KMZ."""
     files: dict[str, bytes] = {"files/dot.png": png_bytes(disc(7, (31, 119, 180)))}
     files["files/ring.png"] = png_bytes(disc(7, (204, 121, 167)))
     files["files/tag.png"] = png_bytes(disc(11, (215, 40, 40)))
@@ -74,7 +74,7 @@ def kml_text(survey: Survey) -> str:
 
 
 def _document(survey: Survey, files: dict[str, bytes]) -> ET.Element:
-    """Make the KML document, and put the pictures that it uses into `files`."""
+    """Create the KML document, and store the pictures that it uses in `files`."""
     root = ET.Element("kml", xmlns=NAMESPACE)
     document = ET.SubElement(root, "Document")
     add_text(document, "name", survey.name)
@@ -167,7 +167,9 @@ def _track(folder: ET.Element, name: str, position: Position) -> None:
 
 
 def _signal(folder: ET.Element, survey: Survey, tag_id: int, files: dict[str, bytes]) -> None:
-    """Add a map of a tag's signal strength, and a placemark where the signal is strongest."""
+    """Add a map of a tag's signal strength to the folder, and a placemark where the signal is
+    strongest.
+    """
     found = survey.signal_of(tag_id)
     if found is None:
         return
@@ -191,7 +193,9 @@ def _signal(folder: ET.Element, survey: Survey, tag_id: int, files: dict[str, by
 
 
 def _start_amsl_m(survey: Survey) -> float:
-    """Altitude above mean sea level of the survey's height reference [m]; NaN where unknown."""
+    """Altitude above mean sea level from which the survey's heights are measured [m]; NaN if
+    unknown.
+    """
     first = survey.track[0]
     return first.altitude_amsl_m - first.altitude_relative_m
 
@@ -254,9 +258,9 @@ def _overlay(
 
 
 def bounds(grid: PositionGrid | SignalSurface) -> tuple[float, float, float, float]:
-    """West, south, east and north edge of a heat map [deg], along its middle lines.
+    """West, south, east and north edge of a heat map [deg], computed along its middle lines.
 
-    The cells are squares of the tangent plane. At 3 km and 60° latitude the error is 1.2 m, far
+    The cells are squares in the tangent plane. At 3 km and 60° latitude the error is 1.2 m, far
     less than a cell.
     """
     plane = TangentPlane(latitude_deg=grid.latitude_deg, longitude_deg=grid.longitude_deg)
@@ -284,7 +288,9 @@ def _mark(
     description: str | None = None,
     time_ns: int | None = None,
 ) -> None:
-    """Add a placemark; `kind` is Point, LineString or Polygon, or Multi- with one of them."""
+    """Add a placemark; `kind` is Point, LineString or Polygon, or one of these with the prefix
+    Multi-.
+    """
     mark = ET.SubElement(parent, "Placemark")
     add_text(mark, "name", name)
     if description is not None:

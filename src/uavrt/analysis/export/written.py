@@ -22,7 +22,9 @@ from uavrt.formats.whole_file import write_whole
 
 @dataclass(frozen=True, slots=True)
 class OneFile:
-    """An export format that is a single file; the web page offers it for download."""
+    """An export format that consists of a single file, which the web page offers for
+    download.
+    """
 
     media_type: str
     content: Callable[[Survey], str | bytes]
@@ -34,7 +36,7 @@ ONE_FILE: dict[str, OneFile] = {
     "kml": OneFile("application/vnd.google-earth.kml+xml", kml_text),
     "gpx": OneFile("application/gpx+xml", gpx_text),
 }
-"""Single-file formats by name; the name is also the file's ending."""
+"""Single-file formats by name; the name is also the file extension."""
 
 
 def export_survey(
@@ -53,7 +55,7 @@ def export_survey(
     """
     if survey.kind != "flight" and not survey.pulse_poses:
         raise UsageError(
-            f"{survey.name} holds no pulse, so nothing was exported", remedy="Check the name"
+            f"{survey.name} contains no pulse, so nothing was exported", remedy="Check the name"
         )
     chosen = EXPORT_FORMATS if formats is None else formats
     return [path for form in chosen for path in _WRITERS[form](survey, directory)]
@@ -82,7 +84,9 @@ def _csv(survey: Survey, directory: Path) -> list[Path]:
 
 
 def _where_any(directory: Path, files: Mapping[str, str | None]) -> list[Path]:
-    """Write files (content by name); a file whose content is None is deleted if it exists."""
+    """Write files, given as content by name; a file whose content is None is deleted if it
+    exists.
+    """
     for name, content in files.items():
         if content is None:
             (directory / name).unlink(missing_ok=True)
@@ -133,7 +137,7 @@ def _geotiff(survey: Survey, directory: Path) -> list[Path]:
 
 
 def _motus(survey: Survey, directory: Path) -> list[Path]:
-    """Write bursts and beeps for Motus; no file for a flight without any."""
+    """Write pulses and bursts for Motus; a flight without any gets no file."""
     if not bursts.has_bursts(survey):
         return []
     files = {

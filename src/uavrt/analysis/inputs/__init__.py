@@ -1,1 +1,1 @@
-"""Read what estimates and reports need to know about flights: settings, noise, clocks, maps."""
+"""Read data about flights that estimates and reports need: settings, noise, clocks, maps."""

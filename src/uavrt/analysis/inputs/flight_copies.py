@@ -1,8 +1,8 @@
-"""Find copies of one flight: the drone's own record and those of ground stations.
+"""Find records of the same flight by the drone and by ground stations.
 
-Records with pulses are compared by pulses, others by their start and end times. Each flight is
-compared only with flights that share some randomly chosen pulses, or its time span. So the run
-time is proportional to the number of flights.
+Records with pulses are compared by their pulses, others by their start and end times. Each
+flight is compared only with flights that share some randomly chosen pulses, or whose time spans
+overlap. So the computing time is proportional to the number of flights.
 """
 
 from bisect import bisect_left, bisect_right
@@ -17,19 +17,25 @@ from uavrt.core.errors import FormatError
 from uavrt.flight.reading.outline import FlightOutline, read_pulse_levels
 
 SAME_PULSES = 0.5
-"""Minimum share of the shorter record's pulses that two records of one flight have in
-common."""
+"""Minimum share of the shorter record's pulses that the other record must contain for both to
+be of one flight."""
 _SAME_NS = 500_000
-"""Largest difference of a pulse's start in two copies [ns]; the radio link rounds times."""
+"""Largest difference between the start times of a pulse in two copies [ns], since the radio
+link rounds times."""
 SAME_LEVEL_DB = 0.1
-"""Largest level difference of one pulse in two copies [dB]; two drones differ by about 5 dB."""
+"""Largest difference between the levels of a pulse in two copies [dB]; two drones would differ
+by about 5 dB."""
 SAME_SPAN = 0.9
-"""Minimum overlap of two records of a flight without pulses, as a share of the longer."""
+"""Minimum overlap of two records without pulses for both to be of one flight, as a share of the
+longer record."""
 _PROBES = 32
-"""Number of a flight's pulses that are searched for in all other flights. Two records with a
-quarter of their pulses in common share fewer than two of these in one case of 850."""
+"""Number of a flight's pulses that are searched for in all other flights.
+
+If two records have a quarter of their pulses in common, they share fewer than two of these in
+one case of 850."""
 _FEW = 8
-"""Number of pulses below which one equal pulse suffices to compare two flights in full."""
+"""Number of pulses below which a single equal pulse suffices to compare two flights
+completely."""
 
 CopiesOfFlight = tuple[FlightOutline, ...]
 """All records of one flight, the one with the most pulses first."""
@@ -46,7 +52,7 @@ class _Pulses:
 
 
 def without_copies(outlines: Sequence[FlightOutline]) -> list[CopiesOfFlight]:
-    """Group the records of each flight, in order of start time."""
+    """Group the records of each flight, and sort the groups by start time."""
     outlines = sorted(outlines, key=lambda one: one.info.start_time_ns)
     pulses = {
         number: found
@@ -128,10 +134,11 @@ def _alike_by_pulses(pulses: Mapping[int, _Pulses]) -> Iterator[tuple[int, int]]
 
 
 def _alike_by_times(outlines: Sequence[FlightOutline]) -> Iterator[tuple[int, int]]:
-    """Index pairs of records, at least one without pulses, that may be one flight by time.
+    """Yield pairs of records, as indices, that may be of one flight by their times; at least
+    one has no pulses.
 
-    Two records of drones are copies only if they began in the same nanosecond, since many drone
-    clocks start in 1970.
+    Two records of drones are copies only if they began in the same nanosecond, since many
+    drones' clocks start in 1970.
     """
     by_start: dict[int, list[int]] = defaultdict(list)
     ground: list[int] = []
@@ -158,7 +165,9 @@ def _alike_by_times(outlines: Sequence[FlightOutline]) -> Iterator[tuple[int, in
 def _is_same(
     outlines: Sequence[FlightOutline], first: int, second: int, pulses: Mapping[int, _Pulses]
 ) -> bool:
-    """True if two records are of one flight, by their pulses or else by their times."""
+    """True if two records are of one flight, judged by their pulses or, if one has none, by
+    their times.
+    """
     one, other = outlines[first], outlines[second]
     begin = max(one.info.start_time_ns, other.info.start_time_ns)
     overlap = min(one.end_time_ns, other.end_time_ns) - begin
@@ -173,9 +182,11 @@ def _is_same(
 
 
 def _share_pulses(one: _Pulses, other: _Pulses) -> bool:
-    """True if two records share half of their pulses by tag, start (0.5 ms) and level (0.1 dB).
+    """True if two records share at least half of their pulses, with equal tag, start (0.5 ms)
+    and level (0.1 dB).
 
-    Times are compared without rounding, since pulses could all lie on a rounding edge.
+    Times are compared without rounding, since all pulses could lie at the edge of a rounding
+    step.
     """
     common = same = 0
     for tag_id in np.intersect1d(one.tag_id, other.tag_id):
@@ -193,10 +204,10 @@ def _share_pulses(one: _Pulses, other: _Pulses) -> bool:
 
 
 def _are_two(one: FlightOutline, other: FlightOutline) -> bool:
-    """True if two records, at least one without pulses, are separate flights of one recorder.
+    """True if two records, at least one without pulses, must be of separate flights.
 
-    That is: two drones' records that began at different times, or two such records of ground
-    stations in one folder.
+    This holds for two drones' records that began at different times, and for such records of
+    ground stations in one folder.
     """
     if (one.pulses and other.pulses) or one.info.start_time_ns == other.info.start_time_ns:
         return False
@@ -205,7 +216,7 @@ def _are_two(one: FlightOutline, other: FlightOutline) -> bool:
 
 
 def may_be_one_vehicle(one: str | None, other: str | None) -> bool:
-    """True unless two records name different vehicles; a missing name matches any."""
+    """True unless two records state different vehicles; a missing name matches any vehicle."""
     if one is None or other is None:
         return True
     numbers, names = zip(*(each.partition(", ")[::2] for each in (one, other)), strict=True)

@@ -1,7 +1,8 @@
-"""Facts that people add to a flight report: who flew which aircraft, under which permit.
+"""Information that people add to a flight report: who flew which aircraft, and under which
+permit.
 
-They are in ``report.toml`` in the flight's directory, or else in the folder around it, so that
-one file serves all flights of a season. docs/how-to/report-and-export.md has an example.
+It is in ``report.toml`` in the flight's directory, or in the folder above it, so that one file
+serves all flights of a season. docs/how-to/report-and-export.md has an example.
 """
 
 import json
@@ -23,7 +24,7 @@ MOST_LETTERS = 200
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportFacts:
-    """Fields of a report.toml; None where not set."""
+    """Fields of a report.toml; None for fields that are not set."""
 
     operator: str | None = None
     aircraft: str | None = None
@@ -34,7 +35,9 @@ class ReportFacts:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Lines printed below the report's title, such as operator and permit."""
+        """Lines that are printed below the report's title, such as the operator and the
+        permit.
+        """
         labelled = (
             ("Operator", self.operator),
             ("Aircraft", self.aircraft),
@@ -45,7 +48,7 @@ class ReportFacts:
         return tuple(f"{name}: {text}" for name, text in labelled if text is not None)
 
     def local_time(self, time_ns: int) -> str | None:
-        """Local time at the site; None without a time zone."""
+        """Format the local time at the site; None without a time zone."""
         if self.time_zone is None:
             return None
         return f"{_utc(time_ns).astimezone(ZoneInfo(self.time_zone)):%Y-%m-%d %H:%M:%S %Z}"
@@ -57,7 +60,7 @@ class ReportFacts:
         return utc if local is None else f"{utc} ({local.split()[1]})"
 
     def clock_in_words(self, time_ns: int) -> str:
-        """Time of day for a sentence, with the names of its time zones."""
+        """Time of day for a sentence, followed by the names of its time zones."""
         local = self.local_time(time_ns)
         utc = f"{_utc(time_ns):%H:%M:%S} UTC"
         return utc if local is None else f"{utc} ({local.partition(' ')[2]})"
@@ -69,13 +72,15 @@ class ReportFacts:
 
 
 def facts_path(flight: Path) -> Path | None:
-    """Path of a flight's or log's report.toml; None if there is none."""
+    """Path of the report.toml that applies to a flight or log; None if there is none."""
     inside = flight / NAME if flight.is_dir() else flight.parent / NAME
     return next((path for path in (inside, flight.parent / NAME) if path.is_file()), None)
 
 
 def facts_of(flight: Path) -> ReportFacts:
-    """Read a flight's report.toml; raises `ConfigError` if damaged or a field is wrong."""
+    """Read the report.toml of a flight. Raises `ConfigError` if it is damaged or a field is
+    wrong.
+    """
     path = facts_path(flight)
     if path is None:
         return ReportFacts()
@@ -83,7 +88,7 @@ def facts_of(flight: Path) -> ReportFacts:
 
 
 def read_facts(path: Path) -> ReportFacts:
-    """Read one report.toml; raises `ConfigError` if damaged or a field is wrong."""
+    """Read one report.toml. Raises `ConfigError` if it is damaged or a field is wrong."""
     try:
         text = read_file(path, SETTINGS).decode()
         check_toml(text, SETTINGS)
@@ -96,7 +101,9 @@ def read_facts(path: Path) -> ReportFacts:
 
 
 def write_facts(folder: Path, facts: ReportFacts) -> None:
-    """Write report.toml for all flights of a folder without their own; raises `ConfigError`."""
+    """Write a report.toml for all flights of a folder that have none of their own. Raises
+    `ConfigError`.
+    """
     path = folder / NAME
     fields = {name: text for name, text in asdict(facts).items() if text is not None}
     _judged(fields, path)

@@ -1,7 +1,9 @@
-"""Noise that the drone itself causes in a flight, measured by its detectors.
+"""Determine the noise that the drone itself causes in a flight, from its detectors'
+measurements.
 
-A receiver does not measure watts. So noise is relative to the receiver's quietest time in
-the same flight: on the ground with motors off, or else the quietest tenth of the values.
+A receiver does not measure watts. So the noise is relative to the receiver's quietest time in
+the same flight: on the ground with motors off or, without such a time, the quietest tenth of
+the values.
 """
 
 from dataclasses import dataclass
@@ -20,24 +22,26 @@ _LEAST = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightNoise:
-    """Noise density with motors running, relative to the receiver at rest."""
+    """Noise density with motors running, relative to the receiver's noise in a quiet time."""
 
     tag_id: NDArray[np.int64]
-    """(n,) number of the tag on whose frequency each noise value was measured."""
+    """Id of the tag at whose frequency each noise value was measured, shape (n,)."""
     time_ns: NDArray[np.int64]
     rise_db: NDArray[np.float64]
-    """(n,) noise above the quiet reference at that frequency [dB]."""
+    """Noise above the quiet reference at that frequency [dB], shape (n,)."""
     in_the_air: NDArray[np.bool_]
     quiet: str
-    """Text that describes the quiet time used as reference for the noise."""
+    """Text that describes the quiet time which is the reference for the noise."""
 
     @property
     def median_db(self) -> float:
-        """Median rise measured in the air [dB]."""
+        """Median noise above the quiet reference, measured in the air [dB]."""
         return float(np.median(self.rise_db[self.in_the_air]))
 
     def at(self, tag_id: int, time_ns: NDArray[np.int64]) -> NDArray[np.float64]:
-        """(n,) noise rise [dB] for a tag at given times; the median where not measured."""
+        """Noise above the quiet reference for a tag at given times [dB], shape (n,); the median
+        if it was not measured at the tag's frequency.
+        """
         own = self.tag_id == tag_id
         if not own.any():
             return np.full(len(time_ns), self.median_db)
@@ -46,7 +50,9 @@ class FlightNoise:
 
 
 def flight_noise_of(directory: Path, flight: Flight | None = None) -> FlightNoise:
-    """Read a flight's noise; raises `FormatError`, or `RecordingError` if none in the air."""
+    """Read the noise measured in a flight. Raises `FormatError`, or `RecordingError` if none
+    was measured in the air.
+    """
     flight = read_flight(directory) if flight is None else flight
     measured = [
         (one.tag_id, one.time_ns, one.noise_psd) for one in read_search_reports(directory)

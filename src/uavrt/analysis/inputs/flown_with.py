@@ -1,4 +1,4 @@
-"""Read the settings and the antenna of a flight."""
+"""Read the settings and the antenna with which a flight was flown."""
 
 from dataclasses import replace
 
@@ -13,11 +13,13 @@ from uavrt.localization.antenna import MONOPOLE, PATTERNS
 from uavrt.localization.pose.mounting import Mounting
 
 USUAL_ANTENNA = "RA-23K"
-"""Antenna assumed for flights without a recorded one: that of the system's first drone."""
+"""Antenna assumed for flights that record none; the system's first drone carried it."""
 
 
 def flight_settings(flight: Flight) -> Settings | None:
-    """Settings recorded in a flight; None if not recorded. Raises `FormatError` if damaged."""
+    """Return the settings recorded in a flight; None if there are none. Raises `FormatError` if
+    they are damaged.
+    """
     if flight.settings_json is None:
         return None
     try:
@@ -45,7 +47,9 @@ def _settings_in(text: str) -> Settings:
 
 
 def antenna_poses(flight: Flight) -> list[Pose]:
-    """Convert the vehicle's poses to those of the antenna, by its mounting in the settings."""
+    """Convert the vehicle's poses to those of the antenna, using its mounting in the flight's
+    settings.
+    """
     mounting = Mounting.from_settings((flight_settings(flight) or Settings()).antenna)
     posed = [one for one in flight.poses if is_attitude(one.quaternion_wxyz)]
     if flight.poses and not posed:
@@ -58,12 +62,14 @@ def antenna_poses(flight: Flight) -> list[Pose]:
 
 
 def antenna_is_recorded(flight: Flight) -> bool:
-    """True if the flight recorded its antenna."""
+    """True if the antenna is recorded in the flight, False if one must be assumed."""
     return flight.settings_json is not None
 
 
 def flight_antenna(flight: Flight) -> str:
-    """Antenna pattern's name in a flight's settings, else RA-23K; `UsageError` if unknown."""
+    """Name of the antenna pattern in a flight's settings, RA-23K without settings. Raises
+    `UsageError` if unknown.
+    """
     settings = flight_settings(flight)
     named = USUAL_ANTENNA if settings is None else settings.bearings.antenna
     if named != MONOPOLE and named not in PATTERNS:

@@ -1,6 +1,6 @@
-"""Group pulses found by another program into bursts of listed coded tags.
+"""Group pulses that another program found into bursts of listed coded tags.
 
-This is for logs without samples. With the samples, the search for whole bursts
+This is for logs without samples. If there are samples, the search for whole bursts
 (`uavrt.detection.coded`) is 3 dB more sensitive.
 """
 
@@ -18,13 +18,16 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 from uavrt.detection.coded.identity import in_step, likeliest
 
 FREQUENCY_REACH_HZ = 10_000.0
-"""Largest frequency error of receiver and tag crystals together [Hz]: 67 ppm at 150 MHz."""
+"""Largest frequency error of the receiver's and the tag's crystals together [Hz]: 67 ppm at 150
+MHz."""
 SAME_BURST_HZ = 500.0
-"""Largest frequency spread of a burst's pulses [Hz]; each is measured to about 100 Hz."""
+"""Largest difference between the frequencies of a burst's pulses [Hz]; each is measured to
+about 100 Hz."""
 _MOST_APART = 20
-"""Largest number of burst intervals between two bursts that confirm each other."""
+"""Largest number of burst intervals between two bursts that still confirm each other."""
 _SAME_PULSE_S = 1e-3
-"""Time within which two records at one frequency are one pulse at two antennas [s]."""
+"""Time within which two records at one frequency count as one pulse received by two antennas
+[s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +39,12 @@ class _Candidate:
 
 
 def bursts_of_pulses(pulse_poses: Sequence[PulsePose], tags: Sequence[Tag]) -> list[PulsePose]:
-    """Find the bursts of listed codes among pulses, whose tag numbers are ignored.
+    """Find the bursts of listed codes among pulses; the pulses' tag numbers are ignored.
 
-    Each pulse is used in one burst: that with the best-fitting gaps, or else burst interval. A
-    burst is confirmed if another one of its tag is a whole number of burst intervals away. A
-    pulse that several antennas of a station received counts once, where it is strongest.
+    Each pulse is used in only one burst: the one whose gaps fit best or, if equal, whose burst
+    interval fits best. A burst is confirmed if another burst of its tag is a whole number of
+    burst intervals away. A pulse that several antennas of a station received is counted once,
+    where it is strongest.
     """
     coded = [tag for tag in tags if tag.coded]
     if not coded:
@@ -70,7 +74,9 @@ def bursts_of_pulses(pulse_poses: Sequence[PulsePose], tags: Sequence[Tag]) -> l
 
 
 def _of_one_antenna(ordered: Sequence[PulsePose]) -> list[PulsePose]:
-    """Keep the strongest of simultaneous pulses at one frequency, from several antennas."""
+    """Keep only the strongest of pulses that several antennas received at the same time and
+    frequency.
+    """
     kept: list[PulsePose] = []
     for one in ordered:
         for place in range(len(kept) - 1, -1, -1):
@@ -91,10 +97,10 @@ def _of_one_antenna(ordered: Sequence[PulsePose]) -> list[PulsePose]:
 def _named(
     chosen: Sequence[Sequence[_Candidate]], times_s: NDArray[np.float64]
 ) -> list[tuple[_Candidate, list[int], bool]]:
-    """Decide which tag sent each burst, by the burst intervals.
+    """Decide by the burst intervals which tag sent each burst.
 
-    Returns for each burst the fit of its tag, the ids of other possible tags, and True if
-    confirmed.
+    Returns for each burst the match with its tag's code, the ids of other possible tags, and
+    whether it is confirmed.
     """
     starts_s = np.array([times_s[fits[0].pulses[0]] for fits in chosen])
     of_tag: dict[int, NDArray[np.float64]] = {

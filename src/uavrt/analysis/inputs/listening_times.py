@@ -1,6 +1,6 @@
-"""Find the times at which a flight has samples for a tag; other times do not count as searched.
+"""Find the times at which a flight has samples for a tag; a tag cannot be found at other times.
 
-A channel's ring buffer overwrites its oldest samples, recording stops when the card is full,
+A channel's ring buffer overwrites its oldest samples, recording stops when the storage is full,
 and a recording may be shorter than the flight.
 """
 
@@ -17,13 +17,15 @@ Stretch = tuple[int, int]
 """Start and end of a span of time with samples [ns, UTC]."""
 _SECOND = NANOSECONDS_PER_SECOND
 _COMPLETE_SHARE = 0.95
-"""Share of the flight with samples above which missing samples are not mentioned."""
+"""Share of the flight with samples above which messages do not mention the missing samples."""
 _POSELESS_SHARE = 0.02
 _POSE_REACH_NS = 2 * _SECOND
 
 
 def listened_in(energies: SlotEnergies) -> tuple[Stretch, ...]:
-    """Time spans [ns, UTC] of whole seconds with samples for at least half of the time."""
+    """Return the time spans [ns, UTC], in whole seconds, in which samples exist for at least
+    half of each second.
+    """
     per_second = max(1, round(1.0 / energies.slot_s))
     seconds = len(energies.heard) // per_second
     heard = energies.heard[: seconds * per_second].reshape(seconds, per_second)
@@ -49,14 +51,18 @@ def within(time_ns: NDArray[np.float64], stretches: Sequence[Stretch]) -> NDArra
 
 
 def missing_in_words(share: float) -> tuple[str, ...]:
-    """Sentence on the share of the flight with samples; empty if nearly complete."""
+    """Return a sentence that states which share of the flight has samples; empty if nearly
+    all.
+    """
     if share >= _COMPLETE_SHARE:
         return ()
     return (f"samples exist for {share:.0%} of the flight only: the rest was not searched",)
 
 
 def with_poses(energies: SlotEnergies, poses: PoseColumns) -> SlotEnergies:
-    """Exclude pulse energies more than 2 s from any pose: the drone's position is unknown."""
+    """Exclude pulse energies measured more than 2 s from any pose, where the drone's position
+    is unknown.
+    """
     time_ns = energies.start_ns + np.rint(energies.time_s * _SECOND).astype(np.int64)
     away = _away_from_poses(time_ns, poses)
     return energies.where(~away) if away.any() else energies
@@ -70,7 +76,9 @@ def _away_from_poses(time_ns: NDArray[np.int64], poses: PoseColumns) -> NDArray[
 
 
 def limits_of(energies: SlotEnergies, poses: PoseColumns) -> tuple[str, ...]:
-    """Sentences on samples without a pose, and on parts of the flight without samples."""
+    """Return sentences about samples without a pose and about parts of the flight without
+    samples.
+    """
     seconds = np.concatenate(
         [np.arange(*one, _SECOND) for one in listened_in(energies)] or [np.zeros(0, np.int64)]
     )

@@ -1,4 +1,6 @@
-"""Compare the clocks of logs that are analysed together, such as a mast's and a drone's."""
+"""Compare the clocks of logs that are analysed together, such as those of a mast and a
+drone.
+"""
 
 from collections.abc import Mapping, Sequence
 from datetime import timedelta
@@ -12,23 +14,27 @@ from uavrt.core.clock import iso_utc
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 
 _APART_S = 1800.0
-"""Longest pause between logs of one survey [s]; a battery is changed in less."""
+"""Longest pause between logs of one survey [s]; changing a battery takes less."""
 _CLOCKS_SINCE_NS = 946_684_800 * NANOSECONDS_PER_SECOND
 """Time before which a log's clock counts as never set [ns since 1970]: 1 January 2000."""
 _SAME_PULSE_S = 0.1
-"""Longest time between the records of one pulse in two logs [s]."""
+"""Longest time between the records of the same pulse in two logs [s]."""
 _LEAST_PULSES = 20
-"""Minimum number of a tag's pulses in both logs for a comparison of their clocks."""
+"""Number of a tag's pulses that both logs must contain at least for their clocks to be
+compared."""
 _LEAST_ALIKE = 0.5
-"""Minimum share of simultaneous pulses in two logs whose clocks agree."""
+"""Share of pulses with equal times in two logs from which their clocks agree."""
 _SAME_INTERVAL = 0.03
-"""Largest relative difference between two measurements of one tag's interval."""
+"""Largest relative difference between two measurements of the same tag's pulse interval."""
 _LEAST_REGULAR = 0.8
-"""Minimum share of regular pulse intervals in a log; false pulses make them irregular."""
+"""Minimum share of regular pulse intervals for a log to be compared; false pulses make
+intervals irregular."""
 
 
 def clock_doubts(logs: Sequence[tuple[str | Path, Sequence[int]]]) -> list[str]:
-    """Warnings about logs whose clock was never set, or is far from all others."""
+    """Return warnings about logs whose clock was never set or differs much from all other
+    logs.
+    """
     spans = [(path, min(times), max(times)) for path, times in logs if times]
     doubts = []
     for number, (path, first_ns, last_ns) in enumerate(spans):
@@ -48,15 +54,16 @@ def clock_doubts(logs: Sequence[tuple[str | Path, Sequence[int]]]) -> list[str]:
         if gap_s > _APART_S:
             doubts.append(
                 f"{path} begins {iso_utc(first_ns)[:16]}, {timedelta(minutes=gap_s // 60)} "
-                "from the nearest other one: if they were recorded together, a clock is wrong"
+                "from the nearest other log: if they were recorded together, a clock is wrong"
             )
     return doubts
 
 
 def pulse_doubts(logs: Sequence[tuple[str | Path, Mapping[int, Sequence[int]]]]) -> list[str]:
-    """Warnings about pairs of logs that have one tag's pulses at different times.
+    """Return warnings about pairs of logs in which the same tag's pulses have different times.
 
-    This finds wrong clocks in logs that overlap, such as those of a mast that records all day.
+    This finds wrong clocks in logs that overlap, such as those of a mast that records all
+    day.
     """
     trains = [
         (path, {key: np.sort(np.array(times, np.int64)) for key, times in pulses.items()})
@@ -67,14 +74,16 @@ def pulse_doubts(logs: Sequence[tuple[str | Path, Mapping[int, Sequence[int]]]])
         apart = [_is_apart(pulses[key], others[key]) for key in pulses.keys() & others.keys()]
         if True in apart and False not in apart:
             doubts.append(
-                f"{path} and {other_path} have the pulses of the same tag at different times: "
+                f"{path} and {other_path} contain the same tag's pulses at different times: "
                 f"one of their clocks is wrong, by {_SAME_PULSE_S:g} s or much more"
             )
     return doubts
 
 
 def _is_apart(one: NDArray[np.int64], other: NDArray[np.int64]) -> bool | None:
-    """True if two logs have a tag's pulses at different times; None if that is unclear."""
+    """True if the same tag's pulses have different times in two logs; None if this cannot be
+    decided.
+    """
     intervals = [interval for each in (one, other) if (interval := _interval_ns(each))]
     if len(intervals) < 2 or abs(intervals[0] / intervals[1] - 1.0) > _SAME_INTERVAL:
         return None
@@ -88,7 +97,9 @@ def _is_apart(one: NDArray[np.int64], other: NDArray[np.int64]) -> bool | None:
 
 
 def _interval_ns(times_ns: NDArray[np.int64]) -> float | None:
-    """Pulse interval [ns]; None for few pulses, irregular ones, or rounded times."""
+    """Return the pulse interval [ns]; None for few or irregular pulses, or for rounded
+    times.
+    """
     steps = np.diff(times_ns)
     if len(steps) < _LEAST_PULSES or not np.any(times_ns % (NANOSECONDS_PER_SECOND // 10)):
         return None

@@ -1,8 +1,7 @@
-"""Read metadata and tiles of map files, PMTiles 3 and MBTiles.
+"""Read metadata and tiles of map files in the formats PMTiles 3 and MBTiles 1.3.
 
-PMTiles follows its specification, version 3 (header §3, directories §4, tile ids on a Hilbert
-curve §4.1), and MBTiles version 1.3. The files are untrusted: sizes are checked before anything
-is read.
+PMTiles files are read by the specification's version 3 (header §3, directories §4, tile ids on
+a Hilbert curve §4.1). The files are untrusted, so sizes are checked before anything is read.
 """
 
 import math
@@ -21,13 +20,13 @@ from uavrt.flight.database.plain_database import limit_queries
 
 SUFFIXES = (".pmtiles", ".mbtiles")
 RASTERS = ("png", "jpg", "webp")
-"""Tile formats that are pictures; the other format, ``mvt``, contains lines and areas."""
+"""Tile formats that are pictures; the only other format, ``mvt``, contains lines and areas."""
 MOST_TILE = 2_000_000
 _MOST_CREDIT = 4000
 MAP_QUERY_S = 0.7
-"""Longest duration of a database query on a map [s]; a tile takes a millisecond."""
+"""Longest duration of a query in a map's database [s]; reading a tile takes a millisecond."""
 _MOST_FACTS = 500
-"""Maximum number of metadata rows read from an MBTiles file; 14 are specified."""
+"""Maximum number of metadata rows read from an MBTiles file; the specification defines 14."""
 _MOST_ZOOM = 30
 _MOST_LONGITUDE = 180.1
 _EARTH = "-180,-85,180,85"
@@ -62,7 +61,9 @@ class MapFile:
         return self.attribution or self.path.name
 
     def tile(self, z: int, x: int, y: int) -> bytes | None:
-        """Bytes of a tile as stored, None if missing; raises `FormatError` if damaged."""
+        """Return the bytes of a tile as stored; None if the tile is missing. Raises
+        `FormatError` if the file is damaged.
+        """
         if not 0 <= z <= _MOST_ZOOM:
             return None
         try:
@@ -107,7 +108,7 @@ def _fault_text(error: BaseException) -> str:
 
 
 def maps_in(directory: Path) -> tuple[MapFile, ...]:
-    """Find all picture maps in a folder; other files are skipped."""
+    """Find all map files with picture tiles in a folder; other files are skipped."""
     found = []
     for path in sorted(directory.iterdir()) if directory.is_dir() else []:
         if path.suffix.lower() in SUFFIXES and not path.name.startswith("."):
@@ -117,7 +118,9 @@ def maps_in(directory: Path) -> tuple[MapFile, ...]:
 
 
 def tile_place(latitude_deg: float, longitude_deg: float, zoom: int) -> tuple[float, float]:
-    """Column and row of the tile at a position (web Mercator), as fractional numbers."""
+    """Column and row of the tile at a position in web Mercator, with the fraction inside the
+    tile.
+    """
     count = float(2**zoom)
     sine = math.sin(math.radians(max(-85.05, min(85.05, latitude_deg))))
     row = (0.5 - math.log((1.0 + sine) / (1.0 - sine)) / (4.0 * math.pi)) * count
@@ -125,7 +128,9 @@ def tile_place(latitude_deg: float, longitude_deg: float, zoom: int) -> tuple[fl
 
 
 def tile_corner(column: float, row: float, zoom: int) -> tuple[float, float]:
-    """Latitude and longitude of a tile's north-western corner, from column and row."""
+    """Latitude and longitude [deg] of the north-western corner of a tile, given its column and
+    row.
+    """
     count = float(2**zoom)
     latitude = math.degrees(math.atan(math.sinh(math.pi * (1.0 - 2.0 * row / count))))
     return latitude, column / count * 360.0 - 180.0
@@ -181,7 +186,9 @@ def _mbtiles_tile(path: Path, z: int, x: int, y: int) -> bytes | None:
 
 
 def _opened(path: Path) -> "closing[sqlite3.Connection]":
-    """Open a map's database with a time limit for queries, as many MBTiles use views."""
+    """Open a map's database with a time limit for queries, because many MBTiles files contain
+    views that may be slow.
+    """
     require_plain_file(path)
     address = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
     database = sqlite3.connect(address, uri=True)
@@ -265,7 +272,9 @@ def _pmtiles_tile(path: Path, z: int, x: int, y: int) -> bytes | None:
 
 
 def _tile_id(z: int, x: int, y: int) -> int:
-    """PMTiles number of a tile: lower zoom levels first, then along a Hilbert curve."""
+    """Return the PMTiles number of a tile, which counts lower zoom levels first and then along
+    a Hilbert curve.
+    """
     number, side = ((1 << 2 * z) - 1) // 3, (1 << z) // 2
     while side:
         right, below = int(bool(x & side)), int(bool(y & side))
@@ -279,7 +288,9 @@ def _tile_id(z: int, x: int, y: int) -> int:
 
 
 def _entry(directory: bytes, wanted: int) -> tuple[int, int, int] | None:
-    """Find a tile's directory entry: offset, length, run length (0 is a leaf directory)."""
+    """Find a tile in a directory: offset, length and run length (0 for a leaf directory); None
+    if it is missing.
+    """
     numbers = iter(_varints(directory))
     count = next(numbers, 0)
     if count > len(directory):

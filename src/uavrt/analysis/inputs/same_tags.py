@@ -1,7 +1,7 @@
-"""Identify tags across logs that are analysed together.
+"""Identify the same tags in several logs that are analysed together.
 
-Logs without a tag list number their frequencies from 1, and a number in a list may be reused
-for another animal. A tag is therefore one number at one frequency.
+Logs without a tag list number their frequencies from 1, and a listed number may be reused for
+another animal. So a tag is identified by its number and its frequency together.
 """
 
 import math
@@ -25,7 +25,7 @@ class NamedTag:
 
     tag_id: int
     frequency_hz: float | None
-    """Median of the received frequencies [Hz]; None where the logs have none."""
+    """Median of the received frequencies [Hz]; None if the logs contain none."""
     name: str | None
 
 
@@ -34,7 +34,7 @@ class SameTags:
     """All tags of several logs, each with a unique key."""
 
     keys: tuple[Mapping[int, int], ...]
-    """For each log, the tag key that is unique over all logs, by the log's own tag number."""
+    """For each log, a mapping from its tag numbers to keys that are unique over all logs."""
     tags: Mapping[int, NamedTag]
     warnings: tuple[str, ...]
 
@@ -53,7 +53,7 @@ class SameTags:
 class _Group:
     tag_id: int
     frequency_hz: float
-    """Median frequency of the tag over all logs [Hz]; NaN where unknown."""
+    """Median frequency of the tag over all logs [Hz]; NaN if unknown."""
     heard: list["_Heard"] = field(default_factory=list)
 
 
@@ -62,13 +62,15 @@ class _Heard:
     log: int
     tag_id: int
     frequency_hz: float
-    """Median frequency of the tag in one log [Hz]; NaN where unknown."""
+    """Median frequency of the tag in one log [Hz]; NaN if unknown."""
     named: bool
-    """True if the tag's number is from a tag list."""
+    """True if the tag's number comes from a tag list."""
 
 
 def same_tags(logs: Sequence[PulseLog], listed: Sequence[Sequence[Tag]]) -> SameTags:
-    """Find which numbers of several logs are one tag; `listed` has the tag list of each log."""
+    """Determine which numbers in several logs belong to the same tag; `listed` contains each
+    log's tag list.
+    """
     heard = [one for number, log in enumerate(logs) for one in _heard(number, log)]
     groups = _listed_groups([one for one in heard if one.named])
     warnings = _reused_numbers(groups)
@@ -101,7 +103,9 @@ def _heard(number: int, log: PulseLog) -> list[_Heard]:
 
 
 def _listed_groups(heard: Sequence[_Heard]) -> list[_Group]:
-    """Group received tags of all logs by number, and by frequency where these differ."""
+    """Group the received tags of all logs by number, and separate those of one number whose
+    frequencies differ.
+    """
     groups: list[_Group] = []
     for tag_id in sorted({one.tag_id for one in heard}):
         own = [one for one in heard if one.tag_id == tag_id]
@@ -126,7 +130,7 @@ def _group(tag_id: int, heard: list[_Heard]) -> _Group:
 
 
 def _reused_numbers(groups: Sequence[_Group]) -> list[str]:
-    """Warnings about numbers that are used for several tags."""
+    """Return warnings about numbers that are used for several tags."""
     found = []
     for tag_id in dict.fromkeys(one.tag_id for one in groups):
         own = [one for one in groups if one.tag_id == tag_id]
@@ -142,7 +146,9 @@ def _reused_numbers(groups: Sequence[_Group]) -> list[str]:
 def _joined(
     listed: Sequence[_Group], heard: Sequence[_Heard], taken: Collection[int]
 ) -> list[_Group]:
-    """Match tags of logs without a list to listed ones by frequency; others get new numbers."""
+    """Match tags of logs without a list to listed tags by frequency; tags without a match get
+    new numbers.
+    """
     free = (number for number in count(1) if number not in taken)
     new: list[_Group] = []
     for one in sorted(heard, key=lambda each: each.frequency_hz):

@@ -1,1 +1,3 @@
-"""Whole-flight results as pulses, pictures and records; the process that computes them."""
+"""Whole-flight results as pulses, pictures and records, and the process that computes them in
+flight.
+"""

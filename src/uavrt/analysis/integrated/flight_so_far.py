@@ -1,9 +1,10 @@
-"""Analyse a flight in progress as a whole, from the radio channels recorded so far.
+"""Analyse a flight that is still in progress as a whole, from the radio channels recorded so
+far.
 
-The method is that of `uavrt.analysis.whole_flights.judged_flights`, and pulse energies are
-computed once (`uavrt.localization.whole_flight.energies.growing`). Each repetition adds a
-chance of a false alarm. The k-th therefore uses p / (k (k + 1)), which sum to p (Boole's
-inequality).
+The method is that of `uavrt.analysis.whole_flights.judged_flights`. Pulse energies are computed
+only once (`uavrt.localization.whole_flight.energies.growing`). Each repetition of the search
+adds a chance of a false alarm. The k-th search therefore uses the probability p / (k (k + 1));
+these sum to p (Boole's inequality).
 """
 
 from contextlib import closing
@@ -39,14 +40,18 @@ from uavrt.radio.files.sigmf import sigmf_layout
 
 
 class FlightSoFar:
-    """Searches the samples of a flight in progress, in `directory`, for tags."""
+    """Searches the samples of a flight in progress for tags; they are in the flight's
+    `directory`.
+    """
 
     def __init__(self, directory: Path, how: WholeFlightOptions) -> None:
         self._directory, self._how = directory, how
         self._heard: dict[int, _Heard] = {}
 
     def search(self, tag: Tag) -> IntegratedTag | None:
-        """Search all samples recorded so far for one tag; None if too few or no new ones."""
+        """Search all samples recorded so far for one tag; return None if they are too few or
+        none are new.
+        """
         channel = channel_of(kept_channels(self._directory), tag)
         if channel is None:
             return None
@@ -89,7 +94,9 @@ class _Heard:
         return 0.0 if self._growing is None else self._growing.length_s
 
     def listen(self, channel: KeptChannel) -> int:
-        """Add a channel's new samples to the pulse energies; returns the number of blocks."""
+        """Add a channel's new samples to the pulse energies; return the number of new
+        blocks.
+        """
         growing = self._growing
         paths = channel.paths
         if growing is not None:
@@ -136,7 +143,7 @@ def _reaching(paths: tuple[Path, ...], needed_ns: int) -> tuple[Path, ...]:
 
 
 def found_in_flight(one: IntegratedTag) -> str:
-    """Status text, one line, for a tag that the flight in progress has found."""
+    """Return a status text of one line about a tag that was found in the flight in progress."""
     chance = chance_in_words(one.train.false_alarm_probability)
     place = one.place
     assert place is not None

@@ -1,4 +1,6 @@
-"""Stack the signal of a whole flight by pulse interval (folding), as arrays and pictures."""
+"""Sum the signal of a whole flight by its phase in the pulse interval (folding), as arrays and
+pictures.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +19,9 @@ _ROWS: Final = 32
 
 
 def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> list[Path]:
-    """Write a picture of each tag's fold, named ``tag_2_fold.png``; returns the files."""
+    """Write a picture of each tag's folded signal, such as ``tag_2_fold.png``; return the
+    files.
+    """
     from uavrt.analysis.report.fold_page import draw_fold
     from uavrt.analysis.report.style import TAG_COLORS, new_figure, styled
 
@@ -44,8 +48,8 @@ def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> li
 def fold_of(one: IntegratedTag) -> FlightFold:
     """Sum pulse energies by phase in the tag's interval, limited and weighted as in the search.
 
-    The search excludes pulses that are strong enough to be detected alone. The fold includes
-    them with a limited energy, as in `train_pulses`.
+    The search excludes pulses that are strong enough to be detected alone. The folded signal
+    includes them, with a limited energy, as in `train_pulses`.
     """
     energies, pulses = one.energies, one.pulses
     row = int(np.argmin(np.abs(energies.offsets_hz - pulses.offset_hz)))
@@ -77,7 +81,9 @@ def fold_of(one: IntegratedTag) -> FlightFold:
 
 
 def best_place(one: IntegratedTag) -> int:
-    """Index in `one.places` of the likeliest position; if none, of the strongest train's."""
+    """Index in `one.places` of the most likely position; without a position, that of the
+    strongest pulse train.
+    """
     if one.place is not None:
         return int(np.argmax(one.place.probability))
     return one.searched_place

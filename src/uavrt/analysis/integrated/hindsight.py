@@ -1,4 +1,4 @@
-"""Convert whole-flight results to stored records, and to pulses of status *integrated*."""
+"""Convert whole-flight results to stored records and to pulses with the status *integrated*."""
 
 import math
 from bisect import bisect_left, bisect_right
@@ -31,11 +31,12 @@ PLACE_FIELDS = (
 )
 """Names of the fields that describe a tag's position in result records."""
 _DECIMALS = 7
-"""Number of decimals of stored coordinates in degrees; the seventh is 1 cm."""
+"""Number of decimals of stored coordinates in degrees; the seventh decimal is 1 cm."""
 _SAME = 0.25
 """Largest time between an expected pulse and the same pulse as detected in flight, as a share
-of the pulse interval. Where samples were lost, times recorded in flight are off by tens of
-milliseconds."""
+of the pulse interval.
+
+After lost samples, times recorded in flight are off by tens of milliseconds."""
 
 
 def save_integrated(
@@ -45,7 +46,8 @@ def save_integrated(
 ) -> Path:
     """Write a flight's whole-flight results and pulses into its folder ``integrated/``.
 
-    Pulses that the flight's own log has are left out. `silent` has maps of tags not found.
+    Pulses that are already in the flight's log are excluded. `silent` contains maps of tags
+    that were not found.
     """
     pulses: list[PulsePose] = []
     verdicts = []
@@ -59,10 +61,10 @@ def save_integrated(
 
 
 def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
-    """Pulses of a tag found by whole-flight analysis, without those detected in flight.
+    """Pulses that whole-flight analysis found in addition to those detected in flight.
 
-    These are the expected pulses with an energy that noise alone reaches in at most 5 % of
-    cases. Score, group and noise density are unknown.
+    These are the expected pulses whose energy is one that noise alone reaches in at most 5 % of
+    cases. Their score, group and noise density are unknown.
     """
     if not result.found:
         return []
@@ -102,7 +104,9 @@ def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
 
 
 def slots_of(result: IntegratedTag) -> SlotEvidence:
-    """Two masks of a train's expected pulses: sent at its rate, and above the noise."""
+    """Two masks of a pulse train's expected pulses: those sent at the train's rate, and those
+    above the noise.
+    """
     rates = len(result.tag.pulse_intervals_s)
     heard = HeardTrain.among(result.energies, result.pulses, result.places, rates=rates)
     places = result.places
@@ -113,7 +117,7 @@ def slots_of(result: IntegratedTag) -> SlotEvidence:
 def _heard_live(
     flight: Flight, result: IntegratedTag
 ) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
-    """Mask of the expected pulses of a train that were also detected in flight."""
+    """Mask of a pulse train's expected pulses that were also detected in flight."""
     live_ns = np.sort(_live_ns(flight, result.tag.tag_id))
     reach_ns = ns_from_s(_SAME * result.pulses.interval_s)
     times_ns = result.pulse_times_ns
@@ -122,7 +126,9 @@ def _heard_live(
 
 
 def verdict_of(flight: Flight, one: IntegratedTag) -> IntegratedVerdict:
-    """Record of a whole-flight result for one tag, as stored with the flight."""
+    """Return the record of a whole-flight result for one tag, as it is stored with the
+    flight.
+    """
     return _verdict(flight, one, len(integrated_pulses(flight, one)))
 
 
@@ -163,7 +169,7 @@ def _placed(place: PlaceBelief | None) -> dict[str, Any]:
 
 
 def _ambiguity(one: IntegratedTag) -> tuple[str, ...]:
-    """Sentence on another pulse train that may be this tag's; empty if there is none."""
+    """Sentence about another pulse train that may be this tag's; empty if there is none."""
     other = one.ambiguous
     if other is None or other.ratio is None:
         return ()
@@ -177,7 +183,7 @@ def _ambiguity(one: IntegratedTag) -> tuple[str, ...]:
 def parts_of(
     place: PlaceBelief, least_probability: float = LEAST_PART
 ) -> tuple[IntegratedPart, ...]:
-    """Separate regions where the tag may be, with probabilities, most likely first."""
+    """Separate regions in which the tag may be, with their probabilities, most likely first."""
     return tuple(
         IntegratedPart(
             latitude_deg=part.latitude_deg,
@@ -191,7 +197,9 @@ def parts_of(
 
 
 def rings_of(place: PlaceBelief, share: float) -> tuple[Ring, ...]:
-    """Outlines (latitude, longitude) of the smallest region with probability `share`."""
+    """Outlines (latitude, longitude) of the smallest region that contains the tag with
+    probability `share`.
+    """
     return tuple(
         tuple(
             (round(latitude, _DECIMALS), round(longitude, _DECIMALS))

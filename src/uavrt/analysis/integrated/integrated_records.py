@@ -1,4 +1,4 @@
-"""Whole-flight results for a tag, as printed by ``uavrt integrate --json``."""
+"""Records of whole-flight results for a tag, as printed by ``uavrt integrate --json``."""
 
 import math
 from collections.abc import Sequence
@@ -16,7 +16,9 @@ from uavrt.localization.whole_flight.train_place import PlaceBelief
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherTrainRecord:
-    """Pulse train on a tag's frequency, at an interval that its list entry excludes."""
+    """Pulse train found at a tag's frequency, with an interval that contradicts the tag's list
+    entry.
+    """
 
     interval_s: float
     frequency_hz: float
@@ -27,31 +29,36 @@ class OtherTrainRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlotRecord:
-    """One slot of a pulse train: a time at which a pulse was expected, and its energy."""
+    """One time slot of a pulse train, in which a pulse was expected, with its energy."""
 
     time: str
-    """Start of the time slot of an expected pulse, ISO 8601, UTC."""
+    """Start of the time slot, ISO 8601, UTC."""
     time_ns: int
     energy: float
     at_rate: bool
-    """True if the tag probably sent at this train's rate then; false: at its other rate."""
+    """True if the tag probably sent at this pulse train's rate in the slot; False if at its
+    other rate."""
     stands_out: bool
-    """True if noise alone reaches the slot's energy in at most one slot of twenty."""
+    """True if noise alone reaches the slot's energy in at most one slot out of twenty."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceRecord:
-    """Position of a tag; all fields are None if it was not found or moved between flights."""
+    """Position of a tag; all fields are None if the tag was not found or if it moved between
+    flights.
+    """
 
     enr_db: float | None = None
-    """Energy of the tag's strongest pulse over noise density [dB]."""
+    """Energy of the tag's strongest pulse divided by the noise density [dB]."""
     latitude_deg: float | None = None
-    """Latitude of the tag [deg]; with several possible positions (`places`), of the middle."""
+    """Latitude of the tag [deg]; if there are several possible positions (`places`), of their
+    middle."""
     longitude_deg: float | None = None
     radius50_m: float | None = None
     radius95_m: float | None = None
     level_db: float | None = None
-    """Same value as `enr_db` [dB], under its name in earlier versions."""
+    """Energy of the strongest pulse [dB], equal to `enr_db`; earlier versions used this
+    name."""
     bearing_deg: float | None = None
     arc50_deg: float | None = None
     arc95_deg: float | None = None
@@ -64,7 +71,7 @@ class PlaceRecord:
 
     @classmethod
     def of(cls, place: PlaceBelief | None) -> "PlaceRecord":
-        """Make a record of a position estimate."""
+        """Convert a position estimate to a record."""
         if place is None:
             return cls()
         return cls(
@@ -79,21 +86,24 @@ class PlaceRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SilenceRecord:
-    """Summary of where a tag that was not found would have been detected."""
+    """Summary of the map that shows where a tag would have been found, for a tag that was not
+    found.
+    """
 
     tag_power_dbm: float
     whole_flight: bool
-    """True if the map is for whole-flight analysis; false: for groups of pulses."""
+    """True if the map is for whole-flight analysis; False if it is for single groups of
+    pulses."""
     mean_probability: float | None
     """Mean probability of finding the tag, over the map; None if no terrain is known."""
     share50: float | None
-    """Share of the map where the tag would be found with probability .5 or more."""
+    """Share of the map in which the tag would be found with a probability of at least 0.5."""
     share90: float | None
     sure_within_m: float | None
-    """Distance from the flight within which the tag is found everywhere with probability .9 or
-    more [m]; None: nowhere."""
+    """Distance from the flight within which the tag would be found everywhere with a
+    probability of at least 0.9 [m]; None if nowhere."""
     noise: str
-    """Sentence for the operator on the noise measurement that the map uses."""
+    """Sentence for the operator about the noise measurement on which the map is based."""
     antenna: str
     limitations: tuple[str, ...]
     files: tuple[str, ...]
@@ -101,7 +111,7 @@ class SilenceRecord:
 
     @classmethod
     def of(cls, one: SilentMap, files: Sequence[Path]) -> "SilenceRecord":
-        """Make a record of a coverage map."""
+        """Convert a coverage map to a record."""
         coverage = one.coverage
         return cls(
             tag_power_dbm=one.tag_power_dbm,
@@ -128,12 +138,13 @@ class IntegratedRecord(PlaceRecord):
     tag_id: int
     found: bool
     false_alarm_probability: float
-    """Probability that noise alone gives an equally strong result in a flight."""
+    """Probability that noise alone would give a result as strong as this one in a flight."""
     interval_s: float
-    """Pulse interval of the train found, or else of the strongest candidate [s]."""
+    """Pulse interval of the train that was found or, if none was, of the strongest candidate
+    [s]."""
     frequency_hz: float
     pulses: int
-    """Number of the tag's expected pulses while it sent at this rate; 0 if not found."""
+    """Number of the tag's expected pulses while it was sending at this rate; 0 if not found."""
     score: float
     rate: int
     drift: float
@@ -142,18 +153,18 @@ class IntegratedRecord(PlaceRecord):
     confirmed_alone: int
     antenna: str
     antenna_assumed: bool
-    """True if the flight records no antenna, so one was assumed."""
+    """True if an antenna was assumed because the flight records none."""
     limitations: tuple[str, ...]
     integrated_pulses: tuple[SlotRecord, ...]
     silence: SilenceRecord | None = None
-    """Coverage for a tag that was not found; None if it may have been received, or without a
-    map."""
+    """Where the tag would have been found; None if it may have been received, or without a
+    coverage map."""
 
 
 def integrated_record(
     one: IntegratedTag, silence: SilenceRecord | None = None
 ) -> IntegratedRecord:
-    """Make the JSON record of a whole-flight result for one tag."""
+    """Convert a whole-flight result for one tag to the record that is printed as JSON."""
     slots = _slots(one) if one.found else ()
     place = PlaceRecord.of(one.place)
     return IntegratedRecord(

@@ -1,4 +1,4 @@
-"""Analyse a whole flight given as arrays of samples and poses."""
+"""Analyse a whole flight that is given as arrays of samples and poses."""
 
 from collections.abc import Sequence
 
@@ -18,7 +18,9 @@ _BLOCK = 262_144
 
 
 class _Array:
-    """A sample source over an array in memory; non-finite values are missing samples."""
+    """A sample source that reads from an array in memory; non-finite values are lost
+    samples.
+    """
 
     def __init__(
         self,

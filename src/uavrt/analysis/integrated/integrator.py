@@ -1,8 +1,8 @@
-"""The integrator process finds tags too weak for the detectors while the drone is in the air.
+"""Process that finds tags too weak for the detectors while the drone is still flying.
 
 It reads the recorded radio channels and searches all samples so far for one tag after another.
-It writes the results into the flight's directory as ``uavrt integrate`` does, and reports finds
-to the ground. It runs at the lowest priority and takes a tenth of a core.
+It writes the results into the flight's directory as ``uavrt integrate`` does, and reports tags
+that it finds to the ground. It runs at the lowest priority and uses a tenth of a core.
 """
 
 import os
@@ -29,16 +29,18 @@ from uavrt.localization.whole_flight.tuning import ENERGY
 log = get_logger()
 
 NICENESS = 15
-"""Unix nice level of the integrator's process: lower priority than detectors and estimator."""
+"""Unix nice level of the integrator's process, a lower priority than that of detectors and
+estimator."""
 TICK_S = 0.5
 SHARE = 9.0
-"""Ratio of the integrator's idle to working time; 9 means that a tenth of a core is used."""
+"""Ratio of the integrator's idle time to its working time; with 9 it uses a tenth of a core."""
 RETRY_S = 5.0
-"""Pause before a tag without new samples is tried again [s]."""
+"""Pause before a tag without new samples is searched for again [s]."""
 FEW_PULSES = 3
-"""Minimum number of pulses confirmed in flight for a tag that this search need not report."""
+"""Number of pulses confirmed in flight from which a tag need not be reported by this search."""
 CLOSER = 0.5
-"""Factor by which a reported position's radius must shrink before it is reported again."""
+"""A position is reported again when its radius has shrunk to this share of the reported
+radius."""
 
 
 class SearchSchedule:
@@ -50,26 +52,32 @@ class SearchSchedule:
         self._rest_until_s = 0.0
 
     def due(self, now_s: float) -> Tag | None:
-        """Tag to search for now: the one due longest; None if none is due, or in a pause."""
+        """Return the tag that has been due for the longest time; None if none is due or during
+        a pause.
+        """
         if not self._due_s or now_s < self._rest_until_s:
             return None
         tag_id, due_s = min(self._due_s.items(), key=lambda item: item[1])
         return self._tags[tag_id] if due_s <= now_s else None
 
     def searched(self, tag: Tag, now_s: float, worked_s: float, *, new: bool) -> None:
-        """Record the end of a search, its CPU time [s], and if there were new samples."""
+        """Record the end of a search, its CPU time [s], and whether there were new samples."""
         self._rest_until_s = now_s + SHARE * worked_s
         self._due_s[tag.tag_id] = now_s + (ENERGY.block_s if new else RETRY_S)
 
 
 class FindReporter:
-    """Selects what to report to the ground: newly found tags, and far better positions."""
+    """Selects the results that are reported to the ground: newly found tags, and much better
+    positions.
+    """
 
     def __init__(self) -> None:
         self._radius_m: dict[int, float] = {}
 
     def text(self, one: IntegratedTag) -> str | None:
-        """Status text for a search result; None if there is nothing new to report."""
+        """Return the status text for a search result; None if there is nothing new to
+        report.
+        """
         place = one.place
         if place is None or one.heard_alone >= FEW_PULSES:
             return None
@@ -81,7 +89,7 @@ class FindReporter:
 
 
 class Integration:
-    """State of the integrator process; raises `UsageError` if the antenna is unknown."""
+    """State of the integrator process. Raises `UsageError` if the antenna is unknown."""
 
     def __init__(self, frame: ProcessFrame) -> None:
         self._frame = frame
@@ -107,14 +115,16 @@ class Integration:
         threading.Thread(target=self._work, name="integration", daemon=True).start()
 
     def receive(self, topic: str, record: object) -> None:
-        """Handle a message from the supervisor: the flight begins or ends."""
+        """Handle a message from the supervisor about the beginning or the end of a flight."""
         if isinstance(record, FlightInfo) and topic == "flight":
             self._begin(record)
         elif topic == "flight_end":
             self._flight = None  # the whole of it is judged on the ground
 
     def _ground(self, settings: Settings) -> Elevation | None:
-        """Terrain model from the settings; None (level ground) if unknown."""
+        """Return the terrain model given in the settings; None (level ground) if there is
+        none.
+        """
         terrain = settings.guidance.terrain
         if terrain is None:
             return None
@@ -153,7 +163,9 @@ class Integration:
             self._frame.notify(5, text)
 
     def _work(self) -> None:
-        """Search for tags in a thread, while the process continues to send heartbeats."""
+        """Search for tags in a separate thread, so that the process continues to send
+        heartbeats.
+        """
         while (job := self._jobs.get()) is not None:
             flight, directory, tag = job
             began_s = cpu_s()
@@ -165,7 +177,11 @@ class Integration:
                 self.fault = None
             except (UavrtError, OSError, MemoryError) as error:
                 if str(error) != self.fault:
-                    log.warning("tag left out of the search", tag=tag.tag_id, reason=str(error))
+                    log.warning(
+                        "tag excluded from the whole-flight search",
+                        tag=tag.tag_id,
+                        reason=str(error),
+                    )
                 self.fault = str(error)
             except Exception as error:  # ours: other tags are judged all the same
                 log.exception("whole-flight search of a tag failed; other tags continue")
@@ -173,7 +189,7 @@ class Integration:
             self._done.put((flight, tag, result, cpu_s() - began_s))
 
     def counters(self) -> dict[str, float]:
-        """Counters by name, for the process's health record."""
+        """Return the process's counters by name, for its health record."""
         return {
             "looks": self.judged,
             "looks_that_found": self.found,
@@ -188,7 +204,7 @@ def main() -> None:
         try:
             integration = Integration(frame)
         except UsageError as error:
-            log.error("whole-flight search off in this flight", reason=str(error))
+            log.error("whole-flight search disabled in this flight", reason=str(error))
             frame.notify(4, f"no whole-flight search on the drone: {error.message}")
             frame.idle(error.message)
             return

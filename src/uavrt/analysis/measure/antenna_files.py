@@ -1,8 +1,8 @@
-"""Read and write antenna patterns, measured or learnt from a flight.
+"""Read and write antenna patterns, either measured or learnt from a flight.
 
 The format is CSV with ``#`` comments: angle off boresight [deg], gain [dB], and optionally the
-gain across the elements. Angles may come in any order. Both sides of the boresight are
-averaged, since a pattern is symmetric.
+gain across the elements [dB]. Angles may be in any order. Values on both sides of the boresight
+are averaged, since a pattern is symmetric.
 """
 
 import math
@@ -22,7 +22,9 @@ _WIDEST_GAP_DEG = 45.0
 
 
 def antenna_named(text: str) -> str:
-    """Name of a known antenna pattern; a pattern file is read and registered."""
+    """Return the name of an antenna pattern; if `text` is the path of a pattern file, it is
+    read and registered.
+    """
     if text in PATTERNS:
         return text
     path = Path(text)
@@ -37,7 +39,9 @@ def antenna_named(text: str) -> str:
 
 
 def read_antenna(path: str | os.PathLike[str]) -> AntennaPattern:
-    """Read a pattern, named after its file; raises `FormatError` for wrong lines or angles."""
+    """Read an antenna pattern, which is named after its file. Raises `FormatError` for wrong
+    lines or angles.
+    """
     rows: list[tuple[float, ...]] = []
     for number, line in enumerate(read_lines(Path(path)), start=1):
         text = line.partition("#")[0].strip()
@@ -74,7 +78,7 @@ def _on_grid(
     gain_db: "np.ndarray[tuple[int], np.dtype[np.float64]]",
     path: str | os.PathLike[str],
 ) -> tuple[float, ...]:
-    """Interpolate gains relative to boresight at 0°, 5° … 180° [dB]."""
+    """Interpolate gains [dB], relative to boresight, to angles of 0°, 5° … 180°."""
     folded = np.round(np.abs(np.remainder(angle_deg + 180.0, 360.0) - 180.0), 3)
     angles, which = np.unique(folded, return_inverse=True)
     mean = np.bincount(which, gain_db) / np.bincount(which)
@@ -90,7 +94,9 @@ def _on_grid(
 
 
 def write_antenna(pattern: AntennaPattern, path: Path, remark: str) -> None:
-    """Write a pattern in the format of `read_antenna`; raises `RecordingError`."""
+    """Write an antenna pattern in the format that `read_antenna` reads. Raises
+    `RecordingError`.
+    """
     lines = [f"# {remark}", "angle_deg,gain_db" + (",across_db" if pattern.h_plane_db else "")]
     grid = np.arange(0.0, 180.0 + STEP_DEG / 2, STEP_DEG)
     columns = [grid, pattern.gain_db(grid)]

@@ -1,7 +1,7 @@
-"""Export a flight as a rosbag2 recording in MCAP, as if recorded live by ROS 2.
+"""Export a flight as a rosbag2 recording in MCAP format, as if ROS 2 had recorded it live.
 
-It has the messages, types and bytes of the gateway's topics, in MCAP, which ``ros2 bag play``
-and Foxglove open. Small chunks and an index make seeking fast in a large flight.
+It contains the gateway's topics with the same messages, types and bytes; ``ros2 bag play`` and
+Foxglove can open it. Small chunks and an index make seeking fast in a large flight.
 """
 
 import heapq
@@ -53,15 +53,16 @@ from uavrt.link.ros2.types.ros_messages import (
 
 CHUNK_BYTES = 65536
 RECORDED = "recorded/"
-"""Topic prefix of motion orders in a bag, so that a gateway does not obey them at playback."""
+"""Topic prefix of motion orders in a bag; it prevents a gateway from obeying them when the bag
+is played."""
 HINDSIGHT = "integrated/"
-"""Topic prefix, in a bag, of pulses that ``uavrt integrate`` found."""
+"""Topic prefix in a bag for pulses that ``uavrt integrate`` found."""
 METADATA_VERSION = 5
-"""Version of rosbag2's ``metadata.yaml``: that of ROS 2 Humble, which later versions can
-read."""
+"""Version of rosbag2's ``metadata.yaml``, that of ROS 2 Humble; later versions of ROS 2 can
+read it."""
 
 Entry = tuple[int, str, RosMessage]
-"""A message to write: time [ns, UTC], topic, message."""
+"""A message to be written to a bag: time [ns, UTC], topic and message."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,10 +78,11 @@ class Bag:
 def export_bag(
     flight_directory: str | os.PathLike[str], target: Path, *, as_sent: bool = False
 ) -> Bag:
-    """Write a flight as a rosbag2 directory `target`.
+    """Write a flight as a rosbag2 recording into the directory `target`.
 
-    Playing a recording must not command a drone, so orders are under `RECORDED` unless
-    `as_sent`. Pulses from ``uavrt integrate`` are under `HINDSIGHT`.
+    Playing a recording must not command a drone, so motion orders get the topic prefix
+    `RECORDED` unless `as_sent`. Pulses found by ``uavrt integrate`` get the prefix
+    `HINDSIGHT`.
     """
     flight = read_flight(flight_directory)
     _, integrated = read_integrated(flight_directory)
@@ -109,7 +111,7 @@ def export_bag(
         shutil.rmtree(target)  # half of it would be in the way of the next try
         if isinstance(error, ValueError | TypeError | OverflowError | struct.error):
             raise FormatError(
-                f"{flight_directory} has a value that no ROS 2 message can hold: {error}",
+                f"{flight_directory} has a value that ROS 2 messages cannot represent: {error}",
                 remedy="Export it in another format",
             ) from error
         raise
@@ -117,7 +119,9 @@ def export_bag(
 
 
 def write_mcap(path: Path, entries: Iterable[Entry]) -> tuple[str, Counter[str]]:
-    """Write messages into one MCAP file; returns rosbag2's description and message counts."""
+    """Write messages into one MCAP file; return rosbag2's description of the file and the
+    message counts.
+    """
     with needs_extra("analysis", "MCAP"):
         from mcap.writer import CompressionType, Writer
     counts: Counter[str] = Counter()
@@ -194,7 +198,9 @@ def _order(what: str, time_ns: int, values: Mapping[str, object]) -> DiagnosticA
 def _pulses(
     info: FlightInfo, pulse_poses: Iterable[PulsePose], prefix: str = ""
 ) -> Iterator[Entry]:
-    """Messages of each pulse, on the live topics: pulse, burst if coded, pulse with pose."""
+    """Yield the messages of each pulse, on the same topics as live: pulse, burst if coded,
+    pulse with pose.
+    """
     for item in sorted(pulse_poses, key=lambda item: item.pulse.end_time_ns):
         directory = _tag_directory(info, item.pulse.tag_id)
         time_ns = item.pulse.end_time_ns

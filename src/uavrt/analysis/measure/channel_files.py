@@ -1,7 +1,9 @@
-"""Split a band into channels and send them as datagrams of the original UAV-RT system.
+"""Split a band into channels and send them as datagrams in the format of the original UAV-RT
+system.
 
-This is the engine of ``uavrt channelize``. It replaces ``airspy_channelize 375000 100`` between
-the original's programs: ``airspy_rx | csdr | netcat`` before it, detectors after it.
+This implements ``uavrt channelize``. It replaces ``airspy_channelize 375000 100`` in a chain of
+the original's programs: ``airspy_rx | csdr | netcat`` send samples to it, and detectors receive
+its datagrams.
 """
 
 import math
@@ -36,10 +38,12 @@ class ChannelizeSummary:
 def plan_channels(
     source: SampleSource, channels: Sequence[int], mode: Literal["default", "compatible"]
 ) -> FrontEnd:
-    """Set up the filters of the given channels, numbered as in the original UAV-RT, or of all.
+    """Set up the filters of the given channels, numbered as in the original UAV-RT, or of all
+    channels.
 
-    Negative numbers also use the second port. `mode` selects the original's filter bank (3750
-    S/s), or one twice oversampled without aliases (7500 S/s).
+    A negative number means that the channel is also sent to its second port. `mode` selects the
+    original's filter bank (3750 samples/s), or one that is twice oversampled and without
+    aliases (7500 samples/s).
     """
     rate_hz, center_hz = source.sample_rate_hz, source.center_frequency_hz
     whole = FrontEnd(
@@ -67,7 +71,7 @@ def plan_channels(
 
 
 def _check_compatible(front_end: FrontEnd) -> None:
-    """Reject settings that the original UAV-RT programs misread; raises `ConfigError`."""
+    """Raise `ConfigError` for settings that the original UAV-RT programs would misinterpret."""
     plan = front_end.plan
     count, rate_hz = plan.channel_count, plan.channel_rate_hz
     if count == ORIGINAL_CHANNELS and math.isclose(rate_hz, ORIGINAL_CHANNEL_RATE_HZ):
@@ -83,7 +87,9 @@ def _check_compatible(front_end: FrontEnd) -> None:
 def ports_of(
     front_end: FrontEnd, channels: Sequence[int], scheme: PortScheme
 ) -> dict[int, list[int]]:
-    """UDP ports of each channel; raises `ConfigError` if the plan has no second port."""
+    """Return the UDP ports of each channel. Raises `ConfigError` if the port scheme has no
+    second port.
+    """
     second = {abs(channel) - 1 for channel in channels if channel < 0}
     if second and scheme == "thesis":
         raise ConfigError(
@@ -109,10 +115,10 @@ def channelize(
     should_stop: Callable[[], bool] = lambda: False,
     summary: ChannelizeSummary | None = None,
 ) -> ChannelizeSummary:
-    """Send channels until the source ends or the run is stopped.
+    """Send the channels until the source ends or the run is stopped.
 
-    A file is played at `speed` times real time, since a fast sender overflows the listener's
-    buffer; 0 means no limit. `summary` is updated while running.
+    A file is played at `speed` times real time, because a faster sender would overflow the
+    receiver's buffer; 0 means no limit. `summary` is updated during the run.
     """
     summary = ChannelizeSummary() if summary is None else summary
     begun_s: float | None = None

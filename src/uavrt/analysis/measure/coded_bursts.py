@@ -1,7 +1,8 @@
 """Find coded tags in a recording: bursts of pulses that repeat with the same gaps.
 
-Each pulse is detected alone, since a tag to be measured is near. Pulses within a quarter of a
-second are a burst. Bursts with equal gaps are one tag, and their times give the burst interval.
+Each pulse is detected separately, which is possible because the tag to be measured is near.
+Pulses within a quarter of a second form a burst. Bursts with equal gaps belong to one tag, and
+their times give the burst interval.
 """
 
 import math
@@ -20,28 +21,32 @@ from uavrt.detection.coded.slot_cells import Cells
 from uavrt.dsp.block_times import BlockTimes
 
 LONGEST_PULSE_S: Final = 0.006
-"""Pulse width up to which a tag may be coded [s]; beeping tags have 8 ms or more."""
+"""Pulse width up to which a tag may be coded [s]; pulses of uncoded tags are 8 ms or longer."""
 _WIDTH_S: Final = 0.0025
-"""Length of the pulse detection filter [s]: a coded tag's usual pulse width. Others are up to
-7.5 ms wide."""
+"""Length of the filter that detects pulses [s], equal to a coded tag's usual pulse width.
+Pulses up to 7.5 ms wide are found."""
 _REACH_S: Final = 0.009
-"""Time around a pulse with which its energy is compared [s]; gaps between pulses are longer."""
+"""Half-width of the time around a pulse with which its energy is compared [s]; gaps between
+pulses are longer."""
 _WIDTH_STEPS_PER_S: Final = 2000.0
-"""Steps per second to which measured pulse widths are rounded: 0.5 ms, as in data sheets."""
+"""Inverse of the step to which measured pulse widths are rounded [1/s]: 0.5 ms, as in data
+sheets."""
 _LEAST: Final = 30.0
-"""Minimum ratio of a coded pulse's energy to the noise's mean energy: 15 dB."""
+"""Minimum ratio of a coded pulse's energy to the mean energy of the noise, 30 (15 dB)."""
 _PEAKED: Final = 4.0
-"""Minimum ratio of a coded pulse's energy at its frequency to the median within 1 kHz."""
+"""Minimum ratio of a coded pulse's energy at its frequency to the median energy within 1
+kHz."""
 _OFF_BEAT_S: Final = 0.008
 """Largest deviation of a burst's start from a multiple of the burst interval [s]."""
 _MOST_LOST: Final = 4
-"""Maximum number of burst intervals in the shortest time between two received bursts."""
+"""Maximum number of burst intervals that the shortest time between two received bursts may
+contain."""
 _WINDOW_HZ: Final = 1000.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredCode:
-    """Measured gaps and interval of a coded tag; each sigma is one standard deviation."""
+    """Measured gaps and burst interval of a coded tag; each sigma is one standard deviation."""
 
     frequency_hz: float
     gaps_s: tuple[float, ...]
@@ -53,7 +58,7 @@ class MeasuredCode:
     bursts: int
 
     def entry(self, tag_id: int, name: str | None = None) -> Tag:
-        """Make a tag list entry with the usual tolerances."""
+        """Return a tag list entry with the measured values and the usual tolerances."""
         return Tag(
             tag_id=tag_id,
             frequency_hz=float(round(self.frequency_hz)),
@@ -71,7 +76,7 @@ class MeasuredCode:
 def find_codes(
     times_s: NDArray[np.float64], widths_s: NDArray[np.float64], frequency_hz: float
 ) -> list[MeasuredCode]:
-    """Find coded tags among pulses at one frequency, given their times and widths [s]."""
+    """Find coded tags among pulses at one frequency, given the pulses' times and widths [s]."""
     left = split_bursts(times_s)
     found = []
     while left:
@@ -91,10 +96,11 @@ def find_codes(
 def _code(
     middles_s: NDArray[np.float64], widths_s: NDArray[np.float64], frequency_hz: float
 ) -> MeasuredCode | None:
-    """Measure a code from bursts with equal gaps, one per row; None if not regular.
+    """Measure a code from bursts with equal gaps, one burst per row; None if the bursts are not
+    regular.
 
-    A pulse's middle is measured more accurately than its start. The n-th pulses of all bursts
-    are equally long.
+    Gaps are measured between the pulses' middles, which are more accurate than their starts.
+    They are then corrected for the mean width of each pulse in the burst.
     """
     beat = _beat(middles_s[:, 0])
     if beat is None:
@@ -112,9 +118,11 @@ def _code(
 
 
 def _beat(starts_s: NDArray[np.float64]) -> Beat | None:
-    """Fit the longest burst interval that divides all times between bursts.
+    """Fit the longest burst interval that divides all times between bursts; None if there is
+    none.
 
-    If every second burst is lost, the shortest time between two is more than one interval.
+    If every second burst is lost, the shortest time between two bursts contains more than one
+    interval.
     """
     shortest_s = float(np.diff(starts_s).min())
     for part in range(1, _MOST_LOST + 1):
@@ -170,7 +178,9 @@ class BurstPulses:
             self._held = self._held[count * cells.hop :]
 
     def finish(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Middles [s from the first sample] and widths [s] of the strong pulses, ascending."""
+        """Return the middles [s from the first sample] and the widths [s] of the strong pulses,
+        in order of time.
+        """
         if self._cells is None:
             return np.zeros(0), np.zeros(0)
         self._push(self._cells)
@@ -182,9 +192,10 @@ class BurstPulses:
 def _pulses(
     energies: NDArray[np.float32], cells: Cells
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Measure middle and width [s] of each pulse at half height in the filter's output.
+    """Measure the middle and the width [s] of each pulse, at half its height in the filter's
+    output.
 
-    Behind the filter, the amplitude of a rectangular pulse rises and falls linearly.
+    At the filter's output, the amplitude of a rectangular pulse rises and falls linearly.
     """
     amplitude = np.sqrt(np.pad(energies.astype(np.float64), 1))
     reach = round(_REACH_S / cells.column_s)

@@ -1,4 +1,6 @@
-"""Fit each pulse of a tag separately, then combine the fits."""
+"""Fit each pulse of a tag separately, then combine the fits to frequency, width and
+intervals.
+"""
 
 import math
 from collections.abc import Sequence
@@ -21,11 +23,13 @@ from uavrt.detection.beeps.interval_fit import fit_beat
 from uavrt.detection.beeps.tuning import INTERVALS
 
 SAME_RATE: Final = 0.004
-"""Largest relative difference between two measurements of one pulse interval."""
+"""Largest relative difference between two measurements of the same pulse interval."""
 NEAR_RATE: Final = 0.05
-"""Largest relative difference between the intervals of two pulse series that may be joined."""
+"""Largest relative difference between the intervals of two series of pulses that may be
+joined."""
 SIGNIFICANT: Final = 4.0
-"""Smallest interval drift removed before the jitter is computed [standard deviations]."""
+"""Smallest drift of the interval that is removed before the jitter is computed [standard
+deviations]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,14 +42,15 @@ class PulseWindow:
     offset_hz: float
     """Frequency of the tag relative to the channel's centre [Hz]."""
     apart_hz: float
-    """Frequency of this pulse in the first pass, relative to the tag's frequency [Hz]."""
+    """Frequency of this pulse as found in the first pass, relative to the tag's frequency
+    [Hz]."""
     burst: int
 
 
 def measure_pulses(
     beats: Sequence[FoundBeat], windows: Sequence[PulseWindow], frequency_hz: float
 ) -> MeasuredTag:
-    """Measure frequency, width and intervals of a tag, with uncertainties."""
+    """Measure frequency, width and pulse intervals of a tag, with their standard deviations."""
     fits = [
         fit_pulse(
             w.samples, sample_rate_hz=w.sample_rate_hz, frequency_hz=w.offset_hz + w.apart_hz
@@ -88,7 +93,9 @@ def _rates(
     good: NDArray[np.bool_],
     start_ns: int,
 ) -> tuple[MeasuredRate, ...]:
-    """Refine each interval with the fitted times, and merge series of equal interval."""
+    """Compute each interval from the fitted pulse times, and merge series of pulses with equal
+    intervals.
+    """
     stretches: list[tuple[NDArray[np.float64], float]] = []
     for beat in sorted(beats, key=lambda one: int(one.members[0])):
         chosen = [numbers[int(k)] for k in beat.members if int(k) in numbers]
@@ -118,7 +125,9 @@ def _rates(
 def _continued(
     before_s: NDArray[np.float64], interval_s: float, after_s: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
-    """Join two series of pulse times across a gap; None unless the beat continued in phase."""
+    """Join two series of pulse times across a gap; None unless both belong to one sequence of
+    equal intervals.
+    """
     together = np.concatenate((before_s, after_s))
     alone = fit_beat(before_s, interval_s)
     beat = fit_beat(together, alone.interval_s)
@@ -175,7 +184,7 @@ def _joined(first: MeasuredRate, second: MeasuredRate) -> MeasuredRate:
 
 
 def _agree(values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mask that excludes outliers, such as the values of a pulse disturbed by an impulse."""
+    """Mask that excludes outliers, such as a pulse that was disturbed by an impulse."""
     center = np.median(values)
     spread = 1.4826 * float(np.median(np.abs(values - center)))
     return np.asarray(np.abs(values - center) <= max(6.0 * spread, 0.1 * abs(center)))
@@ -188,7 +197,9 @@ def _middle(values: NDArray[np.float64]) -> tuple[float, float]:
 
 
 def _line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float, float, float]:
-    """Fit a line by least squares: value at 0 and slope, each with its standard deviation."""
+    """Fit a line by least squares; return value at 0 and slope, each followed by its standard
+    deviation.
+    """
     design = np.stack((np.ones_like(x), x), axis=1)
     inverse = np.linalg.pinv(design.T @ design)
     value, slope = inverse @ design.T @ y
@@ -203,9 +214,11 @@ def _line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float,
 
 
 def _enr(fit: FittedPulse, window: PulseWindow) -> float:
-    """Pulse energy over noise density, measured before the pulse within 600 Hz of it.
+    """Return the pulse's energy divided by the noise density measured before the pulse, within
+    600 Hz of it.
 
-    The noise is the spectrum's median, since a nearby carrier fills some of its bins.
+    The noise is the median of the spectrum, since a nearby carrier may fill some of its
+    bins.
     """
     rate_hz = window.sample_rate_hz
     quiet = without_carriers(without_impulses(window.samples, rate_hz))

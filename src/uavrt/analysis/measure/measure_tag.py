@@ -1,8 +1,8 @@
-"""Measure unknown tags in a recording: the engine of ``uavrt tags measure``.
+"""Measure unknown tags in a recording, as in ``uavrt tags measure``.
 
-The first pass finds all beeping signals in the band (`uavrt.detection.beeps`). The second pass
-makes a narrow channel around each signal, fits each pulse (`pulse_fit`), and measures the gaps
-of bursts (`coded_bursts`).
+The first pass finds all periodic pulse signals in the band (`uavrt.detection.beeps`). The
+second pass creates a narrow channel around each signal, fits each pulse (`pulse_fit`), and
+measures the gaps of bursts (`coded_bursts`).
 """
 
 from collections import deque
@@ -36,21 +36,26 @@ from uavrt.radio.source import SampleSource
 
 WINDOW_HZ: Final = 2000.0
 MARGIN_S: Final = 0.100
-"""Length of samples kept on each side of a pulse's middle [s]; the outer halves are noise."""
+"""Length of samples on each side of a pulse's middle that are analysed [s]; their outer halves
+contain only noise."""
 _MOST_SUSPECTS: Final = 8
-"""Maximum number of frequencies that are searched for coded tags; each takes 2 % of a core."""
+"""Maximum number of frequencies that are searched for coded tags; each search takes 2 % of a
+core."""
 _SUSPECTS_APART_HZ: Final = 500.0
 _CODE_HZ: Final = 1000.0
-"""Frequency difference from a coded tag below which short pulses count as the tag's [Hz]."""
+"""Frequency difference from a coded tag below which short pulses are attributed to that tag
+[Hz]."""
 _SAME_INTERVAL_S: Final = 0.002
-"""Difference in interval below which a beeping signal is part of a coded tag's bursts [s]."""
+"""Difference between intervals below which a periodic signal is considered part of a coded
+tag's bursts [s]."""
 _LEAST_ALIKE: Final = 0.6
-"""Minimum share of a signal's pulses that agree in width and frequency; else it is doubtful."""
+"""Minimum share of a signal's pulses that must agree in width and frequency; a signal with
+fewer is doubtful."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DoubtfulTrain:
-    """A periodic signal that may not be a tag, with the reason."""
+    """A periodic signal that may not be a tag, with the reason for the doubt."""
 
     frequency_hz: float
     interval_s: float
@@ -68,10 +73,10 @@ class DoubtfulTrain:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measurement:
-    """All beeping and coded tags measured in a recording."""
+    """All uncoded and coded tags measured in a recording."""
 
     tags: tuple[MeasuredTag, ...]
-    """Beeping tags, sorted by number of pulses, largest first."""
+    """Uncoded tags, sorted by number of pulses, largest first."""
     codes: tuple[MeasuredCode, ...]
     """Coded tags, sorted by number of bursts, largest first."""
     doubtful: tuple[DoubtfulTrain, ...]
@@ -87,9 +92,9 @@ def measure_tags(
 ) -> Measurement:
     """Find and measure all tags in a recording, which `open_source` opens twice.
 
-    Without `frequency_hz` the whole band is searched, otherwise `window_hz` on both sides.
-    `on_fault` receives the reason why a recording cannot be read to its end; without it, that
-    error is raised.
+    Without `frequency_hz` the whole band is searched; otherwise `window_hz` on both sides of
+    it. `on_fault` is called with the reason if the recording cannot be read to its end; without
+    `on_fault` that error is raised.
     """
     if not window_hz > 0.0:
         raise ConfigError(
@@ -153,19 +158,23 @@ def measure_tags(
 
 
 def _doubt(train: Train, half_span_hz: float, center_hz: float) -> str | None:
-    """Reason why a periodic signal may not be a tag; None if it probably is one."""
+    """Reason why a periodic signal is probably not a tag; None if it probably is one."""
     if train.image_of_hz is not None:
         original_mhz = (center_hz + train.image_of_hz) / 1e6
         return f"an image of {original_mhz:.6f} MHz, made in the receiver: reduce its gain"
     if train.together > 1:
-        return f"at {train.together} frequencies at once: a device, not an animal"
+        return (
+            f"received at {train.together} frequencies at once: a device, not an animal's tag"
+        )
     if abs(train.frequency_hz) > half_span_hz:
         return "at the band's edge, where nothing can be measured: tune the radio nearer"
     return train.doubt
 
 
 def _suspects(offsets_hz: Sequence[float], half_span_hz: float) -> list[float]:
-    """Choose frequencies to search for codes: in the band, well apart, limited in number."""
+    """Choose a limited number of frequencies, inside the band and well apart, that are searched
+    for codes.
+    """
     chosen: list[float] = []
     for offset_hz in offsets_hz:
         apart = all(abs(offset_hz - other_hz) >= _SUSPECTS_APART_HZ for other_hz in chosen)
@@ -179,7 +188,7 @@ def _of_code(frequency_hz: float, codes: Sequence[MeasuredCode]) -> bool:
 
 
 def _in_bursts(tag: MeasuredTag, codes: Sequence[MeasuredCode]) -> bool:
-    """True if the pulses of a periodic signal are each part of a coded tag's burst."""
+    """True if each pulse of a periodic signal is part of a burst of a coded tag."""
     return any(
         _of_code(tag.frequency_hz, [code])
         and abs(rate.interval_s - code.burst_interval_s) <= _SAME_INTERVAL_S
@@ -210,7 +219,9 @@ def _search(
     frequency_hz: float | None,
     window_hz: float,
 ) -> tuple[Points, int, float]:
-    """Search the band, or a part; returns pulses, time reference [ns], duration [s]."""
+    """Search the band, or a part of it; return the pulses, the reference of their times [ns]
+    and the duration [s].
+    """
     rate_hz = source.sample_rate_hz
     if frequency_hz is None:
         low_hz, high_hz = -rate_hz / 2, rate_hz / 2
@@ -241,7 +252,7 @@ def _blocks(
     report: Callable[[float], None],
     on_fault: Callable[[UavrtError], None] | None,
 ) -> Iterator[IQBlock]:
-    """Read a recording's blocks up to its end or the first fault."""
+    """Yield a recording's blocks up to its end or to the first fault."""
     done = 0
     while True:
         try:
@@ -269,7 +280,9 @@ def _cut(
     suspects_hz: Sequence[float],
     start_ns: int,
 ) -> tuple[list[list[PulseWindow]], list[tuple[NDArray[np.float64], NDArray[np.float64]]]]:
-    """Cut samples around each pulse from a narrow channel, and find the pulses of bursts."""
+    """Extract samples around each pulse from a narrow channel, and find the pulses of
+    bursts.
+    """
     center_hz = source.center_frequency_hz
     offsets_hz = [*(train.frequency_hz for train in trains), *suspects_hz]
     front_end = FrontEnd(

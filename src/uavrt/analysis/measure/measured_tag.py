@@ -1,4 +1,4 @@
-"""Measured properties of a tag, and the tag list entry made from them."""
+"""Measured properties of a tag, and the tag list entry derived from them."""
 
 import math
 from dataclasses import dataclass
@@ -7,18 +7,19 @@ from typing import Final
 from uavrt.core.messages import Tag
 
 INTERVAL_MARGIN: Final = 0.01
-"""Suggested relative uncertainty of the interval: with temperature and battery a tag's interval
-changes by some tenths of a percent."""
+"""Suggested relative uncertainty of the interval. With temperature and battery, a tag's
+interval changes by some tenths of a percent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredRate:
-    """One of a tag's pulse intervals, as measured."""
+    """One of a tag's pulse intervals, as measured in a recording."""
 
     interval_s: float
     interval_sigma_s: float
     jitter_s: float
-    """Standard deviation of pulse times about the beat [s], measurement error included."""
+    """Standard deviation of pulse times from equal intervals [s], including the measurement
+    error."""
     largest_deviation_s: float
     drift: float
     drift_sigma: float
@@ -34,23 +35,24 @@ class MeasuredTag:
     """A tag as measured in a recording; each sigma is one standard deviation."""
 
     frequency_hz: float
-    """Frequency of the tag in the middle of the recording, by the radio's crystal [Hz]."""
+    """Frequency of the tag in the middle of the recording, relative to the radio's crystal
+    [Hz]."""
     frequency_sigma_hz: float
     drift_hz_per_s: float
     drift_sigma_hz_per_s: float
     pulse_width_s: float
     pulse_width_sigma_s: float
     enr_db: float
-    """Median energy of the tag's pulses over noise density [dB]."""
+    """Median of the tag's pulse energies divided by the noise density [dB]."""
     pulses: int
     rates: tuple[MeasuredRate, ...]
     """Pulse intervals of the tag, sorted by number of pulses, largest first."""
 
     def entry(self, tag_id: int, name: str | None = None) -> Tag:
-        """Make a tag list entry of at most two intervals, with margins for seasonal changes.
+        """Return a tag list entry of at most two intervals, with margins for seasonal changes.
 
-        The interval's tolerance is 1 %, or the measured uncertainty if greater. The jitter is a
-        quarter above the largest deviation.
+        The tolerance of the interval is 1 %, or the measured uncertainty if that is greater.
+        The jitter is a quarter above the largest deviation.
         """
         rates = self.rates[:2]
         interval_s = max(rate.interval_s for rate in rates)

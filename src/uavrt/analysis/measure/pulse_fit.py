@@ -1,8 +1,9 @@
-"""Fit one pulse: start, end and frequency of a rectangular burst of carrier in noise.
+"""Fit one pulse: start, end and frequency of a rectangular burst of a carrier in noise.
 
-A carrier of frequency f is assumed to be on from sample a to sample b. The log likelihood,
-maximised over amplitude and phase, is ``|C[b] - C[a]|² / (b - a)`` over the noise. C is the
-running sum of the samples shifted by -f. All pairs (a, b) are tried at once.
+A carrier of frequency f is assumed to be on from sample a to sample b. Its log likelihood
+ratio, maximised over amplitude and phase, is ``|C[b] - C[a]|² / (b - a)`` divided by the noise
+power. C is the cumulative sum of the samples after a frequency shift by -f. All pairs (a, b)
+are tried at once.
 """
 
 from dataclasses import dataclass
@@ -15,18 +16,22 @@ from numpy.typing import NDArray
 COARSE: Final = 4
 """Step of the first search for a pulse's edges [samples]."""
 SMOOTH_S: Final = 0.002
-"""Length of the Hann window that removes signals more than 1 kHz off [s]; edges do not move."""
+"""Length of the Hann window that removes signals more than 1 kHz off [s]; it does not shift the
+pulse's edges."""
 IMPULSE_S: Final = 0.0013
 IMPULSE_RATIO: Final = 30.0
-"""Ratio of a sample's power to the median power on both sides that marks an impulse. Noise
-reaches it once in a million samples. At a pulse's edge, one side is as strong as the sample."""
+"""Ratio of a sample's power to the median power on both sides from which the sample counts as
+an impulse.
+
+Noise reaches it once in a million samples. At a pulse's edge, one side is as strong as the
+sample."""
 MOST_CARRIERS: Final = 4
 CARRIER_RATIO: Final = 30.0
-"""Minimum ratio of a steady carrier's spectral peak to the spectrum's median."""
+"""Minimum ratio of a steady carrier's peak in the spectrum to the spectrum's median."""
 SHORTEST_S: Final = 0.004
 LONGEST_S: Final = 0.080
 TURNS: Final = 3
-"""Number of times that a pulse's frequency and edges are refined in turn."""
+"""Number of iterations in which a pulse's frequency and edges are refined alternately."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,18 +39,20 @@ class FittedPulse:
     """Measured edges, frequency and energy of one pulse."""
 
     start_s: float
-    """Start of the pulse, from the first given sample [s]."""
+    """Start of the pulse, relative to the first given sample [s]."""
     width_s: float
     frequency_hz: float
     """Frequency of the pulse relative to the centre of the samples' band [Hz]."""
     energy: float
-    """Pulse energy: squared amplitude times width in samples [sample units²]."""
+    """Energy of the pulse: squared amplitude times width in samples [sample units²]."""
 
 
 def fit_pulse(
     samples: NDArray[np.complex64], *, sample_rate_hz: float, frequency_hz: float
 ) -> FittedPulse:
-    """Fit the strongest pulse in the middle half of samples; the outer quarters are noise."""
+    """Fit the strongest pulse in the middle half of the samples; the outer quarters must
+    contain only noise.
+    """
     shortest = max(2, round(SHORTEST_S * sample_rate_hz))
     longest = min(samples.size, round(LONGEST_S * sample_rate_hz))
     samples = without_carriers(without_impulses(samples, sample_rate_hz))
@@ -72,7 +79,7 @@ def fit_pulse(
 def without_impulses(
     samples: NDArray[np.complex64], sample_rate_hz: float
 ) -> NDArray[np.complex64]:
-    """Set to zero single samples that are far stronger than both sides."""
+    """Set single samples to zero that are far stronger than the samples on both sides."""
     side = max(4, round(IMPULSE_S * sample_rate_hz))
     power = samples.real**2 + samples.imag**2
     padded = np.pad(power, side, mode="edge")
@@ -88,7 +95,7 @@ def without_impulses(
 
 
 def without_carriers(samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
-    """Subtract steady carriers, estimated in the outer quarters of the samples.
+    """Subtract steady carriers, which are estimated from the outer quarters of the samples.
 
     The pulse lies in the middle half, so it does not affect the estimate. Each carrier is the
     peak of the remaining spectrum, fitted by least squares.
@@ -121,7 +128,9 @@ def _turned(count: int, cycles: float) -> NDArray[np.complex128]:
 
 
 def _edges(running: NDArray[np.complex128], shortest: int, longest: int) -> tuple[int, int]:
-    """Find the pair of samples between which pulse energy over length is greatest."""
+    """Find the pair of samples between which the pulse energy divided by the length is
+    greatest.
+    """
     best, edges = -1.0, (0, shortest)
     for length in range(shortest, longest + 1):
         gathered = running[length:] - running[:-length]
@@ -135,7 +144,9 @@ def _edges(running: NDArray[np.complex128], shortest: int, longest: int) -> tupl
 def _better_edges(
     running: NDArray[np.complex128], first: int, last: int, shortest: int
 ) -> tuple[int, int]:
-    """Shift both pulse edges by up to two coarse steps to the greatest likelihood."""
+    """Shift both edges of a pulse by up to two coarse steps to the position of greatest
+    likelihood.
+    """
     reach = np.arange(-2 * COARSE, 2 * COARSE + 1)
     starts = np.clip(first + reach, 0, running.size - 1)
     ends = np.clip(last + reach, 0, running.size - 1)
@@ -162,9 +173,10 @@ def _frequency(pulse: NDArray[np.complex64], rate_hz: float, near_hz: float) -> 
 
 
 def _between(running: NDArray[np.complex128], first: int, last: int) -> tuple[float, float]:
-    """Interpolate both edges to a fraction of a sample, by the edge samples' amplitudes.
+    """Interpolate both edges to a fraction of a sample, by the amplitudes of the samples at the
+    edges.
 
-    A sample at the edge of a pulse has that part of the amplitude that the pulse covers. Each
+    A sample at the edge of a pulse has the share of the amplitude that the pulse covers. Each
     edge is shifted until the summed amplitude agrees with that inside the pulse.
     """
     length = last - first

@@ -1,4 +1,4 @@
-"""Convert bearings and positions to lines and areas in WGS84, for any map."""
+"""Convert bearings and positions to lines and areas in WGS 84, for any map."""
 
 import math
 from collections.abc import Sequence
@@ -35,7 +35,9 @@ def point_of(one: Located) -> Point:
 
 
 def ray_length_m(bearing: TagBearing, position: Position | None) -> float:
-    """Length of a bearing line [m]: a fifth beyond the tag's position, or else `RAY_M`."""
+    """Length at which a bearing is drawn as a line [m]: a fifth beyond the tag's position or,
+    if that is unknown, `RAY_M`.
+    """
     if position is None:
         return RAY_M
     plane = _plane(bearing)
@@ -44,13 +46,15 @@ def ray_length_m(bearing: TagBearing, position: Position | None) -> float:
 
 
 def ray(bearing: TagBearing, length_m: float) -> list[Point]:
-    """Line from a bearing's origin in its direction."""
+    """Return the line from a bearing's origin in its direction."""
     towards = (0.0, length_m)
     return [_at(bearing, distance, bearing.bearing.bearing_deg) for distance in towards]
 
 
 def wedge(bearing: TagBearing, length_m: float) -> list[Point] | None:
-    """Closed outline of a bearing's 90 % sector, counter-clockwise; None if unknown."""
+    """Return the closed outline of a bearing's 90 % sector, counter-clockwise; None if the
+    sector is unknown.
+    """
     if bearing.bearing.interval90_deg is None:
         return None
     low, high = bearing.bearing.interval90_deg
@@ -62,7 +66,9 @@ def wedge(bearing: TagBearing, length_m: float) -> list[Point] | None:
 
 
 def region95(position: Position) -> list[Point] | None:
-    """Closed outline of the 95 % ellipse or circle, counter-clockwise; None if unknown."""
+    """Return the closed outline of the 95 % ellipse or circle, counter-clockwise; None if
+    unknown.
+    """
     if position.ellipse95 is not None:
         ellipse = position.ellipse95
         long_m, short_m = ellipse.semi_major_m, ellipse.semi_minor_m
@@ -92,7 +98,9 @@ def path_points(position: Position | None) -> list[Point]:
 
 
 def region_lines(position: Position, share: int) -> list[list[Point]]:
-    """Outlines of the smallest region with a probability [%], cut at the 180° meridian."""
+    """Outlines of the smallest region that contains the tag with a probability of `share`
+    percent, cut at the 180° meridian.
+    """
     if position.grid is None:
         return []
     rings = _outlines(position.grid, share / 100.0)
@@ -100,9 +108,10 @@ def region_lines(position: Position, share: int) -> list[list[Point]]:
 
 
 def rings95(position: Position) -> list[list[Point]]:
-    """Outlines of the smallest 95 % region; an ellipse or circle where there is no grid.
+    """Outlines of the smallest 95 % region; without a probability grid, the 95 % ellipse or
+    circle.
 
-    For local maps: not cut at the 180° meridian.
+    They are for local maps and are not cut at the 180° meridian.
     """
     if position.grid is not None:
         return _outlines(position.grid, 0.95)
@@ -135,8 +144,8 @@ def split_at_date_line(points: Sequence[Point]) -> list[list[Point]]:
 def split_area_at_date_line(ring: Sequence[Point]) -> list[list[Point]]:
     """Cut an area where it crosses the 180° meridian (RFC 7946 §3.1.9).
 
-    An area around a pole reaches up to it: its longitudes run once round the earth. `ring` is
-    closed: its last point is its first. The returned rings are closed, keep the direction of
+    `ring` is closed: its last point equals its first. If its longitudes run once round the
+    earth, the area extends to the pole. The returned rings are closed, keep the direction of
     rotation, and have longitudes in [-180, 180].
     """
     run_on = [ring[0]]
@@ -162,7 +171,9 @@ def split_area_at_date_line(ring: Sequence[Point]) -> list[list[Point]]:
 
 
 def _this_side(ring: list[Point], side_deg: float) -> list[Point]:
-    """Clip a closed ring at longitude `side_deg`, ±180 (Sutherland and Hodgman 1974)."""
+    """Clip a closed ring at longitude `side_deg`, which is ±180 (Sutherland and Hodgman
+    1974).
+    """
     kept: list[Point] = []
     for before, point in pairwise(ring):
         inside = [abs(one[0]) <= 180.0 or one[0] * side_deg < 0.0 for one in (before, point)]

@@ -1,6 +1,6 @@
-"""Run the detectors over any source of samples, in one thread, as ``uavrt detect`` does.
+"""Run the detectors over any source of samples in one thread, as ``uavrt detect`` does.
 
-The front end and the detectors do what a flight's processes do, without sockets between them.
+Front end and detectors work as in a flight's processes, but without sockets between them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -26,11 +26,13 @@ if TYPE_CHECKING:
     from uavrt.detection.coded.coded_detector import CodedDetector
 
 _POLL_S: Final = 0.5
-"""Interval at which a reader without data checks for a stop request [s]."""
+"""Interval at which a reader that waits for data checks whether it should stop [s]."""
 
 
 def _coded_detector() -> "type[CodedDetector]":
-    """Import the coded-tag detector only when needed: it loads scipy.special, 22 MB."""
+    """Import and return the coded-tag detector only when needed, because it loads 22 MB of
+    scipy.special.
+    """
     from uavrt.detection.coded.coded_detector import CodedDetector
 
     return CodedDetector
@@ -39,9 +41,10 @@ def _coded_detector() -> "type[CodedDetector]":
 class DetectionChain:
     """Converts blocks of radio samples into pulses of all listed tags.
 
-    `frequency_window_hz` is the half-width of the search, the whole channel at most. No pulse
-    is reported in the absolute ranges `excluded_hz`. `on_channel` receives each block of a
-    channel before the detectors, `on_band` each block of the radio and its decimation.
+    `frequency_window_hz` is the half-width of the search, limited to the channel. No pulse is
+    reported in the absolute frequency ranges `excluded_hz`. `on_channel` is called with each
+    block of a channel before it is searched, `on_band` with each block of the radio and its
+    decimated block.
     """
 
     def __init__(
@@ -115,7 +118,7 @@ class DetectionChain:
             )
 
     def process(self, block: IQBlock) -> list[Pulse]:
-        """Process the next block; returns the pulses whose detection is complete."""
+        """Process the next block; return the pulses whose detection is complete."""
         self.clipping.check(block)
         self.input_faults += self._input_check.check(block)
         self._carriers.check(block, self._center_frequency_hz)
@@ -154,18 +157,22 @@ class DetectionChain:
         return replace(channel, samples=np.where(good, channel.samples, np.complex64(0.0)))
 
     def flush(self) -> list[Pulse]:
-        """End the stream; returns the pulses of all complete groups."""
+        """End the stream; return the pulses of all groups that are complete."""
         bursts = [pulse for coded in self._coded.values() for pulse in coded.flush()]
         return self._reported(self._group.flush() + bursts)
 
     def search_reports(self) -> list[SearchReport]:
-        """Reports on searches without a pulse since the last call, one per second and tag."""
+        """Return reports on searches without a pulse since the last call, one per second and
+        tag.
+        """
         searching: list[PulseDetector | CodedDetector] = [*self._group.detectors]
         searching += self._coded.values()
         return [report for detector in searching for report in detector.search_reports()]
 
     def _reported(self, pulses: list[Pulse]) -> list[Pulse]:
-        """Remove pulses in excluded frequency ranges, and mark clipped ones."""
+        """Remove pulses in excluded frequency ranges, and mark pulses during which the receiver
+        clipped.
+        """
         covers = self.clipping.times.covers
         return [
             replace(pulse, clipped=True)
@@ -178,26 +185,28 @@ class DetectionChain:
 
 @dataclass(slots=True)
 class Searched:
-    """Search conditions at one tag's frequency, summed over a run."""
+    """Conditions of the search at one tag's frequency, averaged over a run."""
 
     _reports: int = 0
     _usable: float = 0.0
     _weakest_db: float = 0.0
 
     def add(self, usable_share: float, weakest_enr_db: float) -> None:
-        """Add a report on one second of searching."""
+        """Add a report on one second of the search."""
         self._reports += 1
         self._usable += usable_share
         self._weakest_db += weakest_enr_db
 
     @property
     def usable_share(self) -> float:
-        """Share of the time without another signal on the tag's frequency."""
+        """Share of the time during which no other signal covered the tag's frequency."""
         return self._usable / self._reports
 
     @property
     def weakest_enr_db(self) -> float:
-        """Mean pulse energy over noise density [dB] at which 90 % of groups are detected."""
+        """Mean energy of a pulse over the noise density at which 90 % of groups are detected
+        [dB].
+        """
         return self._weakest_db / self._reports
 
 
@@ -208,10 +217,10 @@ class DetectionSummary:
     samples: int = 0
     samples_lost: int = 0
     samples_unsure: int = 0
-    """Number of missing samples, estimated from the arrival times of a live stream; uncertain
-    if the receiver's crystal is far off."""
+    """Number of lost samples, estimated from the arrival times of a live stream; uncertain if
+    the receiver's crystal is far off."""
     signal_s: float = 0.0
-    """Duration of the searched samples, lost ones included [s]."""
+    """Duration of the searched samples, including lost ones [s]."""
     elapsed_s: float = 0.0
     invalid_samples: int = 0
     stopped: bool = False
@@ -219,20 +228,20 @@ class DetectionSummary:
     pulses: dict[int, int] = field(default_factory=dict)
     confirmed: dict[int, int] = field(default_factory=dict)
     ambiguous: dict[int, int] = field(default_factory=dict)
-    """Number of confirmed pulses that may be another listed tag's, by tag."""
+    """Number of each tag's confirmed pulses that may belong to another listed tag."""
     ghosts: dict[tuple[int, int], int] = field(default_factory=dict)
-    """Number of pulses attributed to a tag but caused by another in the receiver, by the pair
-    (tag, causing tag)."""
+    """Number of pulses that one tag caused as spurious signals in the receiver at another tag's
+    frequency, by the pair (tag, causing tag)."""
     clipped: int = 0
-    """Number of pulses during which the receiver's converter was at its limits."""
+    """Number of pulses during which the receiver's converter clipped."""
     clipped_share: float = 0.0
-    """Share of the time in which the receiver's converter was at its limits."""
+    """Share of the time in which the receiver's converter clipped."""
     input_faults: list[str] = field(default_factory=list)
     searched: dict[int, "Searched"] = field(default_factory=dict)
 
     @property
     def times_real_time(self) -> float:
-        """Processing speed [seconds of signal per second]."""
+        """Processing speed relative to real time [seconds of signal per second]."""
         return self.signal_s / self.elapsed_s if self.elapsed_s > 0.0 else 0.0
 
     def note(self, reports: Sequence[SearchReport]) -> None:
@@ -244,7 +253,7 @@ class DetectionSummary:
                 )
 
     def withdraw(self, samples: int, sample_rate_hz: float) -> None:
-        """Subtract samples that were counted as lost, but came late from a slow source."""
+        """Subtract samples that were counted as lost but arrived late from a slow source."""
         unsure = min(samples, self.samples_unsure)
         self.samples_unsure -= unsure
         self.samples_lost -= samples - unsure
@@ -279,9 +288,10 @@ def detect(
 ) -> DetectionSummary:
     """Find the pulses of tags in all samples of a source, which the caller closes.
 
-    `write` receives pulses as soon as they are found, `on_reports` reports on seconds without a
-    pulse; the other settings are those of `DetectionChain`. `should_stop` is called at least
-    twice a second. `summary` is updated while running, so that it is available after an error.
+    `write` is called with pulses as soon as they are found, `on_reports` with reports on
+    seconds without a pulse; the other settings are those of `DetectionChain`. `should_stop` is
+    called at least twice a second. `summary` is updated during the run, so that it is available
+    after an error.
     """
     summary = DetectionSummary() if summary is None else summary
     chain = DetectionChain(

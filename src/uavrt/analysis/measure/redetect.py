@@ -1,7 +1,7 @@
-"""Search a flight's recording again, and write its pulses and poses as a new flight.
+"""Search a flight's recording again, and write the pulses with their poses as a new flight.
 
-The result is an ordinary flight directory. Use it for tags that were added later, another
-frequency window, or a better detector.
+The result is an ordinary flight directory. Use this for tags that were added to the list after
+the flight, for another frequency window, or for a better detector.
 """
 
 import shutil
@@ -21,7 +21,9 @@ from uavrt.radio.source import SampleSource
 
 
 class FlightWriter:
-    """Writes a new flight: pulses detected again in a recording, poses of the old flight."""
+    """Writes a new flight from pulses detected again in a recording and from the poses of the
+    old flight.
+    """
 
     def __init__(
         self,
@@ -62,7 +64,9 @@ class FlightWriter:
 
     @property
     def without_pose(self) -> int:
-        """Number of pulses outside the poses' time; if high, flight or start time is wrong."""
+        """Number of pulses outside the time span of the poses; a high number means a wrong
+        flight or start time.
+        """
         return self._attacher.without_pose
 
     def write(self, pulses: Sequence[Pulse]) -> None:
@@ -77,7 +81,9 @@ class FlightWriter:
         self._recorder.close()
 
     def discard(self) -> None:
-        """Remove the new flight if nothing was searched, so that it is not counted."""
+        """Remove the new flight if no samples were searched, so that it does not count as a
+        flight.
+        """
         self._recorder.close()
         for path in set(self.directory.iterdir()) - self._before:
             shutil.rmtree(path) if path.is_dir() else path.unlink()
@@ -95,9 +101,9 @@ class FlightWriter:
 
 
 def posed_in(flight: Flight, pulses: Sequence[Pulse]) -> tuple[PulsePose, ...]:
-    """Give pulses the antenna's poses of a flight, in order of time and tag.
+    """Add the antenna's poses in a flight to pulses; return them in order of time and tag.
 
-    A pulse outside of the flight has no pose.
+    A pulse outside the time span of the flight gets no pose.
     """
     settings = flight_settings(flight)
     attacher = _attacher_of(flight, AntennaSettings() if settings is None else settings.antenna)
@@ -108,7 +114,9 @@ def posed_in(flight: Flight, pulses: Sequence[Pulse]) -> tuple[PulsePose, ...]:
 
 
 def _attacher_of(flight: Flight, antenna: AntennaSettings) -> PoseAttacher:
-    """Make a pose attacher that holds all poses of a flight, so that pulses need not wait."""
+    """Return a pose attacher that contains all poses of a flight, so that pulses need not wait
+    for poses.
+    """
     ring = PoseRing(antenna, capacity=max(len(flight.poses), 1))
     for pose in flight.poses:
         ring.add_pose(pose)

@@ -1,8 +1,8 @@
-"""Estimate bearings from the samples of a receiver on an antenna switch.
+"""Estimate bearings from the samples of a receiver connected to an antenna switch.
 
 The detector finds the pulses as usual. Then their samples are read again from the recording,
-whose metadata name the antenna of each sample. A circle of antennas gives a bearing from one
-pulse. Pulses received at one position are combined.
+whose metadata state the antenna of each sample. A circle of antennas gives a bearing from a
+single pulse. Pulses received at one position are combined.
 """
 
 import os
@@ -39,8 +39,8 @@ from uavrt.radio.opening import open_recording
 SWITCH_KEY = "uavrt:antenna_switch"
 """Name of the antenna switch's entry in SigMF metadata (docs/reference/formats.md)."""
 _EDGE = 0.1
-"""Share of a pulse's width left out at each end: 1 ms of 20 ms, twice the error of its
-start."""
+"""Share of a pulse's width that is excluded at each end: 2 ms of 20 ms, twice the error of the
+measured start."""
 _ONE_PLACE_M = 15.0
 _METHODS: dict[str, ArrayMethod] = {
     "circle": "pseudo_doppler",
@@ -65,7 +65,9 @@ class SwitchedArray:
         return _METHODS[self.kind]
 
     def steering(self, frequency_hz: float) -> Steering:
-        """Complex responses of the antennas to a wave, as a function of its direction."""
+        """Return the complex responses of the antennas to a wave, as a function of its
+        direction.
+        """
         size = self.size_m * frequency_hz / SPEED_OF_LIGHT_M_S
         if self.kind == "circle":
             return circle_steering(self.schedule.positions, size)
@@ -73,7 +75,9 @@ class SwitchedArray:
 
 
 def read_switched_array(recording: str | os.PathLike[str]) -> SwitchedArray:
-    """Read an antenna array from a recording's metadata; raises `FormatError`."""
+    """Read the antenna array from a recording's metadata. Raises `FormatError` if it is missing
+    or wrong.
+    """
     entry = sigmf_global(Path(recording), SWITCH_KEY)
     if not isinstance(entry, dict):
         raise FormatError(
@@ -111,7 +115,7 @@ def switched_bearings(
     *,
     offset_deg: float = 0.0,
 ) -> list[TagBearing]:
-    """Estimate one bearing for each tag and each drone position where it was received."""
+    """Estimate one bearing for each tag from each drone position at which it was received."""
     array = read_switched_array(recording)
     placed = sorted(
         (one for one in pulse_poses if one.pose is not None),
@@ -141,7 +145,7 @@ _Measured = tuple[PulsePose, SwitchedPulse]
 def _measured(
     recording: Path, array: SwitchedArray, placed: Sequence[PulsePose]
 ) -> Iterator[_Measured]:
-    """Read the recording once, and measure each pulse that lies completely in it."""
+    """Read the recording once, and measure each pulse that it contains completely."""
     source = open_recording(recording)
     try:
         waiting = list(placed)
@@ -183,7 +187,9 @@ def _measured(
 
 
 def _span(one: PulsePose, times: BlockTimes, rate_hz: float) -> tuple[int, int]:
-    """Indices of first and last sample of a pulse without its edges; lost samples count."""
+    """Indices of the first and last sample of a pulse without its edges; lost samples are
+    counted.
+    """
     width_ns = one.pulse.end_time_ns - one.pulse.start_time_ns
     edge_ns = _EDGE * width_ns
     begin = times.index(one.pulse.start_time_ns + round(edge_ns))

@@ -1,4 +1,4 @@
-"""Read tags from any file that describes them, with the file's other search settings."""
+"""Read tags and search settings from any kind of file that describes tags."""
 
 import os
 import re
@@ -17,20 +17,23 @@ _KEYS_OF_ITS_OWN = re.compile(rb"(?:^|[\r\n])[ \t]*(?:tagFreqMHz|channelCenterFr
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagSource:
-    """Tags to search for, and search settings read from the same file."""
+    """Tags to search for, with the search settings that their file contains."""
 
     tags: tuple[Tag, ...]
     operating_modes: dict[int, OperatingMode] = field(default_factory=dict)
-    """Detector mode by tag number; without an entry the window is searched (soft lock)."""
+    """Detector mode by tag id; tags without an entry use soft lock, which searches the whole
+    window."""
     excluded_hz: tuple[tuple[float, float], ...] = ()
     """Absolute frequency ranges in which no pulse is reported [Hz]."""
     sample_rate_hz: float | None = None
-    """Sample rate of the tag's channel, if the file contains it [Hz]."""
+    """Sample rate of the tag's channel [Hz], if the file states it."""
     center_frequency_hz: float | None = None
-    """Centre of the tag's channel, if the file contains it [Hz]."""
+    """Centre frequency of the tag's channel [Hz], if the file states it."""
 
     def within(self, sample_rate_hz: float, center_frequency_hz: float) -> "TagSource":
-        """Copy with the tags inside a recording's band; with all tags if none is inside."""
+        """Return a copy with only the tags inside a recording's band, or with all tags if none
+        is inside.
+        """
         reach_hz = widest_half_span_hz(sample_rate_hz)
         inside = tuple(
             tag for tag in self.tags if abs(tag.frequency_hz - center_frequency_hz) <= reach_hz
@@ -39,7 +42,9 @@ class TagSource:
 
 
 def read_tag_source(path: str | os.PathLike[str]) -> TagSource:
-    """Read TagInfo.txt, tags.toml, or the original UAV-RT's detectorConfig.txt."""
+    """Read tags and settings from TagInfo.txt, tags.toml, or the original UAV-RT's
+    detectorConfig.txt.
+    """
     if not _is_detector_config(Path(path)):
         return TagSource(tags=read_tags(path))
     config = read_detector_config(path)
@@ -63,7 +68,9 @@ def read_tag_source(path: str | os.PathLike[str]) -> TagSource:
 
 
 def _is_detector_config(path: Path) -> bool:
-    """True if a file has the keys of a detectorConfig.txt; false if unreadable."""
+    """True if a file contains the keys of a detectorConfig.txt; False if it does not or cannot
+    be read.
+    """
     try:
         with path.open("rb") as file:
             return _KEYS_OF_ITS_OWN.search(file.read(65_536)) is not None

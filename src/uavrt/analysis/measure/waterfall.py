@@ -1,10 +1,11 @@
-"""Make a spectrogram of a recording of any length, in fixed memory.
+"""Compute a spectrogram of a recording of any length, in a fixed amount of memory.
 
-A column holds the *largest* power of its time. In an hour's picture a column is 3.5 s and a
-pulse 20 ms, so a mean would show the pulse 22 dB weaker. When the columns run out, pairs are
-joined, so that half to all of them are in use at the end.
-Noise looks brighter the longer a column is, so the scale begins at the median of the cells. The
-picture shows contrast, not absolute levels.
+Each column contains the *largest* power within its time. In a picture of one hour, a column is
+3.5 s and a pulse 20 ms, so a mean would show the pulse 22 dB weaker. When all columns are used,
+neighbouring pairs are joined, so that at least half of the columns are in use at the end.
+
+The longer a column, the stronger its largest noise. So the colour scale begins at the median of
+the cells: the picture shows contrast, not absolute levels.
 """
 
 from typing import Final
@@ -19,15 +20,17 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 COLUMNS: Final = 1024
 """Number of spectrogram columns, about as many as a picture has pixels across."""
 TRACE_POINTS: Final = 1 << 21
-"""Maximum number of points in a level trace (5.8 h of 20 ms pulses), above which neighbouring
-points are combined."""
+"""Maximum number of points in a level trace (5.8 h of 20 ms pulses); beyond it, neighbouring
+points are joined."""
 
 _MOST_OFF: Final = 0.75
-"""Time error above which spectra are realigned with the block times [half pulse widths]."""
+"""Time error above which spectra are aligned again with the block times [half pulse widths]."""
 
 
 class MaximumHold:
-    """Running maxima of spectra in an even, fixed number of columns; joins pairs when full."""
+    """Running maxima of spectra in a fixed number of equal columns; pairs of columns are joined
+    when all are used.
+    """
 
     def __init__(self, rows: int, columns: int) -> None:
         self._values = np.zeros((columns, rows), dtype=np.float32)
@@ -36,11 +39,11 @@ class MaximumHold:
 
     @property
     def values(self) -> NDArray[np.float32]:
-        """(used columns, rows) largest values; zero where there were no samples."""
+        """Largest values, shape (used columns, rows); zero where there were no samples."""
         return self._values[: -(-self._end // self.frames_per_column)]
 
     def put(self, first: int, frames: NDArray[np.float32]) -> None:
-        """Add consecutive spectra (n, rows) from index `first`; skipped ones stay zero."""
+        """Add consecutive spectra (n, rows) from index `first`; skipped columns remain zero."""
         if not len(frames):
             return
         self._end = max(self._end, first + len(frames))
@@ -56,8 +59,8 @@ class MaximumHold:
 class Waterfall:
     """Spectrogram around one tag's frequency, and the strongest level at each time.
 
-    `pulse_width_s` sets the Hann window to one and a half pulses, so that it covers a whole
-    pulse.
+    `pulse_width_s` sets the length of the Hann window to one and a half pulses, so that it
+    covers a whole pulse.
     """
 
     def __init__(
@@ -115,12 +118,16 @@ class Waterfall:
 
     @property
     def power(self) -> NDArray[np.float32]:
-        """(columns, rows) largest power density in each cell; 0 where samples are missing."""
+        """Largest power density in each cell, shape (columns, rows); 0 where samples are
+        missing.
+        """
         return self._hold.values
 
     @property
     def trace(self) -> NDArray[np.float32]:
-        """(points,) largest power density over all rows; 0 where samples are missing."""
+        """Largest power density over all frequencies at each time, shape (points,); 0 where
+        samples are missing.
+        """
         return self._trace.values[:, 0]
 
     @property
@@ -130,7 +137,7 @@ class Waterfall:
 
     @property
     def frame_center_s(self) -> float:
-        """Time from the start to the middle of a spectrum's samples [s]."""
+        """Time from the start of a spectrum's samples to their middle [s]."""
         return self._window.size / 2 / self._rate_hz
 
     def _take(self, samples: NDArray[np.complex64]) -> None:

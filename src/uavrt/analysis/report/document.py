@@ -1,4 +1,4 @@
-"""Lay out the report as PDF: A4 pages for print and mail."""
+"""Lay out the report as a PDF of A4 pages, for print and mail."""
 
 import io
 from collections.abc import Sequence
@@ -31,12 +31,13 @@ _BETWEEN_IN = 0.06
 _LINE = 0.0155
 """Line height of 9-point text, with spacing, as a share of the page's height."""
 _LEAST_SHARE = 0.6
-"""Smallest share of its height to which a picture shrinks before it moves to the next page."""
+"""Smallest share of its height to which a picture is reduced before it is moved to the next
+page."""
 _WARNING = "#8a5a00"
 
 
 def pdf_document(survey: Survey) -> bytes:
-    """Make the report's PDF; raises `UsageError` without matplotlib."""
+    """Return the report as PDF. Raises `UsageError` without matplotlib."""
     with styled():
         from matplotlib.backends.backend_pdf import PdfPages
 
@@ -55,7 +56,9 @@ def write_pages(pages: "PdfPages", survey: Survey) -> None:
 
 
 class _Writer:
-    """Writes blocks down a page, and continues on the next one."""
+    """Writes blocks from top to bottom of a page, and continues on the next page when it is
+    full.
+    """
 
     def __init__(self, pages: "PdfPages", name: str) -> None:
         self._pages, self._name = pages, name
@@ -63,7 +66,7 @@ class _Writer:
         self._begin_page()
 
     def write(self, block: blocks.Block, after: blocks.Block | None) -> None:
-        """Write a block; a heading stays on one page with the block after it."""
+        """Write a block; a heading is kept on the same page as the block after it."""
         match block:
             case blocks.Paragraph(kind="section" | "heading"):
                 self._heading(block, after)
@@ -177,7 +180,9 @@ class _Writer:
             self._top -= lines * _LINE
 
     def _room(self, height: float) -> None:
-        """Start a new page unless `height`, a share of the page, is left on the current one."""
+        """Start a new page unless at least `height`, as a share of the page, is free on the
+        current one.
+        """
         if self._left < height and self._top < _TOP:
             self.end_page()
             self._begin_page()
@@ -205,7 +210,7 @@ def _caption_height(picture: blocks.Picture) -> float:
 
 
 def _least_height(block: blocks.Block | None) -> float:
-    """Least height left on a page for a block to begin there, as a share of the page."""
+    """Free height that a page must have for a block to begin on it, as a share of the page."""
     if isinstance(block, blocks.Picture):
         return _LEAST_SHARE * _height(block) + _caption_height(block)
     return 2 * _LINE
@@ -218,7 +223,9 @@ def _rule(height: float) -> "Artist":
 
 
 def _part(figure: "Figure", bottom: float, height: float) -> "FigureBase":
-    """Subfigure between the side margins; `bottom` and `height` are shares of the page."""
+    """Return a subfigure between the side margins; `bottom` and `height` are shares of the
+    page.
+    """
     grid = figure.add_gridspec(
         3,
         3,

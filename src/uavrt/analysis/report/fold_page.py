@@ -1,7 +1,8 @@
-"""Draw flights folded at a tag's pulse interval, to check a detection by eye.
+"""Draw flights folded at a tag's pulse interval, so that a detection can be checked by eye.
 
-Phase runs to the right and time downwards, as for pulsars: a tag is a vertical line in noise.
-The profile above is the sum of all rows, each pulse weighted as in the search.
+Phase is shown to the right and time downwards, as for pulsars: a tag appears as a vertical line
+in the noise. The profile above is the sum of all rows, in which each pulse is weighted as in
+the search.
 """
 
 from typing import TYPE_CHECKING
@@ -25,7 +26,9 @@ _LOWEST, _HIGHEST = -2.0, 6.0
 
 
 def draw_fold(target: "FigureBase", fold: "FlightFold", color: str) -> None:
-    """Draw a flight's summed profile, and the folded flight below it."""
+    """Draw the summed profile of a flight, and below it the signal folded at the pulse
+    interval.
+    """
     above, below = target.subplots(2, 1, sharex=True, height_ratios=(1, 2.6))
     half_ms = 500.0 * fold.interval_s
     profile = np.array(fold.profile)

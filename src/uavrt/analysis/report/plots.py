@@ -1,8 +1,9 @@
-"""Draw a detection run for each tag: waterfall with pulses, folded pulses, SNR over time.
+"""Draw the results of a detection run for each tag: waterfall with pulses, folded pulses, SNR
+over time.
 
-Matplotlib, from the extra ``uavrt[analysis]``, is used through its objects, without pyplot and
-without a display. Colours are those of Okabe and Ito (2008), distinct for people with any kind
-of colour vision; marker shapes repeat the distinction.
+Matplotlib, from the extra ``uavrt[analysis]``, is used without pyplot and without a display.
+The colours are those of Okabe and Ito (2008), which people with any kind of colour vision can
+distinguish; marker shapes show the same distinction.
 """
 
 import re
@@ -33,9 +34,11 @@ STYLES: Final[dict[DetectionStatus, tuple[str, str, str]]] = {
 }
 """Colour, marker shape and legend text of each pulse status."""
 CIRCLED: Final = 40
-"""Maximum number of pulses that are circled in a waterfall; more would hide the picture."""
+"""Maximum number of pulses that are circled in a waterfall; more circles would hide the
+picture."""
 TICKED: Final = 400
-"""Maximum number of pulses with a tick each above a waterfall; more ticks would touch."""
+"""Maximum number of pulses that are marked by single ticks above a waterfall; more ticks would
+touch."""
 RASTER_ROWS: Final = 700
 LEAST_DB: Final = 6.0
 LEAST_HZ: Final = 20.0
@@ -59,7 +62,9 @@ class DetectionPlots:
         self._pulses: dict[int, list[Pulse]] = {tag.tag_id: [] for tag in tags}
 
     def add_block(self, block: ChannelBlock) -> None:
-        """Add a channel's block; each tag is plotted from the channel nearest to it."""
+        """Add a block of a channel; each tag is plotted from the channel whose centre is
+        nearest to it.
+        """
         for tag in self._tags:
             offset_hz = tag.frequency_hz - block.center_frequency_hz
             known = self._waterfalls.get(tag.tag_id)
@@ -82,7 +87,7 @@ class DetectionPlots:
             self._pulses[pulse.tag_id].append(pulse)
 
     def write(self) -> list[Path]:
-        """Draw the pictures of every tag that has samples, and return their files."""
+        """Draw the pictures of every tag that has samples; return their files."""
         written = []
         for tag in self._tags:
             known = self._waterfalls.get(tag.tag_id)
@@ -104,7 +109,7 @@ class DetectionPlots:
 
 
 def draw_waterfall(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "Figure":
-    """Draw level over time and frequency; pulses are circled, or ticked above."""
+    """Draw the level over time and frequency; pulses are circled, or marked by ticks above."""
     figure = _figure(5.2)
     ticks, axes = figure.subplots(2, 1, sharex=True, height_ratios=(1, 14))
     level_db = levels_over_noise_db(waterfall.power)
@@ -152,7 +157,9 @@ def draw_waterfall(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "
 
 
 def _draw_counts(axes: "Axes", pulses: Sequence[Pulse], begin: float, end: float) -> None:
-    """Draw the number of pulses in each of 200 time spans, where ticks would touch."""
+    """Draw a histogram of pulses in 200 time spans, which replaces ticks if they would
+    touch.
+    """
     groups = [[p for p in pulses if p.detection_status == status] for status in STYLES]
     axes.hist(
         [[_date(pulse.start_time_ns) for pulse in group] for group in groups],
@@ -192,7 +199,9 @@ def draw_snr(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "Figure
 
 
 def draw_beat(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "Figure":
-    """Draw levels and pulses folded at the pulse interval; one picture for each interval."""
+    """Draw levels and pulses folded at the pulse interval, in one row of pictures for each
+    interval.
+    """
     rates = sorted({pulse.rate for pulse in pulses}) or [1]
     figure = _figure(5.2 * len(rates))
     grid = figure.subplots(len(rates), 2, width_ratios=(3, 2), sharey="row", squeeze=False)
@@ -222,7 +231,9 @@ def draw_beat(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "Figur
 
 
 def _draw_raster(axes: "Axes", waterfall: Waterfall, interval_s: float, first_s: float) -> None:
-    """Draw the level along each interval as a row; several intervals may share a row."""
+    """Draw the level along each pulse interval as a row; several intervals share a row if there
+    are too many.
+    """
     trace, step_s = waterfall.trace, waterfall.trace_s
     at = np.arange(trace.size) * step_s + waterfall.frame_center_s
     phase = (at - first_s) / interval_s + 0.5

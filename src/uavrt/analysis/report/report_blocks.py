@@ -1,4 +1,4 @@
-"""Contents of the report as one list of blocks, which `report_page` and `document` lay out."""
+"""List the contents of the report as blocks, which `report_page` and `document` lay out."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from uavrt.flight.integrated import FlightFold
 
 @dataclass(frozen=True, slots=True)
 class Paragraph:
-    """Heading or running text; a section begins a page of the PDF."""
+    """A heading or a paragraph of text; a section heading begins a new page of the PDF."""
 
     text: str
     kind: Literal["title", "section", "heading", "plain", "soft", "small", "warning"] = "plain"
@@ -30,14 +30,16 @@ class Paragraph:
 
 @dataclass(frozen=True, slots=True)
 class Cards:
-    """Row of boxes, one per tag, with its position in words and its color."""
+    """Row of boxes, one per tag, each with the tag's position in words and its color."""
 
     cards: tuple[tuple[words.Finding, str], ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Table with relative column widths; HTML collapses it under the title `folded`, if any."""
+    """Table with relative column widths. If it has a title `folded`, HTML shows it collapsed
+    under this title.
+    """
 
     table: words.Table
     widths: tuple[int, ...]
@@ -46,7 +48,7 @@ class Grid:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A figure, `WIDTH_IN` by `height_in` inches; drawn by calling `draw(figure, *of)`."""
+    """A figure of `WIDTH_IN` by `height_in` inches, which ``draw(figure, *of)`` draws."""
 
     name: str
     height_in: float
@@ -59,7 +61,7 @@ Block = Paragraph | FactTable | Cards | Grid | Picture
 
 
 def all_blocks(survey: Survey) -> Iterator[Block]:
-    """All blocks of the report, in order."""
+    """Yield all blocks of the report, in order."""
     yield Paragraph(survey.name, "title")
     for text in (words.heading_line(survey), *survey.facts.lines):
         yield Paragraph(text, "soft")
@@ -145,7 +147,7 @@ def _system(survey: Survey) -> Iterator[Block]:
         yield Paragraph("Bearings", "section")
         yield Grid(words.bearing_table(survey), (6, 11, 22, 8, 15, 7, 23))
     if (beeps := words.beep_table(survey)) is not None:
-        yield Paragraph("What else beeped", "heading")
+        yield Paragraph("Other beeping signals", "heading")
         yield Grid(beeps, (10, 11, 9, 7, 5, 50))
     events = words.events(survey)
     if survey.health or survey.search_reports or events:

@@ -1,4 +1,4 @@
-"""Draw a background map from a local map file; nothing is downloaded."""
+"""Draw a background map from a local map file, without downloading anything."""
 
 import io
 import math
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TILES_ACROSS = 3.0
-"""Target number of map tiles across a picture; at most four in each direction, 1 to 2 MB."""
+"""Target number of map tiles across a picture; at most four are used in each direction, 1 to 2
+MB."""
 MOST_SIDE = 1024
 _PALE = 0.5
 """Opacity of the white layer over the background map, which keeps lines readable."""
@@ -29,8 +30,8 @@ _Pixels = NDArray[np.float64]
 def draw_ground(axes: "Axes", plane: TangentPlane, maps: Sequence[MapFile]) -> None:
     """Draw the most detailed map that covers the axes, with its attribution.
 
-    The tiles' web Mercator is stretched linearly to the metres of the axes. Over 4 km the error
-    is a few metres.
+    The tiles' web Mercator projection is stretched linearly to the metres of the axes. Over 4
+    km the error is a few metres.
     """
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     (south, north), (west, east) = plane.to_geodetic([left, right], [low, high])
@@ -64,7 +65,7 @@ def draw_ground(axes: "Axes", plane: TangentPlane, maps: Sequence[MapFile]) -> N
 
 
 def maps_under(survey: Survey) -> list[MapFile]:
-    """Map files that cover the first position of a flight."""
+    """Return the map files that cover the first position of a flight."""
     if not survey.track:
         return []
     first = survey.track[0]
@@ -75,7 +76,9 @@ def maps_under(survey: Survey) -> list[MapFile]:
 def _picture(
     one: MapFile, area: tuple[float, float, float, float]
 ) -> tuple[_Pixels, tuple[float, float, float, float]] | None:
-    """Map tiles of an area as one picture, and its north, west, south and east edge [deg]."""
+    """Combine the map tiles of an area to one picture; return it with its north, west, south
+    and east edge [deg].
+    """
     west, south, east, north = area
     wide = max(east - west, 1e-9) / 360.0
     wanted = math.floor(math.log2(TILES_ACROSS / wide))
@@ -104,7 +107,9 @@ def _picture(
 
 
 def _pixels(content: bytes | None) -> _Pixels | None:
-    """Red, green and blue of a tile, 0 to 1; None unless it is a square picture."""
+    """Return red, green and blue of a tile's pixels, 0 to 1; None unless the tile is a square
+    picture.
+    """
     from matplotlib.image import imread
 
     if content is None:

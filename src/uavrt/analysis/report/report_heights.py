@@ -1,4 +1,6 @@
-"""Draw a monopole survey by height: SNR over height, vertical section, map of each layer."""
+"""Draw a monopole survey by height: SNR over height, vertical section, and a map of each height
+range.
+"""
 
 from typing import TYPE_CHECKING
 
@@ -26,7 +28,9 @@ LAYER_CAPTION = (
 
 
 def draw_heights(target: "FigureBase", signal: TagSignal) -> None:
-    """Draw SNR over flight height, and a vertical section if flown at several heights."""
+    """Draw SNR over flight height and, if the flight covers several heights, a vertical
+    section.
+    """
     section = signal.section
     if section is None:
         axes = target.subplots()
@@ -50,7 +54,9 @@ def draw_heights(target: "FigureBase", signal: TagSignal) -> None:
 def draw_layers(
     target: "FigureBase", survey: Survey, signal: TagSignal, first: int = 0
 ) -> None:
-    """Draw up to `PER_PAGE` maps of height layers from number `first`, in one color scale."""
+    """Draw up to `PER_PAGE` maps of height ranges, starting with number `first`, in one color
+    scale.
+    """
     layers = signal.layers[first : first + PER_PAGE]
     every = np.concatenate(
         [one.surface.snr_db.ravel() for one in signal.layers if one.surface is not None]

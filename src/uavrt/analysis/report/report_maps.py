@@ -44,7 +44,8 @@ _LEAST_HALF_M = 120.0
 _NICE = (1, 2, 5)
 _SHADED_SHARES = (0.98, 0.9, 0.75, 0.5, 0.25)
 _LEGEND_IN = 1.6
-"""Width of the texts in a map's legend [in], which keeps it clear of the north arrow."""
+"""Width of the texts in a map's legend [in], so that the legend does not cover the north
+arrow."""
 CAPTION = (
     "Latitude and longitude on WGS84; north is up. Stars: most probable positions, each with "
     "a line that contains the tag with 95 % probability. Lines: bearings; shaded: their 90 % "
@@ -60,7 +61,7 @@ STRONGEST = "strongest signal; the tag is on a ring around it"
 
 
 class LocalMap:
-    """Axes in metres around the flight, with a graticule in degrees and fixed limits."""
+    """Map axes in metres around the flight, with fixed limits and a graticule in degrees."""
 
     def __init__(
         self,
@@ -84,7 +85,7 @@ class LocalMap:
         draw_ground(axes, self.plane, survey.maps)
 
     def line(self, points: Iterable[Point]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """East and north [m] of points given as (longitude, latitude) [deg]."""
+        """Convert points (longitude, latitude) [deg] to east and north [m]."""
         array = np.array(list(points))
         return self.plane.to_local(array[:, 1], array[:, 0])
 
@@ -165,7 +166,9 @@ def draw_overview(target: "FigureBase", survey: Survey) -> None:
 
 
 def draw_tag_map(target: "FigureBase", survey: Survey, tag_id: int) -> None:
-    """Draw one tag's map: pulses by SNR, bearings with 90 % wedges, probability, position."""
+    """Draw one tag's map: pulses coloured by SNR, bearings with 90 % sectors, probability and
+    position.
+    """
     pulses = [one for one in survey.pulses_of(tag_id) if one.pose is not None]
     if not survey.track or not pulses:
         message(target, "No map: this tag was not detected at any known position.")
@@ -251,7 +254,7 @@ def _position(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None:
 
 
 def _hindsight(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None:
-    """Draw the positions found by whole-flight analysis, ambiguous ones included."""
+    """Draw the positions that whole-flight analysis found, including ambiguous ones."""
     verdict, places = survey.verdict_of(tag_id), _hindsight_places(survey, tag_id)
     if verdict is None or not places:
         return
@@ -286,7 +289,9 @@ def _heat(chart: LocalMap, position: Position) -> None:
 
 
 def _signal(target: "FigureBase", chart: LocalMap, signal: TagSignal) -> None:
-    """Draw a tag's SNR map, its strongest signal, and the circle on which the tag lies."""
+    """Draw a tag's SNR map, the place of its strongest signal, and the circle on which the tag
+    lies.
+    """
     if signal.surface is not None:
         drawn = draw_surface(chart, signal.surface)
         target.colorbar(drawn, ax=chart.axes, label="SNR [dB]", shrink=0.6)
@@ -297,7 +302,7 @@ def _signal(target: "FigureBase", chart: LocalMap, signal: TagSignal) -> None:
 def draw_surface(
     chart: LocalMap, surface: SignalSurface, limits_db: tuple[float, float] | None = None
 ) -> "QuadMesh":
-    """Color the map by SNR; with fixed limits, several maps can be compared."""
+    """Color the map by SNR. With fixed limits, the colors of several maps can be compared."""
     plane = TangentPlane(latitude_deg=surface.latitude_deg, longitude_deg=surface.longitude_deg)
     east, north = np.meshgrid(surface.east_m, surface.north_m)
     x, y = chart.plane.to_local(*plane.to_geodetic(east, north))
@@ -314,7 +319,9 @@ def draw_surface(
 
 
 def draw_strongest(chart: LocalMap, loudest: StrongestSignal) -> None:
-    """Mark the position of strongest signal, and the circle around it where the tag lies."""
+    """Mark the place of the strongest signal, and draw the circle around it on which the tag
+    lies.
+    """
     x, y = chart.line([point_of(loudest)])
     label = "\n".join(wrapped(STRONGEST, _LEGEND_IN, size=7.5))
     chart.axes.plot(x, y, "P", color="white", mec=INK, ms=9, zorder=5, label=label)
@@ -330,7 +337,9 @@ _MOST_LABELS = 4
 
 
 def nice_below(value: float) -> float:
-    """Largest 1, 2 or 5 times a power of ten that is not above a value."""
+    """Largest number of the form 1, 2 or 5 times a power of ten that does not exceed a
+    value.
+    """
     power = 10.0 ** math.floor(math.log10(value))
     return max(step * power for step in _NICE if step * power <= value * (1 + 1e-9))
 

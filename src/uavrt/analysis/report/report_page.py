@@ -47,7 +47,7 @@ _CLASSES = {"plain": "", "soft": "sub", "small": "small", "warning": "warn"}
 
 
 def html_page(survey: Survey) -> str:
-    """Make the report's HTML; raises `UsageError` without matplotlib."""
+    """Return the report as HTML. Raises `UsageError` without matplotlib."""
     with styled():
         body = "\n".join(map(_html, blocks.all_blocks(survey)))
     return (
@@ -123,5 +123,5 @@ def _picture(picture: blocks.Picture) -> str:
 
 
 def _text(text: str) -> str:
-    """Escape a text, and keep numbers on one line with their units."""
+    """Escape a text for HTML, and keep each number on one line with its unit."""
     return _UNITS.sub("\N{NO-BREAK SPACE}", escape(text))

@@ -1,4 +1,4 @@
-"""Draw SNR, heading and noise over time."""
+"""Draw SNR, heading and noise density over time."""
 
 import math
 from collections.abc import Sequence
@@ -19,7 +19,9 @@ NOISE_CAPTION = "Noise density at each tag's frequency, over the square of full 
 
 
 def draw_times(target: "FigureBase", survey: Survey, tag_id: int) -> None:
-    """Draw SNR of a tag, and the heading; turns with a bearing are shaded."""
+    """Draw a tag's SNR and the vehicle's heading over time; turns that gave a bearing are
+    shaded.
+    """
     heard, later = survey.pulses_of(tag_id), survey.integrated_of(tag_id)
     if not heard and not later and not survey.track:
         message(target, "No pulses and no poses: nothing to draw over time.")
@@ -49,7 +51,7 @@ def _snr(axes: "Axes", pulses: Sequence[PulsePose], start_ns: int, **style: Any)
 
 
 def draw_noise(target: "FigureBase", survey: Survey) -> None:
-    """Draw the noise density measured by the detectors, for each tag's frequency."""
+    """Draw the noise density that the detectors measured at each tag's frequency over time."""
     axes = target.subplots()
     start_ns = (survey.span_ns or (0, 0))[0]
     drawn = False
@@ -84,7 +86,7 @@ def draw_noise(target: "FigureBase", survey: Survey) -> None:
 
 
 def _heading(axes: "Axes", survey: Survey, start_ns: int) -> None:
-    """Draw the vehicle's heading, without lines from 359° to 0°."""
+    """Draw the vehicle's heading over time, interrupted where it passes from 359° to 0°."""
     poses = thinned(survey.track, 0.5)
     yaw = np.array([yaw_deg(pose.quaternion_wxyz) for pose in poses])
     times = np.array([_minutes(pose.time_ns, start_ns) for pose in poses])

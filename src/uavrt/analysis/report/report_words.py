@@ -73,7 +73,7 @@ SOURCES = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """Position of one tag in words, for a person who will walk there."""
+    """Position of one tag in words, for a person who will walk to it."""
 
     tag_id: int
     title: str
@@ -82,7 +82,7 @@ class Finding:
 
 
 def heading_line(survey: Survey) -> str:
-    """Line with a flight's start, duration, numbers of tags and pulses, and antenna."""
+    """Line that states a flight's start, duration, number of tags and pulses, and antenna."""
     span = survey.span_ns
     if span is None:
         return "Empty recording."
@@ -98,18 +98,20 @@ def heading_line(survey: Survey) -> str:
 
 
 def findings(survey: Survey) -> list[Finding]:
-    """Position of each tag in words, by number, with results of whole-flight analysis."""
+    """Position of each tag in words, in order of tag ids, with the results of whole-flight
+    analysis.
+    """
     return [_finding(survey, tag_id) for tag_id in survey.tag_ids]
 
 
 def hindsight(survey: Survey, tag_id: int) -> FactTable:
-    """Whole-flight result for a tag; empty if the analysis was not run."""
+    """Table of the whole-flight result for a tag; empty if the analysis was not run."""
     verdict = survey.verdict_of(tag_id)
     return FactTable() if verdict is None else verdict_facts(verdict)
 
 
 def tag_table(survey: Survey) -> Table:
-    """Table of all tags: frequencies, pulses, SNR, last detection and bearings."""
+    """Table of all tags with frequencies, pulses, SNR, last detection and bearings."""
     header = [
         *("Tag", "Listed MHz", "Heard MHz", "Pulses", "Confirmed", "SNR median / best"),
         *(f"Last detected {zones(survey)}", "Bearings"),
@@ -135,7 +137,7 @@ def tag_table(survey: Survey) -> Table:
 
 
 def code_table(survey: Survey) -> Table | None:
-    """Table of listed and received codes; None if no tag is coded."""
+    """Table that compares listed and received codes; None if no tag is coded."""
     rows = []
     for tag_id in survey.tag_ids:
         tag = survey.tag(tag_id)
@@ -148,7 +150,9 @@ def code_table(survey: Survey) -> Table | None:
 
 
 def _gaps(tag: Tag, bursts: Sequence[Pulse]) -> tuple[str, str, str]:
-    """Table row of a coded tag: listed gaps, medians of the received ones, number of bursts."""
+    """Table row of a coded tag: listed gaps, medians of the received gaps, and number of
+    bursts.
+    """
     heard = [
         np.diff(one.burst_starts_ns) / 1e6
         for one in bursts
@@ -162,7 +166,7 @@ def _gaps(tag: Tag, bursts: Sequence[Pulse]) -> tuple[str, str, str]:
 
 
 def bearing_table(survey: Survey) -> Table:
-    """Table of all bearings: time, origin, 90 % interval, number of pulses, remarks."""
+    """Table of all bearings with time, origin, 90 % interval, number of pulses and remarks."""
     time = f"Time {zones(survey)}"
     header = ["Tag", time, "From", "Bearing", "90 % within", "Pulses", "Verdict"]
     rows = []
@@ -183,7 +187,7 @@ def bearing_table(survey: Survey) -> Table:
 
 
 def health_table(survey: Survey) -> Table:
-    """Table of the processes: last status, share of time without faults, counters."""
+    """Table of the processes with last status, share of time without faults, and counters."""
     header = ["Process", "Last status", "Without faults", "Counters"]
     rows = []
     for process in sorted({one.process for one in survey.health}):
@@ -207,7 +211,7 @@ def _plain(count: float) -> str:
 
 
 def events(survey: Survey) -> list[list[str]]:
-    """Times and texts of notes, and of messages of severity warning and above."""
+    """Times and texts of all notes, and of messages with severity warning or higher."""
     found = [(time_ns, text) for time_ns, text in survey.notes]
     found += [(time_ns, one.text) for time_ns, one in survey.status_texts if one.severity <= 4]
     return [[survey.facts.clock(time_ns), text] for time_ns, text in sorted(found)]
@@ -291,7 +295,9 @@ def _with_position(survey: Survey, tag_id: int, position: Position) -> FactTable
 
 
 def _from_start(survey: Survey, position: Position) -> list[str]:
-    """Distance and direction from the start of the track, for a person who walks there."""
+    """Distance and direction of a tag from the start of the track, for a person who walks to
+    it.
+    """
     if not survey.track:
         return []
     start = survey.track[0]
@@ -338,7 +344,9 @@ def _without_position(survey: Survey, tag_id: int) -> FactTable:
 
 
 def _undetected(reports: Sequence[SearchReport]) -> FactTable:
-    """Table rows for a tag not detected: duration of the search, weakest detectable pulses."""
+    """Table rows for a tag that was not detected: duration of the search and weakest detectable
+    pulses.
+    """
     if not reports:
         return FactTable(rows=(("Detected", ["no"]),))
     seconds = (reports[-1].time_ns - reports[0].time_ns) / NANOSECONDS_PER_SECOND

@@ -1,4 +1,4 @@
-"""Report an autonomous search flight: path, finds, decisions and tags not found."""
+"""Report an autonomous search flight: path, found tags, decisions, and tags not found."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -34,27 +34,29 @@ class FlownSearch:
 
     @property
     def begun(self) -> SearchNote:
-        """Log entry of the search's start."""
+        """Log entry for the start of the search."""
         return self.notes[0]
 
     @property
     def last(self) -> SearchNote:
-        """Log entry of the search's end, or the last one before the recording broke off."""
+        """Log entry for the end of the search, or the last entry if the recording ends
+        earlier.
+        """
         return self.notes[-1]
 
     @property
     def decisions(self) -> list[SearchNote]:
-        """Log entries of decisions where to fly next."""
+        """Log entries for decisions about where to fly next."""
         return [note for note in self.notes if note.event == "decision"]
 
     @property
     def unknown(self) -> list[SoughtTag]:
-        """Tags that were not found, as in the last log entry."""
+        """Tags that were not found, as listed in the last log entry."""
         return [one for one in self.last.tags if one.found_s is None]
 
 
 def searches_of(survey: Survey) -> Iterator[FlownSearch]:
-    """All autonomous searches of a flight."""
+    """Yield the log entries of each autonomous search in a flight."""
     notes = sorted(survey.search_notes, key=attrgetter("order_id"))
     groups = [tuple(own) for _, own in groupby(notes, key=attrgetter("order_id"))]
     for own in sorted(groups, key=lambda one: one[0].time_ns):
@@ -62,7 +64,9 @@ def searches_of(survey: Survey) -> Iterator[FlownSearch]:
 
 
 def summary(survey: Survey, search: FlownSearch) -> FactTable:
-    """Table of a search's task, its end, the number of finds, and where other tags may be."""
+    """Table that states a search's task, its end, the number of tags found, and where the other
+    tags may be.
+    """
     begun, last, clock = search.begun, search.last, survey.facts.clock_in_words
     minutes = last.elapsed_s / 60.0
     found = len(last.tags) - len(search.unknown)
@@ -94,7 +98,7 @@ def _unknown(one: SoughtTag) -> list[str]:
 
 
 def found_table(survey: Survey, search: FlownSearch) -> Table:
-    """Table of all searched tags, with the minutes until each was found."""
+    """Table of all tags that were searched for, with the minutes until each was found."""
     header = ["Tag", "Found", "Place", "95 % within", "There", "Heard / not"]
     rows = []
     for one in search.last.tags:
@@ -123,7 +127,7 @@ def decision_table(survey: Survey, search: FlownSearch) -> Table:
 
 
 def draw_search(target: "FigureBase", survey: Survey, search: FlownSearch) -> None:
-    """Draw search area, path, decisions, finds, and where tags not found may be."""
+    """Draw search area, path, decisions, found tags, and where the tags not found may be."""
     axes = target.subplots()
     corners = [(longitude, latitude) for latitude, longitude in search.begun.area]
     chart = LocalMap(axes, survey, (), also=corners)

@@ -1,4 +1,6 @@
-"""Draw coverage maps, from dark blue (tag not detectable) to yellow (certainly detected)."""
+"""Draw coverage maps, from dark blue (a tag there is not detectable) to yellow (it is certainly
+detected).
+"""
 
 import io
 from collections.abc import Sequence
@@ -26,7 +28,9 @@ CAPTION = (
 
 
 def summary(one: SilentMap) -> FactTable:
-    """Table of a coverage map: result, assumed tag power, detection probability, limits."""
+    """Table that summarises a coverage map: result, assumed tag power, detection probability
+    and limits.
+    """
     found = one.coverage
     if one.heard_pulses:
         result = f"detected ({counted(one.heard_pulses, 'confirmed pulse')})"
@@ -54,13 +58,15 @@ def summary(one: SilentMap) -> FactTable:
 
 
 def draw_silence(target: "FigureBase", survey: Survey, one: SilentMap) -> None:
-    """Draw a coverage map under the flown path."""
+    """Draw a coverage map with the flown path above it."""
     chart = _draw(target, survey, one.coverage, "would be detected")
     draw_track(chart, survey)
 
 
 def coverage_png(coverage: Coverage, path: Sequence[tuple[float, float]]) -> bytes:
-    """Draw a coverage map as in the report, with the `path` (longitude, latitude)."""
+    """Draw a coverage map as in the report, with `path` (longitude, latitude); return it as
+    PNG.
+    """
     empty = Survey(name="", kind="flight", antenna="", pulse_poses=(), track=())
     with styled():
         figure = new_figure(7.5, 6.5)

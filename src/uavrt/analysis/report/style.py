@@ -1,6 +1,6 @@
-"""Style of the report's figures; the only module that loads matplotlib.
+"""Style of the report's figures. This is the only module that loads matplotlib.
 
-Figures are objects without pyplot's global state, so reports can be made in threads.
+Figures are created without pyplot's global state, so reports can be created in threads.
 """
 
 import base64
@@ -46,7 +46,9 @@ _POINTS_PER_IN = 72.0
 
 
 def styled() -> Any:
-    """Context manager with the figures' style; raises `UsageError` without matplotlib."""
+    """Context manager that applies the figures' style. Raises `UsageError` without
+    matplotlib.
+    """
     with needs_extra("analysis", "a report"):
         import matplotlib as mpl
     settings: Any = _SETTINGS  # the stubs want each key as a literal
@@ -64,14 +66,14 @@ def new_figure(width_in: float, height_in: float) -> "Figure":
 
 
 def svg_data(figure: "Figure") -> str:
-    """Encode a figure as a data URI, which the page shows without a request."""
+    """Encode a figure as a data URI, which a browser shows without a further request."""
     stream = io.BytesIO()
     figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None}, dpi=150)
     return "data:image/svg+xml;base64," + base64.b64encode(stream.getvalue()).decode()
 
 
 def wrapped(text: str, width_in: float, *, size: float = 9, bold: bool = False) -> list[str]:
-    """Wrap a text at a width in inches, between words if possible."""
+    """Wrap a text into lines of a width in inches, between words if possible."""
     lines: list[str] = []
     for word in text.split():
         joined = f"{lines[-1]} {word}" if lines else word
@@ -101,7 +103,9 @@ def _width_in(text: str, size: float, bold: bool) -> float:
 
 
 def outlined() -> Any:
-    """Path effect that outlines text and lines in white, for use on colors."""
+    """Return a path effect that outlines text and lines in white, so that they are visible on
+    colors.
+    """
     from matplotlib.patheffects import withStroke
 
     return withStroke(linewidth=2.5, foreground="white")
@@ -113,7 +117,7 @@ def tag_color(tag_ids: tuple[int, ...], tag_id: int) -> str:
 
 
 def message(target: "FigureBase", text: str) -> None:
-    """Write a text into an empty figure, such as the reason why there is no plot."""
+    """Write a text into an empty figure, such as the reason why nothing is plotted."""
     axes: Axes = target.subplots()
     axes.set_axis_off()
     axes.text(0.5, 0.5, text, ha="center", va="center", color=SOFT, wrap=True)

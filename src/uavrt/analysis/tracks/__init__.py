@@ -1,6 +1,7 @@
-"""Poses from autopilot logs and receiver tracks, for pulses without a pose.
+"""Read poses from autopilot logs and tracks of GPS receivers, for pulses that have no pose.
 
-`recognised` reads a track of any kind, most by `uavrt.formats.tracks`; `tlog` reads MAVLink
-messages, `foreign_flight` and `simulated` tracks of uavrt. `attach` finds the clocks' offset
-and gives each pulse its pose.
+`recognised` reads a track of any kind, most of them by `uavrt.formats.tracks`. `tlog` reads
+telemetry logs of ground stations, and `simulated` the poses of a simulated vehicle.
+`foreign_flight` converts a track to a flight record. `attach` determines the offset between the
+clocks and gives each pulse its pose.
 """

@@ -1,9 +1,11 @@
-"""Give pulses the poses of another program's log, and estimate the clocks' offset.
+"""Give pulses the poses from another program's log, and estimate the offset between the two
+clocks.
 
-An offset is rejected if another one 5 s away fits nearly as well (misfit within 15 %). It is
-also rejected if its standard deviation (jackknife over eighths of the flight) moves the
-headings of a turn by more than 3°. A single turn at a constant rate fits any offset with
-another bearing; starts, stops and several positions remove the ambiguity.
+An offset is rejected if another one at least 5 s away fits nearly as well (misfit within 15 %).
+It is also rejected if its standard deviation (by a jackknife over eighths of the flight)
+corresponds to more than 3° of heading in a turn. A single turn at a constant rate fits any
+offset, each with a different bearing; starts, stops and several positions remove this
+ambiguity.
 """
 
 import math
@@ -31,43 +33,51 @@ SEARCH_S = 120.0
 STEP_S = 1.0
 FINE_S = 0.05
 CLEAR = 1.15
-"""Minimum ratio of the misfit at clock offsets 5 s away to the misfit at the best offset."""
+"""Minimum ratio of the misfit at clock offsets 5 s away to the misfit at the best clock
+offset."""
 _ELSEWHERE_S = 5.0
 MOST_HEADING_SIGMA_DEG = 3.0
-"""Largest heading error from an uncertain clock offset [deg]; a turn's own is a few degrees."""
+"""Largest accepted heading error from an uncertain clock offset [deg]; the error of a bearing
+from one turn is a few degrees."""
 _LEAST_PULSES = 12
 _LEAST_SHARE = 0.25
-"""Minimum share of pulses that a track must cover; less suggests another flight's track."""
+"""Minimum share of pulses that a track must cover; a smaller share suggests the track of
+another flight."""
 _MOST_LOST = 0.2
-"""Largest share of coverable pulses that an offset may leave without a pose. Without a limit,
-the best offset would be one that leaves out badly fitting pulses."""
+"""Largest share of the pulses that could be covered which an offset may leave without a pose.
+
+Without this limit, the best offset would be one that excludes the pulses which fit badly."""
 _PARTS = 8
 _TURNING_DEG_S = 2.0
-"""Rate above which the vehicle counts as turning [deg/s]; wind causes slower rotation."""
+"""Rate above which the vehicle counts as turning [deg/s]; rotation by wind is slower."""
 _NEAR_M = 20.0
 _ROUND_CELL, _ROUND_CELL_M = 0.4, 30.0
 """Half-width of the first search grid around a candidate position of a tag: share of its
 distance from the flight's middle, plus a constant [m]."""
 _ZOOM = 0.4
 _FINE_PLACE_M = 2.0
-"""Half-width of the 9 × 9 grid of tag positions below which it is not refined further [m]."""
+"""Half-width of the 9 × 9 grid of tag positions at which the refinement of the grid ends
+[m]."""
 
 _Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockOffset:
-    """Offset of the pulses' clock ahead of the track's clock, and its uncertainty."""
+    """Offset of the pulses' clock from the track's clock, positive if the pulses' clock is
+    ahead, with its uncertainty.
+    """
 
     offset_s: float
     found_by: str
     """Source of the offset: ``"given"`` by the user, or estimated from the pulses' ``"poses"``
-    or SNR (``"powers"``)."""
+    or their SNR (``"powers"``)."""
     sigma_s: float | None = None
     """Standard deviation of the offset, by a jackknife over eighths of the flight [s]; None if
     the offset was given."""
     heading_sigma_deg: float | None = None
-    """Heading error caused by the clock offset's error at the flown turn rate [deg]."""
+    """Heading error that the uncertainty of the clock offset causes at the flown turn rate
+    [deg]."""
 
 
 def attach_poses(
@@ -78,9 +88,9 @@ def attach_poses(
 ) -> list[PulsePose]:
     """Give each pulse the antenna's pose from the track, or None where the track has a gap.
 
-    While the log reports landed or disarmed, the height is set to 0, despite barometer drift.
-    This distinguishes turns of a carried drone from turns in flight. Poses that pulses already
-    have are replaced.
+    While the log reports landed or disarmed, the height is set to 0, whatever the barometer's
+    drift. This distinguishes turns of a carried drone from turns in flight. Poses that pulses
+    already have are replaced.
     """
     ring = PoseRing(antenna, capacity=max(1, len(track.attitudes), len(track.positions)))
     shifted = track.shifted(ns_from_s(offset_s))
@@ -102,7 +112,9 @@ def _grounded(one: PulsePose, track: VehicleTrack) -> PulsePose:
 
 
 def require_poses(attached: Sequence[PulsePose], offset_s: float) -> int:
-    """Number of pulses with a pose; raises `UsageError` if fewer than a quarter have one."""
+    """Return the number of pulses with a pose. Raises `UsageError` if fewer than a quarter have
+    one.
+    """
     placed = sum(one.pose is not None for one in attached)
     if attached and placed < _LEAST_SHARE * len(attached):
         raise UsageError(
@@ -117,12 +129,12 @@ def require_poses(attached: Sequence[PulsePose], offset_s: float) -> int:
 def estimate_offset(
     pulse_poses: Sequence[PulsePose], track: VehicleTrack, *, antenna: str = "RA-23K"
 ) -> ClockOffset:
-    """Estimate the offset between the clocks of a track and a log of pulses.
+    """Estimate the offset between the clocks of a track and of a log of pulses.
 
-    If the pulses have poses, even coarse ones, headings and positions are matched; otherwise
-    SNR with pattern and distance. A lone turn at a constant rate cannot separate offset from
-    bearing; starts, stops and several turns can. Raises `UsageError` if the offset is
-    uncertain.
+    If the pulses have poses, even inaccurate ones, headings and positions are compared.
+    Otherwise the SNR is compared with antenna pattern and distance. A single turn at a constant
+    rate cannot distinguish an offset from another bearing; starts, stops and several turns can.
+    Raises `UsageError` if the offset is uncertain.
     """
     if len(track.attitudes) < 2 or len(track.positions) < 2:
         text = "the track has fewer than two positions or attitudes"
@@ -179,9 +191,10 @@ def estimate_offset(
 def _sigma_s(
     misfit: Callable[..., float], offsets_s: _Floats, covered: NDArray[np.bool_]
 ) -> float:
-    """Standard deviation of the best offset by a jackknife over consecutive eighths [s].
+    """Standard deviation of the best offset, by a jackknife over consecutive eighths of the
+    flight [s].
 
-    Errors of neighbouring pulses are correlated, so whole time spans are left out (Künsch 1989,
+    Errors of neighbouring pulses are correlated, so whole time spans are omitted (Künsch 1989,
     The jackknife and the bootstrap for general stationary observations).
     """
     counted = np.cumsum(covered) - 1
@@ -206,7 +219,7 @@ class _TagOnTrack:
     antenna: str
 
     def squares(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """(places,) sum of squared SNR residuals for a tag at each place [dB²].
+        """Sum of squared SNR residuals for a tag at each place [dB²], shape (places,).
 
         The model is antenna pattern and distance; the level is fitted.
         """
@@ -221,9 +234,11 @@ class _TagOnTrack:
         return np.asarray(np.minimum(spread**2, 100.0).sum(axis=1))
 
     def least(self, start: tuple[float, float], middle: tuple[float, float]) -> float:
-        """Smallest sum of squared residuals near a position, on ever finer grids.
+        """Return the smallest sum of squared residuals near a position [dB²], found on
+        successively finer grids.
 
-        The first grid is as wide as the polar grid's cells at that distance from its `middle`.
+        The first grid is as wide as the cells of the polar grid at the position's distance from
+        `middle`.
         """
         (east, north), best = start, np.inf
         half_m = _ROUND_CELL_M + _ROUND_CELL * math.dist(start, middle)
@@ -276,14 +291,16 @@ class _Common:
         ]
 
     def _turn_rate_deg_s(self) -> float:
-        """Median turn rate of the vehicle while it turns [deg/s]; 0 if it never does."""
+        """Median rate of the vehicle's turns [deg/s]; 0 if it never turns."""
         passed = np.diff(self._turn_s)
         rates = np.abs(np.diff(self._track_yaw)[passed > 0.0]) / passed[passed > 0.0]
         turning = rates[rates > _TURNING_DEG_S]
         return float(np.median(turning)) if len(turning) else 0.0
 
     def pose_misfit(self, offset_s: float, keep: NDArray[np.bool_] | None = None) -> float:
-        """Mean misfit at a clock offset: squared errors of heading (10°) and position (5 m)."""
+        """Mean misfit of the poses at a clock offset: squared errors of heading (in units of
+        10°) and position (5 m).
+        """
         inside = self._inside(self._posed_s, offset_s)
         if inside is None:
             return np.nan
@@ -303,10 +320,11 @@ class _Common:
     def power_misfit(
         self, offset_s: float, antenna: str, keep: NDArray[np.bool_] | None = None
     ) -> float:
-        """Mean squared SNR residual [dB²] at a clock offset, with each tag's place fitted.
+        """Mean squared SNR residual at a clock offset [dB²], with the best position of each
+        tag.
 
-        Power falls with the square of the distance. Candidate positions are a polar grid around
-        the path.
+        Power falls with the square of the distance. The candidate positions are a polar grid
+        around the path.
         """
         heard = self._heard(offset_s, antenna, keep)
         if heard is None:
@@ -315,11 +333,12 @@ class _Common:
         return total / sum(len(one.snr_db) for one in heard.values())
 
     def sharper_misfit(self, offset_s: float, antenna: str) -> Callable[..., float]:
-        """Make a function like `power_misfit` for nearby offsets, with positions to a metre.
+        """Return a function like `power_misfit` for nearby offsets, with tag positions accurate
+        to a metre.
 
-        The cells of the polar grid are tens of metres wide, but a turn's bearing is more
-        accurate. Without this step, the best offset would be one that turns all bearings to a
-        cell's middle.
+        The cells of the polar grid are tens of metres wide, but the bearing of a turn is more
+        accurate. Without this step, the best offset would be the one that rotates all bearings
+        towards the middle of a cell.
         """
         heard = self._heard(offset_s, antenna) or {}
         cells = [int(np.argmin(one.squares(*self._grid))) for one in heard.values()]
@@ -341,7 +360,9 @@ class _Common:
     def _heard(
         self, offset_s: float, antenna: str, keep: NDArray[np.bool_] | None = None
     ) -> "dict[int, _TagOnTrack] | None":
-        """Pulses of each tag with poses from the track, by tag; None if it covers too few."""
+        """Return the pulses of each tag with poses from the track, by tag id; None if the track
+        covers too few.
+        """
         inside = self._inside(self.time_s, offset_s)
         if inside is None:
             return None
@@ -362,10 +383,10 @@ class _Common:
         return found
 
     def require_cover(self, offsets_s: _Floats, *, posed: bool) -> None:
-        """Exclude clock offsets at which the track covers too few pulses.
+        """Exclude clock offsets at which the track covers fewer than 80 % of the pulses covered
+        at the best offset.
 
-        Too few are under 80 % of those covered at the best offset. Raises `UsageError` if even
-        the best offset covers too few for an estimate.
+        Raises `UsageError` if even the best offset covers too few pulses for an estimate.
         """
         times_s = self._posed_s if posed else self.time_s
         most = max(int(np.count_nonzero(self.covered(one, posed=posed))) for one in offsets_s)
@@ -381,7 +402,9 @@ class _Common:
         self._least_covered = math.ceil((1.0 - _MOST_LOST) * most)
 
     def _no_overlap(self, times_s: _Floats, remedy: str) -> UsageError:
-        """Error for logs that do not overlap; names the time zone if one would explain it."""
+        """Return the error for logs that do not overlap in time; it suggests a time zone if one
+        would explain this.
+        """
         ahead_s = float(times_s.min()) - max(self._turn_s[0], self._place_s[0])
         zones_s = _ZONES_S * round(ahead_s / _ZONES_S)
         if abs(zones_s) <= _MOST_ZONES_S and self._between(times_s, zones_s).any():
@@ -400,7 +423,7 @@ class _Common:
         )
 
     def _inside(self, times_s: _Floats, offset_s: float) -> NDArray[np.bool_] | None:
-        """Mask of the pulses that the track covers; None if they are too few."""
+        """Mask of the pulses that the track covers; None if there are too few."""
         inside = self._between(times_s, offset_s)
         return inside if np.count_nonzero(inside) >= self._least_covered else None
 

@@ -13,7 +13,7 @@ from uavrt.formats.tracks.ulog import read_ulog
 
 
 def read_track(path: Path) -> VehicleTrack:
-    """Read a track of any known kind, recognised by its content."""
+    """Read a track file, whose kind is recognised by its content."""
     with os_errors_as(FormatError, f"cannot read {path}", "Check the name"):
         require_plain_file(path)
         with path.open("rb") as file:

@@ -1,4 +1,5 @@
-"""Read the true poses of a simulated vehicle, ``telemetry.csv`` of ``uavrt simulate``.
+"""Read the true poses of a simulated vehicle from ``telemetry.csv``, which ``uavrt simulate``
+writes.
 
 Columns are ``time_ns, latitude_deg, longitude_deg, altitude_amsl_m, altitude_relative_m, qw,
 qx, qy, qz``. Other programs may write such files too.

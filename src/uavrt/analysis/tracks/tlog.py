@@ -33,7 +33,8 @@ from uavrt.link.mavlink.frame import (
 _ATTITUDE_ID, _ATTITUDE_SEED = 30, 39
 """MAVLink id and checksum seed of the message ATTITUDE, which uavrt's message set lacks."""
 _MOST_WRONG = 300_000
-"""Maximum number of frame markers without a valid frame; reading stops there."""
+"""Maximum number of frame markers that are not followed by a valid frame; reading stops
+there."""
 _SANE_UNIX_US = 1_400_000_000_000_000
 
 
@@ -96,7 +97,9 @@ class _Log:
 
 
 def read_tlog(path: Path) -> VehicleTrack:
-    """Read a telemetry log; raises `FormatError` if unreadable or without a MAVLink frame."""
+    """Read a telemetry log. Raises `FormatError` if it is unreadable or contains no MAVLink
+    frame.
+    """
     with os_errors_as(FormatError, f"cannot read {path}"):
         content = read_file(path, TRACK)
     log, empty = _Log(), True
@@ -104,7 +107,7 @@ def read_tlog(path: Path) -> VehicleTrack:
         log.add(frame, stamp_us)
         empty = False
     if empty:
-        raise FormatError(f"{path} holds no MAVLink frame", remedy="Give a .tlog")
+        raise FormatError(f"{path} contains no MAVLink frame", remedy="Give a .tlog")
     offset_ns = log.gps_offset_ns or log.ground_offset_ns or 0
     attitudes = log.attitudes["quaternion"] or log.attitudes["euler"]
     track = VehicleTrack(
@@ -117,7 +120,7 @@ def read_tlog(path: Path) -> VehicleTrack:
 
 
 def stamped_frames(content: bytes) -> Iterator[tuple[int, Frame]]:
-    """Find all valid frames of a telemetry log, each with its time [microseconds]."""
+    """Yield all valid frames of a telemetry log, each with its time [microseconds]."""
     parser = FrameParser()
     place = wrong = 0
     while place + 11 <= len(content) and wrong < _MOST_WRONG:

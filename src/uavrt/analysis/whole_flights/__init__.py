@@ -1,1 +1,3 @@
-"""Search whole flights in their recorded samples, and put the results in words."""
+"""Search whole flights for tags in their recorded samples, and describe the results in
+words.
+"""

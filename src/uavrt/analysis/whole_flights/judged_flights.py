@@ -1,8 +1,9 @@
-"""Search whole flights for tags too weak for single groups: the engine of ``uavrt integrate``.
+"""Search whole flights for tags that are too weak for single groups of pulses, as in ``uavrt
+integrate``.
 
-The inputs are a recording of the band or of a channel, and the poses of its flight. Each tag
-is found or not at a given false-alarm probability for the flight; a found one gets interval,
-frequency, pulses and position.
+The inputs are a recording of the band or of a channel, and the poses of the flight. Each tag is
+found or not found, at a given probability of a false alarm in the flight. For a tag that is
+found, interval, frequency, pulses and position are estimated.
 """
 
 import math
@@ -40,10 +41,11 @@ from uavrt.radio.source import SampleSource
 POSITION_M = 2000.0
 """Radius of a tag's 95 % circle above which only a bearing is reported [m]."""
 LEAST_PART = 0.05
-"""Minimum probability at which one of several possible tag positions is listed."""
+"""Probability from which one of several possible tag positions is listed."""
 _POLL_S = 0.5
 _MOST_CHANNELS = 8
-"""Maximum number of recorded channels in memory at once; ten minutes of one are 36 MB."""
+"""Maximum number of recorded channels in memory at a time; ten minutes of one channel take 36
+MB."""
 
 Channel = tuple[NDArray[np.complex64], NDArray[np.bool_], int]
 
@@ -60,14 +62,14 @@ class IntegratedTag:
     energies: SlotEnergies
     places: Places
     searched_place: int
-    """Index in `places` of the candidate position that gave the strongest train."""
+    """Index in `places` of the candidate position that gave the strongest pulse train."""
     others: tuple[OtherTrain, ...]
-    """Pulse trains on the tag's frequency at intervals that the tag list excludes."""
+    """Pulse trains at the tag's frequency whose intervals contradict the tag list."""
     heard_alone: int
-    """Number of confirmed pulses of this tag in the flight's own log."""
+    """Number of this tag's confirmed pulses in the flight's own log."""
     flights: int = 1
     limitations: tuple[str, ...] = ()
-    """Sentences on conditions under which the tag's figures do not apply."""
+    """Sentences on conditions that limit the validity of this tag's results."""
     searched: SearchedFor
 
     @property
@@ -77,8 +79,8 @@ class IntegratedTag:
 
     @property
     def ambiguous(self) -> OtherTrain | None:
-        """Pulse train that may be this tag's, at e.g. 3/2 of its interval; None if the tag was
-        found.
+        """Pulse train that may be this tag's, for example at 3/2 of its interval; None if the
+        tag was found or no train fits.
         """
         if self.found:
             return None
@@ -86,7 +88,9 @@ class IntegratedTag:
 
     @property
     def pulse_times_ns(self) -> NDArray[np.int64]:
-        """(n,) start times of the train's pulses [ns, UTC], accurate to jitter and slot."""
+        """Start times of the train's pulses [ns, UTC], shape (n,), accurate to the jitter and
+        the time slot.
+        """
         since_ns = self.pulses.time_s * NANOSECONDS_PER_SECOND
         return np.asarray(self.energies.start_ns + np.rint(since_ns).astype(np.int64))
 
@@ -100,21 +104,24 @@ class WholeFlightOptions:
     """Half-width of the search around each tag's nominal frequency [Hz]."""
     false_alarm_probability: float = WHOLE_FLIGHT_FALSE_ALARM
     most_drift: float = 0.0
-    """Largest relative change of the pulse interval over the flight, up or down."""
+    """Largest relative change of the pulse interval over the flight that is searched, up or
+    down."""
     antenna_assumed: bool = False
-    """True if the flight's antenna is unknown and `pattern` is assumed; results report this."""
+    """True if the flight's antenna is unknown and `pattern` is only assumed; results state
+    this."""
     elevation: Elevation | None = None
-    """Terrain heights, for the loss of pulses behind hills; None is level ground."""
+    """Terrain heights, from which the loss of pulses behind hills is computed; None for level
+    ground."""
     on_progress: Callable[[int, int | None], None] | None = None
-    """Function that receives the number of samples read, and their total."""
+    """Function called with the number of samples read so far, and their total."""
     on_tag: Callable[[int], None] | None = None
-    """Function that receives the number of tags searched so far."""
+    """Function called with the number of tags searched so far."""
 
 
 def integrate_flight(
     flight: Flight, source: SampleSource, tags: Sequence[Tag], how: WholeFlightOptions
 ) -> list[IntegratedTag]:
-    """Search a whole flight for each tag in its recording, which the caller closes."""
+    """Search a whole flight's recording, which the caller closes, for each of several tags."""
     if not tags:
         raise ConfigError("there are no tags to search for", remedy="Name a tag file")
     if len(flight.poses) < 2:
@@ -186,7 +193,9 @@ def integrate_flight(
 def _window_held(
     tag: Tag, window_hz: float, center_hz: float, rate_hz: float
 ) -> tuple[float, tuple[str, ...]]:
-    """Half-width searched around a tag [Hz], and a sentence if less than requested."""
+    """Return the half-width that can be searched around a tag [Hz], and a sentence if it is
+    less than requested.
+    """
     held_hz = max(0.0, 0.5 * rate_hz - abs(tag.frequency_hz - center_hz))
     if window_hz <= held_hz:
         return window_hz, ()
@@ -197,7 +206,7 @@ def _window_held(
 
 
 def searched_for(tag: Tag, how: WholeFlightOptions) -> SearchedFor:
-    """Settings of a search for one tag, as saved with its result."""
+    """Return the settings of a search for one tag, as they are saved with its result."""
     return SearchedFor(
         frequency_hz=tag.frequency_hz,
         pulse_width_s=tag.pulse_width_s,
@@ -266,7 +275,9 @@ def judged_tag(
 
 
 def assumed_in_words(searched: SearchedFor) -> tuple[str, ...]:
-    """Sentence that the antenna is only assumed; empty if the flight or user specified it."""
+    """Sentence stating that the antenna was only assumed; empty if the flight or the user
+    specified it.
+    """
     if not searched.antenna_assumed:
         return ()
     return (
@@ -295,9 +306,10 @@ def channel_samples(
     on_progress: Callable[[int, int | None], None] | None,
     on_fault: Callable[[str], None] | None = None,
 ) -> dict[int, Channel]:
-    """Read a recording into samples of the front end's channels, by channel number.
+    """Read a recording, and return the samples of the front end's channels by channel number.
 
-    With `on_fault`, a damaged recording is used up to the fault, which `on_fault` receives.
+    With `on_fault`, a damaged recording is used up to the fault, and `on_fault` is called with
+    its description.
     """
     blocks: dict[int, list[tuple[NDArray[np.complex64], int]]] = {
         channel: [] for channel in front_end.plan.channels_in_use
@@ -328,7 +340,7 @@ def channel_samples(
 
 
 def hills_under(flight: Flight, elevation: Elevation | None) -> HillLosses | None:
-    """Terrain under a flight, relative to its take-off; None for level ground."""
+    """Return the terrain below a flight, relative to its take-off; None for level ground."""
     if elevation is None:
         return None
     over = FlightGround.of(elevation, PoseColumns.of(flight.poses))
@@ -336,7 +348,9 @@ def hills_under(flight: Flight, elevation: Elevation | None) -> HillLosses | Non
 
 
 def chance_in_words(probability: float, flights: int = 1) -> str:
-    """Sentence on how often noise alone would give such a result, in one or several flights."""
+    """Return a sentence on how often noise alone would give such a result, in one flight or
+    several.
+    """
     what = "flights" if flights == 1 else f"groups of {flights} flights"
     if probability >= 0.01:
         # 1.4 of 100 is not found at a limit of 1: rounded it would pass for found.

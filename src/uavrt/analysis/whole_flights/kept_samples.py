@@ -20,7 +20,7 @@ from uavrt.radio.files.sigmf import sigmf_layout
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeptChannel:
-    """One recorded radio channel of a flight, which may be split into several files."""
+    """One radio channel that a flight recorded; it may be split into several files."""
 
     center_frequency_hz: float
     sample_rate_hz: float
@@ -42,7 +42,9 @@ class KeptChannel:
 def kept_channels(
     flight: Path, on_fault: Callable[[str], None] | None = None
 ) -> tuple[KeptChannel, ...]:
-    """Recorded channels of a flight, in order of frequency; `on_fault` receives file faults."""
+    """Return the recorded channels of a flight, in order of frequency; `on_fault` is called
+    with faults of files.
+    """
     found: dict[tuple[float, float], list[tuple[Path, int, int]]] = {}
     for path in sorted(FlightLayout(flight).channels_directory.glob("*.sigmf-meta")):
         try:
@@ -69,7 +71,9 @@ def kept_channels(
 
 
 def channel_of(channels: Iterable[KeptChannel], tag: Tag) -> KeptChannel | None:
-    """Recorded channel with the centre nearest to a tag's frequency, if the tag lies in it."""
+    """Return the recorded channel whose centre is nearest to a tag's frequency; None if no
+    channel contains it.
+    """
     holding = [one for one in channels if one.holds(tag)]
     return min(
         holding, key=lambda one: abs(tag.frequency_hz - one.center_frequency_hz), default=None
@@ -81,7 +85,8 @@ def integrate_kept(
 ) -> list[IntegratedTag]:
     """Search a whole flight for each tag, in the radio channels that it recorded.
 
-    Missing samples between files are gaps; unreadable files are noted as limitations.
+    Missing samples between files are treated as gaps; unreadable files are listed as
+    limitations.
     """
     unread: list[str] = []
     channels = kept_channels(Path(flight.info.directory), unread.append)
@@ -121,12 +126,14 @@ def integrate_kept(
 
 
 def left_out_in_words(faults: Iterable[str]) -> tuple[str, ...]:
-    """Sentences on unreadable files, without repetitions."""
+    """Sentences on unreadable files, each only once."""
     return tuple(
         f"part of the recorded samples was left out: {fault}" for fault in dict.fromkeys(faults)
     )
 
 
 def _further(on_tag: Callable[[int], None] | None, before: int) -> Callable[[int], None] | None:
-    """Progress callback that adds `before`, the number of tags done in earlier channels."""
+    """Return a progress callback that adds `before`, the number of tags finished in earlier
+    channels.
+    """
     return None if on_tag is None else lambda done: on_tag(before + done)

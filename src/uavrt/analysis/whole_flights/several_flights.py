@@ -1,6 +1,6 @@
-"""Analyse several flights for one tag together, as ``uavrt integrate`` does.
+"""Search several flights for one tag together, as in ``uavrt integrate``.
 
-Half of the false-alarm probability is for all flights together. The other half is divided
+Half of the false-alarm probability is used for all flights together. The other half is divided
 equally among the single flights. A resting tag has one position in all flights.
 """
 
@@ -40,30 +40,34 @@ from uavrt.localization.whole_flight.train_place import (
 
 _Floats = NDArray[np.float64]
 MOST_APART_M = 2000.0
-"""Largest distance of a flight from the middle of all flights, for a common position [m]."""
+"""Largest distance of a flight from the middle of all flights at which a common position is
+estimated [m]."""
 _TOGETHER = 0.5
 """Share of the false-alarm probability used for the decision by all flights together."""
 _LISTED = 0.9
-"""Minimum probability that a flight's pulse train is the tag's, for its pulses to be listed."""
+"""Probability that a flight's pulse train is the tag's from which its pulses are listed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TagOfFlights:
-    """Result of several flights for one tag."""
+    """Result of searching several flights together for one tag."""
 
     tag: Tag
     false_alarm_probability: float
-    """Probability that noise alone gives such a result, together or in any single flight."""
+    """Probability that noise alone gives such a result, in all flights together or in any
+    single flight."""
     found: bool
     together: bool
-    """True if all flights together show the tag; false if only single ones do."""
+    """True if the tag is found in all flights together; False if only single flights show
+    it."""
     names: tuple[str, ...]
     alone: tuple[float, ...]
-    """False-alarm probability of each flight's own result, in the order of the flights."""
+    """False-alarm probability of each flight's separate result, in the order of the flights."""
     place: PlaceBelief | None
-    """Position of the tag by all flights; None if not found, or if it moved between flights."""
+    """Position of the tag from all flights; None if it was not found or moved between
+    flights."""
     flights: tuple[IntegratedTag, ...]
-    """Result of each flight, in order, with the tag's pulses there and the common position."""
+    """Result of each flight, in order, with the tag's pulses in it and the common position."""
 
 
 def share_alone(false_alarm_probability: float, flights: int) -> float:
@@ -72,7 +76,9 @@ def share_alone(false_alarm_probability: float, flights: int) -> float:
 
 
 def common_tags(flights: Sequence[Flight], listed: Sequence[Tag] | None = None) -> list[Tag]:
-    """Tags that all flights list, or `listed` if given; `UsageError` if none or unequal."""
+    """Return the tags that all flights list, or `listed` if given. Raises `UsageError` if there
+    is none or entries differ.
+    """
     for before, after in pairwise(sorted(flights, key=lambda one: one.info.start_time_ns)):
         if before.info.start_time_ns == after.info.start_time_ns:
             raise UsageError(
@@ -112,10 +118,10 @@ def judge_together(
     moves: bool = False,
     elevation: Elevation | None = None,
 ) -> TagOfFlights:
-    """Decide whether several flights together show a tag, and where it is.
+    """Decide whether several flights together show a tag, and estimate where it is.
 
-    `judged` has each flight's own result at `share_alone`. With `moves` the tag may be at
-    another position in each flight.
+    `judged` contains each flight's separate result at the probability `share_alone`. With
+    `moves` the tag may be at another position in each flight.
     """
     if len(flights) < 2:
         raise ConfigError("only one flight was given", remedy="Name two or more flights")
@@ -153,10 +159,10 @@ class _View:
     judged: IntegratedTag
     places: Places
     gain: _Floats
-    """(places, times) pulse energy relative to the strongest from the same position, in all
-    flights if the position is common."""
+    """Pulse energy relative to the strongest pulse from the same position, shape (places,
+    times); over all flights if they share one position."""
     chosen: NDArray[np.intp]
-    """Indices of the few candidate positions that the search uses to represent all."""
+    """Indices of the few candidate positions that represent all of them in the search."""
 
     @property
     def listened(self) -> Listened:
@@ -167,7 +173,9 @@ class _View:
         )
 
     def heard(self, joint: JointTrain, number: int) -> HeardTrain:
-        """Pulse train in this flight: found in it alone, or else in all flights together."""
+        """Return the pulse train in this flight, found in it alone or, if not, in all flights
+        together.
+        """
         one, train = self.judged, joint.trains[number]
         rates = len(one.tag.pulse_intervals_s)
         if one.found:
@@ -187,10 +195,10 @@ class _View:
         chance: float,
         flights: int,
     ) -> IntegratedTag:
-        """Result of this flight for a tag that all flights together show.
+        """Return the result of this flight for a tag that is found in all flights together.
 
-        The flight counts as showing the tag if its train is the tag's with probability 0.9 or
-        more.
+        The flight counts as showing the tag if its pulse train is the tag's with a probability
+        of 0.9 or more.
         """
         if common is None:
             place = place_belief([replace(heard, log_trains=None)])
@@ -250,7 +258,9 @@ def _common_places(
     pattern: AntennaPattern,
     elevation: Elevation | None,
 ) -> list[Places]:
-    """Candidate positions of the tag for each flight, around the middle of all flights."""
+    """Return candidate positions of the tag for each flight, around the middle of all
+    flights.
+    """
     middles = [one.places.plane for one in judged]
     latitude = np.array([one.latitude_deg for one in middles])
     longitude = np.array([one.longitude_deg for one in middles])

@@ -9,11 +9,11 @@ from uavrt.flight.integrated import IntegratedPart, IntegratedVerdict
 from uavrt.localization.whole_flight.train_place import PlaceBelief
 
 ALL_ROUND_DEG = 330.0
-"""Width above which the arc that contains a tag's bearing gives no direction [deg]."""
+"""Width of the arc that contains a tag's bearing above which no direction is stated [deg]."""
 
 
 def verdict_facts(verdict: IntegratedVerdict) -> FactTable:
-    """Small table of a whole-flight result for one tag."""
+    """Return a small table that describes a whole-flight result for one tag."""
     together = verdict.flights > 1
     label = f"{verdict.flights} flights together" if together else "Whole flight"
     chance = chance_in_words(verdict.false_alarm_probability, verdict.flights)
@@ -49,7 +49,9 @@ def where_in_words(
     parts: Sequence[IntegratedPart],
     flown: str = "the flight",
 ) -> list[str]:
-    """Sentence on a tag's position: one position, the likeliest of several, or a direction."""
+    """Return sentences on a tag's position: one position, several possible ones, or a
+    direction.
+    """
     if len(parts) > 1:
         return [
             f"in one of {len(parts)} places that {flown} cannot distinguish:",

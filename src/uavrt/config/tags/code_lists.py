@@ -1,8 +1,8 @@
-"""Read lists of coded tags: CSV with a heading, or a YAML list.
+"""Read lists of coded tags: CSV files with a heading, or YAML files.
 
-The heading names the columns, also by common variants: ``tagFreq``, ``g1`` to ``g7`` and
-``bi``. Gaps are in milliseconds, burst intervals in seconds, frequencies in megahertz. A YAML
-list holds mappings, or is one mapping from names to mappings.
+The heading names the columns; common variants are accepted: ``tagFreq``, ``g1`` to ``g7`` and
+``bi``. Gaps are in milliseconds, burst intervals in seconds and frequencies in megahertz. A
+YAML file contains either a list of mappings, or one mapping from tag names to mappings.
 """
 
 import csv
@@ -56,7 +56,7 @@ class _Cell:
 
 
 def is_code_csv(text: str) -> bool:
-    """True if the first line that is not empty is the heading of a list of codes."""
+    """True if the first non-empty line of a text is the heading of a list of coded tags."""
     for line in text.split("\n"):
         content = line.strip().lstrip("#").strip()
         if content:
@@ -65,7 +65,9 @@ def is_code_csv(text: str) -> bool:
 
 
 def parse_code_csv(text: str, faults: list[Fault]) -> list[TagDraft]:
-    """Read a CSV list of codes; append errors to `faults`."""
+    """Read a CSV list of coded tags and return one draft per tag; errors are appended to
+    `faults`.
+    """
     names: list[str] = []
     drafts = []
     for number, line in enumerate(text.split("\n"), start=1):
@@ -97,7 +99,9 @@ def parse_code_csv(text: str, faults: list[Fault]) -> list[TagDraft]:
 
 
 def parse_code_yaml(text: str, faults: list[Fault]) -> list[TagDraft]:
-    """Read a YAML list of codes; append errors to `faults`."""
+    """Read a YAML list of coded tags and return one draft per tag; errors are appended to
+    `faults`.
+    """
     drafts: list[TagDraft] = []
     for node in read_yaml(text, faults):
         for tag, name in _tags_of(node, faults):
@@ -132,7 +136,7 @@ def _is_known(key: str) -> bool:
 
 
 def _table(tag: Node, name: str | None, faults: list[Fault]) -> dict[str, _Cell]:
-    """Convert a tag's YAML mapping to a row; a numeric `name` is the tag's id."""
+    """Convert a tag's YAML mapping to a table row. A numeric `name` becomes the tag's id."""
     assert isinstance(tag.value, dict)
     table: dict[str, _Cell] = {}
     for key, one in tag.value.items():
@@ -160,7 +164,9 @@ def _table(tag: Node, name: str | None, faults: list[Fault]) -> dict[str, _Cell]
 def _draft(
     table: dict[str, _Cell], line: int, faults: list[Fault], absent: Sequence[str] = ()
 ) -> TagDraft:
-    """Convert a row to a tag; a missing field is reported unless it is in `absent`."""
+    """Convert a table row to a tag draft. Missing fields are reported, except those listed in
+    `absent`.
+    """
     draft = TagDraft(line=line, gaps=())
     given = {quantity for key in (*table, *absent) if (quantity := _quantity(key))}
     interval_s: float | None = None
@@ -200,7 +206,9 @@ def _quantity(key: str) -> Quantity | str | None:
 def _gaps(
     table: dict[str, _Cell], line: int, faults: list[Fault]
 ) -> tuple[list[float] | None, int]:
-    """Return a tag's gaps [ms] and line number; None for gaps if one is not a number."""
+    """Return a coded tag's gaps [ms] and their line number. The gaps are None if any of them is
+    not a number.
+    """
     cells: dict[int, tuple[str, str, int]] = {}
     for key, cell in table.items():
         if (gap := _GAP.fullmatch(key)) is not None:
@@ -221,7 +229,9 @@ def _gaps(
 
 
 def _words_of_unknown(table: dict[str, _Cell]) -> str:
-    """Return a sentence on unknown columns, one of which may be a misspelt required column."""
+    """Return the end of an error sentence that lists unknown columns, since one of them may be
+    a misspelt required column.
+    """
     others = [key for key in table if not _is_known(key)]
     if not others:
         return ""

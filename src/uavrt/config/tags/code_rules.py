@@ -1,7 +1,7 @@
 """Check the codes of coded tags for plausibility, and find similar codes.
 
-A code consists of the gaps between a burst's pulses. Tolerances are those of tag registration:
-all gaps together within 1.5 ms, the burst interval within 4 ms.
+A code consists of the gaps between the pulses of a burst. The tolerances are those of tag
+registration: 1.5 ms for the sum of all gap errors, 4 ms for the burst interval.
 """
 
 import math
@@ -12,9 +12,10 @@ from uavrt.config.tags.tag_drafts import Entry, Fault, TagDraft
 from uavrt.core.messages import Tag
 
 MAX_CODES = 500
-"""Maximum number of codes in a list; one core can search this many besides its other work."""
+"""Maximum number of coded tags in a list; one core can search for this many besides its other
+work."""
 MOST_NEAR = 50
-"""Most pairs of similar codes that a warning names."""
+"""Maximum number of pairs of similar codes that are printed as warnings."""
 MAX_GAPS = 7
 MAX_GAP_MS = 1_000.0
 CODED_PULSE_WIDTH_MS = 2.5
@@ -23,7 +24,7 @@ GAP_TOLERANCE_S = 1.5e-3
 """Maximum sum of a burst's gap errors for the burst to match a code [s]."""
 BURST_TOLERANCE_MS = 4.0
 _UNLIKE_MS = 0.01
-"""Smallest difference between the gaps of two codes at which they count as different [ms]."""
+"""Gap difference below which the gaps of two codes are considered equal [ms]."""
 _SAME_KHZ = 1.0
 _MHZ = {"Hz": 1e-6, "MHz": 1.0}
 
@@ -50,7 +51,9 @@ def faults_of_gaps(
 def _faults_of_numbers(
     gaps: Sequence[Entry], width_ms: float
 ) -> tuple[float, list[tuple[Entry, str]]]:
-    """Check each gap; return the factor that makes all gaps milliseconds, and the faults."""
+    """Check each gap. Return the factor that converts the given numbers to milliseconds (1000
+    if they look like seconds), and the faults.
+    """
     if all(0.0 < 1e3 * gap.number < MAX_GAP_MS and gap.number < width_ms for gap in gaps):
         seconds = ", ".join(f"{1e3 * gap.number:.10g}" for gap in gaps)
         return 1e3, [(gaps[0], f"looks like seconds but is read as ms: write {seconds}")]
@@ -68,7 +71,9 @@ def _faults_of_numbers(
 
 
 def faults_of_codes(drafts: Sequence[TagDraft]) -> list[Fault]:
-    """Return the faults of a list of codes: too many codes, or equal ones."""
+    """Check a whole list of codes; return a fault if there are too many codes, and one for each
+    duplicate.
+    """
     coded = [draft for draft in drafts if draft.gaps]
     found: list[Fault] = []
     if len(coded) > MAX_CODES:
@@ -118,13 +123,17 @@ class _Code:
 
 
 class _Codes:
-    """Codes found so far, indexed for finding equal ones quickly."""
+    """Set of codes in which an equal code is found quickly, indexed by number of gaps and total
+    length.
+    """
 
     def __init__(self) -> None:
         self._known: dict[tuple[int, ...], list[tuple[_Code, int]]] = {}
 
     def first(self, code: _Code, place: int) -> int:
-        """Index of the first tag with an equal code, or `place`, this tag's index, if new."""
+        """Return the index of the first tag with an equal code. If there is none, store the
+        code and return `place`, this tag's own index.
+        """
         numbers = (*code.gaps_ms, code.interval_ms, code.frequency_khz)
         if not all(map(math.isfinite, numbers)):
             return place  # reported elsewhere
@@ -150,7 +159,9 @@ def _are_same(one: _Code, other: _Code) -> bool:
 
 
 def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, float]]:
-    """Return pairs of similar codes in one band, each with their gaps' difference [s]."""
+    """Find pairs of tags with similar codes in overlapping search bands; return each pair with
+    the total difference of the gaps [s].
+    """
     found: list[tuple[int, int, float]] = []
     by_length: dict[int, list[tuple[float, int]]] = {}
     for place, tag in enumerate(tags):
@@ -174,7 +185,9 @@ def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, fl
 
 
 def words_of_near_codes(tags: Sequence[Tag], window_hz: float) -> list[str]:
-    """Return sentences on pairs of tags whose codes are easily confused."""
+    """Return warnings about pairs of codes that are so similar that one may be reported as the
+    other.
+    """
     near = near_codes(tags, window_hz)
     more = [f"and {len(near) - MOST_NEAR} more pairs"] if len(near) > MOST_NEAR else []
     return [

@@ -1,4 +1,4 @@
-"""Correct a listed tag by its measured frequency and interval."""
+"""Correct a tag's entry in the tag list by its measured frequency and pulse interval."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -8,24 +8,26 @@ from typing import Final, Literal
 from uavrt.core.messages import Beep, BeepKind, Tag
 
 MEASURED: Final = (BeepKind.LISTED, BeepKind.OFF_LABEL, BeepKind.OTHER_RATE)
-"""Kinds of measured pulse trains from which a tag's list entry may be corrected."""
+"""Kinds of measured pulse trains that may be used to correct a tag's list entry."""
 DRIFT: Final = 0.005
 """Assumed relative change of a tag's interval with temperature and battery (0.005: 0.5 %)."""
 LEAST_UNCERTAINTY: Final = 0.01
-"""Relative difference up to which a measured interval confirms the listed one (0.01: 1 %)."""
+"""Relative difference up to which a measured interval agrees with the listed one (0.01: 1
+%)."""
 _DRIFT_HZ: Final = 100.0
-"""Difference from the labelled frequency above which the label is corrected [Hz]; a fifth of
-the usual search window."""
+"""Difference from the labelled frequency above which the tag's entry is corrected [Hz]; a fifth
+of the usual search window."""
 _SEARCH_HZ: Final = 530.0
 """Half-width of a tag's usual search band, plus the error of a measured frequency [Hz]."""
 _LEAST_SHARED_PPM: Final = 0.5
-"""Minimum frequency offset, common to all tags, that is attributed to the receiver [ppm]."""
+"""Minimum frequency offset common to all tags that is attributed to the receiver's oscillator
+[ppm]."""
 _AGREE_PPM: Final = 1.5
-"""Maximum difference of a tag's frequency offset from the offset common to all tags [ppm]; also
-at most a sixth of the common offset."""
+"""Maximum difference of one tag's frequency offset from the offset common to all tags [ppm].
+The difference must also be below a sixth of the common offset."""
 _SHARE: Final = 0.75
-"""Minimum share of tags with a common frequency offset; one tag of four may have drifted
-independently."""
+"""Minimum share of tags that must have a common frequency offset; of four tags, one may have
+drifted independently."""
 _LEAST_JITTER_S: Final = 0.002
 _JITTER_SIGMAS: Final = 3.0
 
@@ -41,16 +43,20 @@ class TagCorrection:
     after: Tag
 
     def applied(self, tag: Tag) -> Tag:
-        """Copy of a tag with the corrected frequency or intervals; all else is unchanged."""
+        """Return a copy of the tag with this correction's frequency or interval; all other
+        values are unchanged.
+        """
         return _listed_as(tag, self.after, self.what)
 
     def undone(self, tag: Tag, time_ns: int) -> "TagCorrection":
-        """Correction, made at `time_ns`, that restores a tag's entry from before this one."""
+        """Return the correction, dated `time_ns`, that restores the entry to its values before
+        this correction.
+        """
         after = _listed_as(tag, self.before, self.what)
         return replace(self, time_ns=time_ns, before=tag, after=after)
 
     def undoes(self, other: "TagCorrection") -> bool:
-        """True if this correction restores the entry from before the `other` correction."""
+        """True if this correction restores the values that the `other` correction replaced."""
         same = (self.tag_id, self.what) == (other.tag_id, other.what)
         return same and self.applied(other.before) == other.before
 
@@ -61,7 +67,7 @@ class TagCorrection:
 
 
 def _listed_as(tag: Tag, other: Tag, what: Literal["frequency", "interval"]) -> Tag:
-    """Tag with its frequency, or its intervals, copied from another tag."""
+    """Return a tag with the frequency, or the intervals, of another tag."""
     if what == "frequency":
         return replace(tag, frequency_hz=other.frequency_hz)
     return replace(
@@ -83,10 +89,11 @@ def _listed(tag: Tag, one: TagCorrection) -> str:
 
 
 def corrected_interval(tag: Tag, interval_s: float, jitter_s: float) -> Tag:
-    """Copy of a tag with a measured interval in place of a listed one, and its jitter [s].
+    """Return a copy of a tag in which a measured interval and its jitter [s] replace a listed
+    interval.
 
-    The nearest listed interval is replaced; if that differs by more than its uncertainty, the
-    measured one becomes the second interval.
+    The nearest listed interval is replaced. If it differs from the measured one by more than
+    its uncertainty, the measured interval is added as a second interval instead.
     """
     listed = list(tag.pulse_intervals_s)
     nearest = min(range(len(listed)), key=lambda place: abs(listed[place] - interval_s))
@@ -110,7 +117,7 @@ def corrected_interval(tag: Tag, interval_s: float, jitter_s: float) -> Tag:
 
 
 def standing_corrections(corrections: Iterable[TagCorrection]) -> list[TagCorrection]:
-    """Corrections that no later correction has undone, in order of time."""
+    """Return the corrections that no later correction has undone, in order of time."""
     standing: list[TagCorrection] = []
     for one in corrections:
         last = next((x for x in reversed(standing) if x.tag_id == one.tag_id), None)
@@ -122,9 +129,10 @@ def standing_corrections(corrections: Iterable[TagCorrection]) -> list[TagCorrec
 
 
 def shared_offset_ppm(found: Iterable[Beep]) -> float | None:
-    """Frequency offset that two tags, or three of four, share [ppm]; None if they do not.
+    """Return the frequency offset common to the measured tags [ppm], or None if they have none.
 
-    Pulse trains that may be of two tags, or have an unlisted interval, are ignored.
+    Two tags must agree, or three of four. Pulse trains that may belong to two tags, or that
+    have an unlisted interval, are ignored.
     """
     off = {
         one.tag_ids: 1e6 * one.offsets_hz[0] / (one.frequency_hz - one.offsets_hz[0])
@@ -144,7 +152,9 @@ def _agrees(ppm: float, shared_ppm: float) -> bool:
 
 
 def shared_offset_in_words(found: Iterable[Beep]) -> list[str]:
-    """One sentence on the offset common to all tags, and the remedy; empty without one."""
+    """Return one sentence that states the frequency offset common to all tags and the setting
+    that corrects it; empty without such an offset.
+    """
     ppm = shared_offset_ppm(found)
     if ppm is None:
         return []
@@ -153,18 +163,19 @@ def shared_offset_in_words(found: Iterable[Beep]) -> list[str]:
 
 
 def words_of_beeps(found: Sequence[Beep]) -> list[str]:
-    """Sentences on the measured pulse trains that differ from the tag list."""
+    """Return sentences about the measured pulse trains that disagree with the tag list."""
     return [str(one) for one in found if one.odd] + shared_offset_in_words(found)
 
 
 def correction_of(
     tag: Tag, beep: Beep, time_ns: int, found: Sequence[Beep] = ()
 ) -> TagCorrection | None:
-    """Correction of a tag by a measured pulse train `beep`; None if the list entry is right.
+    """Return the correction that a measured pulse train `beep` implies for a tag; None if the
+    list entry is right.
 
-    The frequency is corrected first; called again with the corrected tag, this returns the
-    correction of the interval. An offset common to all trains in `found` is the receiver's
-    error and is not corrected.
+    The frequency is corrected first. Called again with the corrected tag, the function returns
+    the correction of the interval. An offset common to all trains in `found` is attributed to
+    the receiver and not corrected.
     """
     other_rate = beep.kind is BeepKind.OTHER_RATE
     if tag.coded or beep.kind not in MEASURED:
@@ -192,7 +203,9 @@ def correction_of(
 
 
 def still_holds(beep: Beep, tags: Iterable[Tag]) -> bool:
-    """True while no tag that a pulse train was compared with has been corrected since."""
+    """True while none of the tags that a pulse train was compared with has been corrected
+    since.
+    """
     at_hz = beep.frequency_hz if beep.image_of_hz is None else beep.image_of_hz
     away_hz = dict(zip(beep.tag_ids, beep.offsets_hz, strict=True))
     for tag in tags:
@@ -208,7 +221,9 @@ def still_holds(beep: Beep, tags: Iterable[Tag]) -> bool:
 
 
 def _is_searched(tag_id: int, beep: Beep) -> bool:
-    """True if the pulse train is within the band searched for a tag that may be its sender."""
+    """True if the pulse train's frequency is within the band that is searched for a tag it may
+    belong to.
+    """
     place = beep.tag_ids.index(tag_id)
     return place == 0 or abs(beep.offsets_hz[place]) <= _SEARCH_HZ
 
@@ -223,7 +238,9 @@ def keeps_interval(tag: Tag, interval_s: float, error_s: float = 0.0) -> bool:
 
 
 def _is_narrow(tag: Tag, interval_s: float) -> bool:
-    """True if the listed interval is near `interval_s` and too exact to gain by correction."""
+    """True if a listed interval is close to `interval_s` and so exact that a correction would
+    not improve it.
+    """
     uncertainty_s = tag.interval_uncertainty_s
     off_s = min(abs(interval_s - listed_s) for listed_s in tag.pulse_intervals_s)
     two_rates = len(tag.pulse_intervals_s) > 1  # their uncertainty is unchanged

@@ -1,4 +1,6 @@
-"""Tags as typed by the user, before validation, and their faults."""
+"""Records of tags as the user typed them, before validation, and of the faults found in
+them.
+"""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -29,7 +31,7 @@ class Fault:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """A number as typed, with its name, line and unit in the file."""
+    """A number as the user typed it, with its name, line and unit in the file."""
 
     number: float
     label: str
@@ -39,10 +41,13 @@ class Entry:
 
 @dataclass(slots=True, kw_only=True)
 class TagDraft:
-    """A tag as typed: times in milliseconds, the frequency in the unit of its entry."""
+    """A tag as the user typed it; times are in milliseconds, the frequency in the unit of its
+    entry.
+    """
 
     line: int
     entries: dict[Quantity, Entry] = field(default_factory=dict)
     name: str | None = None
     gaps: tuple[Entry, ...] | None = None
-    """Gaps of a coded tag, whose interval is the burst interval; None for a beeping tag."""
+    """Gaps between the pulses of a coded tag's burst; its interval is then the burst interval.
+    None for a tag that is not coded."""

@@ -1,4 +1,6 @@
-"""Read tag files of any format, with all faults at once; write two formats."""
+"""Read tag files of any format, reporting all faults at once; write tag files in two
+formats.
+"""
 
 import os
 import re
@@ -31,10 +33,11 @@ def read_tags(path: str | os.PathLike[str]) -> tuple[Tag, ...]:
 
 
 def parse_tags(content: bytes, *, name: str) -> tuple[Tag, ...]:
-    """Read tags from a file's bytes; `name` is for messages and selects the format.
+    """Read tags from a file's bytes; `name` appears in messages and helps to select the format.
 
-    A name that ends in ``.toml`` is TOML, in ``.yaml`` a list of codes. Other files are
-    recognised by a line that begins with ``[``, or by a heading with gaps.
+    A name that ends in ``.toml`` means TOML, one that ends in ``.yaml`` a list of codes. Any
+    other file is recognised by a line that begins with ``[`` or by a heading with gap
+    columns.
     """
     try:
         text = decode_text(content)
@@ -53,7 +56,9 @@ def parse_tags(content: bytes, *, name: str) -> tuple[Tag, ...]:
 
 
 def _reader(text: str, name: str) -> Callable[[str, list[Fault]], list[TagDraft]]:
-    """Select the reader of a text: by file name, else by a line that only one format has."""
+    """Return the function that reads a tag file, selected by the file's name or by a line that
+    only one format has.
+    """
     if name.endswith((".yaml", ".yml")):
         return parse_code_yaml
     if not name.endswith(".toml") and is_code_csv(text):
@@ -63,7 +68,9 @@ def _reader(text: str, name: str) -> Callable[[str, list[Fault]], list[TagDraft]
 
 
 def faults_of_tags(tags: Sequence[Tag]) -> list[str]:
-    """Check tags from other sources by the rules of tag files; returns the faults."""
+    """Check tags that were not read from a file by the rules of tag files; return the faults as
+    texts.
+    """
     faults: list[Fault] = []
     tags_from_drafts([_draft(tag, place) for place, tag in enumerate(tags)], faults)
     # Report the same fault of a tag only once.
@@ -105,7 +112,7 @@ def _draft(tag: Tag, place: int) -> TagDraft:
 
 
 def check_tag_file_name(path: str | os.PathLike[str]) -> None:
-    """Raise `ConfigError` for a name that is neither ``.toml`` nor ``.txt``."""
+    """Raise `ConfigError` if a tag file's name ends neither in ``.toml`` nor in ``.txt``."""
     target = Path(path)
     if target.name.lower() == "detectorconfig.txt":
         raise ConfigError(
@@ -122,7 +129,9 @@ def check_tag_file_name(path: str | os.PathLike[str]) -> None:
 
 
 def tags_as_text(tags: Sequence[Tag], suffix: str) -> str:
-    """Format tags as ``tags.toml`` or ``TagInfo.txt``; raises `ConfigError` if impossible."""
+    """Format tags as ``tags.toml`` or ``TagInfo.txt``, depending on `suffix`. Raises
+    `ConfigError` if ``TagInfo.txt`` cannot hold them.
+    """
     if suffix.lower() == ".toml":
         return format_tags_toml(tags)
     remedy = "Write a file whose name ends in .toml"

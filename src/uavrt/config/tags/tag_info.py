@@ -1,12 +1,13 @@
-"""Read and write the thesis's ``TagInfo.txt``: one tag per line, eight numbers with commas.
+"""Read and write the thesis's ``TagInfo.txt``: one tag per line, eight numbers separated by
+commas.
 
 ``# id, freq_hz, ip_msecs, pulse_width_msecs, ip_uncertainty_msecs, ip_jitter_msecs, k,
-false_alarm``. The heading may be missing or lack its ``#``; comments, blank lines, spaces, and
-tabs or semicolons for commas are accepted.
+false_alarm``. The heading may be missing or lack its ``#``. Comments, blank lines, spaces, and
+tabs or semicolons instead of commas are accepted.
 
-TagTracker's file has ten: a name after the id, and a second interval after the first, 0 for a
-tag with one rate. The numbers of a line show which of the two is missing: a frequency is
-between 20 MHz and 1 GHz, in hertz.
+TagTracker's file has ten columns: a name after the id, and a second interval after the first (0
+for a tag with one rate). Either may be missing; a frequency is recognised by its value, 20 MHz
+to 1 GHz in hertz.
 """
 
 import re
@@ -68,7 +69,9 @@ def format_tag_info(tags: Sequence[Tag]) -> str:
 
 
 def _cells(content: str) -> list[str]:
-    """Split a line of TagInfo.txt; with semicolons or tabs, a comma is a decimal point."""
+    """Split a line of TagInfo.txt into its values; if semicolons or tabs separate them, a comma
+    is a decimal point.
+    """
     order = (",", ";", "\t") if content.count(",") >= len(COLUMNS) - 1 else (";", "\t", ",")
     for separator in order if ";" not in content else (";",):
         if separator in content:
@@ -90,7 +93,7 @@ def _draft(cells: list[str], line: int, faults: list[Fault]) -> TagDraft | None:
     if len(cells) != len(COLUMNS):
         names = ", ".join(name for name, _ in COLUMNS)
         hint = " (write numbers with a point, 0.01)" if len(cells) > len(COLUMNS) else ""
-        text = f"{len(cells)} values where {len(COLUMNS)} belong: {names}{hint}"
+        text = f"{len(cells)} values instead of {len(COLUMNS)}: {names}{hint}"
         faults.append(Fault(line=line, text=text))
         return None
     draft = TagDraft(line=line, name=name)
@@ -112,7 +115,9 @@ def _draft(cells: list[str], line: int, faults: list[Fault]) -> TagDraft | None:
 
 
 def _tagtrackers(cells: list[str]) -> tuple[str | None, list[str], str | None]:
-    """Split a line of TagTracker's file into name, the eight numbers, and second interval."""
+    """Split a line of TagTracker's file into the name, the eight numbers of TagInfo.txt and the
+    second interval.
+    """
     name = second = None
     if len(cells) > len(COLUMNS) and not _is_frequency(cells[1]) and _is_frequency(cells[2]):
         name, cells = cells[1], [cells[0], *cells[2:]]
@@ -128,7 +133,9 @@ def _is_frequency(cell: str) -> bool:
 
 
 def _is_interval(cell: str, width: str) -> bool:
-    """True if a number before the pulse width is a second interval, or 0 for none."""
+    """True if the number before the pulse width is a second interval, or 0 because the tag has
+    none.
+    """
     if not (_NUMBER.fullmatch(cell) and _NUMBER.fullmatch(width)):
         return False
     width_ms = float(width)

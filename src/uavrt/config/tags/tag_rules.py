@@ -1,8 +1,9 @@
-"""Check tags for plausibility, with messages in the units of the file.
+"""Check tags for plausibility and report faults in the units of the file.
 
-Both tag file formats are read into `TagDraft` and checked here, as are tags received over the
-radio (`uavrt.config.tags.tag_files.faults_of_tags`). Limits are those of wildlife tags with a
-margin: pulses of 15 to 20 ms every 1 to 2 s near 150 MHz (thesis §1.1).
+Both tag file formats are read into `TagDraft` records, which are checked here; tags received
+over the radio link are checked by the same rules
+(`uavrt.config.tags.tag_files.faults_of_tags`). The limits allow a margin around usual wildlife
+tags: pulses of 15 to 20 ms every 1 to 2 s near 150 MHz (thesis §1.1).
 """
 
 import math
@@ -25,7 +26,8 @@ MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ = 20e6, 1e9
 MAX_INTERVAL_MS = 60_000.0
 MIN_PULSE_WIDTH_MS, MAX_PULSE_WIDTH_MS = 1.0, 1_000.0
 SHORTEST_LIKELY_MS = 60.0
-"""Interval below which a value shorter than the pulse is assumed to be in seconds [ms]."""
+"""Limit for detecting a wrong unit [ms]: an interval shorter than this and than the pulse is
+assumed to be in seconds."""
 MAX_K = 100
 MAX_FALSE_ALARM_PROBABILITY = 0.5  # as TagTracker's
 MAX_ID = 2**32 - 1  # uint32 on the wire
@@ -38,7 +40,9 @@ _FREQUENCY_UNITS = {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6}
 
 
 def tags_from_drafts(drafts: list[TagDraft], faults: list[Fault]) -> tuple[Tag, ...]:
-    """Check drafts, adding to `faults`, and convert them to tags; none if any is faulty."""
+    """Check drafts and convert them to tags; faults are added to `faults`, and if there are
+    any, no tag is returned.
+    """
     first_lines: dict[int, int] = {}
     for draft in drafts:
         _check(draft, faults)
@@ -92,10 +96,11 @@ def _tag(draft: TagDraft) -> Tag:
 
 
 def usual_uncertainty_ms(shortest_ms: float, width_ms: float, k: int) -> float:
-    """Interval uncertainty for a list without one [ms]: 60 ms, or as much as is searchable.
+    """Return the interval uncertainty for a tag list that gives none [ms]: 60 ms, or less if a
+    search requires it.
 
-    At most a tenth of the interval, and small enough to predict the last of K pulses within an
-    interval (see `_fault_of_group`).
+    It is at most a tenth of the interval, and small enough to predict the last of K pulses to
+    within one interval (see `_fault_of_group`).
     """
     room_ms = 0.5 * (shortest_ms - 2.0 * width_ms)
     most_ms = min(0.1 * shortest_ms, shortest_ms / max(k - 1, 1), room_ms)
@@ -186,7 +191,9 @@ def _fault_of_pairs(entries: dict[Quantity, Entry]) -> list[tuple[Entry, str]]:
 
 
 def _fault_of_group(entries: dict[Quantity, Entry], shortest: Entry) -> list[tuple[Entry, str]]:
-    """Check that pulse width and K allow a search for groups; return the faults."""
+    """Check that a tag's pulse width and its number of summed pulses K allow a search; return
+    the faults.
+    """
     uncertainty = entries.get("interval_uncertainty")
     width, k = entries.get("pulse_width"), entries.get("k")
     loose_ms = 0.0 if uncertainty is None else uncertainty.number

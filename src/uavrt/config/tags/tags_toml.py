@@ -38,7 +38,7 @@ _REQUIRED_OF_CODED: dict[Quantity, str] = {
     "interval": "burst_interval_s",
 }
 _MOST_GAPS = 50
-"""Maximum number of gaps read from one code; a longer list is rejected as a whole."""
+"""Maximum number of gaps that are read from one code; a longer list is rejected as a whole."""
 _CODED_KEYS = ("kind", "gaps_ms", "burst_interval_s")
 _HEADING = """\
 # Tags for uavrt. Each tag is one [[tag]]; id, frequency, interval and pulse width are needed.
@@ -106,7 +106,9 @@ def parse_tags_toml(text: str, faults: list[Fault]) -> list[TagDraft]:
 
 
 def _missing(table: dict[str, object], draft: TagDraft, faults: list[Fault]) -> list[str]:
-    """Required fields missing in a tag, except those already reported as misspelt or wrong."""
+    """Return the required fields that a tag lacks, without those that were already reported as
+    misspelt or wrong.
+    """
     if draft.gaps is not None:
         required = _REQUIRED_OF_CODED
     elif any(key in table for key in _CODED_KEYS[1:]):
@@ -202,11 +204,11 @@ def _read_code(
         return
     if kind == "beeping":
         for key in given[1:]:
-            fault(key, f'{key} is of a coded tag: write kind = "coded", or leave it out')
+            fault(key, f'{key} is only for a coded tag: write kind = "coded", or leave it out')
         return
     for key in ("interval_ms", "second_interval_ms"):
         if key in table:
-            fault(key, f"{key} is of a beeping tag: a coded one has burst_interval_s")
+            fault(key, f"{key} is only for a beeping tag: a coded tag has burst_interval_s")
     read_gaps(
         draft, table.get("gaps_ms"), line_of(lines, (*path, "gaps_ms")) or draft.line, faults
     )
@@ -220,7 +222,9 @@ def _is_number(value: object) -> bool:
 
 
 def read_gaps(draft: TagDraft, gaps: object, line: int, faults: list[Fault]) -> None:
-    """Put a code's gaps [ms] into a draft, if they are numbers."""
+    """Store a code's gaps [ms] in a draft; report a fault if they are not a list of numbers or
+    are too many.
+    """
     draft.gaps = ()
     if not isinstance(gaps, list) or not gaps or not all(map(_is_number, gaps)):
         text = "a coded tag has gaps_ms, numbers in brackets: gaps_ms = [22.1, 48.8, 36.6]"
@@ -239,7 +243,9 @@ def read_gaps(draft: TagDraft, gaps: object, line: int, faults: list[Fault]) -> 
 def read_burst_interval(
     draft: TagDraft, interval_s: object, line: int, faults: list[Fault]
 ) -> None:
-    """Put a code's burst interval [s] into a draft; a value that looks like ms is a fault."""
+    """Store a code's burst interval [s] in a draft; report a value that looks like
+    milliseconds.
+    """
     if not isinstance(interval_s, int | float) or isinstance(interval_s, bool):
         faults.append(Fault(line=line, text="burst_interval_s must be a number"))
         return
@@ -261,7 +267,9 @@ def _entry(key: str, value: float, line: int) -> Entry:
 
 
 def _nearest(key: str, known: Sequence[str], faults: list[Fault]) -> str | None:
-    """Valid key most similar to a misspelt one; None if none is, or after too many faults."""
+    """Return the valid key most similar to a misspelt one; None if none is similar or if too
+    many faults were reported.
+    """
     if key in known:
         return key
     if len(faults) > MOST_FAULTS:
@@ -284,5 +292,7 @@ def _syntax_fault(error: ValueError) -> Fault:
 
 
 def _quoted(text: str) -> str:
-    """Format a TOML basic string; JSON's escapes are valid, except for DEL."""
+    """Format a text as a basic string of TOML. The escapes of JSON are valid in TOML, except
+    for DEL.
+    """
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

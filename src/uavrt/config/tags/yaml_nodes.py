@@ -1,7 +1,7 @@
 """Read YAML lists of tags with PyYAML, as nodes with line numbers.
 
-Numbers stay text as typed, since the list's reader determines their types. Aliases (``*``) are
-faults: a few bytes can expand to gigabytes.
+Numbers remain text as typed, since the reader of the tag list determines their types. Aliases
+(``*``) are rejected because a few bytes of them can expand to gigabytes.
 """
 
 from collections.abc import Iterator
@@ -24,7 +24,7 @@ class Node:
 
 
 def read_yaml(text: str, faults: list[Fault]) -> list[Node]:
-    """Read the YAML documents before any faulty line; faults are added to `faults`."""
+    """Read YAML documents up to the first error in syntax; errors are added to `faults`."""
     with needs_extra(
         "ground",
         "a list in YAML",
@@ -50,7 +50,9 @@ def read_yaml(text: str, faults: list[Fault]) -> list[Node]:
 
 
 def _documents(yaml: Any, text: str) -> Iterator[Any]:
-    """Compose each YAML document; its depth is checked before its nodes are made."""
+    """Yield each YAML document as a tree of nodes; documents nested too deeply are rejected
+    before their nodes are created.
+    """
 
     class Loader(yaml.SafeLoader):  # type: ignore[misc]  # it has no types
         depth = nodes = 0
@@ -58,11 +60,11 @@ def _documents(yaml: Any, text: str) -> Iterator[Any]:
         def compose_node(self, parent: Any, index: Any) -> Any:
             fault = None
             if self.check_event(yaml.AliasEvent):
-                fault = "aliases (*) are not read here: write the value itself"
+                fault = "aliases (*) are not supported: write the value itself"
             elif self.depth > YAML_TAGS.depth:
                 fault = "nested too deeply for a list of tags"
             elif self.nodes >= YAML_TAGS.values:
-                fault = "more values than a list of tags has"
+                fault = "more values than a list of tags may have"
             if fault is not None:
                 mark = self.peek_event().start_mark
                 raise yaml.composer.ComposerError(None, None, fault, mark)
@@ -86,7 +88,7 @@ def _node(found: Any, faults: list[Fault]) -> Node:
     for key, value in found.value:
         at = key.start_mark.line + 1
         if key.id != "scalar":
-            faults.append(Fault(line=at, text="a name that is a list or a mapping"))
+            faults.append(Fault(line=at, text="a key is a list or a mapping instead of a name"))
             continue
         if key.value in pairs:
             faults.append(Fault(line=at, text=f"{key.value[:40]} is given twice"))

@@ -1,7 +1,7 @@
-"""Estimate bearings from the pulses of a turn in place.
+"""Estimate bearings from the pulses received during a turn in place.
 
-`turns` finds the turns; `estimate_bearing` is the entry point to all estimators: `pattern_ml`
-is the default, `classic_bearings` has the published ones, `array_bearings` is for switched
+`turns` finds the turns; `estimate_bearing` calls any of the estimators. `pattern_ml` is the
+default, `classic_bearings` contains published methods, and `array_bearings` is for switched
 antennas. `learned_pattern`, `two_paths` and `lasting_fading` model real antennas and
 propagation.
 """

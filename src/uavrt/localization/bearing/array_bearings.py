@@ -1,10 +1,10 @@
-"""Estimate bearings from switched antennas: phase or mode within one pulse.
+"""Estimate bearings from several antennas, compared by phase or by level within one pulse.
 
-With a switch that steps at known samples, one receiver measures several antenna elements, or
-the sum and difference of two, during a 20 ms pulse. Comparing their complex amplitudes with
-those of a wave from each direction is a matched-field estimate: pseudo-Doppler (planned by
-VonEhr) or the two-point phased array (Cliff 2015). Two or more fixed directional antennas,
-compared by strength alone, are amplitude monopulse (Gottwald 2014).
+With a switch that changes the antenna at known samples, one receiver measures several antenna
+elements during a 20 ms pulse, or the sum and difference of two elements. Comparing their
+complex amplitudes with those of a wave from each direction is a matched-field estimate:
+pseudo-Doppler (planned by VonEhr) or the two-point phased array (Cliff 2015). Comparing fixed
+directional antennas by level alone is amplitude monopulse (Gottwald 2014).
 """
 
 from collections.abc import Callable
@@ -24,16 +24,18 @@ _Floats = NDArray[np.float64]
 _Complex = NDArray[np.complex128]
 
 Steering = Callable[[_Floats], _Complex]
-"""Function from directions (b,) clockwise from the nose [deg] to outputs (b, antennas)."""
+"""Function from directions (b,) clockwise from the nose [deg] to antenna outputs (b,
+antennas)."""
 
 
 def circle_steering(
     elements: int, radius_wavelengths: float, elevation_deg: float = 0.0
 ) -> Steering:
-    """Steering function of monopoles evenly on a circle, clockwise from ahead (pseudo-Doppler).
+    """Return the steering function of monopoles spaced evenly on a circle, clockwise from ahead
+    (pseudo-Doppler).
 
-    With a radius above a quarter wavelength, opposite elements may differ by more than half a
-    turn of phase, and directions may become ambiguous.
+    If the radius exceeds a quarter wavelength, the phases of opposite elements may differ by
+    more than half a cycle, and directions may become ambiguous.
     """
     places = np.arange(elements) * 360.0 / elements
     turns = radius_wavelengths * np.cos(np.radians(elevation_deg))
@@ -48,7 +50,9 @@ def circle_steering(
 def pair_steering(
     spacing_wavelengths: float, elevation_deg: float = 0.0, *, modes: bool = True
 ) -> Steering:
-    """Steering function of two adjacent elements, or (`modes`) of their sum and difference."""
+    """Return the steering function of two adjacent elements or, with `modes`, of their sum and
+    difference.
+    """
     turns = spacing_wavelengths * np.cos(np.radians(elevation_deg))
 
     def steering(direction_deg: _Floats) -> _Complex:
@@ -96,14 +100,13 @@ def amplitude_monopulse(
     *,
     fading_db: float = SIMPLE.array_fading_db,
 ) -> Bearing:
-    """Estimate a bearing from fixed antennas that receive the same pulses.
+    """Estimate a bearing from the levels of the same pulses at several fixed antennas.
 
-    The tag's strength and its fading are the same for all antennas at a pulse and cancel.
-
-    `boresight_deg` (a,): direction of each antenna, clockwise from true north.
-    `snr_db` (p, a): SNR of each pulse at each antenna [dB]; NaN: not received.
-    `fading_db`: standard deviation of level differences not due to the direction [dB].
-    Raises `UsageError`: no pulse was received by two antennas.
+    The tag's strength and its fading are common to all antennas at a pulse and cancel out.
+    `boresight_deg` (a,) is the direction of each antenna, clockwise from true north. `snr_db`
+    (p, a) is the SNR of each pulse at each antenna [dB], NaN if not received. `fading_db` is
+    the standard deviation of level differences that are not caused by the direction [dB].
+    Raises `UsageError` if no pulse was received by two antennas.
     """
     heard = ~np.isnan(snr_db)
     used = heard.sum(axis=1) >= 2

@@ -1,7 +1,7 @@
-"""Published bearing estimators, for comparison and for compatibility.
+"""Bearing estimators from the literature, for comparison and compatibility.
 
 Known faults of a method are kept where a published result depends on them.
-docs/explanation/localization.md compares the methods by measurement.
+docs/explanation/localization.md compares the methods by measurements.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ _SCAN_DEG = np.arange(0.0, 360.0, SIMPLE.scan_step_deg)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlainBearing:
-    """Bearing of a published method, with the method's own measure of confidence."""
+    """Bearing estimated by a published method, with that method's own measure of confidence."""
 
     bearing_deg: float
     confidence: float | None
@@ -38,12 +38,13 @@ def pca(
     *,
     scale: Literal["linear", "log", "amplitude"] = "linear",
 ) -> PlainBearing:
-    """Principal axis of the pulses drawn as vectors (Shafer 2019, as in uavrt_bearing).
+    """Estimate the bearing as principal axis of the pulses as vectors (Shafer 2019, as in
+    uavrt_bearing).
 
-    Each pulse is a vector along its heading, as long as its power over the weakest pulse's. The
-    bearing is the first principal axis, on the side of the mean vector; the confidence is
-    tau = 1 - S2²/S1². With fewer than four pulses, or headings that span less than 270° from
-    least to greatest, it is the strongest pulse's heading, without a confidence.
+    Each pulse is a vector along its heading, whose length is its power divided by the weakest
+    pulse's. The bearing is the first principal axis, on the side of the mean vector; the
+    confidence is tau = 1 - S2²/S1². With fewer than four pulses, or if the headings span less
+    than 270°, the result is the strongest pulse's heading without a confidence.
     """
     yaw = np.remainder(yaw_deg, 360.0)
     if len(yaw) < 4 or np.ptp(yaw) < 270.0:
@@ -67,10 +68,12 @@ def pca(
 def pearson(
     yaw_deg: NDArray[np.float64], level_db: NDArray[np.float64], pattern: AntennaPattern
 ) -> PlainBearing:
-    """Bearing with the best circular correlation of levels and pattern (ConservationBots).
+    """Estimate the bearing with the best circular correlation of levels and pattern
+    (ConservationBots).
 
-    Levels are averaged in bins of one degree and scaled to 0 … 1, as is the pattern. If the
-    plain dot product gives a direction more than 90° away, the result is turned by 180°.
+    Levels are averaged in bins of one degree. Levels and pattern are both scaled to 0 … 1. If
+    the plain dot product gives a direction more than 90° away, the result is rotated by
+    180°.
     """
     which, place = np.unique(
         np.remainder(np.round(yaw_deg), 360.0).astype(int), return_inverse=True
@@ -99,7 +102,9 @@ def pearson(
 def ls_db(
     yaw_deg: NDArray[np.float64], level_db: NDArray[np.float64], pattern: AntennaPattern
 ) -> PlainBearing:
-    """Bearing by least squares of pattern and levels in dB; the most accurate at high SNR."""
+    """Estimate the bearing by a least-squares fit of the pattern to levels in dB, the most
+    accurate published method at high SNR.
+    """
     gain = pattern.gain_db(_SCAN_DEG[:, None] - yaw_deg[None, :])
     difference = level_db[None, :] - gain
     cost = np.sum((difference - difference.mean(axis=1, keepdims=True)) ** 2, axis=1)
@@ -121,10 +126,12 @@ def ls_linear(
     missed_yaw_deg: NDArray[np.float64],
     pattern: AntennaPattern,
 ) -> PlainBearing:
-    """Bearing by least squares in linear power, A g(θ - φ) + B (UAV-RT flight code of 2026).
+    """Estimate the bearing by a least-squares fit of linear power, A g(θ - φ) + B (UAV-RT
+    flight code of 2026).
 
     Bearings within 90° of the strongest pulse are tried. A missed pulse counts where the model
-    exceeds half the weakest power. The middle of all nearly equal fits is returned.
+    exceeds half of the weakest received power. The middle of all nearly equal fits is
+    returned.
     """
     scan = float(yaw_deg[int(np.argmax(power))]) + np.arange(-90.0, 90.25, 0.5)
     gain = 10.0 ** (pattern.gain_db(scan[:, None] - yaw_deg[None, :]) / 10.0)

@@ -1,4 +1,4 @@
-"""Entry point to all bearing estimators: `estimate_bearing`."""
+"""Estimate a bearing with any of the available methods: `estimate_bearing`."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,14 +20,15 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BearingData:
-    """Input of a bearing estimator from another installed package."""
+    """Input data of a bearing estimator that another installed package provides."""
 
     yaw_deg: _Floats
-    """(n,) direction of the boresight at each pulse, clockwise from true north [deg]."""
+    """Direction of the boresight at each pulse, clockwise from true north [deg], shape (n,)."""
     matched_power: _Floats
-    """(n,) matched power over noise power at each pulse's time, noise included; NaN: missed."""
+    """Matched-filter power at each pulse's time over noise power, noise included, shape (n,);
+    NaN for a missed pulse."""
     noise_psd: _Floats
-    """(n,) noise power density at each pulse, in any unit common to all pulses."""
+    """Noise power density at each pulse, in any unit common to all pulses, shape (n,)."""
     pattern: AntennaPattern
     threshold_db: float
     """SNR above which a missed pulse would have been detected [dB]."""
@@ -37,7 +38,7 @@ class BearingData:
 
 BearingEstimator = Callable[[BearingData], Bearing]
 ADDED_METHODS: Registry[BearingEstimator] = Registry("uavrt.bearing_methods", {})
-"""Bearing estimators of installed packages, by the name of the method."""
+"""Bearing estimators that installed packages provide, by the name of the method."""
 
 
 def estimate_bearing(
@@ -158,7 +159,9 @@ def _headings(yaw_deg: ArrayLike | None, quaternion_wxyz: ArrayLike | None) -> H
 
 
 def _power(snr_db: ArrayLike | None, matched_power: ArrayLike | None, count: int) -> _Floats:
-    """(n,) power of each pulse over the noise power, noise included; NaN for misses."""
+    """Power of each pulse over the noise power, noise included, shape (n,); NaN for missed
+    pulses.
+    """
     if (snr_db is None) == (matched_power is None):
         raise UsageError(
             "powers are missing or given twice", remedy="Give snr_db or matched_power"

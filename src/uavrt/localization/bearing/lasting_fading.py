@@ -1,9 +1,10 @@
-"""Compute the information lost in a turn when fading is correlated from pulse to pulse.
+"""Compute how much information a turn loses if fading is correlated from pulse to pulse.
 
-Fading by ground and plants persists over some degrees of the turn, so pulses are not
-independent. The fit absorbs some of the correlation, so the residuals show too little of it.
-Several correlations are averaged by their restricted likelihood (Patterson and Thompson 1971),
-which corrects for the fit. Each gives the variance of a bearing relative to independent pulses.
+Fading by ground and plants persists over some degrees of a turn, so pulses are not independent.
+The fit absorbs part of this correlation, so the residuals show too little of it. Several
+assumed correlations are averaged by their restricted likelihood, which corrects for the fit
+(Patterson and Thompson 1971). Each gives the variance of a bearing relative to independent
+pulses.
 """
 
 from dataclasses import dataclass
@@ -18,20 +19,25 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Whitened:
-    """Residuals of a turn after the best fit, each divided by its standard deviation."""
+    """Residuals of a turn's pulses after the best fit, each divided by its standard
+    deviation.
+    """
 
     residual: _Floats
-    """(n,) residuals of the pulses' powers, in order of time [standard deviations]."""
+    """Residuals of the pulses' powers in order of time [standard deviations], shape (n,)."""
     level_slope: _Floats
-    """(n,) change of expected powers with the tag's level [standard deviations per dB]."""
+    """Change of each expected power with the tag's level [standard deviations per dB], shape
+    (n,)."""
     bearing_slope: _Floats
-    """(n,) change of expected powers with the bearing [standard deviations per degree]."""
+    """Change of each expected power with the bearing [standard deviations per degree], shape
+    (n,)."""
     fading_part: _Floats
-    """(n,) share of fading in a power's standard deviation; the rest is uncorrelated noise."""
+    """Share of fading in each power's standard deviation, shape (n,); the rest is uncorrelated
+    noise."""
 
 
 def variance_factor(turn: Whitened) -> float:
-    """Ratio of a bearing's variance with correlated fading to that without; 1 or more."""
+    """Factor, at least 1, by which correlated fading increases a bearing's variance."""
     kept = slice(0, PATTERN.most_pulses)
     design = np.stack([turn.level_slope[kept], turn.bearing_slope[kept]], axis=1)
     residual, part = turn.residual[kept], turn.fading_part[kept]

@@ -1,8 +1,8 @@
-"""Learn an antenna's pattern on the airframe, from the turns of a flight.
+"""Learn the pattern of an antenna on its airframe from the turns of a flight.
 
-Pattern tables are read off a maker's plot; metal nearby changes them. Each turn near a tag
-samples the pattern at an unknown bearing and level. Several turns together show the deviation
-from the table, as a smooth correction of six harmonics.
+The pattern tables are read from a maker's plot, and metal near the antenna changes the pattern.
+Each turn near a tag samples the pattern at an unknown bearing and level. Several turns together
+show how the pattern deviates from the table, as a smooth correction of six harmonics.
 """
 
 from collections.abc import Sequence
@@ -22,12 +22,13 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TurnPulses:
-    """The pulses of one tag during one turn."""
+    """Headings and powers of the pulses of one tag during one turn."""
 
     yaw_deg: _Floats
-    """(n,) direction of the boresight at each pulse, clockwise from true north [deg]."""
+    """Direction of the boresight at each pulse, clockwise from true north [deg], shape (n,)."""
     matched_power: _Floats
-    """(n,) power of each pulse over the noise power, noise included; NaN: missed."""
+    """Power of each pulse over the noise power, noise included, shape (n,); NaN for missed
+    pulses."""
 
 
 def learn_pattern(
@@ -36,15 +37,14 @@ def learn_pattern(
     *,
     threshold_db: float = LEVELS.threshold_db,
 ) -> AntennaPattern:
-    """Correct an antenna's pattern from turns; each iteration estimates their bearings again.
+    """Correct an antenna's pattern by turns, whose bearings are estimated again in each
+    iteration.
 
-    A rotation of the whole pattern cannot be learnt: it is the antenna's mounting. The
-    correction is mirrored like the table.
-
-    `turns`: three or more for a useful result; tags may differ.
-    `antenna`: the table to correct; its plane across the elements is kept.
-    `threshold_db`: SNR above which a missed pulse would have been detected.
-    Raises `UsageError`: no turn was given.
+    A rotation of the whole pattern cannot be learnt, because it cannot be distinguished from
+    the antenna's mounting. The correction is mirrored like the table. `turns`: at least three
+    are needed for a useful result; they may be of different tags. `antenna`: the pattern to be
+    corrected; its pattern across the elements is not changed. `threshold_db`: SNR above which a
+    missed pulse would have been detected. Raises `UsageError` if there is no turn.
     """
     if not turns:
         raise UsageError("there are no turns to learn from", remedy="Turn in place near a tag")
@@ -73,7 +73,9 @@ def learn_pattern(
 
 
 def _basis(angle_deg: _Floats) -> _Floats:
-    """(n, harmonics) cosines of multiples of angles off boresight; symmetric about 0°, 180°."""
+    """Cosines of multiples of angles off boresight, shape (n, harmonics); they are symmetric
+    about 0° and 180°.
+    """
     order = np.arange(1, LEARNED_PATTERN.harmonics + 1)
     return np.asarray(np.cos(np.radians(angle_deg)[:, None] * order))
 
@@ -81,7 +83,9 @@ def _basis(angle_deg: _Floats) -> _Floats:
 def _equations(
     turn: TurnPulses, pattern: AntennaPattern, correction: _Floats, threshold_db: float
 ) -> tuple[_Floats, _Floats]:
-    """Matrix and right side of a turn's whitened equations for the pattern correction."""
+    """Return matrix and right side of the equations, weighted by their errors, that one turn
+    gives for the pattern correction.
+    """
     found = estimate_bearing(
         turn.yaw_deg,
         None,

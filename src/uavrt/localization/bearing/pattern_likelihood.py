@@ -1,4 +1,6 @@
-"""Likelihood of a bearing given the powers of a rotation; level and fading are averaged."""
+"""Compute the likelihood of a bearing given the powers of a turn, averaged over level and
+fading.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,33 +13,36 @@ from uavrt.localization.power_law import PowerTables
 from uavrt.localization.tuning import POWER_LAW
 
 Gain = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""Function from bearings (b,) [deg] to gains of n pulses (n, b), relative to boresight [dB]."""
+"""Function from bearings (b,) [deg] to the antenna's gain at n pulses (n, b), relative to
+boresight [dB]."""
 
 GRID_DEG = np.arange(0.0, 360.0, PATTERN.grid_step_deg)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BearingLikelihood:
-    """Likelihood of each bearing on the grid `GRID_DEG`, and the fitted level and fading."""
+    """Likelihood of each bearing on the grid `GRID_DEG`, with the fitted level and fading."""
 
     log_density: NDArray[np.float64]
-    """(1440,) log-likelihood of each bearing, averaged over the priors of level and fading."""
+    """Log-likelihood of each bearing, averaged over the priors of level and fading, shape
+    (1440,)."""
     log_flat: float
-    """Log-likelihood without a direction: mean of noise alone and of a constant tag level."""
+    """Log-likelihood of a signal without direction: mean of noise alone and of a constant tag
+    level."""
     fading_db: float
     """Posterior mean of the standard deviation of fading from pulse to pulse [dB]."""
     level_db: float
-    """SNR on boresight for the likeliest bearing [dB]."""
+    """SNR on boresight that fits best at the most likely bearing [dB]."""
     level_sigma_db: float
 
 
 def bearing_likelihood(
     tables: PowerTables, gain: Gain, noise_db: NDArray[np.float64]
 ) -> BearingLikelihood:
-    """Likelihood of bearings on a coarse grid, and of those near the peak on a fine grid.
+    """Compute the likelihood of bearings on a coarse grid, and near the peak on a fine grid.
 
-    `gain`: the antenna's gain at each pulse towards a bearing.
-    `noise_db` (n,): noise of each pulse over the median noise [dB].
+    `gain` is the antenna's gain at each pulse towards a bearing. `noise_db` (n,) is the noise
+    of each pulse relative to the median noise [dB].
     """
     pulses = len(noise_db)
     last = round((tables.highest_db - tables.lowest_db) / POWER_LAW.level_step_db)
@@ -133,7 +138,9 @@ def _summed(
 
 
 def _log_mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Logarithm of the mean of exp(values) over the last axis: equally probable fadings."""
+    """Logarithm of the mean of exp(values) over the last axis, which holds equally probable
+    fadings.
+    """
     top = values.max(axis=-1, keepdims=True)
     return np.asarray(np.log(np.mean(np.exp(values - top), axis=-1)) + top[..., 0])
 
@@ -141,8 +148,9 @@ def _log_mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def _log_integral(values: NDArray[np.float64], step_db: float) -> NDArray[np.float64]:
     """Logarithm of the integral of exp(values) over the levels (axis 1).
 
-    Where the peak is narrower than a step, the sum would depend on the peak's position between
-    two levels. There a parabola through the best three gives its height and width (Laplace).
+    A sum over levels would depend on the position of a peak that is narrower than the step. For
+    such a peak, a parabola through the best three levels gives height and width (Laplace's
+    method).
     """
     best = np.clip(np.argmax(values, axis=1), 1, values.shape[1] - 2)[:, None, :]
     left, middle, right = (

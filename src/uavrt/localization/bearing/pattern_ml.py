@@ -1,4 +1,5 @@
-"""Default bearing estimator: posterior over bearing from pattern and power law.
+"""Default bearing estimator: posterior probability of each bearing from antenna pattern and
+signal powers.
 
 It computes the probability of each pulse's power at its known time for each bearing, with
 unknown tag strength and fading. No threshold is needed; missed pulses count as "below the
@@ -47,13 +48,13 @@ def pattern_ml(
     fading_db: float | None = None,
     heading_sigma_deg: float = 0.0,
 ) -> Bearing:
-    """Estimate a bearing with its whole posterior.
+    """Estimate a bearing with its complete posterior.
 
-    `headings`: of the n received pulses, followed by the m missed ones.
-    `matched_power` (n,): matched power over noise power, noise included (mean S + 1).
-    `missed_below` (m,): upper limit of the missed pulses' power.
-    `noise_db` (n + m,): noise at each pulse over the median noise [dB].
-    `folds`: number of pulses summed in each value.
+    `headings`: headings at the n received pulses, followed by those at the m missed pulses.
+    `matched_power` (n,): matched-filter power over noise power, noise included (mean S + 1).
+    `missed_below` (m,): upper limit of the missed pulses' power. `noise_db` (n + m,): noise at
+    each pulse relative to the median noise [dB]. `folds`: number of pulses summed in each
+    value.
     """
     turn = _Turn(
         headings=headings,
@@ -86,7 +87,9 @@ class _Turn:
         return len(self.matched_power)
 
     def gain(self, bearing_deg: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(n + m, bearings) gain of the antenna at each pulse towards the bearings [dB]."""
+        """Gain of the antenna at each pulse towards each bearing [dB], shape (n + m,
+        bearings).
+        """
         return self.headings.gain_db(self.pattern, bearing_deg, self.elevation_deg)
 
 
@@ -96,12 +99,14 @@ class _Fit:
     best_deg: float
     misfit: "_Misfit"
     lasting: float
-    """Factor on the bearing's variance due to correlated fading; 1 or more."""
+    """Factor, at least 1, by which correlated fading increases the bearing's variance."""
     double: TwoPaths | None
 
 
 def _fitted(turn: _Turn) -> _Fit:
-    """Fit a turn's powers with one path and with two; some pulses may be other senders'."""
+    """Fit a turn's powers with one propagation path and with two; some pulses may come from
+    other senders.
+    """
     known, heard = turn.fading_db, turn.heard
     tables = power_tables(
         turn.matched_power,
@@ -178,20 +183,25 @@ class _Misfit:
     """Deviations of the powers from the model at the best bearing."""
 
     sure: NDArray[np.bool_]
-    """(n,) True for received pulses too strong to be missed."""
+    """True for received pulses too strong to be missed, shape (n,)."""
     correlation: float
-    """Correlation of neighbouring pulses' deviations, 0 to 0.9, reduced by its chance level."""
+    """Correlation of neighbouring pulses' deviations, 0 to 0.9, after subtraction of its level
+    by chance."""
     reduced_chi2: float | None
 
     @property
     def marked(self) -> bool:
-        """True if the correlation of the deviations is significant: 3.3 sigma, 1 in 1000."""
+        """True if the correlation of the deviations is significant (3.3 standard deviations, by
+        chance 1 in 1000).
+        """
         count = int(self.sure.sum())
         return count > 0 and self.correlation > 2.3 / math.sqrt(count)
 
     @property
     def inflation(self) -> float:
-        """Factor on the bearing's variance due to a significant correlation; otherwise 1."""
+        """Factor by which a significant correlation increases the bearing's variance; 1
+        otherwise.
+        """
         return (1.0 + self.correlation) / (1.0 - self.correlation) if self.marked else 1.0
 
 
@@ -203,7 +213,9 @@ def _misfit(
     fading_db: float,
     folds: int,
 ) -> _Misfit:
-    """Misfit of received powers (n,) to the model, without pulses near the threshold."""
+    """Compute how received powers (n,) deviate from the model, without pulses near the
+    threshold.
+    """
     residual = _residuals(matched_power, model_db, fading_db, folds)
     sure = np.ones(len(residual), bool)
     if len(missed_below):
@@ -224,7 +236,9 @@ def _whitened(
     fading_db: float,
     folds: int,
 ) -> Whitened:
-    """Residuals and slopes of powers too strong to be missed [standard deviations]."""
+    """Return residuals and slopes of powers that are too strong to be missed [standard
+    deviations].
+    """
     s = 10.0 ** (model_db[sure] / 10.0)
     follow = s / (1.0 + s)
     noise = 18.86 * (1.0 + 2.0 * s) / (folds * (1.0 + s) ** 2)
@@ -243,10 +257,11 @@ def _residuals(
     fading_db: float,
     folds: int,
 ) -> NDArray[np.float64]:
-    """Measured minus expected power in decibels, over its standard deviation, cut at ± 4.
+    """Measured minus expected power in decibels, divided by its standard deviation and limited
+    to ± 4.
 
-    The variance is that of noise and fading together, (4.34)² (1 + 2 S) / (folds (1 + S)²) +
-    (fading S / (1 + S))², S the expected SNR.
+    The variance is that of noise and fading together: (4.34)² (1 + 2 S) / (folds (1 + S)²) +
+    (fading S / (1 + S))², where S is the expected SNR.
     """
     s = 10.0 ** (model_db / 10.0)
     measured = 10.0 * np.log10(np.maximum(matched_power, 0.1))
@@ -257,7 +272,9 @@ def _residuals(
 
 
 def _correlation(residual: NDArray[np.float64], yaw_deg: NDArray[np.float64]) -> float:
-    """Correlation of residuals of neighbouring pulses, 0 to 0.9, less its chance level."""
+    """Correlation of neighbouring pulses' residuals, 0 to 0.9, after subtraction of its level
+    by chance.
+    """
     count = len(residual)
     if count < PATTERN.correlation_pulses:
         return 0.0

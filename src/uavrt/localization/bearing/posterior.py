@@ -1,4 +1,4 @@
-"""Compute bearing and uncertainty from a log-density over the circle."""
+"""Compute a bearing and its uncertainty from a log-density over the circle."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,9 @@ from uavrt.localization.results import ArrayMethod, Bearing
 
 
 def described(log_density: NDArray[np.float64], *, method: ArrayMethod, pulses: int) -> Bearing:
-    """Bearing with its uncertainty, from (1440,) log-likelihoods and a uniform prior."""
+    """Return the bearing with its uncertainty from log-likelihoods (1440,) and a uniform
+    prior.
+    """
     best_deg = peak_deg(log_density)
     density = np.exp(log_density - log_density.max())
     density /= density.sum()
@@ -28,7 +30,9 @@ def described(log_density: NDArray[np.float64], *, method: ArrayMethod, pulses: 
 
 
 def lobe_moments(density: NDArray[np.float64], best_deg: float) -> tuple[float, float]:
-    """Standard deviation in a direction's lobe [deg], and probability outside the lobe."""
+    """Return the standard deviation within the lobe around a direction [deg], and the
+    probability outside the lobe.
+    """
     off = np.abs(difference_deg(GRID_DEG, best_deg))
     lobe = off <= PATTERN.lobe_deg
     variance = np.sum(density[lobe] * off[lobe] ** 2) / density[lobe].sum()
@@ -38,14 +42,14 @@ def lobe_moments(density: NDArray[np.float64], best_deg: float) -> tuple[float, 
 
 
 def lobe_mean_deg(density: NDArray[np.float64], best_deg: float) -> float:
-    """Mean direction of the lobe around a direction [deg], in [0, 360)."""
+    """Mean direction within the lobe around a direction [deg], in [0, 360)."""
     off = difference_deg(GRID_DEG, best_deg)
     weight = np.where(np.abs(off) <= PATTERN.lobe_deg, density, 0.0)
     return float(wrap_degrees_360(best_deg + weight @ off / weight.sum()))
 
 
 def peak_deg(log_density: NDArray[np.float64]) -> float:
-    """Direction of the maximum of a density on the circle [deg], refined by a parabola."""
+    """Direction at which a density on the circle is greatest [deg], refined by a parabola."""
     top = int(np.argmax(log_density))
     left, middle, right = (log_density[(top + shift) % len(GRID_DEG)] for shift in (-1, 0, 1))
     curvature = 2.0 * middle - left - right
@@ -54,7 +58,9 @@ def peak_deg(log_density: NDArray[np.float64]) -> float:
 
 
 def shortest_arc(density: NDArray[np.float64], share: float) -> tuple[float, float]:
-    """Shortest arc, clockwise from and to [deg], that contains `share` of a probability."""
+    """Shortest arc that contains the probability `share`: its ends [deg], in clockwise
+    order.
+    """
     count = len(density)
     edges = np.concatenate([[0.0], np.cumsum(np.tile(density, 2))])
     goal = edges[:count] + share
@@ -70,7 +76,9 @@ def shortest_arc(density: NDArray[np.float64], share: float) -> tuple[float, flo
 
 
 def whole_degrees(density: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Reduce a (1440,) probability to (360,): sums around the whole degrees."""
+    """Reduce a probability in steps of 0.25° (1440,) to whole degrees (360,) by sums around
+    them.
+    """
     per_degree = round(1.0 / PATTERN.grid_step_deg)
     halves = per_degree // 2
     total = sum(
@@ -81,7 +89,9 @@ def whole_degrees(density: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def blurred(density: NDArray[np.float64], sigma_deg: float) -> NDArray[np.float64]:
-    """Convolve a probability on the circle with a normal error."""
+    """Convolve a probability on the circle with a normal distribution of the given standard
+    deviation.
+    """
     if sigma_deg <= 0.0:
         return density
     harmonics = np.fft.rfftfreq(len(density), 1.0 / len(density))

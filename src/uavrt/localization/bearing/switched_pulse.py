@@ -1,8 +1,9 @@
-"""Measure a pulse received through an antenna switch: phases, ratios, noise.
+"""Measure a pulse received through an antenna switch: complex amplitude of each antenna, and
+noise.
 
-A pulse of 20 ms with a switch that stays 0.25 ms at each position holds 80 visits. Each visit's
-mean sample has a phase; the coherent sum of one position's visits is that antenna's amplitude,
-and their scatter is the noise.
+If the switch stays at each position for 0.25 ms, a pulse of 20 ms contains 80 visits to
+positions. The mean sample of each visit has a phase. The coherent sum of one position's visits
+is that antenna's amplitude, and their scatter gives the noise.
 """
 
 from dataclasses import dataclass
@@ -24,7 +25,8 @@ class SwitchSchedule:
 
     positions: int
     dwell_samples: int
-    """Number of samples for which the switch stays at each position, settling included."""
+    """Number of samples for which the switch stays at each position, including the settling
+    time."""
     settle_samples: int = 0
     """Number of samples ignored after each change of the antenna switch's position."""
     first_sample: int = 0
@@ -39,34 +41,45 @@ class SwitchSchedule:
             )
 
     def visits(self, first_sample: int, count: int) -> NDArray[np.intp]:
-        """(count,) number of the switch's stay at each sample; negative while it settles."""
+        """Number of the visit to a switch position at each sample, shape (count,); negative
+        while the switch settles.
+        """
         index = first_sample - self.first_sample + np.arange(count)
         visit, within = np.divmod(index, self.dwell_samples)
         visit -= int(visit[0]) // self.positions * self.positions
         return np.where(within < self.settle_samples, -1, visit).astype(np.intp)
 
     def selected(self, first_sample: int, count: int) -> NDArray[np.intp]:
-        """(count,) position of the switch at each sample; negative while it settles."""
+        """Position of the switch at each sample, shape (count,); negative while the switch
+        settles.
+        """
         visit = self.visits(first_sample, count)
         return np.where(visit < 0, -1, visit % self.positions).astype(np.intp)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SwitchedPulse:
-    """One pulse received through an antenna switch."""
+    """Measured amplitudes and noise of one pulse that was received through an antenna
+    switch.
+    """
 
     amplitudes: _Complex
-    """(positions,) complex amplitude at each switch position; common phase arbitrary."""
+    """Complex amplitude at each switch position, with an arbitrary common phase, shape
+    (positions,)."""
     counts: _Floats
-    """(positions,) number of samples averaged for the amplitude at each switch position."""
+    """Number of samples averaged for the amplitude at each switch position, shape
+    (positions,)."""
     noise_power: float
-    """Noise power of one sample, from the scatter between visits to one switch position."""
+    """Noise power of one sample, computed from the scatter between visits to the same switch
+    position."""
     frequency_hz: float
     """Refined frequency of the pulse's carrier, relative to the samples' centre [Hz]."""
 
     @property
     def snr_db(self) -> float:
-        """Energy of the pulse over the noise density, from all positions together [dB]."""
+        """Energy of the pulse over the noise density, from all switch positions together
+        [dB].
+        """
         energy = float(np.sum(self.counts * np.abs(self.amplitudes) ** 2))
         excess = energy / self.noise_power - len(self.counts)
         return float(10.0 * np.log10(max(excess, 1e-3)))
@@ -81,15 +94,14 @@ def measure_switched_pulse(
     sample_rate_hz: float,
     frequency_error_hz: Guard[float] = 15.0,
 ) -> SwitchedPulse:
-    """Measure a pulse at each position of the switch.
+    """Measure the amplitude of a pulse at each position of the antenna switch.
 
-    `samples` (n,): the pulse, from its first to its last sample.
-    `schedule`: position of the switch at each sample.
-    `first_sample`: number of `samples[0]` in the schedule.
+    `samples` (n,): the pulse, from its first to its last sample. `schedule`: position of the
+    switch at each sample. `first_sample`: number of `samples[0]` in the schedule.
     `frequency_hz`: carrier of the pulse in the samples, from the detector.
-    `frequency_error_hz`: largest error of the carrier, within which it is searched; 10 Hz are a
-        fifth of a turn over 20 ms.
-    Raises `UsageError`: a position was visited less than twice during the pulse.
+    `frequency_error_hz`: largest error of the carrier, within which it is searched; an error of
+    10 Hz rotates the phase by a fifth of a cycle over 20 ms. Raises `UsageError` if a position
+    was visited less than twice during the pulse.
     """
     visit = schedule.visits(first_sample, len(samples))
     valid = visit >= 0
@@ -131,7 +143,9 @@ def _fitted(
     frequency_hz: float,
     frequency_error_hz: float,
 ) -> SwitchedPulse:
-    """Fit carrier and amplitudes to visits (v,); `at_position` (v, p): 1 at their positions."""
+    """Fit the carrier and the amplitudes to visits (v,); `at_position` (v, p) is 1 at each
+    visit's position.
+    """
     steps = max(1, round(frequency_error_hz / SIMPLE.carrier_step_hz))
     error_hz = np.arange(-steps, steps + 1) * SIMPLE.carrier_step_hz
     turned = sums * np.exp(-2j * np.pi * error_hz[:, None] * middle_s)

@@ -1,6 +1,6 @@
 """Find turns in place in a flight, from which bearings are estimated.
 
-The poses show turns clockwise or counter-clockwise, with pauses, with 8, 16 or no stops.
+Turns may be clockwise or counter-clockwise, with pauses, and with 8 or 16 stops or none.
 """
 
 from dataclasses import dataclass
@@ -20,9 +20,9 @@ _Floats = NDArray[np.float64]
 _Ints = NDArray[np.int64]
 
 _PATH_M = 0.5 * TURNS.radius_m
-"""Minimum distance between the ends of a movement that counts as a flown path [m]."""
+"""Minimum distance between both ends of a movement for it to count as a flown path [m]."""
 _DRIFT_M_PER_DEG = _PATH_M / 90.0
-"""Maximum drift of a turn in place [m/°]; a whole turn then stays within its radius."""
+"""Maximum drift of a turn in place [m/°]; a full turn then remains within `TURNS.radius_m`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +34,7 @@ class Turn:
     turned_deg: float
     """Total angle of the turn [deg], positive clockwise."""
     stops: int
-    """Number of stops of the drone in the turn; 0 is a continuous turn."""
+    """Number of stops of the drone in the turn; 0 for a continuous turn."""
     widest_gap_deg: float
     """Widest arc of headings in the turn without a recorded pose [deg]."""
     latitude_deg: float
@@ -111,7 +111,9 @@ def find_turns(
 
 
 def _middle(latitude_deg: _Floats, longitude_deg: _Floats) -> tuple[float, float]:
-    """Median latitude and longitude of positions [deg], in a plane around these alone."""
+    """Median latitude and longitude of positions [deg], computed in a local plane around
+    them.
+    """
     plane = plane_around(latitude_deg, longitude_deg)
     east, north = plane.to_local(latitude_deg, longitude_deg)
     latitude, longitude = plane.to_geodetic(np.median(east), np.median(north))
@@ -141,7 +143,7 @@ def _speed(seconds: _Floats, east: _Floats, north: _Floats) -> _Floats:
 
 
 def _moves(seconds: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool_]:
-    """True for poses during a permanent displacement, however slow."""
+    """True for poses during a lasting displacement, however slow."""
     before = np.searchsorted(seconds, seconds - TURNS.path_window_s)
     after = np.searchsorted(seconds, seconds + TURNS.path_window_s, side="right") - 1
 
@@ -156,7 +158,9 @@ def _moves(seconds: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool_]
 def _that_lead_away(
     moves: NDArray[np.bool_], east: _Floats, north: _Floats
 ) -> NDArray[np.bool_]:
-    """(n,) True in stretches of `moves` whose ends are at least half a turn's radius apart."""
+    """True in stretches of `moves` whose two ends are at least half a turn's radius apart,
+    shape (n,).
+    """
     kept = np.zeros(len(moves), bool)
     for first, last in _runs(moves):
         way_m = np.hypot(east[last - 1] - east[first], north[last - 1] - north[first])
@@ -197,7 +201,9 @@ def _runs(true: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def _legs(yaw: _Floats) -> list[tuple[int, int]]:
-    """Pose indices at both ends of rotations in one direction; small reversals ignored."""
+    """Return the first and last pose index of each rotation in one direction; small reversals
+    are ignored.
+    """
     legs, start, best = [], 0, 0
     way = 0.0
     for index in range(1, len(yaw)):
@@ -220,7 +226,9 @@ def _legs(yaw: _Floats) -> list[tuple[int, int]]:
 def _cut_at_paths(
     yaw: _Floats, moves: NDArray[np.bool_], legs: list[tuple[int, int]], least_turn_deg: float
 ) -> list[tuple[int, int]]:
-    """Cut rotations where a path separates whole turns; a drifting turn is not cut."""
+    """Cut rotations where a flown path separates full turns; a single drifting turn is not
+    cut.
+    """
     parts = []
     for start, stop in legs:
         cuts = [start]
@@ -258,10 +266,10 @@ def _stops(seconds: _Floats, yaw: _Floats) -> list[tuple[int, int]]:
 
 
 def _without_long_pauses(seconds: _Floats, yaw: _Floats) -> list[tuple[int, int]]:
-    """Cut a rotation at long pauses; omit rest and drift before and after the rotation.
+    """Cut a rotation at long pauses, and remove rest and drift before and after it.
 
-    The first and the last stop are cut to the length of the longest stop between them, so that
-    a turn of eight stops has eight. A turn without stops keeps only its moving part.
+    The first and the last stop are shortened to the longest stop between them, so that a turn
+    of eight stops has eight. Of a turn without stops, only the moving part remains.
     """
     moving = _runs(_turning(seconds, yaw))
     parts: list[list[tuple[int, int]]] = []

@@ -1,9 +1,10 @@
-"""Test if a direct wave and a reflection explain a rotation's levels better than one wave.
+"""Test whether a direct wave and a reflection explain a turn's levels better than a single
+wave.
 
-A reflection by a wall or a slope adds to the direct wave with some strength and phase. It turns
-a bearing by tens of degrees without a visible sign: one lobe, good signal. Only the shape of
-the lobe shows it. All shapes of two paths are compared with the measured levels at once, by
-circular correlation over whole degrees.
+A reflection by a wall or a slope adds to the direct wave with some strength and phase. It
+changes a bearing by tens of degrees without other signs: there is one lobe and a good signal.
+Only the shape of the lobe shows it. All shapes that two paths can cause are compared with the
+measured levels at once, by circular correlation over whole degrees.
 """
 
 from dataclasses import dataclass
@@ -17,7 +18,8 @@ from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.bearing.tuning import LEARNED_PATTERN, TWO_PATHS
 
 _PAIRS_DEG = [sign * turn for turn in TWO_PATHS.apart_deg for sign in (1, -1)][:-1]
-"""Directions of the weaker propagation path, clockwise from the stronger [deg]; 180° once."""
+"""Directions of the weaker propagation path, clockwise from the stronger one [deg]; 180° occurs
+once."""
 _WEAKER_SHARE = np.repeat(
     [1.0 / (1.0 + 10.0 ** (-db / 10.0)) for db in TWO_PATHS.weaker_db], len(TWO_PATHS.cosines)
 )
@@ -26,13 +28,14 @@ _WEAKER_SHARE = np.repeat(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TwoPaths:
-    """A direct wave and its reflection, as fitted to the levels of a rotation."""
+    """A direct wave and its reflection, as fitted to the levels of a turn."""
 
     bearings_deg: tuple[float, float]
-    """Bearings of the stronger and the weaker path [deg]; either may be the tag's."""
+    """Bearings of the stronger and the weaker path [deg]; the tag may be in either
+    direction."""
     density: NDArray[np.float64]
-    """(360,) probability of each whole degree of bearing; more on the stronger path than the
-    weaker."""
+    """Probability of each whole degree of bearing, shape (360,); greater on the stronger
+    path."""
 
 
 def two_paths(
@@ -45,13 +48,13 @@ def two_paths(
     fading_db: float,
     folds: int,
 ) -> TwoPaths | None:
-    """Fit two paths to a rotation; None if one path explains the levels, or with few pulses.
+    """Fit two propagation paths to a turn; None if one path explains the levels, or for few
+    pulses.
 
-    `yaw_deg`, `matched_power`, `noise_db` (n,): heading, power over noise (noise included) and
-    noise over its median, of received pulses.
-    `pattern`: used in the plane of its elements.
-    `level_db`, `fading_db`: boresight SNR and fading of the one-path fit; they set the weights
-        and the noise floor only.
+    `yaw_deg`, `matched_power` and `noise_db` (n,) are heading, power over noise (noise
+    included) and noise over its median, for the received pulses. `pattern` is used in the plane
+    of its elements. `level_db` and `fading_db` are boresight SNR and fading of the fit with one
+    path; they only determine weights and noise floor.
     """
     if len(yaw_deg) < TWO_PATHS.least_pulses:
         return None
@@ -93,10 +96,11 @@ def two_paths(
 
 @lru_cache(maxsize=8)
 def _powers(pattern: AntennaPattern) -> NDArray[np.float64]:
-    """Model powers (shapes, 360) by bearing of the stronger path minus heading; the peak is 1.
+    """Model powers (shapes, 360) by bearing of the stronger path minus heading, scaled to a
+    peak of 1.
 
-    The first shape has one path. Pairs follow, by direction of the weaker path as in
-    `_PAIRS_DEG`, then by its strength and its phase.
+    The first shape has one path. Then follow shapes with two paths, in the order of the weaker
+    path's direction as in `_PAIRS_DEG`, of its strength, and of its phase.
     """
     amplitude = 10.0 ** (pattern.gain_db(np.arange(360.0)) / 20.0)
     second = np.stack([np.roll(amplitude, -turn) for turn in _PAIRS_DEG])[:, None, None, :]

@@ -1,1 +1,1 @@
-"""Estimate turns, bearings, strengths and positions from a whole flight or log."""
+"""Estimate turns, bearings, signal strengths and positions from a whole flight or log."""

@@ -1,4 +1,4 @@
-"""Cache of results between repeated estimates, keyed by all inputs of a result."""
+"""Cache of results for repeated estimates; the key of a result consists of all its inputs."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
@@ -11,10 +11,10 @@ T = TypeVar("T")
 
 
 class Cache:
-    """Cache for a caller that estimates repeatedly.
+    """Cache for a caller that repeats estimates while data arrive.
 
-    A function computes each value from its inputs, which are also the value's key: no input can
-    be missing from the key.
+    A function computes each value from its inputs, which are also the value's key: so the key
+    cannot lack an input.
     """
 
     def __init__(self) -> None:
@@ -27,23 +27,27 @@ class Cache:
         self._made: dict[Hashable, int] = {}
 
     def begin(self, at_once: Mapping[str, int] = MappingProxyType({})) -> None:
-        """Begin an estimate; values not used in the last estimate are dropped.
+        """Begin an estimate; values that the last estimate did not use are removed.
 
-        `at_once`: largest number of new values of each kind. Beyond it, a subject (such as a
-            turn) keeps its last value; the next estimate updates the oldest first. A kind that
-            is missing has no limit.
+        `at_once` limits the number of new values of each kind. Beyond the limit, a subject
+        (such as a turn) keeps its last value; the next estimate updates the oldest values
+        first. A kind that is not in `at_once` has no limit.
         """
         self._before, self._now = self._now, {}
         self._left, self.more = dict(at_once), False
 
     def get(self, make: Callable[..., T], *inputs: object, **named: object) -> T:
-        """Cached result of a function for these inputs; computed if missing."""
+        """Return the cached result of a function for these inputs; it is computed if it is
+        missing.
+        """
         return self._get(_key(make, inputs, named), make, inputs, named)
 
     def latest(
         self, kind: str, subject: Hashable, make: Callable[..., T], *inputs: object
     ) -> T | None:
-        """Value for a subject and inputs; at the limit the subject's last value, or None."""
+        """Return the value for a subject and inputs; if the limit is reached, the subject's
+        last value or None.
+        """
         key = _key(make, inputs, {})
         if key not in self._now and key not in self._before:
             if self._left.get(kind, 1) <= 0:
@@ -57,7 +61,7 @@ class Cache:
         return found
 
     def waiting(self, kind: str, subjects: Sequence[Hashable]) -> list[int]:
-        """Indices of the subjects, sorted by the age of their values, the oldest first."""
+        """Indices of the subjects, sorted by the age of their values, oldest first."""
         made = [self._made.get((kind, one), 0) for one in subjects]
         return sorted(range(len(subjects)), key=made.__getitem__)
 

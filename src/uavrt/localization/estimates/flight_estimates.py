@@ -1,6 +1,8 @@
-"""Estimate turns, bearings, strengths and positions of a flight, from its pulses and poses.
+"""Estimate turns, bearings, signal strengths and positions of a flight from its pulses and
+poses.
 
-Drone, page, report, batch and command line call this module, so that they agree.
+Drone, web page, report, batch and command line all call this module, so that their results
+agree.
 """
 
 import math
@@ -54,8 +56,8 @@ from uavrt.localization.tuning import FLIGHT
 NO_TIME = -1
 """Value that marks a bearing's time as unknown [ns]; its tag is assumed to rest."""
 EDGE_NS = NANOSECONDS_PER_SECOND
-"""Time before and after a turn in which pulses still belong to it [ns]; the antenna moves
-little."""
+"""Time before and after a turn in which pulses still count as part of it [ns], since the
+antenna hardly moves."""
 NEVER_TURNED = (
     "it was detected, but not in a turn in place; receivers that do not turn add strengths "
     "to a position only if other receivers have bearings"
@@ -83,23 +85,28 @@ class EstimationOptions:
     """Settings for estimating bearings and positions from a flight or log."""
 
     antenna: AntennaPattern | str | None = None
-    """Antenna pattern, or its name; None: the flight's antenna."""
+    """Antenna pattern, or its name; None for the flight's antenna."""
     offset_deg: float = 0.0
-    """Direction of the boresight, clockwise from the heading stored with the pulses [deg]."""
+    """Direction of the boresight, clockwise from the heading that is stored with the pulses
+    [deg]."""
     height_m: float | None = None
-    """Height over the tags where a pose has none [m]; for positions by a monopole's powers."""
+    """Height above the tags, for poses that have none [m]; used for positions from a monopole's
+    signal strengths."""
     heading_sigma_deg: float = COMMON.heading_sigma_deg
-    """Standard deviation of the error that all headings of a flight share [deg]."""
+    """Standard deviation of the error common to all headings of a flight [deg]."""
     height_sigma_m: float = SURVEY.height_sigma_m
-    """Standard deviation of the error that all heights over a tag share [m]; for a monopole."""
+    """Standard deviation of the error common to all heights above a tag [m]; used with a
+    monopole."""
     displacement: float = 0.0
-    """Standard deviation of a shift common to a tag's bearings, as a share of the distance."""
+    """Standard deviation of a shift common to a tag's bearings, as a share of the distance to
+    the tag."""
     elevation: Elevation | None = None
-    """Elevation files for losses of pulses behind hills; None: level ground."""
+    """Terrain heights, from which the loss of pulses behind hills is computed; None for level
+    ground."""
     bearing_method: BearingMethod | str = "pattern_ml"
     method: PositionMethod | str = "bayes"
     learn: bool = True
-    """True to correct the antenna's pattern by whole turns (``pattern_ml``)."""
+    """True to correct the antenna's pattern by full turns (``pattern_ml``)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,28 +116,31 @@ class TagBearing:
     tag_id: int
     bearing: Bearing
     latitude_deg: float
-    """Median latitude of the pulses [deg]; longitude and altitude are medians, too."""
+    """Median latitude of the antenna at the pulses [deg]; longitude and altitude are also
+    medians."""
     longitude_deg: float
     altitude_amsl_m: float
     start_time_ns: int
     """Time at or before the start of the first pulse [ns]."""
     middle_time_ns: int
-    """Middle between the first and the last pulse [ns]; the bearing's time for a moving tag."""
+    """Middle between the first and the last pulse [ns]; for a moving tag, the bearing refers to
+    this time."""
     end_time_ns: int
     """Time at or after the start of the last pulse [ns]."""
     heard: int = 0
     turn: Turn | None = None
-    """Turn from which the bearing was estimated; None: unknown."""
+    """Turn from which the bearing was estimated; None if unknown."""
     number: int = 0
-    """Number of the bearing's turn in the flight, from 0."""
+    """Number of the bearing's turn in the flight, counted from 0."""
     from_drone: bool = False
     flight: int = 0
     """Index of the flight or log; while a position is estimated, index of the receiver."""
     by_hand: bool = False
     observer: Observer | None = None
-    """Errors of the person who took the bearing by hand; None: unknown."""
+    """Error model of the person who took the bearing by hand; None if unknown."""
     noise_known: bool = True
-    """False if the noise was not measured; `bearing` then allows for directional noise."""
+    """False if the noise was not measured; `bearing` then allows for noise that depends on the
+    direction."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,25 +157,25 @@ class TagPosition:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Found:
-    """One receiver's bearings and levels of tags, from which positions are estimated."""
+    """One receiver's bearings and signal levels of tags, from which positions are estimated."""
 
     bearings: Sequence[TagBearing] = ()
     """Bearings in order of time and tag."""
     strengths: Mapping[int, Strengths] = field(default_factory=dict)
-    """Strengths of received tags without a bearing, by tag."""
+    """Signal levels of received tags that have no bearing, by tag id."""
     heard: frozenset[int] = frozenset()
-    """Numbers of tags with at least one received pulse."""
+    """Ids of tags of which at least one pulse was received."""
     frequencies_hz: Mapping[int, float] = field(default_factory=dict)
-    """Frequencies of received or listed tags [Hz], by tag."""
+    """Frequencies of received or listed tags [Hz], by tag id."""
     pattern: AntennaPattern | None = None
-    """Antenna pattern as corrected by the flight's turns; None without a turn."""
+    """Antenna pattern after correction by the flight's turns; None if there was no turn."""
 
     def bearings_of(self, tag_id: int) -> list[TagBearing]:
         """Bearings of one tag."""
         return [one for one in self.bearings if one.tag_id == tag_id]
 
     def has_tag(self, tag_id: int) -> bool:
-        """True if there is a bearing or a strength of a tag."""
+        """True if there is a bearing or a signal level of a tag."""
         return tag_id in self.strengths or bool(self.bearings_of(tag_id))
 
 
@@ -176,7 +186,8 @@ class Estimated:
     found: Found
     positions: tuple[TagPosition, ...]
     tracks: Mapping[int, PowerTrack] = field(default_factory=dict)
-    """Pulse powers along the flight used for positions by strength, by tag."""
+    """Pulse powers along the flight from which positions by signal strength were estimated, by
+    tag id."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -186,10 +197,10 @@ class HeardInTurn:
     tag_id: int
     turn: Turn
     number: int
-    """Number of the turn in the flight, from 0."""
+    """Number of the turn in the flight, counted from 0."""
     pulses: PulseColumns
     missed_yaw_deg: _Floats
-    """(m,) headings of the antenna at expected pulses that were not received [deg]."""
+    """Headings of the antenna at expected pulses that were not received [deg], shape (m,)."""
 
     @property
     def whole(self) -> bool:
@@ -198,12 +209,14 @@ class HeardInTurn:
 
     @property
     def snr_db(self) -> _Floats:
-        """(n,) SNR of the pulses [dB]."""
+        """SNR of the pulses [dB], shape (n,)."""
         return self.pulses.snr_db
 
     @property
     def subject(self) -> tuple[int, int]:
-        """Key of tag and turn in the cache; constant while the turn is in progress."""
+        """Key of tag and turn in the cache, which does not change while the turn is in
+        progress.
+        """
         return self.tag_id, int(self.pulses.time_ns[0])
 
 
@@ -232,7 +245,9 @@ def turns_in(
 
 
 def heard_in_turns(heard: Heard, offset_deg: float = 0.0) -> list[HeardInTurn]:
-    """Pulses, three or more, of each tag in each turn in place, in order of time and tag."""
+    """Return the pulses of each tag in each turn in place, if at least three, in order of time
+    and tag.
+    """
     pulses = {tag_id: own.turned(offset_deg) for tag_id, own in sorted(heard.pulses.items())}
     rhythms = {tag.tag_id: Rhythm.of(tag) for tag in heard.tags}
     yaw_deg = np.unwrap(heard.poses.yaw_deg, period=360.0)
@@ -335,7 +350,9 @@ def _in_turn(one: TagBearing, turn: Turn, number: int) -> TagBearing:
 
 
 def learning_turns(heard: Iterable[HeardInTurn]) -> list[HeardInTurn]:
-    """Turns used to learn the antenna's pattern: complete ones with many pulses."""
+    """Select the turns from which the antenna's pattern is learned: complete turns with many
+    pulses.
+    """
     whole = [one for one in heard if one.whole and len(one.snr_db) >= FLIGHT.learning_pulses]
     return whole[: FLIGHT.most_turns]
 
@@ -343,7 +360,9 @@ def learning_turns(heard: Iterable[HeardInTurn]) -> list[HeardInTurn]:
 def corrected_antenna(
     heard: Sequence[HeardInTurn], antenna: AntennaPattern | str
 ) -> AntennaPattern:
-    """Correct the antenna's pattern by whole turns; unchanged if they are too few."""
+    """Correct the antenna's pattern by full turns; if there are too few, it is returned
+    unchanged.
+    """
     whole = learning_turns(heard)
     pattern = pattern_named(antenna)
     if len(whole) < FLIGHT.least_turns:
@@ -366,7 +385,9 @@ def corrected_antenna(
 
 
 def antenna_of(heard: Heard, how: EstimationOptions) -> AntennaPattern | str:
-    """Requested antenna pattern, or its name; by default that of the receiving antenna."""
+    """Return the antenna pattern (or its name) from the options; by default that of the
+    receiving antenna.
+    """
     return heard.antenna if how.antenna is None else how.antenna
 
 
@@ -394,9 +415,9 @@ def bearings_of(
     past: Sequence[HeardInTurn] = (),
     cache: Cache | None = None,
 ) -> list[TagBearing]:
-    """One bearing for each tag and each turn in place, in order of time and tag.
+    """Estimate one bearing for each tag and each turn in place, in order of time and tag.
 
-    Pulses that a known interval predicts and that were not received count as misses.
+    Pulses that a known interval predicts but that were not received count as missed pulses.
     """
     return _bearings(heard, how or EstimationOptions(), past, cache or Cache())[0]
 
@@ -418,7 +439,9 @@ def _bearings(
 def _tag_bearing(
     one: HeardInTurn, pattern: AntennaPattern, method: BearingMethod | str, cache: Cache
 ) -> TagBearing | None:
-    """Bearing of a tag in a turn; the previous one while the cache defers the update."""
+    """Estimate the bearing of a tag in a turn; if the cache defers the update, return the
+    previous bearing.
+    """
     made_of = one.tag_id, one.pulses, one.missed_yaw_deg, pattern, method
     known = cache.latest("bearing", one.subject, _bearing_of, *made_of)
     return None if known is None else cache.get(_in_turn, known, one.turn, one.number)
@@ -431,10 +454,10 @@ def find(
     theirs: Sequence[TagBearing] = (),
     cache: Cache | None = None,
 ) -> Found:
-    """Estimate a receiver's bearings, and levels of the tags that have no bearing.
+    """Estimate a receiver's bearings, and the signal levels of tags that have no bearing.
 
-    A bearing in `theirs`, from the drone, replaces one estimated here from fewer pulses of a
-    turn. The other parameters are those of `bearings_of`.
+    A bearing in `theirs`, which the drone estimated, replaces one estimated here from fewer
+    pulses of the same turn. The other parameters are those of `bearings_of`.
     """
     how, cache = how or EstimationOptions(), cache or Cache()
     if antenna_of(heard, how) == MONOPOLE:
@@ -450,7 +473,7 @@ def with_strengths(
     bearings: Sequence[TagBearing],
     cache: Cache | None = None,
 ) -> Found:
-    """Combine a receiver's bearings with the levels of its tags that have no bearing."""
+    """Combine a receiver's bearings with the signal levels of its tags that have no bearing."""
     cache = cache or Cache()
     turned = {
         one.tag_id
@@ -484,7 +507,7 @@ def _strengths(heard: Heard, how: EstimationOptions, tag_id: int, cache: Cache) 
 
 
 def _is_of_turn(pulses: PulseColumns) -> bool:
-    """True if the antenna's headings at the pulses span enough for a turn (45°)."""
+    """True if the antenna's headings at the pulses span at least 45°, enough for a turn."""
     yaw = np.unwrap(yaws_deg(pulses.quaternion_wxyz), period=360.0)
     return float(np.ptp(yaw)) >= FLIGHT.least_turn_deg
 
@@ -524,14 +547,12 @@ def estimate(
 ) -> Estimated:
     """Estimate all bearings and positions of a flight or log.
 
-    `past`: turns of earlier flights, for learning the antenna's pattern.
-    `theirs`: bearings estimated on the drone.
-    `others`: results of other receivers, used for a tag if its number has the same frequency
-        there.
-    `cache`: for repeated calls: unchanged results are reused.
-    `at_once`: most new ``"bearing"``, ``"position"`` and ``"survey"`` results; see
-        `Cache.begin`.
-    Raises `UsageError`: unknown method or antenna, or the method cannot use the pulses.
+    `past`: turns of earlier flights, from which the antenna's pattern is also learned.
+    `theirs`: bearings estimated on the drone. `others`: results of other receivers; they are
+    used for a tag if its id has the same frequency there. `cache`: keeps unchanged results for
+    repeated calls. `at_once`: maximum number of new ``"bearing"``, ``"position"`` and
+    ``"survey"`` results; see `Cache.begin`. Raises `UsageError` for an unknown method or
+    antenna, or if the method cannot use the pulses.
     """
     how, cache = how or EstimationOptions(), cache or Cache()
     cache.begin(at_once)
@@ -573,7 +594,9 @@ def place(
     over: FlightGround | None = None,
     cache: Cache | None = None,
 ) -> list[TagPosition]:
-    """Estimate a position of each tag that has bearings or that the first receiver received."""
+    """Estimate the position of each tag that has bearings or whose pulses the first receiver
+    received.
+    """
     how, cache = how or EstimationOptions(), cache or Cache()
     tags = {one.tag_id for each in found for one in each.bearings}
     every = sorted(tags.union(*(each.heard for each in found[:1])))
@@ -585,7 +608,7 @@ def place(
 
 
 def _of_tag(tag_id: int, found: Sequence[Found]) -> list[Found]:
-    """Select the receivers for which a tag number means the same animal, by frequency."""
+    """Select the receivers for which a tag id means the same animal, by the tag's frequency."""
     known_by = [*found[:1], *(each for each in found[1:] if each.has_tag(tag_id))]
     hz = [each.frequencies_hz[tag_id] for each in known_by if tag_id in each.frequencies_hz]
     if not hz:
@@ -670,7 +693,9 @@ def _position_of(
     notes: tuple[Caution, ...],
     observers: tuple[str, ...],
 ) -> TagPosition:
-    """Estimate a tag's position, and a path if the bearings contradict a fixed position."""
+    """Estimate a tag's position, and also its path if the bearings contradict a fixed
+    position.
+    """
     try:
         found = estimate_position(
             stations,
@@ -698,7 +723,9 @@ def survey(
     over: FlightGround | None = None,
     cache: Cache | None = None,
 ) -> tuple[dict[int, TagPosition], dict[int, PowerTrack]]:
-    """Positions and powers by tag, from strength alone; `UsageError` if bearings are needed."""
+    """Return positions and powers by tag id, from signal strength alone. Raises `UsageError` if
+    the method needs bearings.
+    """
     cache = cache or Cache()
     if how.method not in ("bayes", "track"):
         raise UsageError(
@@ -746,7 +773,9 @@ def _surveyed(
 
 
 def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> PowerTrack:
-    """Powers of a tag's received pulses along a flight, and misses if the tag is listed."""
+    """Return the powers of a tag's received pulses along a flight and, for a listed tag, its
+    missed pulses.
+    """
     own, poses = heard.pulses[tag_id], heard.poses
     if len(own.time_ns) < 3:
         raise UsageError(
@@ -787,7 +816,9 @@ def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> Pow
 
 
 def at_one_place(heard: Heard) -> bool:
-    """True if all pulses were received at one position, so strength gives no position."""
+    """True if all pulses were received at one position, so that signal strength gives no
+    position.
+    """
     own = heard.pulses.values()
     if not own:
         return False

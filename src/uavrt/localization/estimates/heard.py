@@ -1,4 +1,6 @@
-"""Columns of received pulses and poses from a flight, a log or live data, for the estimates."""
+"""Store received pulses and poses from a flight, a log or live data in columns, as input of the
+estimates.
+"""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -29,18 +31,18 @@ class PoseColumns:
     latitude_deg: _Floats
     longitude_deg: _Floats
     height_m: _Floats
-    """(n,) height of the vehicle above the take-off [m]; NaN if unknown."""
+    """Height of the vehicle above the take-off [m], shape (n,); NaN if unknown."""
     quaternion_wxyz: _Floats
     altitude_amsl_m: _Floats | None = None
-    """(n,) altitude of the vehicle above sea level [m]; NaN where unknown."""
+    """Altitude of the vehicle above sea level [m], shape (n,); NaN where unknown."""
     on_ground_ns: tuple[tuple[int, int], ...] = ()
-    """Start and end of times on the ground reported by the autopilot [ns]."""
+    """Start and end of each time span on the ground, as reported by the autopilot [ns]."""
 
     @classmethod
     def of(
         cls, poses: Iterable[Pose], on_ground_ns: tuple[tuple[int, int], ...] = ()
     ) -> "PoseColumns":
-        """Convert poses to columns, in order of time, one pose for each time."""
+        """Convert poses to columns in order of time; only one pose is kept for each time."""
         by_time = {pose.time_ns: pose for pose in poses}
         ordered = [by_time[time] for time in sorted(by_time)]
         return cls(
@@ -54,7 +56,9 @@ class PoseColumns:
         )
 
     def completed(self, others: "PoseColumns") -> "PoseColumns":
-        """Add another source's poses, such as those of pulses, in gaps of these poses."""
+        """Fill gaps between these poses with poses from another source, such as those stored
+        with pulses.
+        """
         alone = np.flatnonzero(_far_from(np.sort(self.time_ns), others.time_ns))
         parts = (self, others.chosen(alone))
         both = joined_rows([replace(one, altitude_amsl_m=one.amsl_m) for one in parts])
@@ -68,20 +72,22 @@ class PoseColumns:
 
     @property
     def amsl_m(self) -> _Floats:
-        """(n,) altitudes above sea level [m]; NaN where unknown."""
+        """Altitudes above sea level [m], shape (n,); NaN where unknown."""
         nowhere = np.full(len(self.time_ns), np.nan)
         return nowhere if self.altitude_amsl_m is None else self.altitude_amsl_m
 
     @property
     def flown_m(self) -> _Floats:
-        """(n,) heights above the take-off [m]; if all are unknown, above the lowest pose."""
+        """Heights above the take-off [m], shape (n,); if all are unknown, heights above the
+        lowest pose.
+        """
         amsl = self.amsl_m
         if np.any(np.isfinite(self.height_m)) or not np.any(np.isfinite(amsl)):
             return self.height_m
         return np.asarray(amsl - np.nanmin(amsl))
 
     def heights_m(self, time_ns: Sequence[int] | NDArray[np.int64]) -> _Floats:
-        """Heights above the take-off at given times [m]; 0 if none is known."""
+        """Heights above the take-off at given times [m]; 0 if no height is known."""
         known, wanted_ns = np.isfinite(self.height_m), np.asarray(time_ns, np.float64)
         if not known.any():
             return np.zeros(len(wanted_ns))
@@ -90,7 +96,7 @@ class PoseColumns:
 
     @property
     def on_ground(self) -> NDArray[np.bool_]:
-        """(n,) True where the autopilot reports the vehicle on the ground."""
+        """True where the autopilot reports the vehicle on the ground, shape (n,)."""
         found = np.zeros(len(self.time_ns), bool)
         for first, last in self.on_ground_ns:
             found |= (self.time_ns >= first) & (self.time_ns <= last)
@@ -98,7 +104,9 @@ class PoseColumns:
 
     @property
     def leaves_ground(self) -> bool:
-        """True if heights or autopilot show both flight and ground."""
+        """True if heights or the autopilot's reports show both times in flight and times on the
+        ground.
+        """
         on_ground = self.on_ground
         flown = self.flown_m[np.isfinite(self.flown_m)]
         climbed = len(flown) > 0 and float(np.ptp(flown)) >= TURNS.climb_m
@@ -106,29 +114,30 @@ class PoseColumns:
 
     @property
     def yaw_deg(self) -> _Floats:
-        """(n,) headings of the vehicle, clockwise from true north [deg]."""
+        """Headings of the vehicle, clockwise from true north [deg], shape (n,)."""
         return Headings.from_quaternions(self.quaternion_wxyz).yaw_deg
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PulseColumns:
-    """Pulses that have a pose and a power, in order of time."""
+    """Pulses that have a pose and a power, as columns in order of time."""
 
     time_ns: NDArray[np.int64]
     latitude_deg: _Floats
     longitude_deg: _Floats
     height_m: _Floats
-    """(n,) height of the antenna above the take-off [m]; NaN where unknown."""
+    """Height of the antenna above the take-off [m], shape (n,); NaN where unknown."""
     quaternion_wxyz: _Floats
-    """(n, 4) unit quaternions, antenna frame (forward, right, down) to north-east-down."""
+    """Unit quaternions from the antenna frame (forward, right, down) to north-east-down, shape
+    (n, 4)."""
     snr_db: _Floats
     noise_psd: _Floats
-    """(n,) noise density at each pulse [input units²/Hz]; NaN where unknown."""
+    """Noise density at each pulse [input units²/Hz], shape (n,); NaN where unknown."""
     frequency_hz: _Floats
     rate: NDArray[np.int64]
-    """(n,) which of the tag's pulse intervals was in use, from 1."""
+    """Number of the tag's pulse interval in use at each pulse, counted from 1, shape (n,)."""
     altitude_amsl_m: _Floats
-    """(n,) altitude of the antenna above sea level [m]; NaN where unknown."""
+    """Altitude of the antenna above sea level [m], shape (n,); NaN where unknown."""
 
     @property
     def noise_known(self) -> bool:
@@ -137,9 +146,11 @@ class PulseColumns:
 
     @property
     def noise_db(self) -> _Floats:
-        """(n,) noise at each pulse over the usual noise at its gain [dB]; 0 if any is unknown.
+        """Noise at each pulse relative to the usual noise at the same receiver gain [dB], shape
+        (n,); 0 if any noise is unknown.
 
-        The sum with the SNR is the pulse's energy, which directional noise does not change.
+        Its sum with the SNR is the pulse's energy, which noise from a direction does not
+        change.
         """
         noise = self.noise_psd
         if not self.noise_known:
@@ -148,7 +159,7 @@ class PulseColumns:
 
     @classmethod
     def of(cls, pulse_poses: Iterable[PulsePose]) -> "PulseColumns":
-        """Convert pulses to columns, in the given order, without those that have no pose."""
+        """Convert pulses to columns in the given order; pulses without a pose are excluded."""
         posed = [(one.pulse, one.pose) for one in pulse_poses if one.pose is not None]
         poses = [pose for _, pose in posed]
         return cls(
@@ -186,10 +197,10 @@ class PulseColumns:
         )
 
     def missed_ns(self, rhythm: "Rhythm | None") -> _Floats:
-        """Times of expected pulses that were not received, between received ones [ns].
+        """Times of expected pulses between received ones that were not received [ns].
 
-        They divide a gap between pulses that is a multiple of the tag's interval. A gap of
-        more than a day's pulses counts as a jump of the clock.
+        They divide gaps between received pulses that are multiples of the tag's interval. A gap
+        longer than a day's pulses counts as a jump of the clock.
         """
         if rhythm is None or len(self.time_ns) < 2:
             return np.zeros(0)
@@ -207,7 +218,7 @@ class PulseColumns:
         return np.asarray(self.time_ns[gap] + gap_ns[gap] * number / count[gap])
 
     def turned(self, offset_deg: float) -> "PulseColumns":
-        """Copy with the antenna turned clockwise about its own down axis."""
+        """Return a copy in which the antenna is rotated clockwise about its own down axis."""
         if offset_deg == 0.0:
             return self
         w, x, y, z = self.quaternion_wxyz.T
@@ -230,10 +241,10 @@ class FlightGround:
         poses: PoseColumns,
         lay: Callable[..., HillLosses] = HillLosses,
     ) -> "FlightGround | None":
-        """Build the ground model around a flight; None if no pose has position and height.
+        """Create the ground model around a flight; None if no pose has position and height.
 
-        Heights of a flight count from its take-off, assumed beneath the first pose. `lay` makes
-        the ground model, or returns an earlier one.
+        Heights in a flight are relative to its take-off, which is assumed to be below the first
+        pose. `lay` creates the ground model, or returns an earlier one.
         """
         known = np.flatnonzero(np.isfinite(poses.latitude_deg) & np.isfinite(poses.height_m))
         if not len(known):
@@ -259,7 +270,7 @@ class FlightGround:
         return replace(self, hills=self.hills.with_limitations(*limitations))
 
     def at(self, frequency_hz: float) -> "FlightGround":
-        """Copy with the losses behind hills of a tag at this frequency."""
+        """Return a copy with the losses behind hills for a tag at this frequency."""
         return replace(self, hills=self.hills.at(frequency_hz))
 
     def heights_m(self, time_ns: Sequence[int]) -> _Floats:
@@ -268,7 +279,9 @@ class FlightGround:
 
 
 def height_warning(ground_m: float, said_m: float) -> tuple[str, ...]:
-    """Warning if elevation files (`ground_m`) and flight (`said_m`) differ at the take-off."""
+    """Return a warning if the elevation files (`ground_m`) and the flight (`said_m`) give
+    different heights for the take-off.
+    """
     if (
         not abs(said_m - ground_m) > FLIGHT.reported_height_m
     ):  # also if one of the heights is unknown
@@ -289,12 +302,14 @@ class Rhythm:
 
     @classmethod
     def of(cls, tag: Tag) -> "Rhythm":
-        """Pulse intervals of a tag, from its entry in the tag list."""
+        """Return a tag's pulse intervals from its entry in the tag list."""
         return cls(intervals_s=tag.pulse_intervals_s, uncertainty_s=tag.interval_uncertainty_s)
 
 
 def _far_from(known_ns: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """(n,) True for times farther than `FLIGHT.pose_gap_ns` from all (rising) `known_ns`."""
+    """True for times farther than `FLIGHT.pose_gap_ns` from all `known_ns`, which must be
+    ascending; shape (n,).
+    """
     if not len(known_ns):
         return np.ones(len(times_ns), bool)
     after = np.searchsorted(known_ns, times_ns)
@@ -305,21 +320,23 @@ def _far_from(known_ns: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArr
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Heard:
-    """Pulses and poses of one receiver in a flight or log, in columns."""
+    """Pulses and poses of one receiver in a flight or log, as columns."""
 
     pulses: Mapping[int, PulseColumns]
     poses: PoseColumns
-    """Poses of the vehicle, thinned out; in gaps, the poses stored with pulses."""
+    """Poses of the vehicle, reduced in number; gaps are filled with the poses stored with
+    pulses."""
     tags: tuple[Tag, ...] = ()
     """Entries of the tag list of a flight; empty for a log."""
     antenna: str = "RA-23K"
     """Name of the receiving antenna's pattern, unless `EstimationOptions` sets another."""
     name: str = "this vehicle"
-    """Name of the receiver, for the operator."""
+    """Name of the receiver as shown to the operator."""
     one_turn: bool = False
-    """True to treat a log at one position without a climb as one turn, as UAV-RT does."""
+    """True to treat a log at one position and without a climb as one turn, as UAV-RT does."""
     goes_on: bool = False
-    """True while data may still arrive; only complete turns then correct the pattern."""
+    """True while more data may arrive; only complete turns are then used to correct the antenna
+    pattern."""
 
     @classmethod
     def of(
@@ -333,9 +350,9 @@ class Heard:
         name: str = "this vehicle",
         goes_on: bool = False,
     ) -> "Heard":
-        """Sort pulses by tag and time, without those that have no position or power.
+        """Sort pulses by tag and time; pulses without position or power are excluded.
 
-        Times are rounded to 256 ns, as columns of floating-point numbers hold them.
+        Times are rounded to 256 ns, the resolution of columns of floating-point numbers.
         """
         usable = np.isfinite(pulses.snr_db) & np.isfinite(pulses.quaternion_wxyz[:, 0])
         usable &= np.isfinite(pulses.latitude_deg) & np.isfinite(pulses.longitude_deg)
@@ -374,7 +391,9 @@ class Heard:
         name: str = "this vehicle",
         goes_on: bool = False,
     ) -> "Heard":
-        """Convert records; a log has no `poses`. Raises `UsageError` if no pulse has a pose."""
+        """Convert records of pulses and poses; a log has no `poses`. Raises `UsageError` if no
+        pulse has a pose.
+        """
         if pulse_poses and all(one.pose is None for one in pulse_poses):
             raise UsageError(
                 "no pulse has a pose, so headings are unknown",
@@ -396,7 +415,7 @@ class Heard:
         return next((Rhythm.of(tag) for tag in self.tags if tag.tag_id == tag_id), None)
 
     def renamed(self, keys: Mapping[int, int]) -> "Heard":
-        """Copy with tag numbers replaced; `keys` maps old numbers to new ones."""
+        """Return a copy with other tag ids; `keys` maps old ids to new ones."""
         return replace(
             self,
             pulses={keys.get(tag_id, tag_id): own for tag_id, own in self.pulses.items()},
@@ -406,7 +425,9 @@ class Heard:
         )
 
     def merged_with(self, other: "Heard") -> "Heard":
-        """Merge with the pulses and poses of another receiver, as if of one flight."""
+        """Merge with the pulses and poses of another receiver, as if both belonged to one
+        flight.
+        """
         pulses = dict(self.pulses)
         for tag_id, own in other.pulses.items():
             pulses[tag_id] = pulses[tag_id].merged_with(own) if tag_id in pulses else own
@@ -421,7 +442,9 @@ class Heard:
 
     @property
     def frequencies_hz(self) -> dict[int, float]:
-        """Median frequency of each tag's pulses [Hz]; without pulses, the listed frequency."""
+        """Median frequency of each tag's received pulses [Hz]; for a tag without pulses, the
+        listed frequency.
+        """
         found = {tag.tag_id: tag.frequency_hz for tag in self.tags}
         for tag_id, own in self.pulses.items():
             known_hz = own.frequency_hz[own.frequency_hz >= FLIGHT.least_tag_hz]
@@ -432,7 +455,9 @@ class Heard:
     def over(
         self, elevation: Elevation | None, lay: Callable[..., HillLosses] = HillLosses
     ) -> FlightGround | None:
-        """Ground model at the pulses' median frequency, or None; raises `FormatError`."""
+        """Return the ground model at the pulses' median frequency; None without elevation data.
+        Raises `FormatError`.
+        """
         over = None if elevation is None else FlightGround.of(elevation, self.poses, lay)
         heard_hz = [own.frequency_hz for own in self.pulses.values()]
         every_hz = np.concatenate(heard_hz) if heard_hz else np.zeros(0)

@@ -1,8 +1,8 @@
 """Estimate bearings of turns in progress, from pulses and poses as they arrive.
 
-Each new pulse of a turn, from the third on, gives a new estimate of the bearing, with a wide
-interval while little of the turn is done. The ground station does the same with received data.
-This stage runs on the drone when its process table has the `estimator`.
+From the third pulse of a turn on, each new pulse gives a new estimate of the bearing; its
+interval is wide while little of the turn is complete. The ground station does the same with the
+data that it receives. On the drone, this is the `estimator` process, if enabled.
 """
 
 from collections.abc import Iterable, Sequence
@@ -26,7 +26,7 @@ from uavrt.localization.tuning import ACCEPTANCE, FLIGHT
 
 
 class LiveBearings:
-    """Converts poses and pulses into the bearings that have changed."""
+    """Converts poses and pulses, as they arrive, to the bearings that have changed."""
 
     def __init__(
         self, antenna: AntennaPattern | str = "RA-23K", tags: Sequence[Tag] = ()
@@ -64,7 +64,7 @@ class LiveBearings:
             self._pulses = [one for one in self._pulses if one.pulse.start_time_ns >= after_ns]
 
     def add_state(self, time_ns: int, armed: float | None, landed: float | None) -> None:
-        """Add the autopilot's arming and landing state; 0 is no, None unknown."""
+        """Add the autopilot's arming and landing state; 0 means no and None unknown."""
         self._states.add(time_ns, armed, landed)
 
     def add_pulse(self, one: PulsePose) -> None:
@@ -73,10 +73,11 @@ class LiveBearings:
             self._pulses.append(one)
 
     def changed(self) -> list[LiveBearing]:
-        """Bearings that changed since the last call; takes some milliseconds for each.
+        """Return the bearings that changed since the last call; computing each takes some
+        milliseconds.
 
-        A bearing changes by new pulses or misses in its turn. All change when a finished turn
-        corrects the antenna's pattern.
+        A bearing changes with new or missed pulses in its turn. All bearings change when a
+        finished turn corrects the antenna's pattern.
         """
         if not self._pulses:
             return []
@@ -117,7 +118,9 @@ def _live(one: TagBearing, turn: Turn) -> LiveBearing:
 
 
 def bearing_from_drone(one: LiveBearing) -> TagBearing:
-    """Convert a drone's bearing message; its posterior is assumed to be von Mises."""
+    """Convert a bearing message from the drone; its posterior is assumed to be a von Mises
+    distribution.
+    """
     return TagBearing(
         tag_id=one.tag_id,
         bearing=Bearing(

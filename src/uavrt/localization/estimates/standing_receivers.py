@@ -1,4 +1,6 @@
-"""Compute levels of tags where a receiver did not turn, from pulses outside of turns."""
+"""Compute the signal levels of tags from pulses outside turns, where a receiver kept its
+heading.
+"""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -25,9 +27,11 @@ def strengths_of(
     antenna: AntennaPattern | str,
     rhythm: Rhythm | None = None,
 ) -> Strengths:
-    """Convert a tag's pulses, in order of time, to levels, one for each position and heading.
+    """Convert a tag's pulses, in order of time, to signal levels, one for each position and
+    heading.
 
-    Pulses on the ground are excluded. Misses at times of `rhythm` count as the weakest pulse.
+    Pulses received on the ground are excluded. Missed pulses at the times of `rhythm` count as
+    strong as the weakest received pulse.
     """
     monopole = antenna == MONOPOLE
     pattern = None if monopole else pattern_named(antenna)
@@ -58,7 +62,7 @@ def strengths_of(
 def _off_ground(
     time_ns: NDArray[np.int64], on_ground_ns: Sequence[tuple[int, int]]
 ) -> NDArray[np.intp]:
-    """Indices of pulses at times that are not reported as on the ground."""
+    """Indices of the pulses received at times not reported as on the ground."""
     down = np.zeros(len(time_ns), bool)
     for first, last in on_ground_ns:
         down |= (time_ns >= first) & (time_ns <= last)
@@ -83,7 +87,9 @@ def _standing(
 
 
 def _expected(pulses: PulseColumns, part: NDArray[np.intp], rhythm: Rhythm | None) -> int:
-    """Number of pulses that a tag sent from the first to the last received pulse."""
+    """Number of pulses that a tag must have sent between the first and the last received pulse,
+    both included.
+    """
     if rhythm is None:
         return len(part)
     interval_ns = max(rhythm.intervals_s) * NANOSECONDS_PER_SECOND

@@ -1,5 +1,6 @@
-"""Determine the antenna's pose at each pulse: interpolated, with the antenna's mounting.
+"""Determine the antenna's pose at each pulse by interpolation and the antenna's mounting.
 
-`ring` interpolates between the newest attitudes and positions, which `series` stores;
-`attacher` waits for those around a pulse, `mounting` gives the antenna's pose on the vehicle.
+`ring` interpolates between the latest attitudes and positions, which `series` stores.
+`attacher` waits for the poses around a pulse, and `mounting` converts the vehicle's pose to the
+antenna's.
 """

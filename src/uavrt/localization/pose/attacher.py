@@ -1,4 +1,4 @@
-"""Assign each pulse its pose: wait for the poses around it, for a limited time."""
+"""Assign each pulse its pose, waiting a limited time for the poses before and after it."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -16,12 +16,11 @@ class _Waiting:
 
 
 class PoseAttacher:
-    """Holds pulses until their pose is known; none is lost, and each tag's order is kept.
+    """Stores pulses until their pose is known; none is lost, and each tag's order is preserved.
 
     A pulse is returned with its interpolated pose as soon as attitude and position after its
-    centre have arrived. After `wait_s` it gets a marked, extrapolated pose, or None.
-
-    `wait_s`: longest time that a pulse is held [s]; 0 for a system without autopilot.
+    centre have arrived. After `wait_s` seconds it gets an extrapolated pose, marked as such, or
+    None. `wait_s` is 0 for a system without autopilot.
     """
 
     def __init__(self, ring: PoseRing, *, wait_s: float) -> None:
@@ -44,15 +43,15 @@ class PoseAttacher:
         queue.append(_Waiting(pulse, now_ns + self._wait_ns))
 
     def ready(self, now_ns: int) -> list[PulsePose]:
-        """Pulses whose pose is known, or whose waiting time is over."""
+        """Return pulses whose pose is known or whose waiting time is over."""
         return self._released(now_ns)
 
     def flush(self) -> list[PulsePose]:
-        """All waiting pulses with the poses known, at the end of a flight."""
+        """Return all waiting pulses at the end of a flight, with the poses known so far."""
         return self._released(None)
 
     def next_deadline_ns(self) -> int | None:
-        """Latest time for the next call of `ready` [ns]; None if no pulse is waiting."""
+        """Time by which `ready` must be called next [ns]; None if no pulse is waiting."""
         return min((q[0].deadline_ns for q in self._queues.values() if q), default=None)
 
     def _released(self, now_ns: int | None) -> list[PulsePose]:
@@ -70,7 +69,9 @@ class PoseAttacher:
         return released
 
     def _pose(self, pulse: Pulse, overdue: bool) -> tuple[bool, Pose | None]:
-        """True if the pulse can be returned now, and the pulse's pose; None if unknown."""
+        """Return whether the pulse can be returned now, and its pose; None if the pose is
+        unknown.
+        """
         center_ns = (pulse.start_time_ns + pulse.end_time_ns) // 2
         try:
             return True, self._ring.antenna_pose(center_ns)

@@ -1,4 +1,4 @@
-"""Convert the vehicle's pose to the antenna's by one rotation and one lever arm."""
+"""Convert the vehicle's pose to the antenna's pose by one rotation and one lever arm."""
 
 from dataclasses import dataclass, replace
 
@@ -18,11 +18,11 @@ from uavrt.core.messages import Pose
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mounting:
-    """Mounting of the antenna on the vehicle.
+    """Orientation and position of the antenna on the vehicle.
 
-    `rotation` (w, x, y, z): antenna frame to vehicle frame.
-    `offset_m` (forward, right, down): antenna from the point whose position the autopilot
-    reports [m].
+    `rotation` (w, x, y, z) rotates from the antenna frame to the vehicle frame. `offset_m`
+    (forward, right, down) is the antenna's position relative to the point whose position the
+    autopilot reports [m].
     """
 
     rotation: Quaternion = IDENTITY
@@ -30,7 +30,9 @@ class Mounting:
 
     @classmethod
     def from_settings(cls, settings: AntennaSettings) -> "Mounting":
-        """Make the mounting from angles and lengths of the settings' section ``[antenna]``."""
+        """Create the mounting from the angles and lengths in the settings' section
+        ``[antenna]``.
+        """
         return cls(
             rotation=from_euler_deg(
                 settings.yaw_offset_deg, settings.pitch_offset_deg, settings.roll_offset_deg
@@ -43,7 +45,7 @@ class Mounting:
         )
 
     def antenna_pose(self, vehicle: Pose) -> Pose:
-        """Convert the vehicle's pose to the antenna's."""
+        """Convert a pose of the vehicle to the pose of the antenna."""
         attitude = normalised(product(vehicle.quaternion_wxyz, self.rotation))
         if self.offset_m == (0.0, 0.0, 0.0):
             return replace(vehicle, quaternion_wxyz=attitude)

@@ -1,11 +1,10 @@
-"""Interpolate the antenna's pose at any time in the last minute.
+"""Interpolate the antenna's pose at any time in about the last minute.
 
 The thesis gave each pulse the pose half-way between take-off and the present, so that a turn of
-90° was logged as 45°. Here bisection finds the samples around a time.
-
-Without a later sample, the motion of the last 0.2 s is extrapolated for at most 1 s. Gaps of
-more than 2 s are not interpolated. In a steady turn at 30°/s, holding the last pose would be
-wrong by 15° after half a second. From two samples 20 ms apart, noise of 0.1° would become 5°/s;
+90° was logged as 45°. Here bisection finds the samples around a time. If there is no later
+sample, the motion of the last 0.2 s is extrapolated for at most 1 s. Gaps of more than 2 s are
+not interpolated. In a steady turn at 30°/s, using the last pose unchanged would be wrong by 15°
+after half a second. A rate from two samples 20 ms apart would amplify noise of 0.1° to 5°/s;
 over 0.2 s it is 0.5°/s.
 """
 
@@ -20,21 +19,25 @@ from uavrt.localization.pose.mounting import Mounting
 from uavrt.localization.pose.series import Four, S, Series
 
 CAPACITY = 6_000
-"""Number of attitudes and of positions kept: two minutes at 50 Hz, one at 100 Hz."""
+"""Number of attitudes and of positions that are stored: two minutes at 50 Hz, one minute at 100
+Hz."""
 
 MAX_GAP_S = 2.0
-"""Longest gap between samples that is interpolated [s]; in a longer one a vehicle may turn."""
+"""Longest gap between samples that is interpolated [s]; in a longer gap the vehicle may
+turn."""
 
 MAX_EXTRAPOLATION_S = 1.0
 """Longest extrapolation beyond the newest sample, or from the edge of a gap [s]. At 30°/s the
 error is some degrees where a turn begins or ends."""
 
 _RATE_BASELINE_S = 0.2
-"""Time over which the rate of turn and movement is measured for extrapolation [s]."""
+"""Time over which the rates of turn and movement are measured for extrapolation [s]."""
 
 
 class PoseRing:
-    """The vehicle's last `capacity` attitudes and positions, interpolated for the antenna."""
+    """Stores the vehicle's last `capacity` attitudes and positions, and interpolates the
+    antenna's pose.
+    """
 
     def __init__(
         self, antenna: AntennaSettings | None = None, *, capacity: int = CAPACITY
@@ -53,7 +56,7 @@ class PoseRing:
         """Number of times that all samples were removed, since time stepped back or jumped."""
 
     def add_attitude(self, sample: AttitudeSample) -> None:
-        """Add an attitude; an invalid rotation is rejected and counted."""
+        """Add an attitude; an invalid rotation is rejected and counted in `refused_samples`."""
         try:
             attitude = normalised(sample.quaternion_wxyz)
         except ValueError:
@@ -64,7 +67,9 @@ class PoseRing:
         )
 
     def add_position(self, sample: PositionSample) -> None:
-        """Add a position; a non-finite one is rejected and counted."""
+        """Add a position; one that is not finite is rejected and counted in
+        `refused_samples`.
+        """
         numbers = (
             sample.latitude_deg,
             sample.longitude_deg,
@@ -92,31 +97,36 @@ class PoseRing:
         )
 
     def clear(self) -> None:
-        """Remove all samples, after an autopilot's reboot or for another clock."""
+        """Remove all samples, as after a reboot of the autopilot or a change of its clock."""
         self._attitudes.clear()
         self._positions.clear()
         self.resets += 1
 
     @property
     def newest_ns(self) -> int | None:
-        """Latest time at which both attitude and position are known [ns]; None before."""
+        """Latest time at which both attitude and position are known [ns]; None if either is
+        missing.
+        """
         attitude_ns, position_ns = self._attitudes.last_ns, self._positions.last_ns
         if attitude_ns is None or position_ns is None:
             return None
         return min(attitude_ns, position_ns)
 
     def antenna_pose(self, time_ns: int, *, extrapolate: bool = False) -> Pose:
-        """Antenna's pose at a time.
+        """Return the antenna's pose at a time.
 
-        `time_ns`: time, for a pulse its centre [ns, UTC].
-        `extrapolate`: extrapolate for up to `MAX_EXTRAPOLATION_S` where no later sample is
-            known, and hold the nearest sample at the edges of a gap; the pose is marked.
-        Raises `PoseUnavailable`, with ``retry_later`` if a later sample may still give one.
+        `time_ns` is the time [ns, UTC]; for a pulse, that of its centre. With `extrapolate`,
+        the motion is extrapolated for up to `MAX_EXTRAPOLATION_S` where there is no later
+        sample, and the nearest sample is used at the edges of a gap; such a pose is marked.
+        Raises `PoseUnavailable`, with ``retry_later`` if a later sample may still give a
+        pose.
         """
         return self._mounting.antenna_pose(self.vehicle_pose(time_ns, extrapolate=extrapolate))
 
     def vehicle_pose(self, time_ns: int, *, extrapolate: bool = False) -> Pose:
-        """Vehicle's own pose, without the mounting; raises `PoseUnavailable`."""
+        """Return the vehicle's own pose, without the antenna's mounting. Raises
+        `PoseUnavailable`.
+        """
         attitude, guessed_attitude = self._attitude(time_ns, extrapolate)
         position, guessed_position = self._position(time_ns, extrapolate)
         return Pose(
@@ -141,7 +151,7 @@ class PoseRing:
         return slerp(before.quaternion_wxyz, after.quaternion_wxyz, fraction), guessed
 
     def _position(self, time_ns: int, extrapolate: bool) -> tuple[PositionSample, bool]:
-        """Position by linear interpolation, and True if it is extrapolated.
+        """Return the position by linear interpolation, and True if it is extrapolated.
 
         The error is below 2 cm for samples at 10 Hz, at 15 m/s on a circle of 20 m radius.
         """
@@ -161,7 +171,9 @@ class PoseRing:
     def _around(
         self, series: Series[S], time_ns: int, extrapolate: bool
     ) -> tuple[S, S, float, bool]:
-        """Samples before and after a time, fraction in between, and True if extrapolated."""
+        """Return the samples before and after a time, the time's fraction between them, and
+        True if extrapolated.
+        """
         first_ns, last_ns = series.first_ns, series.last_ns
         if first_ns is None or last_ns is None:
             raise PoseUnavailable(time_ns, retry_later=True)

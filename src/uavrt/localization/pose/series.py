@@ -1,4 +1,4 @@
-"""Ring buffer of timed samples with strictly rising times."""
+"""Ring buffer of samples whose times strictly increase."""
 
 from array import array
 from bisect import bisect_left
@@ -19,16 +19,17 @@ S = TypeVar("S", bound=Timed)
 Four = tuple[float, float, float, float]
 
 REBOOT_NS = 500_000_000
-"""Step back of time that means a restarted clock and not a late message [ns]. At 10 Hz and over
-a link of 57 600 baud messages are late by tens of milliseconds, never by half a second."""
+"""Step back in time that indicates a restarted clock and not a late message [ns]. At 10 Hz and
+over a link of 57 600 baud, messages are late by tens of milliseconds, never by half a
+second."""
 
 
 class Series(Generic[S]):
-    """Samples in order of time; the oldest are dropped first.
+    """Stores samples in order of time; when it is full, the oldest are removed first.
 
-    Samples are stored as numbers in memory allocated at the start, 40 bytes each (330 as
-    records), so that memory does not grow in flight. `pack` converts a sample to its four
-    numbers, `unpack` a time and four numbers to a sample.
+    Samples are stored as numbers in memory that is allocated at the start, 40 bytes each (330
+    bytes as records), so that memory does not grow in flight. `pack` converts a sample to its
+    four numbers, and `unpack` converts a time and four numbers to a sample.
     """
 
     def __init__(
@@ -46,7 +47,9 @@ class Series(Generic[S]):
         return self._count
 
     def add(self, sample: S) -> bool:
-        """Append a sample; False if it is late. Raises `OverflowError` after a clock reset."""
+        """Append a sample; return False if it is late. Raises `OverflowError` after a reset of
+        the clock.
+        """
         time_ns = sample.time_ns
         if self._count:
             fall_ns = self._times[self._count - 1] - time_ns
@@ -90,7 +93,9 @@ class Series(Generic[S]):
         return self._times[self._count - 1] if self._count else None
 
     def bracket(self, time_ns: int) -> tuple[S, S] | None:
-        """Samples before and after a time, or the sample at this time twice; None outside."""
+        """Return the samples before and after a time, or twice the sample at exactly this time;
+        None outside the series.
+        """
         index = self._index_from(time_ns)
         if index == self._count:
             return None
@@ -110,5 +115,7 @@ class Series(Generic[S]):
         return self._sample(self._count - 1)
 
     def before_last(self, baseline_ns: int) -> S:
-        """Oldest sample within `baseline_ns` of the newest; the newest if there is no other."""
+        """Return the oldest sample within `baseline_ns` of the newest one; if there is no
+        other, the newest.
+        """
         return self._sample(self._index_from(self._times[self._count - 1] - baseline_ns))

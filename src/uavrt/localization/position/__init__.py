@@ -1,6 +1,7 @@
-"""Estimate positions from bearings and powers, with their 50 % and 95 % radii (`bayes_fix`).
+"""Estimate positions from bearings and signal powers, with their 50 % and 95 % radii.
 
-`estimate_position` is the entry point. `bayes_position` is the default; its radii hold a share
-of the posterior. `estimate_position` computes the radii for `bearings/lenth`; `regions` makes
-outlines.
+`estimate_position` calls any of the estimators. `bayes_position` is the default; its radii
+contain 50 % and 95 % of the posterior, which `bayes_fix` computes. For estimates by
+`bearings/lenth`, `estimate_position` computes the radii. `regions` computes outlines for
+maps.
 """

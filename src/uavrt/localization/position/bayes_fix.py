@@ -1,9 +1,11 @@
-"""Compute a position's posterior on cells that are small near its peaks (default estimator).
+"""Compute a position's posterior on square cells that are small near its peaks (default
+estimator).
 
-Cells with much probability are quartered, so that narrow peaks and long tails, such as those of
-a possible outlier, are both resolved. The reported point is the most probable one; the mean
-lies farther out for weak geometry. A bearing that contradicts the others is reported and does
-not move the point, since each may be an outlier with some probability.
+Cells with much probability are quartered, so that both narrow peaks and long tails, such as
+those of a possible outlier, are resolved. The reported point is the most probable one, because
+the mean is farther away than the tag for weak geometry. A bearing that contradicts the others
+is reported and hardly moves the point, since each bearing may be an outlier with some
+probability.
 """
 
 from collections.abc import Callable
@@ -20,12 +22,13 @@ from uavrt.localization.tuning import FLIGHT
 _Floats = NDArray[np.float64]
 
 LogLikelihood = Callable[[_Floats, _Floats, _Floats], _Floats]
-"""Function from east, north, cell width [m] (places,) to a tag's log-likelihood (places,)."""
+"""Function from east, north and cell width [m] (places,) to the log-likelihood of a tag there
+(places,)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Area:
-    """Rectangle in the local plane that is searched for a tag."""
+    """Rectangle in the local plane in which a tag is searched for."""
 
     west_m: float
     east_m: float
@@ -33,7 +36,7 @@ class Area:
     north_m: float
 
     def touches(self, east_m: _Floats, north_m: _Floats, half_m: _Floats) -> NDArray[np.bool_]:
-        """(n,) True for squares around the given positions that overlap the area."""
+        """True for squares around the given positions that overlap the area, shape (n,)."""
         return np.asarray(
             (east_m + half_m > self.west_m)
             & (east_m - half_m < self.east_m)
@@ -44,27 +47,31 @@ class Area:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cells:
-    """Posterior on squares of any size that cover an area, and derived values."""
+    """Posterior on squares of different sizes that cover an area, and values derived from
+    it.
+    """
 
     east_m: _Floats
     north_m: _Floats
     width_m: _Floats
     log_density: _Floats
-    """(n,) log of the posterior density in each cell, up to a constant."""
+    """Logarithm of the posterior density in each cell, up to a constant, shape (n,)."""
     probability: _Floats
-    """(n,) posterior probability of each position cell; sums to 1."""
+    """Posterior probability of each cell, shape (n,); the sum is 1."""
     log_evidence: float
     """Logarithm of the likelihood's integral over the area."""
     at_edge: bool
     rough: NDArray[np.bool_]
-    """(n,) True where the posterior density may vary strongly within a cell."""
+    """True where the posterior density may vary strongly within a cell, shape (n,)."""
 
     def mean(self) -> tuple[float, float]:
         """East and north of the mean [m], which has the smallest expected squared error."""
         return float(self.probability @ self.east_m), float(self.probability @ self.north_m)
 
     def likely_mean(self, log_likelihood: LogLikelihood) -> tuple[float, float]:
-        """East and north of the mean [m]; if unlikely, of the nearest likely position."""
+        """East and north of the mean [m]; if the mean is unlikely, the nearest likely
+        position.
+        """
         east, north = self.mean()
         order = np.argsort(-self.log_density)
         kept = order[: int(np.searchsorted(np.cumsum(self.probability[order]), 0.5)) + 1]
@@ -75,7 +82,9 @@ class Cells:
         return float(self.east_m[kept[nearest]]), float(self.north_m[kept[nearest]])
 
     def radius_m(self, share: float, point: tuple[float, float], sigma_m: float) -> float:
-        """Radius around a point that holds `share` [m]; `sigma_m`: error of all positions."""
+        """Radius around a point that contains the probability `share` [m]; `sigma_m` is an
+        error common to all positions.
+        """
         distance = np.hypot(self.east_m - point[0], self.north_m - point[1])
         # Four parts of each cell, for the cell that holds the point itself reaches from 0.
         parts = (np.arange(4) - 1.5) / 4.0
@@ -85,9 +94,10 @@ class Cells:
         return shifted_m(float(np.interp(share, held, spread[order], left=0.0)), share, sigma_m)
 
     def ellipse(self, sigma_m: float) -> Ellipse:
-        """95 % ellipse of a normal distribution with the posterior's covariance.
+        """Return the 95 % ellipse of a normal distribution with the posterior's covariance.
 
-        `sigma_m`: standard deviation of an error common to all positions, which is added [m].
+        `sigma_m` is the standard deviation of an error common to all positions, which is added
+        [m].
         """
         x, y = self.mean()
         centred = np.stack([self.east_m - x, self.north_m - y])
@@ -95,9 +105,10 @@ class Cells:
         return ellipse_of(covariance + sigma_m**2 * np.eye(2))
 
     def map(self, count: int, sigma_m: float) -> tuple[_Floats, _Floats, _Floats]:
-        """Probability on a regular grid: east (x,), north (y,), and values (y, x).
+        """Return the probability on a regular grid: east (x,), north (y,), and values (y, x).
 
-        Each cell's probability is spread by its width and by a shift common to all positions.
+        Each cell's probability is spread over its width, and by an error common to all
+        positions.
         """
         east, north, step = _even_axes(self.around(GRID.map_share), count, 2.5 * sigma_m)
         density = np.zeros((len(north), len(east)))
@@ -129,7 +140,9 @@ class Cells:
 
 
 def ellipse_of(covariance_m2: _Floats) -> Ellipse:
-    """Ellipse that contains 95 % of a normal distribution, from its (2, 2) covariance."""
+    """Ellipse that contains 95 % of a normal distribution with the given covariance (2, 2)
+    [m²].
+    """
     values, vectors = np.linalg.eigh(covariance_m2)
     scale = -2.0 * np.log(1.0 - 0.95)
     minor, major = np.sqrt(np.maximum(values, 0.0) * scale)
@@ -142,7 +155,9 @@ def ellipse_of(covariance_m2: _Floats) -> Ellipse:
 
 
 def normal_radius_m(covariance_m2: _Floats, share: float) -> float:
-    """Radius of the centred circle that contains a probability of a normal distribution [m]."""
+    """Radius of the centred circle that contains the probability `share` of a normal
+    distribution [m].
+    """
     angle = np.radians(np.arange(0.5, 360.0))
     across = np.stack([np.cos(angle), np.sin(angle)])
     q = np.einsum("ia,ij,ja->a", across, np.linalg.inv(covariance_m2), across)
@@ -156,9 +171,10 @@ def normal_radius_m(covariance_m2: _Floats, share: float) -> float:
 
 
 def shifted_m(radius_m: float, share: float, sigma_m: float = FLIGHT.place_sigma_m) -> float:
-    """Radius that still contains its share if all positions may be shifted together [m].
+    """Radius that still contains the probability `share` if all positions may be shifted
+    together [m].
 
-    The radii add as squares, which is exact for round normal distributions.
+    The radii are added as squares, which is exact for circular normal distributions.
     """
     return float(np.hypot(radius_m, sigma_m * np.sqrt(-2.0 * np.log(1.0 - share))))
 
@@ -175,14 +191,13 @@ def cells_posterior(
 ) -> Cells:
     """Evaluate a likelihood on squares, and again on the quarters of probable squares.
 
-    `log_likelihood`: gets the width of each cell, so that a ray narrower than it is not missed.
-    `first_cells`: number of cells along the longer side at first.
-    `held`: probability above which a cell is quartered.
-    `growth`: factor at each quartering on the probability above which a rough cell is
-        quartered, since the slopes of a resolved peak hold little.
-    `within`: area in which cells wider than `shows_m` are always quartered. The middle of a
-        wide cell may be a hundred nats less likely than a peak within it.
-    `shows_m`: cell width that misses no peak [m].
+    `log_likelihood`: receives the width of each cell, so that it can include a bearing line
+    narrower than the cell. `first_cells`: number of cells along the longer side at the start.
+    `held`: probability above which a cell is quartered. `growth`: factor by which, at each
+    quartering, the probability increases above which a rough cell is quartered, since the
+    slopes of a resolved peak contain little probability. `within`: area in which cells wider
+    than `shows_m` are always quartered, since the middle of a wide cell may be a hundred nats
+    less likely than a peak within it. `shows_m`: cell width that misses no peak [m].
     """
     east, north, width = _squares(area, first_cells)
     density = log_likelihood(east, north, width)
@@ -193,10 +208,10 @@ def cells_posterior(
 
 
 def cells_refined(log_likelihood: LogLikelihood, cells: Cells, density: _Floats) -> Cells:
-    """Refine an earlier posterior's cells for a likelihood with further data.
+    """Refine the cells of an earlier posterior for a likelihood that includes further data.
 
-    `density`: the new log-likelihood at the cells. If it differs from the earlier one by a
-    constant only, no cell is quartered again.
+    `density` is the new log-likelihood at the cells. If it differs from the earlier one only by
+    a constant, no cell is quartered again.
     """
     added = density - cells.log_density
     rough = cells.rough | (added - np.median(added) > GRID.added_nats)
@@ -269,7 +284,7 @@ def _overlooked(
     shows_m: float,
     within: Area,
 ) -> NDArray[np.bool_]:
-    """True for the widest position cells that have a likely corner and must be quartered."""
+    """True for wide cells that must be quartered because one of their corners is likely."""
     found = np.zeros(len(east), bool)
     half = 0.5 * width
     wide = np.flatnonzero((width > 0.5 * shows_m) & within.touches(east, north, half))
@@ -286,10 +301,11 @@ def _overlooked(
 
 
 def most_probable(cells: Cells, log_likelihood: LogLikelihood) -> tuple[float, float]:
-    """East and north of the likelihood's maximum [m].
+    """Return east and north of the likelihood's maximum [m].
 
-    An even grid covers the more likely half, and parabolas refine the maximum. Values of cells
-    of different sizes are blurred differently and cannot be compared to the metre.
+    An even grid covers the more likely half, and parabolas refine the maximum. The cells
+    themselves differ in size and therefore in blur, so their values cannot be compared
+    accurately enough.
     """
     east, north, step = _even_axes(cells.around(0.5), GRID.peak_cells)
     y, x = (one.ravel() for one in np.meshgrid(north, east, indexing="ij"))
@@ -304,7 +320,9 @@ def most_probable(cells: Cells, log_likelihood: LogLikelihood) -> tuple[float, f
 def _even_axes(
     around: Area, count: int, margin_m: float = 0.0
 ) -> tuple[_Floats, _Floats, float]:
-    """East (x,), north (y,) of an even grid over an area and its margin, and its step [m]."""
+    """Return east (x,) and north (y,) of an even grid over an area and its margin, and the
+    grid's step [m].
+    """
     wide = around.east_m - around.west_m + 2.0 * margin_m
     high = around.north_m - around.south_m + 2.0 * margin_m
     step = max(wide, high) / (count - 4)
@@ -317,7 +335,9 @@ def _even_axes(
 
 
 def _normal(centres: _Floats, axis: _Floats, sigma_m: float) -> _Floats:
-    """(centres, axis) normal density around each centre, at each point of an axis, unscaled."""
+    """Normal density around each centre at each point of an axis, without its constant factor,
+    shape (centres, axis).
+    """
     away = (axis - centres[:, None]) / sigma_m
     return np.asarray(np.exp(-0.5 * away**2) / sigma_m)
 

@@ -1,4 +1,4 @@
-"""Priors and likelihood of a tag's position, given bearings and powers."""
+"""Prior and likelihood of a tag's position, given bearings and signal powers."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ LogDensity = Callable[[_Floats, _Floats], _Floats]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Known:
-    """Knowledge of errors, path loss and ground before the flight."""
+    """Assumptions about errors, path loss and ground that are made before the flight."""
 
     outlier_share: float
     heading_sigma_deg: float
@@ -41,7 +41,7 @@ class Known:
 
 
 class Model:
-    """Likelihood of a position from bearings and powers together, and the prior."""
+    """Likelihood of a position from bearings and powers together, and the position's prior."""
 
     def __init__(
         self, stations: Stations | None, powers: PowerTrack | None, known: Known
@@ -81,7 +81,7 @@ class Model:
 
     @property
     def area(self) -> Area:
-        """Area of the tag's possible positions."""
+        """Area that contains the tag's possible positions."""
         around = self._surveyed
         length = float(np.hypot(around.east_m - around.west_m, around.north_m - around.south_m))
         margin = max(300.0, 0.5 * length) if self.stations is None else GRID.bearing_range_m
@@ -89,12 +89,14 @@ class Model:
 
     @property
     def overflown(self) -> Area:
-        """Rectangle around the survey, extended by the flight's height."""
+        """Rectangle around the survey, enlarged by the flight's height."""
         return _area(self.tracks, self._height_m)
 
     @property
     def shows_m(self) -> float:
-        """Cell width that resolves a survey's peak [m]; at least 1/16 of the survey's side."""
+        """Cell width that resolves the peak of a survey's likelihood [m], at least 1/16 of the
+        survey's side.
+        """
         around = self.overflown
         square_m2 = (around.east_m - around.west_m) * (around.north_m - around.south_m)
         return max(
@@ -103,10 +105,11 @@ class Model:
         )
 
     def shared_sigma_m(self, point: tuple[float, float], share: float) -> float:
-        """Standard deviation of a normal shift equivalent to all possible shifts [m].
+        """Standard deviation of a normal shift that is equivalent to the mixture of all
+        possible shifts [m].
 
-        `share`: probability at which the circles of both have the same radius.
-        `point`: the position.
+        At the probability `share`, circles of both have the same radius. `point` is the
+        position.
         """
         away = np.concatenate(self.tracks, axis=1) - np.array(point)[:, None]
         probability, relative, beyond_m = np.transpose(self.known.displacements)
@@ -121,7 +124,9 @@ class Model:
         return 0.0 if self.powers is None else abs(float(np.median(self.powers.height_m)))
 
     def log_likelihood(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats) -> _Floats:
-        """(places,) log-likelihood of all measurements plus the log-prior of the position."""
+        """Log-likelihood of all measurements plus the log-prior of the position, shape
+        (places,).
+        """
         total = np.zeros(len(east_m))
         if self.bearings:
             total += _prior_of_distance(self._surveyed, east_m, north_m)
@@ -171,7 +176,9 @@ _NO_LEVELS = "no bearing has a signal strength"
 
 
 def _usable_receivers(stations: Stations, model: Model) -> tuple[Strengths, ...]:
-    """Receivers that never turned, each with the reason if its levels cannot be used here."""
+    """Return the receivers that never turned, each with the reason if its signal levels cannot
+    be used here.
+    """
     why = None
     if model.hills is not None:
         why = _HILLS_UNKNOWN
@@ -215,13 +222,14 @@ def _level_evidence(
 
 
 def _prior_of_distance(around: Area, east_m: _Floats, north_m: _Floats) -> _Floats:
-    """Log-prior of a position far from the stations: uniform over the logarithm of distance.
+    """Log-prior of a position far from the stations, which is uniform over the logarithm of the
+    distance.
 
     The prior has no effect where bearings cross well. Where they cross at small angles, a
-    uniform prior would put the tag into the far end of the wedge, which has the largest area.
-    For stations 60 m apart and a tag at 300 m, errors were 136 m at the median and 2.5 km in a
-    tenth of the runs. With this prior they are 77 m and 153 m, and circles hold the stated
-    probability.
+    uniform prior would place the tag in the far end of the wedge, which has the largest area.
+    For stations 60 m apart and a tag at 300 m, errors were 136 m at the median and exceeded 2.5
+    km in a tenth of the runs. With this prior they are 77 m and 153 m, and the circles contain
+    the stated probability.
     """
     middle_east = 0.5 * (around.west_m + around.east_m)
     middle_north = 0.5 * (around.south_m + around.north_m)
@@ -233,14 +241,15 @@ def _prior_of_distance(around: Area, east_m: _Floats, north_m: _Floats) -> _Floa
 
 
 def _prior_near_track(surveyed: Area, length_m: float, height_m: float) -> LogDensity:
-    """Log-prior of a position for a power survey, which is flown where the tag is expected.
+    """Log-prior of a position in a survey by signal power, which is flown where the tag is
+    expected.
 
-    The prior is uniform inside the surveyed rectangle. Each line covers half a spacing to both
-    sides. Outside, the prior falls by a factor e per quarter of the lines' spacing, which is
-    the rectangle's area over the track's length. Power alone hardly separates a tag beyond the
-    outermost line from its mirror image. Along a single line, a tenth of the extent replaces
-    the quarter spacing. This distance is at least a quarter of the height, since lines closer
-    than the height reach no farther.
+    The prior is uniform inside the surveyed rectangle; each flight line covers half of the line
+    spacing on both sides. Outside, the prior falls by a factor e per quarter of the line
+    spacing, which is the rectangle's area divided by the track's length. Power alone hardly
+    distinguishes a tag beyond the outermost line from its mirror image. For a single line, a
+    tenth of its length replaces the quarter spacing. This distance is at least a quarter of the
+    height, since lines closer together than the height cover no larger area.
     """
     wide, high = surveyed.east_m - surveyed.west_m, surveyed.north_m - surveyed.south_m
     scale_m = 0.1 * max(wide, high)

@@ -1,4 +1,6 @@
-"""Estimate a position by the method ``bayes``: posterior of a resting tag, and alternatives."""
+"""Estimate a position by the method ``bayes``: the posterior of a resting tag, and other
+explanations.
+"""
 
 from dataclasses import dataclass
 
@@ -93,7 +95,7 @@ def _cautions_of_ground(known: Known) -> tuple[Caution, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Solved:
-    """Posterior over all explanations of the bearings, and the reported point."""
+    """Posterior that includes all explanations of the bearings, and the reported point."""
 
     cells: Cells
     agreement: "_Agreement"
@@ -128,7 +130,9 @@ def _solved(model: Model) -> _Solved:
 def _with_explanations(
     model: Model, resting: Cells, point: tuple[float, float], agreement: "_Agreement"
 ) -> _Solved:
-    """Add positions by other explanations of the bearings to a resting tag's posterior."""
+    """Add the positions given by other explanations of the bearings to a resting tag's
+    posterior.
+    """
     cells = resting
     if agreement.others:
         mixture = _Mixture(
@@ -146,17 +150,19 @@ def _with_explanations(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Agreement:
-    """Consistency of the bearings, and explanations other than a resting tag."""
+    """Whether the bearings are consistent, and explanations of them other than a resting
+    tag.
+    """
 
     found: tuple[tuple[float, Fit], ...] = ()
-    """Explanations of the bearings with their probabilities, the resting tag first."""
+    """Explanations of the bearings with their probabilities; the resting tag is the first."""
     reported: Fit | None = None
     unchecked: tuple[Caution, ...] = ()
-    """Caution that errors common to all bearings cannot be checked; empty if they can."""
+    """Caution that errors common to all bearings cannot be detected; empty if they can."""
 
     @property
     def others(self) -> tuple[tuple[float, Fit], ...]:
-        """Explanations other than a resting tag with a probability that is not negligible."""
+        """Explanations other than a resting tag whose probability is not negligible."""
         return tuple(one for one in self.found[1:] if one[0] > GRID.negligible)
 
     @property
@@ -240,7 +246,7 @@ def _lobe(posterior: _Floats) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Mixture:
-    """Likelihood of a position: a resting tag, mixed with other explanations."""
+    """Likelihood of a position as a mixture of a resting tag and other explanations."""
 
     resting: LogLikelihood
     log_evidence: float
@@ -253,7 +259,7 @@ class _Mixture:
     def added_to(
         self, resting: _Floats, east_m: _Floats, north_m: _Floats, cell_m: _Floats
     ) -> _Floats:
-        """(places,) log-likelihood of the mixture, given that of the resting tag."""
+        """Log-likelihood of the mixture, given that of the resting tag, shape (places,)."""
         rest = 1.0 - sum(probability for probability, _ in self.others)
         parts = [np.log(max(rest, 1e-12)) + resting - self.log_evidence]
         for probability, fit in self.others:
@@ -283,7 +289,9 @@ def _heading_error(
 
 
 def _doubts(model: Model, cells: Cells) -> Doubts | None:
-    """Heading error and outlier probabilities by the likeliest model; None without bearings."""
+    """Return heading error and outlier probabilities by the most likely model; None without
+    bearings.
+    """
     if not model.bearings:
         return None
     top = int(np.argmax(cells.log_density))

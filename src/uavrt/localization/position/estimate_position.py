@@ -1,4 +1,4 @@
-"""Entry point to all position estimators: `estimate_position`."""
+"""Estimate a position with any of the available methods: `estimate_position`."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -26,7 +26,7 @@ from uavrt.localization.terrain.hill_losses import HillLosses
 _Floats = NDArray[np.float64]
 PositionEstimator = Callable[[Stations | None, PowerTrack | None], Position]
 ADDED_METHODS: Registry[PositionEstimator] = Registry("uavrt.position_methods", {})
-"""Position estimators of installed packages, by the name of the method."""
+"""Position estimators that installed packages provide, by the name of the method."""
 
 
 def estimate_position(
@@ -198,16 +198,20 @@ def _lenth(stations: Stations, method: str) -> Position:
 
 
 def _of_few(covariance_m2: _Floats | None, stations: int) -> _Floats | None:
-    """Covariance of Lenth's estimate, scaled by n / (n - 2) for n bearings; None for two."""
+    """Covariance of Lenth's estimate, multiplied by n / (n - 2) for n bearings; None for two
+    bearings.
+    """
     if covariance_m2 is None or stations < 3:
         return None
     return covariance_m2 * (stations / (stations - 2))
 
 
 def _wider(share: float, stations: int) -> float:
-    """Factor on a confidence region's radius because the scatter is estimated (Hotelling's T²).
+    """Factor by which a confidence region's radius grows because the scatter is estimated
+    (Hotelling's T²).
 
-    2 F(2, n - 2) replaces chi-squared of 2 degrees of freedom; both have closed quantiles.
+    2 F(2, n - 2) replaces chi-squared with 2 degrees of freedom; the quantiles of both have
+    closed formulas.
     """
     left = stations - 2
     squared = left * ((1.0 - share) ** (-2.0 / left) - 1.0)

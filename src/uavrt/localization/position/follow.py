@@ -1,4 +1,4 @@
-"""Decide if a tag moved: check if bearings or powers rule out a fixed position."""
+"""Decide whether a tag moved: whether its bearings or powers contradict a fixed position."""
 
 from dataclasses import replace
 from typing import Literal
@@ -15,7 +15,8 @@ from uavrt.localization.results import Position, TrackPoint
 from uavrt.localization.tuning import LEVELS
 
 Follow = Literal["never", "contradicted", "always"]
-"""Condition for computing a tag's path: never, contradicted (data rule out rest), or always."""
+"""When to compute a tag's path: never, if the data contradict a resting tag (contradicted), or
+always."""
 _CONTRADICTS = frozenset({"walk", "contradiction"})
 _MOVES = "the tag moved; its path was estimated from the bearings"
 """Reason given for receivers whose levels are unused because the tag moved."""
@@ -24,9 +25,10 @@ _MOVES = "the tag moved; its path was estimated from the bearings"
 def followed(position: Position, model: Model, follow: Follow) -> Position:
     """Add the path of a moving tag to an estimated position.
 
-    If the data allow rest, the position stays, and there is a path only with ``"always"``. A
-    position by bearings stays, too, since it allows for walking. If powers contradict rest, the
-    path's end becomes the position.
+    If the data are consistent with a resting tag, the position is unchanged, and a path is
+    added only with ``"always"``. A position from bearings is also unchanged, since it allows
+    for walking. If powers contradict a resting tag, the end of the path becomes the
+    position.
     """
     if model.stations is not None:
         return _by_bearings(position, model, follow)

@@ -1,9 +1,10 @@
-"""Estimate the path of a moving animal, from the bearings or powers of a whole flight.
+"""Estimate the path of a moving animal from the bearings or powers of a whole flight.
 
 A particle tracker follows the animal, and each surviving hypothesis has a path through the
-whole flight. Far before the present, few different paths survive, and a tracker may have lost
-the true one among similar paths. So one tracker runs forwards and one backwards. At each time,
-their paths are weighted by the trackers' evidence and by the number of different positions.
+whole flight. Long before the last pulse, only few different paths survive, and a tracker may
+have lost the true one among similar paths. So one tracker runs forwards in time and one
+backwards. At each time, their paths are weighted by the trackers' evidence and by the number of
+different positions.
 """
 
 import math
@@ -38,7 +39,7 @@ _Floats = NDArray[np.float64]
 def path_by_bearings(
     stations: Stations, plane: TangentPlane, near: Area, *, heading_sigma_deg: float
 ) -> tuple[TrackPoint, ...]:
-    """Estimate the path of a tag near an area, through the bearings of a flight."""
+    """Estimate the path of a tag near an area from the bearings of a flight."""
     times = _checked(stations.time_s, "bearings")
     east, north = plane.to_local(stations.latitude_deg, stations.longitude_deg)
     posterior = _blurred(_posteriors(stations), heading_sigma_deg)
@@ -65,10 +66,11 @@ def path_by_powers(
     fading_db: float,
     hills: HillLosses | None = None,
 ) -> tuple[TrackPoint, ...]:
-    """Estimate the path of a tag through the pulses of a flight, missed pulses included.
+    """Estimate the path of a tag from the pulses of a flight, including missed pulses.
 
-    `first`, `last`: areas in which the tag is at the first and last pulse. Without `last`, it
-        is as far from `first` as an animal can walk during the flight.
+    `first` and `last` are areas that contain the tag at the first and at the last pulse.
+    Without `last`, the tag is at most as far from `first` as an animal can walk during the
+    flight.
     """
     times = _checked(powers.time_s, "pulses")
     east, north = plane.to_local(powers.latitude_deg, powers.longitude_deg)
@@ -122,7 +124,7 @@ def _widened(area: Area, margin_m: float) -> Area:
 
 
 def around(places: Sequence[tuple[float, float]], margin_m: float) -> Area:
-    """Area that contains places (east, north), with a margin to all sides [m]."""
+    """Rectangle that contains positions (east, north), with a margin on all sides [m]."""
     east, north = (np.asarray(one, np.float64) for one in zip(*places, strict=True))
     return _widened(
         Area(
@@ -162,9 +164,10 @@ def _forwards_and_backwards(
     origin_ns: int,
     began: Area | None = None,
 ) -> tuple[TrackPoint, ...]:
-    """Estimate a path with a tracker that runs forwards and one that runs backwards.
+    """Estimate a path with one tracker that runs forwards and one that runs backwards in time.
 
-    `began`: area in which the path begins; the backward tracker is confined to it at its end.
+    `began` is the area in which the path begins; at its end, the backward tracker is confined
+    to it.
     """
     points_s = _point_times(times)
     forwards = _trail(priors[0], times, points_s, take)
@@ -203,7 +206,9 @@ def _forwards_and_backwards(
 
 
 def _point_times(times: _Floats) -> list[float]:
-    """Times of the path's points [s]: the first, the last, and evenly spaced ones between."""
+    """Times of the path's points [s]: the first and the last, with evenly spaced times between
+    them.
+    """
     ordered = np.sort(times)
     step = max(TRACK.point_step_s, float(np.ptp(times)) / TRACK.most_points)
     points_s = [float(ordered[0])]
@@ -219,7 +224,9 @@ def _point_times(times: _Floats) -> list[float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Trail:
-    """Positions at the times of a path by one tracker, and its log evidence."""
+    """Positions that one tracker estimates at the times of a path, and the tracker's log
+    evidence.
+    """
 
     places: list[PastPlaces]
     log_evidence: float

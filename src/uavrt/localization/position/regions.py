@@ -1,4 +1,4 @@
-"""Draw outlines of the regions that contain a tag with a given probability, for maps."""
+"""Compute outlines of the regions that contain a tag with a given probability, for maps."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,17 +9,17 @@ from uavrt.localization.results import PositionGrid
 
 _Floats = NDArray[np.float64]
 _Edge = tuple[int, int, int]
-"""Edge of the grid: row, column, and 0 towards the next column or 1 towards the next row."""
+"""Edge of the grid: row, column, and 0 for the edge towards the next column or 1 for that
+towards the next row."""
 
 
 def region_outlines(grid: PositionGrid, share: float) -> list[_Floats]:
-    """Outline of the smallest region that contains a given probability.
+    """Return the outline of the smallest region that contains a given probability.
 
-    `grid`: heat map of a position.
-    `share`: the probability, such as 0.5 or 0.95.
-    Returns: closed rings (k, 2) of longitude and latitude [deg], the first position repeated at
-        the end; outer rings counter-clockwise, holes clockwise (RFC 7946). A region that the
-        search area cuts is closed along its edge.
+    `grid` is the heat map of a position, `share` the probability, such as 0.5 or 0.95. Returns
+    closed rings (k, 2) of longitude and latitude [deg], in which the last position repeats the
+    first; outer rings are counter-clockwise, holes clockwise (RFC 7946). A region that the
+    search area cuts is closed along its edge.
     """
     grid_east, grid_north, probability = refined(
         np.asarray(grid.east_m), np.asarray(grid.north_m), grid.probability
@@ -41,7 +41,9 @@ def region_outlines(grid: PositionGrid, share: float) -> list[_Floats]:
 def refined(
     x: _Floats, y: _Floats, probability: _Floats, times: Resolution[int] = 4
 ) -> tuple[_Floats, _Floats, _Floats]:
-    """Interpolate a probability on a finer grid: x, y and values, cubic in the logarithm."""
+    """Interpolate a probability on a finer grid, cubic in its logarithm; return x, y and
+    values.
+    """
     # Nothing is drawn below 1e-12 of the peak; zero has no logarithm.
     logs = np.log(np.maximum(probability, 1e-12 * probability.max()))
     fine = np.exp(_cubic(_cubic(logs, times).T, times).T)
@@ -53,7 +55,9 @@ def refined(
 
 
 def _cubic(values: _Floats, times: int) -> _Floats:
-    """Catmull-Rom interpolation along the last axis; the ends are continued linearly."""
+    """Interpolate along the last axis by Catmull-Rom splines, which are continued linearly at
+    the ends.
+    """
     first = 2.0 * values[:, :1] - values[:, 1:2]
     last = 2.0 * values[:, -1:] - values[:, -2:-1]
     p = np.concatenate([first, values, last], axis=1)
@@ -74,11 +78,12 @@ def _along(axis_m: _Floats, place: _Floats) -> _Floats:
 
 
 def _rings(values: _Floats, level: float) -> list[tuple[_Floats, _Floats]]:
-    """Closed contours of an array at a level, as rows and columns; its margin must be lower.
+    """Return closed contours of an array at a level, as rows and columns; the values at its
+    margin must be below the level.
 
     The contours are found by marching squares. Around each cell, counter-clockwise, the edge at
-    which a contour leaves the region leads to the edge at which it enters; so the region is on
-    its left.
+    which a contour leaves the region is linked to the edge at which it enters, so the region is
+    on the contour's left.
     """
     after: dict[_Edge, _Edge] = {}
     inside = values >= level

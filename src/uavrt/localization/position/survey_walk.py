@@ -1,9 +1,9 @@
-"""Compare a resting tag with one of constant velocity, for a power survey.
+"""Compare a resting tag with a tag of constant velocity, in a survey by signal power.
 
-A tag moving past a drone is equivalent to the drone moving past a tag. The same likelihood
-applies, with each position of the drone shifted back by the tag's movement. The evidence of
-both is summed over a coarse grid of positions and velocities, with some of the pulses. If that
-favours walking, a finer grid follows.
+A tag that moves past a drone is equivalent to a drone that moves past a tag. So the same
+likelihood applies after each position of the drone has been shifted back by the tag's movement.
+The evidence of both explanations is summed over a coarse grid of positions and velocities, with
+some of the pulses. If it favours walking, a finer grid follows.
 """
 
 from dataclasses import dataclass, replace
@@ -27,19 +27,20 @@ class SurveyWalk(Walk):
     """Walking tag, as estimated from the powers of a survey."""
 
     fading_db: float
-    """Standard deviation of pulses' fading [dB], more if neighbouring pulses correlate."""
+    """Standard deviation of the pulses' fading [dB], increased if neighbouring pulses are
+    correlated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Moved:
-    """Received pulses of a survey, as seen from a walking tag."""
+    """Received pulses of a survey in coordinates that move with a walking tag."""
 
     east_m: _Floats
     north_m: _Floats
     since_s: _Floats
-    """(n,) times of the pulses after `place_s` [s]."""
+    """Times of the pulses relative to `place_s` [s], shape (n,)."""
     place_s: float
-    """Time for which positions are compared [s]."""
+    """Time at which positions of resting and walking tags are compared [s]."""
     track: PowerTrack
     propagation: Propagation
 
@@ -68,7 +69,9 @@ def survey_walk(
     around: Area,
     propagation: Propagation,
 ) -> SurveyWalk | None:
-    """Compare a walking with a resting tag by a survey's powers; None: no signs of a walk."""
+    """Compare a walking tag with a resting tag by the powers of a survey; None if nothing
+    indicates a walk.
+    """
     if powers.time_s is None:
         return None
     heard = ~np.isnan(powers.snr_db)

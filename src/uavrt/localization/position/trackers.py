@@ -1,8 +1,8 @@
 """Track a tag's position during the flight with a particle filter.
 
-Inputs are bearings, single pulses, and missed pulses, which show where the tag is not and save
-half the flight time. There is one tracker for each tag; tags differ in frequency, so pulses
-need no association.
+Inputs are bearings, received pulses, and missed pulses, which show where the tag is not and
+halve the flight time. There is one tracker for each tag; tags differ in frequency, so pulses
+need not be associated with tags.
 """
 
 import math
@@ -40,7 +40,7 @@ from uavrt.localization.tuning import LEVELS
 _Floats = NDArray[np.floating[Any]]
 _Singles = NDArray[np.float32]
 PathGain = Callable[[_Floats, _Floats, _Floats | float], _Floats]
-"""Function from distances east, north and height [m] to the level above the distance law
+"""Function from distances east, north and height [m] to the level relative to the distance law
 [dB]."""
 
 RESTING, BROWSING, TRAVELLING = range(3)
@@ -57,43 +57,47 @@ class TrackEstimate:
     [m]."""
     radius95_m: float
     level_db: float
-    """SNR of the tag's pulses at 100 m [dB]."""
+    """SNR of the tag's pulses at a distance of 100 m [dB]."""
     east_m_s: float = 0.0
-    """Velocity towards east, averaged over all hypotheses [m/s]; resting ones count as 0."""
+    """Velocity towards east, averaged over all hypotheses [m/s]; hypotheses of a resting tag
+    count as 0."""
     north_m_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagPrior:
-    """Knowledge of a tag's area, strength and motion before the flight."""
+    """Assumptions about a tag's area, strength and motion before the flight."""
 
     area: Area
     level_db: float = 45.0
-    """Mean SNR at 100 m [dB]: that of a collar with 20 ms pulses that is received with 9 dB at
-    3 km, for a path loss exponent of 2.4."""
+    """Mean SNR at 100 m [dB]: that of a collar with 20 ms pulses whose SNR at 3 km is 9 dB, for
+    a path loss exponent of 2.4."""
     level_sigma_db: float = 12.0
     level_drift_db_per_root_s: float = 0.0
-    """Random walk of a tag's strength [dB/√s]: the animal turns, plants intervene."""
+    """Random walk of a tag's strength [dB/√s], since the animal turns and moves behind
+    plants."""
     fading_db: float = LEVELS.fading_db
     pattern: AntennaPattern | None = None
-    """Pattern of the receiving antenna; None: upright monopole."""
+    """Pattern of the receiving antenna; None for an upright monopole."""
     walking_m_per_root_s: float = 1.0
     """Random walk of a browsing animal in each direction [m/√s]."""
     travelling_m_s: float = 1.0
     """Usual speed of a travelling animal [m/s]; 0 if it never travels."""
     turning_m_s_per_root_s: float = 0.08
-    """Change of a traveller's velocity in each direction [m/s/√s]: 5° a second at 1 m/s."""
+    """Random change of a travelling animal's velocity in each direction [m/s/√s], about 5° in
+    the first second at 1 m/s."""
     motion: tuple[float, float, float] = (0.5, 0.25, 0.25)
     """Shares of the time in which an animal rests, browses, and travels."""
     exponent: float = 3.0
     exponent_sigma: float = LEVELS.exponent_sigma
     """Prior standard deviation of the path loss exponent; 0 if it is known."""
     missed_share: float = LEVELS.outlier_share
-    """Share of a tag's pulses missed by chance, at any strength."""
+    """Share of a tag's pulses that are missed by chance, however strong they are."""
     chance_share: float = LEVELS.outlier_share
-    """Share of received pulses that are not the tag's: false alarms, interferers."""
+    """Share of received pulses that are not the tag's, such as false alarms and interferers."""
     path_gain: PathGain | None = None
-    """Propagation model: level above the distance law; None: the distance law alone."""
+    """Propagation model that gives the level relative to the distance law; None for the
+    distance law alone."""
     hills: HillLosses | None = None
     """Ground model; None: level ground. Heights count from a tag at the take-off."""
     shadowing_db: float = 1.5
@@ -115,7 +119,7 @@ class TagPrior:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Circles:
-    """Point estimate of a position, and the circles around it."""
+    """Point estimate of a position, and the radii of the 50 % and 95 % circles around it."""
 
     east_m: float
     north_m: float
@@ -124,7 +128,9 @@ class Circles:
 
 
 def circles_around(east_m: _Floats, north_m: _Floats, weight: _Floats) -> Circles:
-    """Point with the smallest expected error from weighted positions, and circles around it."""
+    """Return the point with the smallest expected error for weighted positions, and the circles
+    around it.
+    """
     x, y = float(weight @ east_m), float(weight @ north_m)
     for _ in range(20):
         pull = weight / np.maximum(np.sqrt((east_m - x) ** 2 + (north_m - y) ** 2), 1.0)
@@ -160,19 +166,20 @@ class Hypotheses:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expectation:
-    """A tracker's prediction of a pulse, made before the update."""
+    """A tracker's prediction of a pulse, made before the pulse updates the tracker."""
 
     level_db: float
     """Mean of the pulse's expected SNR over all hypotheses [dB]."""
     variance_db2: float
-    """Variance of the pulse's expected SNR, fading included [dB²]."""
+    """Variance of the pulse's expected SNR, including fading [dB²]."""
     log_probability: float
-    """Log-probability of a miss, or log-density of a pulse [1/dB], if the tag exists."""
+    """Log-probability of a missed pulse, or log-density of a received pulse's level [1/dB], if
+    the tag exists."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
-    """Mean and covariance of a tag's position; cheap to compute."""
+    """Mean and covariance of a tag's position, which take little time to compute."""
 
     east_m: float
     north_m: float
@@ -217,13 +224,13 @@ class _Particles:
     east_m: _Singles
     north_m: _Singles
     east_m_s: _Singles
-    """Velocity towards east of travelling hypotheses [m/s]; 0 for other hypotheses."""
+    """Velocity towards east of hypotheses that travel [m/s]; 0 for all others."""
     north_m_s: _Singles
     mode: NDArray[np.int8]
     level_mean: _Singles
     level_covariance: _Singles
     origin: NDArray[np.int32]
-    """Index of each hypothesis' ancestor at the last stored time; -1 for a new hypothesis."""
+    """Index of each hypothesis's ancestor at the last stored time; -1 for a new hypothesis."""
 
     @property
     def level(self) -> LevelBelief:
@@ -248,7 +255,7 @@ class _Particles:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Remembered:
-    """Positions of all hypotheses at a stored time, and the index of each one's ancestor."""
+    """Positions of all hypotheses at a stored time, with the index of each one's ancestor."""
 
     east_m: _Singles
     north_m: _Singles
@@ -262,11 +269,13 @@ class PastPlaces:
     east_m: _Singles
     north_m: _Singles
     distinct: int
-    """Number of different positions: hypotheses that survived until later data."""
+    """Number of different positions, each of a hypothesis that later data did not rule out."""
 
 
 class _MotionModel:
-    """Motion of hypotheses: rest, random walk or travel, and changes between these."""
+    """Moves hypotheses according to rest, random walk or travel, and to changes between
+    these.
+    """
 
     def __init__(self, prior: TagPrior, rng: Generator) -> None:
         self._prior, self._rng = prior, rng
@@ -358,7 +367,9 @@ class _MotionModel:
         _turn_back_inside(state.north_m, area.south_m - strays, area.north_m + strays)
 
     def _drift(self, state: _Particles, step: float) -> None:
-        """Random walk of the strength about its prior mean, limited to the prior's variance."""
+        """Let the strength walk randomly around its prior mean, limited to the prior's
+        variance.
+        """
         drift2 = self._prior.level_drift_db_per_root_s**2 * step
         usual, most = float(self._prior.level_db), float(self._prior.level_sigma_db)
         if drift2 > 0.0 and most > 0.0:
@@ -377,12 +388,16 @@ class _MotionModel:
         state.east_m_s[those], state.north_m_s[those] = velocity
 
     def learn_exponent(self, precision: float, weighted: float) -> None:
-        """Add other tags' path loss exponent (precision, precision × mean) to the prior."""
+        """Add other tags' information on the path loss exponent (precision, precision × mean)
+        to the prior.
+        """
         known, before = self._external_exponent
         self._external_exponent = (known + precision, before + weighted)
 
     def _exponent_before(self) -> tuple[float, float]:
-        """Mean and standard deviation of the path loss exponent by other tags and prior."""
+        """Mean and standard deviation of the path loss exponent, from the prior and other
+        tags.
+        """
         prior = self._prior
         if prior.exponent_sigma == 0.0:
             return prior.exponent, 0.0
@@ -392,7 +407,9 @@ class _MotionModel:
         return (own * prior.exponent + weighted) / precision, float(np.sqrt(1.0 / precision))
 
     def resampled(self, state: _Particles, weight: _Singles, count: int) -> _Particles:
-        """Resample systematically, with Silverman's smoothing to separate copies."""
+        """Resample the hypotheses systematically; Silverman's smoothing separates copies of the
+        same one.
+        """
         chosen = state.chosen(
             _systematic_indices(weight, (np.arange(count) + self._rng.random()) / count)
         )
@@ -412,7 +429,9 @@ class _MotionModel:
 
 
 def _turn_back_inside(place: _Singles, least: float, most: float) -> None:
-    """Turn back hypotheses that are farther outside the area than an animal can have walked."""
+    """Reflect hypotheses back that are farther outside the area than an animal can have
+    walked.
+    """
     if float(place.min()) < least:
         np.copyto(place, 2.0 * least - place, where=place < least)
     if float(place.max()) > most:
@@ -420,12 +439,14 @@ def _turn_back_inside(place: _Singles, least: float, most: float) -> None:
 
 
 def _systematic_indices(weight: _Singles, places: _Floats) -> NDArray[np.intp]:
-    """Indices of the hypotheses at given fractions, 0 to 1, of the cumulative weight."""
+    """Indices of the hypotheses at given fractions (0 to 1) of the cumulative weight."""
     return np.minimum(np.searchsorted(np.cumsum(weight), places), len(weight) - 1)
 
 
 class _StoredPaths:
-    """Stored positions of the hypotheses, which can be traced back through ancestors."""
+    """Stored positions of the hypotheses, from which paths are traced back through
+    ancestors.
+    """
 
     def __init__(self) -> None:
         self._remembered: list[_Remembered] = []
@@ -454,15 +475,13 @@ class _StoredPaths:
 
 
 class ParticleTracker:
-    """Many hypotheses of a tag that rests, browses or travels, each with its level's unknowns.
+    """Particle filter with hypotheses of a tag that rests, browses or travels, each with its
+    strength.
 
-    Single precision: 0.8 ms for each pulse with ten thousand hypotheses.
-
-    `prior`: area, strength, antenna, walk.
-    `rng`: the same seed gives the same track.
-    `particles`: number of hypotheses.
-    `first`: number of hypotheses at the beginning, if larger. Each resampling halves it, down
-        to `particles`: a wide prior needs more hypotheses than the posterior after some pulses.
+    `prior`: assumptions about area, strength, antenna and motion. `rng`: random numbers; the
+    same seed gives the same track. `particles`: number of hypotheses; with 10 000, a pulse
+    takes 0.5 ms in single precision. `first`: number of hypotheses at the beginning, if larger;
+    each resampling halves it, down to `particles`, since a wide prior needs more hypotheses.
     """
 
     def __init__(
@@ -480,7 +499,7 @@ class ParticleTracker:
 
     @property
     def prior(self) -> TagPrior:
-        """Knowledge of the tag before the flight."""
+        """Assumptions about the tag before the flight."""
         return self._prior
 
     def advance_to(self, time_s: float) -> None:
@@ -491,10 +510,10 @@ class ParticleTracker:
             self._walk.advance(self._state, step)
 
     def listen(self, heard: Listening, *, elsewhere: float = 0.0) -> Expectation:
-        """Update with a pulse or a miss; returns what was expected before the update.
+        """Update with a received or missed pulse; return what was expected before the update.
 
-        `elsewhere`: density [1/dB] of pulses of this level from another source, in addition to
-            false alarms.
+        `elsewhere` is the density [1/dB] of pulses of this level from another source, in
+        addition to false alarms.
         """
         prior = self._prior
         self._decorrelate(heard)
@@ -565,9 +584,9 @@ class ParticleTracker:
     def take_bearing(
         self, east_m: float, north_m: float, posterior: NDArray[np.float64]
     ) -> float:
-        """Update with a bearing's (360,) posterior; its pulses must not be used as well.
+        """Update with the posterior (360,) of a bearing, whose pulses must not be used as well.
 
-        Returns: the logarithm of its probability density per degree if the tag is there.
+        Returns the logarithm of its probability density per degree if the tag is there.
         """
         evidence = BearingEvidence(
             np.array([east_m]), np.array([north_m]), posterior[None, :], outlier_share=0.05
@@ -581,7 +600,7 @@ class ParticleTracker:
         return gained
 
     def confine(self, area: Area) -> float:
-        """Exclude hypotheses outside an area; return the log of the probability inside it."""
+        """Exclude hypotheses outside an area; return the log of the probability inside."""
         state = self._state
         inside = (state.east_m >= area.west_m) & (state.east_m <= area.east_m)
         inside &= (state.north_m >= area.south_m) & (state.north_m <= area.north_m)
@@ -595,7 +614,7 @@ class ParticleTracker:
         return mean, float(weight @ spread2)
 
     def take_exponent(self, precision: float, weighted: float) -> None:
-        """Update the path loss exponent by that of other tags: precision, precision × mean."""
+        """Update the path loss exponent by other tags' (precision, precision × mean)."""
         self._walk.learn_exponent(precision, weighted)
         self._weigh(self._state.level.take(EXPONENT, precision, weighted))
         self._spread_out()
@@ -615,15 +634,15 @@ class ParticleTracker:
         )
 
     def remember(self) -> None:
-        """Store the hypotheses' present positions for `past`."""
+        """Store the present positions of the hypotheses, for use by `past`."""
         self._past.remember(self._state)
 
     def past(self) -> list[PastPlaces]:
-        """Positions of the tag at each stored time, from all data until now.
+        """Return the tag's positions at each stored time, estimated from all data until now.
 
         Each present hypothesis has a path, and these paths give the earlier positions (the
-        paths of the filter; Kitagawa 1996, J. Comput. Graph. Stat. 5, 1-25). There are none at
-        a time before which all hypotheses were replaced.
+        paths of the filter; Kitagawa 1996, J. Comput. Graph. Stat. 5, 1-25). A time has no
+        positions if all hypotheses were replaced after it.
         """
         kept = _systematic_indices(self._weight, (np.arange(TRACK.paths) + 0.5) / TRACK.paths)
         return self._past.traced(self._state, kept)
@@ -633,7 +652,7 @@ class ParticleTracker:
         return _spread(self._state.east_m, self._state.north_m, self._weight)
 
     def hypotheses(self, count: int) -> Hypotheses:
-        """Select a few hypotheses evenly by weight, without random numbers."""
+        """Select a few hypotheses in proportion to their weights, without random numbers."""
         state = self._state
         index = _systematic_indices(self._weight, (np.arange(count) + 0.5) / count)
         walk = self._prior.walking_m_per_root_s
@@ -649,7 +668,7 @@ class ParticleTracker:
         )
 
     def replace_at_random(self, share: float) -> None:
-        """Move a share of the hypotheses to random positions in the area, as in TrackerBots."""
+        """Move a share of the hypotheses to random positions, as TrackerBots does."""
         count = round(share * self._count)
         those = self._rng.choice(self._count, count, replace=False)
         kept = np.setdiff1d(np.arange(self._count), those)
@@ -670,7 +689,7 @@ class ParticleTracker:
         return evidence
 
     def _add_surprise(self, nats: float) -> None:
-        """Add to the log-likelihood ratio of clutter to tag; redraw particles above a limit."""
+        """Add to the log-likelihood ratio of clutter to tag; redraw all above a limit."""
         self._surprise = max(0.0, self._surprise + nats)
         if self._surprise > TRACK.lost_nats:
             self._renew()

@@ -1,7 +1,7 @@
 """Interpolate ground heights from the rasters of any number of files.
 
-Rasters of one grid (tiles of one set) are joined before interpolation, so that no border shows.
-Neighbouring tiles may share a row, as in SRTM, or not.
+Rasters of one grid (tiles of one set) are joined before interpolation, so that no step occurs
+at their borders. Neighbouring tiles may share a row, as in SRTM, or not.
 """
 
 import math
@@ -22,16 +22,17 @@ _Window = tuple[int, int, int, int]
 _MOST_POINTS = 150_000_000
 _LATTICE = 12
 _PLAUSIBLE_HEIGHTS_M = (-600.0, 9000.0)
-"""Range of valid heights [m], from below the Dead Sea; values outside mark missing data."""
+"""Range of valid heights [m], from below the Dead Sea upwards; values outside mark missing
+data."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Raster:
-    """Heights on a regular grid; the file is read on demand."""
+    """Heights on a regular grid, which are read from a file on demand."""
 
     name: str
     epsg: int
-    """Code of the coordinates: 4326, or UTM on WGS84: 32601 to 32660, 32701 to 32760."""
+    """EPSG code of the coordinates: 4326, or UTM on WGS 84 (32601 to 32660, 32701 to 32760)."""
     x: float
     """Longitude [deg] or easting [m] of the first column's points."""
     y: float
@@ -42,9 +43,11 @@ class Raster:
     rows: int
     columns: int
     datum: str | None
-    """Datum of the heights: ``EGM96``, ``ellipsoid`` and others; None if not in the file."""
+    """Datum of the heights, such as ``EGM96`` or ``ellipsoid``; None if the file does not state
+    it."""
     read: Callable[[_Window], NDArray[np.float32]]
-    """Function that reads a window of rows and columns (first, end); NaN: unknown height."""
+    """Function that reads a window of rows and columns (first, end); unknown heights are
+    NaN."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,7 +74,7 @@ class Elevation:
 
     @property
     def datums(self) -> tuple[str, ...]:
-        """Datums of the rasters, each once; "unknown" for a file without one."""
+        """Datums of the rasters, each once; "unknown" for a file that states none."""
         return tuple(sorted({one.datum or "unknown" for one in self.rasters}))
 
     @property
@@ -91,7 +94,7 @@ class Elevation:
         return tuple(said)
 
     def heights_m(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike) -> _Floats:
-        """Heights of positions [m], of any shape; NaN if unknown."""
+        """Heights at positions given as arrays of any shape [m]; NaN if unknown."""
         latitude = np.asarray(latitude_deg, np.float64)
         longitude = np.asarray(longitude_deg, np.float64)
         shape = np.broadcast_shapes(latitude.shape, longitude.shape)
@@ -189,7 +192,7 @@ def _mosaic(areas: Iterable[tuple[Raster, int, int]], window: _Window) -> NDArra
 
 
 def _between(points: NDArray[np.float32], row: _Floats, column: _Floats) -> _Floats:
-    """Bilinear interpolation between known points; NaN where the nearest point is unknown."""
+    """Interpolate bilinearly between known points; NaN where the nearest point is unknown."""
     rows, columns = points.shape
     r = np.clip(np.floor(row).astype(np.intp), 0, max(rows - 2, 0))
     c = np.clip(np.floor(column).astype(np.intp), 0, max(columns - 2, 0))

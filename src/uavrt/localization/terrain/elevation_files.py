@@ -1,4 +1,4 @@
-"""Open elevation files: one file, or a folder of tiles."""
+"""Open elevation files, given as one file or as a folder of tiles."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,10 +12,10 @@ _REMEDY = "Name a tile (N47E008.hgt), a GeoTIFF of heights (.tif), or a folder o
 
 
 def open_elevation(path: Path, *, sea: bool = False) -> Elevation:
-    """Open an elevation file, or all of a folder.
+    """Open an elevation file, or all elevation files of a folder. Raises `FormatError`.
 
-    `sea`: treat positions outside all files as water at height 0, as there are no tiles of the
-    open sea. Raises `FormatError`.
+    With `sea`, positions outside all files count as water at height 0, because there are no
+    tiles for the open sea.
     """
     if not path.exists():
         raise FormatError(f"there is no {path}", remedy=_REMEDY)
@@ -25,7 +25,9 @@ def open_elevation(path: Path, *, sea: bool = False) -> Elevation:
 
 
 def _check_datums(path: Path, rasters: tuple[Raster, ...]) -> None:
-    """Reject a mix of heights above ellipsoid and geoid, which differ by up to 100 m."""
+    """Raise `FormatError` if files mix heights above ellipsoid and geoid, which differ by up to
+    100 m.
+    """
     above = next((one for one in rasters if one.datum == ELLIPSOID), None)
     other = next((one for one in rasters if one.datum != ELLIPSOID), None)
     if above is not None and other is not None:

@@ -1,8 +1,9 @@
 """Read GeoTIFF elevation files (TIFF 6.0, BigTIFF, OGC 19-008r4).
 
-It reads strips or tiles of one band, int16 to float64, in longitude and latitude or UTM. They
-may be packed by deflate or LZW, each with predictors, or by PackBits. Only the needed blocks
-are read. Errors for other kinds name the command that converts them.
+Supported are strips or tiles of one band, int16 to float64, in longitude and latitude or UTM.
+They may be compressed by deflate or LZW, each with predictors, or by PackBits. Only the
+required blocks are read. The error for any other kind of file states the command that converts
+it.
 """
 
 import math
@@ -33,7 +34,8 @@ _MOST_BLOCKS, _MOST_VALUES = 300_000, 4096
 _LISTS = frozenset({273, 279, 324, 325})
 _MOST_BLOCK_POINTS = 1 << 24
 _SCALES = 1e-8, 1e8
-"""Valid range of a grid step; its upper end also limits the corner's coordinates [deg or m]."""
+"""Range of valid grid steps [deg or m]; the upper end also limits the coordinates of the
+corner."""
 _NUMBERS = {(1, 8): "u1", (1, 16): "u2", (1, 32): "u4", (2, 16): "i2", (2, 32): "i4"} | {
     (3, 32): "f4",
     (3, 64): "f8",
@@ -65,7 +67,9 @@ _DAMAGED = (
 
 
 class _Unread(Exception):
-    """Error for an unsupported kind of GeoTIFF, with options of gdal_translate or gdalwarp."""
+    """Error for an unsupported kind of GeoTIFF, with the options of gdal_translate or gdalwarp
+    that convert it.
+    """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -85,7 +89,9 @@ class _Blocks:
 
 
 def geotiff_raster(path: Path) -> Raster:
-    """Open a GeoTIFF; raises `FormatError` if damaged, without position, or unsupported."""
+    """Open a GeoTIFF file. Raises `FormatError` if it is damaged, has no position, or is not
+    supported.
+    """
     try:
         require_plain_file(path)
         with path.open("rb") as file:
@@ -217,7 +223,9 @@ def _number(text: object) -> float | None:
 
 
 def _system(tags: dict[int, Any]) -> tuple[int, str | None, bool]:
-    """Coordinate system, datum of the heights, and True if values are those of points."""
+    """Return the coordinate system, the datum of the heights, and whether values are at points
+    (not averages of cells).
+    """
     warp = "gdalwarp -t_srs EPSG:4326"
     listed = tags.get(34735)
     if listed is None:
@@ -242,7 +250,9 @@ def _system(tags: dict[int, Any]) -> tuple[int, str | None, bool]:
 
 
 def _utm_of(epsg: int) -> int | None:
-    """EPSG code of UTM on WGS84; also for ETRS89 and NAD83, which differ by under 2 m."""
+    """Return the EPSG code of the same UTM zone on WGS 84; also for ETRS89 and NAD83, which
+    differ by less than 2 m. None for other codes.
+    """
     zone = epsg % 100
     if epsg // 100 in (326, 327) and 1 <= zone <= 60:
         return epsg
@@ -314,7 +324,9 @@ def _block(file: BinaryIO, blocks: _Blocks, number: int) -> NDArray[np.float32]:
 def _unpredicted(
     data: bytes, shape: tuple[int, int], kind: np.dtype[Any], predictor: int
 ) -> NDArray[Any]:
-    """Undo predictor 2 (differences of neighbours) or 3 (bytes of floating point)."""
+    """Undo TIFF predictor 2 (differences of neighbours) or 3 (bytes of floating-point
+    numbers).
+    """
     if predictor == 3:
         width = kind.itemsize
         rows = np.frombuffer(data, np.uint8).reshape(shape[0], width * shape[1])
@@ -347,7 +359,9 @@ def _unpacked_bits(data: bytes, size: int) -> bytes:
 
 
 def _unpacked_lzw(data: bytes, size: int) -> bytes:
-    """Unpack LZW data (TIFF 6.0, section 13): codes of 9 to 12 bits; 256 clears, 257 ends."""
+    """Unpack LZW data (TIFF 6.0, section 13): codes of 9 to 12 bits, of which 256 clears the
+    table and 257 ends.
+    """
     found, length = [], 0
     table = [bytes((value,)) for value in range(256)] + [b"", b""]
     width, bits, held, last = 9, 0, 0, b""

@@ -1,9 +1,9 @@
-"""Compute losses behind hills between a flight and possible tag positions, cached.
+"""Compute losses behind hills between a flight and possible tag positions, and cache them.
 
-The loss from one drone position to all squares of the ground is computed once
-(`uavrt.localization.terrain.viewshed`) and cached, since position estimates use ten thousand
-positions with every pulse. Drone positions are rounded to a lattice as fine as the squares. It
-is coarser for a flight with too many positions, which bounds the cost.
+The losses from one drone position to all squares of the ground are computed together
+(`uavrt.localization.terrain.viewshed`) and cached, since position estimates need the losses to
+ten thousand positions for every pulse. Drone positions are rounded to a lattice as fine as the
+squares. It is coarser for a flight with too many positions, which limits the computing time.
 """
 
 from collections import OrderedDict
@@ -26,30 +26,31 @@ _LEAST_REACH_M = 500.0
 _MOST_SIDE = 200
 """Maximum number of ground squares along each side of the terrain around the take-off."""
 _ROUGH_SIDE = 64
-"""Maximum number of ground squares along each side for candidate legs, at 1/30 of the cost."""
+"""Maximum number of ground squares along each side for rating candidate paths, at 1/30 of the
+computing time."""
 _FINEST_M = 15.0
 _HEIGHT_STEP_M = 4.0
 _LEAST_ABOVE_M = 1.0
 _ROUGH_HEIGHT_STEP_M = 16.0
 _MOST_PLACES = 100
-"""Maximum number of drone positions in one call for losses: 1.5 s of a core."""
+"""Maximum number of drone positions for which losses are computed at once, 1.5 s on one
+core."""
 _ROUGH_MOST_PLACES = 40
 _MOST_BYTES = 64_000_000
 """Maximum memory for cached maps of losses behind hills [bytes]."""
 
 _Node = tuple[int, int, int]
-"""Lattice point of drone positions: metres east, north, and above the take-off's ground."""
+"""Lattice point of drone positions: metres east, north, and above the ground at the
+take-off."""
 
 
 class HillLosses:
     """Ground around a take-off, and the losses behind hills on it.
 
-    Heights of the drone count from the ground at the take-off, as autopilots report. East and
-    north count from the take-off, or from the origin of `in_plane`.
-
-    `frequency_hz`: of the tags. `tag_m`: height of the tags above the ground beneath them.
-        `limitations`: sentences on where the losses do not apply; `cautions` adds gaps of the
-        files.
+    Heights of the drone are relative to the ground at the take-off, as autopilots report them.
+    East and north are relative to the take-off, or to the origin given to `in_plane`.
+    `frequency_hz` is the tags' frequency, `tag_m` their height above the ground. `limitations`
+    are sentences on where the losses are not valid; `cautions` adds gaps in the files.
     """
 
     def __init__(
@@ -81,7 +82,9 @@ class HillLosses:
         return self._squares.start_m
 
     def __eq__(self, other: object) -> bool:
-        """True if all losses and limitations are equal, over the same ground in memory."""
+        """True if all losses and limitations are equal and computed from the same ground
+        object.
+        """
         return isinstance(other, HillLosses) and self._state == other._state
 
     def __hash__(self) -> int:
@@ -94,24 +97,28 @@ class HillLosses:
 
     @property
     def level(self) -> bool:
-        """True if the take-off's height is unknown, so that level ground is assumed."""
+        """True if level ground is assumed, because the height of the ground at the take-off is
+        unknown.
+        """
         return not np.isfinite(self._squares.start_m)
 
     def at(self, frequency_hz: float) -> "HillLosses":
-        """Losses for tags of another frequency, with a common cache."""
+        """Return losses for tags of another frequency, which share the cache."""
         other = copy(self)
         other.frequency_hz = frequency_hz
         return other
 
     def in_plane(self, plane: TangentPlane) -> "HillLosses":
-        """Losses with metres from another origin nearby, whose axes are taken as parallel."""
+        """Return losses whose coordinates have another origin nearby; its axes are assumed
+        parallel.
+        """
         other = copy(self)
         east, north = self._squares.plane.to_local(plane.latitude_deg, plane.longitude_deg)
         other.origin_m = (float(east), float(north))
         return other
 
     def rough(self) -> "HillLosses":
-        """Losses on squares three times as large, for the many positions of a plan."""
+        """Return losses on squares three times as large, for the many positions of a plan."""
         other = copy(self)
         other._squares = self._rough  # noqa: SLF001 - of a copy of its own
         return other
@@ -123,7 +130,7 @@ class HillLosses:
         return other
 
     def cover(self, east_m: ArrayLike, north_m: ArrayLike) -> None:
-        """Extend the ground to include the given positions; raises `FormatError`."""
+        """Extend the ground so that it includes the given positions. Raises `FormatError`."""
         here = self.origin_m
         self._squares.reach(
             float(np.max(np.abs(np.asarray(east_m) + here[0]))),
@@ -147,7 +154,9 @@ class HillLosses:
         )
 
     def rise_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Height of the ground at positions above that at the take-off [m], of any shape."""
+        """Height of the ground at positions relative to the ground at the take-off [m], for
+        arrays of any shape.
+        """
         if self.level:
             return np.zeros(np.shape(east_m))
         squares = self._squares
@@ -160,7 +169,9 @@ class HillLosses:
     def seen_from(
         self, drone_east_m: _Floats, drone_north_m: _Floats, drone_up_m: _Floats
     ) -> "LossesFrom":
-        """Losses from drone positions (n,); heights count from the take-off's ground."""
+        """Return losses from drone positions (n,); heights are relative to the ground at the
+        take-off.
+        """
         if self.level:
             none = np.zeros((1, 2, 2), np.float32)
             which = np.zeros(np.size(drone_east_m), np.intp)
@@ -190,14 +201,18 @@ class HillLosses:
     def loss_db(
         self, drone: tuple[float, float, float], east_m: _Floats, north_m: _Floats
     ) -> NDArray[np.float32]:
-        """Loss beyond that of level ground, from a drone (east, north, up) to tags [dB]."""
+        """Loss in addition to that of level ground, from a drone at (east, north, up) to tags
+        [dB].
+        """
         seen = self.seen_from(*(np.array([one]) for one in drone))
         return seen.between(np.intp(0), east_m, north_m)
 
     def _nodes(
         self, east_m: _Floats, north_m: _Floats, up_m: _Floats
     ) -> tuple[list[_Node], NDArray[np.intp]]:
-        """Lattice points for drone positions, and the index of the nearest point for each."""
+        """Return lattice points for drone positions, and for each position the index of the
+        nearest point.
+        """
         east, north = east_m + self.origin_m[0], north_m + self.origin_m[1]
         self._squares.reach(float(np.max(np.abs(east))), float(np.max(np.abs(north))))
         reach, coarser = self._squares.reach_m, 1.0
@@ -216,18 +231,22 @@ class HillLosses:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LossesFrom:
-    """Losses from drone positions to any tag position."""
+    """Losses from several drone positions to any tag position."""
 
     maps: NDArray[np.float32]
-    """(lattice, rows, columns) loss from each lattice point to the ground squares [dB]."""
+    """Loss from each lattice point to the ground squares [dB], shape (lattice, rows,
+    columns)."""
     which: NDArray[np.intp]
-    """(n,) index of the lattice point (first axis of `maps`) nearest to each drone position."""
+    """Index of the lattice point (first axis of `maps`) nearest to each drone position, shape
+    (n,)."""
     west_m: float
     south_m: float
     cell_m: float
 
     def __call__(self, east_m: _Floats, north_m: _Floats) -> NDArray[np.float32]:
-        """(places, n) losses from the n drone positions to tag positions (places,) [dB]."""
+        """Losses from the n drone positions to tag positions (places,) [dB], shape (places,
+        n).
+        """
         lattice = np.arange(len(self.maps))[np.newaxis]
         each = self.between(lattice, east_m[:, np.newaxis], north_m[:, np.newaxis])
         return np.asarray(each[:, self.which])
@@ -284,7 +303,7 @@ class _Squares:
         return 0.0 if self._grid is None else self._grid.unknown_share
 
     def reach(self, east_m: float, north_m: float) -> None:
-        """Extend the ground to these distances on all sides; unchanged if it reaches as far."""
+        """Extend the ground to at least these distances on all sides."""
         needed = max(max(east_m, north_m) + _FINEST_M, _LEAST_REACH_M)
         if needed <= self.reach_m or not np.isfinite(self.start_m):
             return

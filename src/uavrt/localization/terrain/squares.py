@@ -24,13 +24,17 @@ class GroundGrid:
     south_m: float
     cell_m: float
     known: NDArray[np.bool_]
-    """(rows, columns) True where elevation files have the height; the southern row first."""
+    """True where elevation files contain the height, shape (rows, columns), southern row
+    first."""
     height_m: NDArray[np.float32]
-    """(rows, columns) heights [m]; unknown ones are copied from the nearest known cell."""
+    """Heights [m], shape (rows, columns); unknown heights are copied from the nearest known
+    cell."""
 
     @classmethod
     def of_heights(cls, height_m: NDArray[np.float32]) -> "GroundGrid":
-        """Grid from known heights, with squares of a metre, without a position on the earth."""
+        """Create a grid from known heights, with squares of one metre and an arbitrary position
+        on the earth.
+        """
         return cls(
             plane=TangentPlane(latitude_deg=0.0, longitude_deg=0.0),
             west_m=0.0,
@@ -42,12 +46,12 @@ class GroundGrid:
 
     @property
     def east_m(self) -> _Floats:
-        """(columns,) east coordinates of the centres [m]."""
+        """East coordinates of the cells' centres [m], shape (columns,)."""
         return np.asarray(self.west_m + self.cell_m * np.arange(self.height_m.shape[1]))
 
     @property
     def north_m(self) -> _Floats:
-        """(rows,) north coordinates of the centres [m]."""
+        """North coordinates of the cells' centres [m], shape (rows,)."""
         return np.asarray(self.south_m + self.cell_m * np.arange(self.height_m.shape[0]))
 
     @property
@@ -56,7 +60,9 @@ class GroundGrid:
         return float(1.0 - self.known.mean())
 
     def __call__(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Heights interpolated between cell centres [m]; beyond the grid those of its edge."""
+        """Heights interpolated between the cells' centres [m]; beyond the grid, the heights at
+        its edge.
+        """
         return self.at(
             (east_m - self.west_m) / self.cell_m, (north_m - self.south_m) / self.cell_m
         )
@@ -85,7 +91,9 @@ def ground_grid(
     north_m: float,
     cell_m: float,
 ) -> GroundGrid:
-    """Heights on squares over an area; level ground at height 0 without `elevation`."""
+    """Create a grid of heights on squares over an area; without `elevation`, all heights are
+    0.
+    """
     columns = max(2, math.ceil((east_m - west_m) / cell_m) + 1)
     rows = max(2, math.ceil((north_m - south_m) / cell_m) + 1)
     if rows * columns > _MOST_CELLS:

@@ -37,7 +37,9 @@ _DAMAGED = (
 
 
 def srtm_raster(path: Path) -> Raster:
-    """Open a tile; raises `FormatError` if it is cut off or its name has no position."""
+    """Open an SRTM tile. Raises `FormatError` if it is incomplete or its name states no
+    position.
+    """
     named = _NAME.match(path.name)
     if named is None:
         raise FormatError(

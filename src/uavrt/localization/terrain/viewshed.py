@@ -1,7 +1,8 @@
 """Compute the loss behind hills at every position around a drone.
 
-Each cell has its own profile, with points as far apart as the cells, and its loss is that of
-`uavrt.localization.terrain.diffraction`. Compiled kernels take a hundredth of NumPy's time.
+Each cell has its own profile, whose points are as far apart as the cells, and its loss is
+computed as in `uavrt.localization.terrain.diffraction`. Compiled kernels take a hundredth of
+the time of NumPy.
 """
 
 import numpy as np
@@ -27,9 +28,10 @@ def terrain_loss_map(
     tag_m: float,
     frequency_hz: float,
 ) -> NDArray[np.float32]:
-    """Loss beyond that of level ground, from a drone to tags at all cells [dB].
+    """Loss in addition to that of level ground, from a drone to tags at all cells [dB].
 
-    `antenna_m`, `tag_m`: heights of the antenna and of the tags above the ground beneath them.
+    `antenna_m` and `tag_m` are heights of the antenna and the tags above the ground below
+    them.
     """
     height = ground.height_m
     rows, columns = height.shape
@@ -71,7 +73,9 @@ def _parameters(
     x: _Floats,
     y: _Floats,
 ) -> NDArray[np.float32]:
-    """Diffraction parameter ν at the cells of some rows, relative to the drone."""
+    """Diffraction parameter ν at the cells of several rows, for a given position of the
+    drone.
+    """
     compiled = getattr(kernels(), "edges", None)
     nu = np.full(x.shape, -10.0, np.float32)
     if compiled is not None:

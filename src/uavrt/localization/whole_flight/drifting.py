@@ -1,9 +1,9 @@
-"""Search for trains whose interval changes steadily over a flight.
+"""Search for pulse trains whose interval changes steadily over a flight.
 
 With an interval ``T (1 + d (t/D - 1/2))`` over a flight of length D, pulses are T apart on the
-time ``u = D/d ln((1 + d (t/D - 1/2)) / (1 - d/2))``. For each of a few d the slots are ordered
-by u and folded, in slots of double length and with few patterns. Then the likeliest cells are
-examined in full.
+time scale ``u = D/d ln((1 + d (t/D - 1/2)) / (1 - d/2))``. For several values of d, the slots
+are ordered by u and folded, in slots of double length and with few patterns. Then the most
+likely cells are examined in full.
 """
 
 from dataclasses import replace
@@ -31,7 +31,9 @@ _Floats = NDArray[np.float64]
 
 
 def train_times_s(phase_s: float, interval_s: float, drift: float, span_s: float) -> _Floats:
-    """Times of a train's pulses from the first slot's start [s]; one may exceed `span_s`."""
+    """Times of a train's pulses relative to the start of the first slot [s]; the last one may
+    exceed `span_s`.
+    """
     count = max(0, int((span_s * (1.0 + abs(drift)) - phase_s) / interval_s) + 2)
     return real_time_s(
         phase_s + np.arange(count).astype(np.float64) * interval_s, drift, span_s
@@ -39,7 +41,7 @@ def train_times_s(phase_s: float, interval_s: float, drift: float, span_s: float
 
 
 def real_time_s(even_s: _Floats, drift: float, span_s: float) -> _Floats:
-    """Convert the time of a clock that drifts with the tag to real time [s]."""
+    """Convert times on a clock that drifts with the tag to real time [s]."""
     if not drift:
         return even_s
     grown = np.expm1(even_s * drift / span_s) * (1.0 - 0.5 * drift) / drift
@@ -47,7 +49,7 @@ def real_time_s(even_s: _Floats, drift: float, span_s: float) -> _Floats:
 
 
 def even_time_s(time_s: _Floats, drift: float, span_s: float) -> _Floats:
-    """Convert real time to that of a clock that drifts with the tag [s]."""
+    """Convert real time to times on a clock that drifts with the tag [s]."""
     if not drift:
         return time_s
     grown = np.log1p(time_s * drift / (span_s * (1.0 - 0.5 * drift)))
@@ -55,7 +57,7 @@ def even_time_s(time_s: _Floats, drift: float, span_s: float) -> _Floats:
 
 
 def even_order(energies: SlotEnergies, drift: float) -> NDArray[np.intp]:
-    """Index of the slot at each step of the clock that drifts with the tag."""
+    """Index of the slot at each step of a clock that drifts with the tag."""
     span_s = len(energies.heard) * energies.slot_s
     at = real_time_s(energies.time_s, drift, span_s) / energies.slot_s
     return np.asarray(np.clip(at.astype(np.intp), 0, len(energies.heard) - 1))
@@ -71,7 +73,9 @@ def drifts_searched(most: float, span_s: float, slot_s: float) -> _Floats:
 def search_drifting(
     energies: SlotEnergies, weights: Weights, tag: Tag, most_drift: float
 ) -> FoldedTrain:
-    """Find the likeliest train of a tag whose interval changes by up to `most_drift`."""
+    """Find the most likely train of a tag whose interval changes by up to the share
+    `most_drift`.
+    """
     steady = search_flight(energies, weights, tag, most=1)[0]
     span_s = len(energies.heard) * energies.slot_s
     sag_slots = most_drift * span_s / 4.0 / energies.slot_s
@@ -135,7 +139,9 @@ def _few_places(weights: Weights, coarse: SlotEnergies) -> Weights:
 def _refined(
     energies: SlotEnergies, weights: Weights, start: FoldedTrain, row: int
 ) -> FoldedTrain:
-    """Likeliest pulse train near a cell of the coarse search, in cells of the full search."""
+    """Find the most likely pulse train near a cell of the coarse search, in the finer cells of
+    the full search.
+    """
     slot_s, slots = energies.slot_s, len(energies.heard)
     span_s = slots * slot_s
     count = max(2, int(span_s / start.interval_s))

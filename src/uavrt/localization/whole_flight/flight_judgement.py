@@ -1,11 +1,12 @@
-"""Search a whole flight for one tag: interval, phase, frequency and position together.
+"""Search a whole flight for one tag, over interval, phase, frequency and position together.
 
 The statistic for a position is the sum of the slots' energies, one slot for each pulse, each
-weighted by ``w = S / (1 + S)``. S is the pulse's energy over noise there, by the antenna's gain
-and the range. These weights are locally most powerful for weak pulses, and bounded for strong
-ones. In noise the sum's tail is that of a shifted gamma distribution. Its variance and skewness
-are those of sums of the flight's own energies: exact for equal weights and white noise without
-jitter (docs/explanation/whole-flight.md).
+weighted by ``w = S / (1 + S)``. S is the energy over noise of a pulse from that position,
+computed from antenna gain and distance. These weights are locally most powerful for weak
+pulses, and bounded for strong ones. In noise, the tail of the sum's distribution is that of a
+shifted gamma distribution. Its variance and skewness are those of sums of the flight's own
+energies; they are exact for equal weights and white noise without jitter
+(docs/explanation/whole-flight.md).
 """
 
 import math
@@ -36,25 +37,27 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoldedTrain:
-    """Likeliest train of pulses of a whole flight."""
+    """Most likely pulse train of a whole flight."""
 
     false_alarm_probability: float
-    """Probability that noise alone gives a train this unlikely anywhere in the search."""
+    """Probability that noise alone gives a train at least as significant as this one anywhere
+    in the search."""
     score: float
-    """Weighted sum of energies [standard deviations]; for strong pulses, their number."""
+    """Weighted sum of energies [standard deviations]; for strong pulses, their weighted
+    number."""
     interval_s: float
     """Pulse interval in the middle of the flight [s]."""
     phase_s: float
-    """Middle of the first pulse's slot, relative to the first slot's beginning [s]."""
+    """Middle of the first pulse's slot, relative to the start of the first slot [s]."""
     offset_hz: float
     place: int
-    """Index of the tag's candidate position: a row of the weights."""
+    """Index of the tag's candidate position, which is a row of the weights."""
     hypotheses: float
     """Number of independent hypotheses tested in the search for the train."""
     log_probability: float
-    """Natural logarithm of the probability that noise alone gives this train's sum or more."""
+    """Natural logarithm of the probability that noise alone gives at least this train's sum."""
     rate: int = 1
-    """Number of the tag's pulse interval that the train has, from 1."""
+    """Number of the tag's pulse interval that this train has, counted from 1."""
     loud: bool = False
     """True if each pulse of the train is strong enough to be detected alone."""
     drift: float = 0.0
@@ -63,31 +66,39 @@ class FoldedTrain:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Weights:
-    """Weight of a pulse in each slot, for each position, as a mixture of few patterns."""
+    """Weight of a pulse in each slot, for each candidate position, as a mixture of few
+    patterns.
+    """
 
     basis: NDArray[np.float32]
-    """(patterns, slots) weights of the energy slots; trains are summed for each pattern."""
+    """Weights of the energy slots, shape (patterns, slots); trains are summed for each
+    pattern."""
     mixing: NDArray[np.float32]
-    """(places, patterns) coefficients that mix patterns to a candidate position's weights."""
+    """Coefficients that mix the patterns to each position's weights, shape (places,
+    patterns)."""
     deviation: _Floats
-    """(frequencies, places) standard deviation of a train's weighted energy sum in noise."""
+    """Standard deviation of a train's weighted energy sum in noise, shape (frequencies,
+    places)."""
     skewness: _Floats
-    """(frequencies, places) skewness of a train's weighted energy sum in noise."""
+    """Skewness of a train's weighted energy sum in noise, shape (frequencies, places)."""
     interval_s: float
-    """Pulse interval for which deviation and skewness hold [s]; a longer one has fewer
-    pulses."""
+    """Pulse interval for which deviation and skewness are valid [s]; a train with a longer one
+    has fewer pulses."""
     spread: Fixed[float] = 1.0
-    """Share of the flight's time with much weight, averaged over positions; 1 if even."""
+    """Share of the flight's time that has much weight, averaged over positions; 1 for equal
+    weights."""
 
     @classmethod
     def of(
         cls, basis: _Floats, mixing: _Floats, energies: SlotEnergies, interval_s: float
     ) -> "Weights":
-        """Derive a sum's deviation and skewness from the flight's own energies.
+        """Derive standard deviation and skewness of a train's sum from the flight's own
+        energies.
 
-        A train has one pulse in each interval, at a random phase, so a slot holds one with the
-        probability slot / interval. The sum's cumulants are those of all slots' weighted
-        energies, times this. Hum, tones and changing levels are included.
+        A train has one pulse in each interval, at a random phase, so a slot contains one with
+        the probability slot / interval. The cumulants of the sum are those of all slots'
+        weighted energies, multiplied by this probability. So hum, tones and changing levels are
+        included.
         """
         shape = (len(energies.energy), len(mixing))
         square, cube = np.zeros(shape), np.zeros(shape)
@@ -121,13 +132,15 @@ class Weights:
         energies: SlotEnergies,
         interval_s: float,
     ) -> "Weights":
-        """Interpolate patterns (patterns, times) to a flight's slots; 0 without samples."""
+        """Interpolate patterns (patterns, times) to the slots of a flight; the weight is 0
+        without samples.
+        """
         basis = np.stack([np.interp(energies.time_s, time_s, one) for one in patterns])
         basis[:, ~energies.heard] = 0.0
         return cls.of(basis, mixing, energies, interval_s)
 
     def only(self, place: int) -> "Weights":
-        """Weights of one position alone, with a single pattern."""
+        """Return the weights of one position alone, as a single pattern."""
         return Weights(
             basis=self.mixing[[place]] @ self.basis,
             mixing=np.ones((1, 1), np.float32),
@@ -137,7 +150,9 @@ class Weights:
         )
 
     def scaled(self, row: int) -> NDArray[np.float32]:
-        """Mixing coefficients for which sums at a frequency have variance 1 in noise."""
+        """Return mixing coefficients for which the sums at a frequency have variance 1 in
+        noise.
+        """
         return np.asarray(self.mixing / self.deviation[row][:, np.newaxis], np.float32)
 
 
@@ -156,14 +171,16 @@ class Peaks:
 
 
 def _spread(count: _Floats, sums: _Floats, squares: _Floats) -> float:
-    """Share of the flight's time with much weight, averaged over positions; 1 if even."""
+    """Share of the flight's time that has much weight, averaged over positions; 1 for equal
+    weights.
+    """
     some = np.maximum(count, 1e-30)
     variance = np.maximum(squares / some - (sums / some) ** 2, 0.0)
     return float(np.minimum(np.sqrt(12.0 * variance), 1.0).mean())
 
 
 def pulse_weights(gain: _Floats, design_enr: float = SEARCH.design_enr) -> _Floats:
-    """Weights of pulses, from their energies relative to the strongest; any shape."""
+    """Convert pulse energies relative to the strongest to weights, for arrays of any shape."""
     strength = np.asarray(design_enr * gain)
     above = 1.0 + strength
     strength /= above
@@ -173,13 +190,15 @@ def pulse_weights(gain: _Floats, design_enr: float = SEARCH.design_enr) -> _Floa
 def low_rank_weights(
     gain: _Floats, time_s: _Floats, energies: SlotEnergies, interval_s: float
 ) -> Weights:
-    """Reduce the positions' gains to a few patterns to fold, and mixing coefficients."""
+    """Reduce the gains of all positions to few patterns that are folded, and coefficients that
+    mix them.
+    """
     mixing, patterns = low_rank(pulse_weights(gain))
     return Weights.over(patterns, mixing, time_s, energies, interval_s)
 
 
 def low_rank(weights: _Floats) -> tuple[_Floats, _Floats]:
-    """Factors of weights: coefficients (places, patterns) and patterns (patterns, times)."""
+    """Factorise weights into coefficients (places, patterns) and patterns (patterns, times)."""
     left, values, right = np.linalg.svd(weights, full_matrices=False)
     kept = np.cumsum(values**2) / max(float(np.sum(values**2)), 1e-30)
     rank = int(np.searchsorted(kept, SEARCH.kept_variance)) + 1
@@ -193,7 +212,9 @@ def peaks(
     slot_s: float,
     between_s: tuple[float, float],
 ) -> Peaks:
-    """Fold the frequencies `rows` at all intervals between two; return the highest cells."""
+    """Fold the frequencies `rows` at all intervals between two given ones; return the highest
+    cells.
+    """
     found: list[Peaks] = []
     for at, intervals, sums, scale in _folds(values, rows, weights, slot_s, between_s):
         score, cell = highest(sums, weights.scaled(at), scale)
@@ -217,10 +238,11 @@ def scores(
     slot_s: float,
     between_s: tuple[float, float],
 ) -> Iterator[tuple[int, _Floats, NDArray[np.float32]]]:
-    """Fold some frequencies at all intervals between two; yields all scores by fold.
+    """Fold several frequencies at all intervals between two given ones, and yield the scores of
+    each fold.
 
-    Yields: number of the frequency, intervals (n,) [slots], and standard deviations of the
-    weighted sums (places, n, phases) as float32.
+    Yields the number of the frequency, the intervals (n,) [slots], and the weighted sums
+    (places, n, phases) in standard deviations, as float32.
     """
     for at, intervals, sums, scale in _folds(values, rows, weights, slot_s, between_s):
         score = weights.scaled(at) @ sums.reshape(len(sums), -1)
@@ -234,7 +256,9 @@ def _folds(
     slot_s: float,
     between_s: tuple[float, float],
 ) -> Iterator[tuple[int, _Floats, NDArray[np.float32], NDArray[np.float32]]]:
-    """Yield for each fold the frequency, intervals [slots], patterns' sums and scales."""
+    """For each fold, yield the number of the frequency, the intervals [slots], and the
+    patterns' sums with their scales.
+    """
     patterns = len(weights.basis)
     low_s, high_s = between_s
     slots = values.shape[1]
@@ -256,10 +280,10 @@ def _folds(
 
 
 def cells_searched(slots: int, slot_s: float, between_s: tuple[float, float]) -> float:
-    """Number of distinguishable cells (interval and phase) in folds of one frequency.
+    """Number of distinguishable cells (interval and phase) in the folds of one frequency.
 
-    Cells differ by at least a slot over all pulses. A fold has rows for up to twice the
-    periods; only the true number counts.
+    Distinguishable cells differ by at least a slot over all pulses. A fold has rows for up to
+    twice the number of periods; only the true number counts.
     """
     low_s, high_s = between_s
     cells = 0.0
@@ -271,11 +295,11 @@ def cells_searched(slots: int, slot_s: float, between_s: tuple[float, float]) ->
 
 
 def hypotheses_of(energies: SlotEnergies, weights: Weights, tag: Tag) -> float:
-    """Number of independent hypotheses of the search for weak pulses.
+    """Number of independent hypotheses in the search for weak pulses.
 
-    For a position that a drone only passes, only a part of the flight has weight. Trains whose
-    intervals differ by one cell are then indistinguishable, and the number of cells falls by
-    that share (`Weights.spread`).
+    If the drone only passes a position, only a part of the flight has weight for it. Trains
+    whose intervals differ by one cell are then indistinguishable, so the number of cells is
+    multiplied by that share (`Weights.spread`).
     """
     own = float(np.sum(correlation_slots(energies) ** -2.0))
     cells = _cells(energies, tag) * len(weights.basis) * own * weights.spread
@@ -284,9 +308,10 @@ def hypotheses_of(energies: SlotEnergies, weights: Weights, tag: Tag) -> float:
 
 
 def correlation_slots(energies: SlotEnergies) -> _Floats:
-    """Number of slots over which each frequency's energies are correlated; 1 if not.
+    """Number of slots over which each frequency's energies are correlated; 1 if they are
+    independent.
 
-    A narrow line of hum changes slowly, so its independent slots are few. The number is the sum
+    A narrow line of hum changes slowly, so it has few independent slots. The number is the sum
     of the squared correlation over all lags.
     """
     energy = energies.energy
@@ -316,10 +341,10 @@ def search_flight(
     most: Guard[int] = 20,
     few_patterns: int = SEARCH.few_patterns,
 ) -> list[FoldedTrain]:
-    """Find the likeliest trains of a tag; the least likely in noise comes first.
+    """Find the most likely trains of a tag, the least probable in noise first.
 
-    All its rates are searched: weak pulses by their weighted energies, strong ones by their
-    number, since the energies exclude them.
+    All rates of the tag are searched: weak pulses by their weighted energies, strong pulses by
+    their number, since the energies exclude them.
     """
     folded = weights if len(weights.basis) <= few_patterns else _coarser(weights, energies)
     weak = _weak_trains(energies, weights, folded, tag, most)
@@ -332,20 +357,22 @@ def search_flight(
 
 
 def intervals_searched(tag: Tag) -> list[tuple[float, float]]:
-    """Shortest and longest searched interval of each rate [s]."""
+    """Shortest and longest interval that are searched for each rate [s]."""
     slack_s = tag.interval_uncertainty_s
     return [(one - slack_s, one + slack_s) for one in tag.pulse_intervals_s]
 
 
 def log_tail(found: Peaks, weights: Weights, energies: SlotEnergies) -> _Floats:
-    """Natural logarithm of the probability of each peak in noise."""
+    """Natural logarithm of the probability that noise alone reaches each peak."""
     ratio = np.sqrt(found.interval * energies.slot_s / weights.interval_s)
     skewness = weights.skewness[found.row, found.place] * ratio
     return np.asarray(stats.pearson3.logsf(found.score, skewness))
 
 
 def chance(log_probability: float, hypotheses: float) -> float:
-    """Probability that noise gives at least one of `hypotheses` results this improbable."""
+    """Probability that noise gives at least one of `hypotheses` results with this probability
+    each.
+    """
     return -math.expm1(-math.exp(min(math.log(hypotheses) + log_probability, 700.0)))
 
 
@@ -404,7 +431,9 @@ def _in_full(found: Peaks, logs: _Floats, weights: Weights, energies: SlotEnergi
 
 
 def _loud_trains(energies: SlotEnergies, tag: Tag, most: int) -> list[FoldedTrain]:
-    """Trains of strong pulses; by chance, the number of these in N slots is binomial."""
+    """Find trains of strong pulses; by chance, the number of strong pulses in N slots is
+    binomial.
+    """
     counts = np.count_nonzero(energies.loud, axis=1)
     rows = np.flatnonzero(counts >= SEARCH.least_marks)
     if not len(rows):
@@ -431,10 +460,11 @@ def _loud_trains(energies: SlotEnergies, tag: Tag, most: int) -> list[FoldedTrai
 def _through_middles(
     logs: _Floats, found: Peaks, energies: SlotEnergies
 ) -> tuple[NDArray[np.intp], _Floats]:
-    """Indices of strong pulses' trains, likeliest and most central first; log-probabilities.
+    """Return indices of strong pulses' trains, the most likely and most central first, and
+    log-probabilities.
 
     Frequencies next to a pulse's have fewer marks and can give less likely trains of the same
-    pulses: all these trains get their lowest probability.
+    pulses; all these trains get their lowest probability.
     """
     order = np.argsort(logs, kind="stable")
     if not len(order):
@@ -450,11 +480,11 @@ def _through_middles(
 def _marks(
     energies: SlotEnergies, rows: NDArray[np.intp], shortest_s: float
 ) -> NDArray[np.float32]:
-    """Marks of strong pulses: 1 each, plus less than a half in total for central slots.
+    """Mark strong pulses: 1 for each slot, plus less than a half in total for central slots.
 
-    A pulse marks the slots within its jitter and the frequencies of its flanks. Many trains
-    therefore have equally many marks. The train through the middles, at the strongest
-    frequency, has most.
+    A pulse marks the slots within its jitter and the frequencies of its flanks, so many trains
+    have equally many marks. The train through the pulses' middles, at the strongest frequency,
+    has the most.
     """
     marks = np.zeros(energies.loud.shape, np.float32)
     most = math.ceil(energies.loud.shape[1] * energies.slot_s / shortest_s) + 1
@@ -471,7 +501,7 @@ def _marks(
 
 
 def loud_tail(energies: SlotEnergies, found: Peaks, plain: Weights) -> _Floats:
-    """Log-probability of as many strong pulses as in each peak, by chance."""
+    """Log-probability of at least as many strong pulses by chance as in each peak."""
     listened = max(int(np.count_nonzero(energies.listened)), 1)
     share = np.count_nonzero(energies.loud, axis=1)[found.row] / listened
     seen = found.score / np.sqrt(found.interval * energies.slot_s / plain.interval_s)
@@ -480,7 +510,7 @@ def loud_tail(energies: SlotEnergies, found: Peaks, plain: Weights) -> _Floats:
 
 
 def plain_weights(energies: SlotEnergies) -> Weights:
-    """Equal weights in all slots, for one position."""
+    """Return equal weights in all slots, for one position."""
     return Weights(
         basis=np.ones((1, len(energies.heard)), np.float32),
         mixing=np.ones((1, 1), np.float32),
@@ -500,7 +530,7 @@ def train_at(
     *,
     loud: bool = False,
 ) -> FoldedTrain:
-    """Convert one cell of a search to a train, given the number of hypotheses."""
+    """Convert one cell of a search to a train, given the number of hypotheses tested."""
     return FoldedTrain(
         false_alarm_probability=chance(log_probability, hypotheses),
         score=float(found.score[at]),

@@ -36,25 +36,27 @@ class Cells:
 
     plane: TangentPlane
     bearing_deg: _Floats
-    """(cells,) bearings of ground cells' middles from the middle of the flight [deg]."""
+    """Bearings of the cells' middles from the middle of the flight [deg], shape (cells,)."""
     range_m: _Floats
     width_deg: _Floats
     ratio: _Floats
-    """(cells,) ratio of the outer to the inner radius of a ground cell."""
+    """Ratio of a cell's outer radius to its inner radius, shape (cells,)."""
     probability: _Floats
     by_fall: _Floats
-    """(exponents, cells) joint probability of a path loss exponent and a ground cell."""
+    """Joint probability of a path loss exponent and a ground cell, shape (exponents, cells)."""
 
     @property
     def area(self) -> _Floats:
-        """(cells,) relative area of each cell."""
+        """Relative area of each cell, shape (cells,)."""
         return _area(self.range_m, self.width_deg, self.ratio)
 
     def region(self, share: float) -> NDArray[np.bool_]:
-        """(cells,) True for cells that contain `share`, whichever path loss exponent is true.
+        """True for cells of the region that contains `share`, whichever path loss exponent is
+        true, shape (cells,).
 
-        For each exponent they are the smallest such region. After one pass the exponents cannot
-        be distinguished, and a joint region would ignore the less probable ones.
+        For each exponent it is the smallest such region. After a single pass of the tag, the
+        exponents cannot be distinguished, and a joint region would ignore the less probable
+        ones.
         """
         area = self.area
         inside = np.zeros(len(area), bool)
@@ -65,7 +67,7 @@ class Cells:
         return inside
 
     def holds(self, east_m: float, north_m: float, share: float) -> bool:
-        """True if a position is in the region that contains a given probability."""
+        """True if a position is in the region that contains the probability `share`."""
         bearing = np.degrees(np.arctan2(east_m, north_m))
         turn_deg = np.abs(wrap_degrees_180(self.bearing_deg - bearing))
         apart = np.abs(np.log(np.hypot(east_m, north_m) / self.range_m))
@@ -73,7 +75,7 @@ class Cells:
         return bool((here & self.region(share)).any())
 
     def outlines(self, share: float) -> list[list[tuple[float, float]]]:
-        """Rings of latitudes and longitudes around each part of a region."""
+        """Outlines, as rings of latitudes and longitudes, around each part of a region."""
         inside = self.region(share)
         parts = []
         keys = np.stack((np.log(self.range_m), np.log(self.ratio), self.width_deg), axis=1)
@@ -126,11 +128,12 @@ class Cells:
         )
 
     def likeliest_m(self, cells: NDArray[np.intp]) -> tuple[float, float]:
-        """East and north of the likeliest position in some cells, from the flight's middle [m].
+        """East and north of the most likely position in some cells, relative to the flight's
+        middle [m].
 
-        It is a mean with most weight where the probability is densest. The mean of all cells
-        lies farther away than the tag, because large distances are less certain. Next to a
-        straight path each path loss exponent gives another distance.
+        It is a mean with most weight where the probability is densest. The plain mean of all
+        cells would be farther away than the tag, because large distances are less certain. Next
+        to a straight path each path loss exponent gives another distance.
         """
         area = self.area[cells]
         density = self.probability[cells] / area
@@ -146,7 +149,9 @@ class Cells:
         return float(east[0]), float(north[0])
 
     def middle_m(self) -> tuple[float, float]:
-        """East and north of the likeliest point of a dominant part, else of the mean [m]."""
+        """East and north of the most likely point of a dominant part [m]; without such a part,
+        of the mean.
+        """
         inside = np.flatnonzero(self.region(0.95))
         for part in self._connected(inside):
             if self.probability[part].sum() >= PLACE.alone:
@@ -161,10 +166,10 @@ class Cells:
         shares: Sequence[float],
         cells: NDArray[np.intp] | None = None,
     ) -> list[float]:
-        """Radii of circles around a position that contain given probabilities [m].
+        """Radii of the circles around a position that contain given probabilities [m].
 
-        Each cell's probability is spread evenly over its ground, as in `region`.
-        The radii allow for an error that all positions of the drone share.
+        Each cell's probability is spread evenly over its ground, as in `region`. The radii
+        allow for an error common to all positions of the drone.
         """
         chosen = slice(None) if cells is None else cells
         parts = (np.arange(PLACE.points) + 0.5) / PLACE.points
@@ -208,33 +213,37 @@ def _area(range_m: _Floats, width_deg: _Floats, ratio: _Floats) -> _Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LikelyGround:
-    """Cells of the ground, with likelihoods at their middles; likely ones are divided."""
+    """Cells of the ground, with likelihoods at their middles; likely cells are divided."""
 
     bearing_deg: _Floats
-    """(cells,) bearings of ground cells' middles from the middle of the flight [deg]."""
+    """Bearings of the cells' middles from the middle of the flight [deg], shape (cells,)."""
     range_m: _Floats
     width_deg: _Floats
     ratio: _Floats
     uneven: _Floats
-    """(cells,) range of log-likelihood among the parts of the cell that was divided last."""
+    """Range of log-likelihood among the parts of the cell from which each cell was divided
+    last, shape (cells,)."""
     logs: _Floats
-    """(exponents, cells) log-likelihood by path loss exponent, integrated over tag levels."""
+    """Log-likelihood by path loss exponent, integrated over tag levels, shape (exponents,
+    cells)."""
     level_db: _Floats
-    """(exponents, cells) mean level of the tag [dB], by path loss exponent."""
+    """Mean level of the tag [dB] by path loss exponent, shape (exponents, cells)."""
 
     @property
     def area(self) -> _Floats:
-        """(cells,) relative area of each cell."""
+        """Relative area of each cell, shape (cells,)."""
         return _area(self.range_m, self.width_deg, self.ratio)
 
     @property
     def held(self) -> _Floats:
-        """(exponents, cells) posterior probability of a path loss exponent and a cell."""
+        """Posterior probability of a path loss exponent and a cell, shape (exponents,
+        cells).
+        """
         held = np.exp(self.logs - self.logs.max()) * self.area
         return np.asarray(held / held.sum())
 
     def to_part(self) -> NDArray[np.intp]:
-        """Indices of the cells to divide: wide, uneven and likely cells."""
+        """Indices of the cells that must be divided: wide, uneven and likely cells."""
         probability = self.held.sum(axis=0)
         order = np.argsort(-probability, kind="stable")
         count = int(np.searchsorted(np.cumsum(probability[order]), PLACE.kept)) + 1
@@ -245,7 +254,7 @@ class LikelyGround:
         return np.asarray(which[large & uneven])
 
     def parts(self, which: NDArray[np.intp]) -> "LikelyGround":
-        """Divide some cells; the parts have no likelihoods yet."""
+        """Divide some cells; the resulting parts have no likelihoods yet."""
         steps = (np.arange(PLACE.parts) - 0.5 * (PLACE.parts - 1)) / PLACE.parts
         around, apart = (one.ravel() for one in np.meshgrid(steps, steps))
         width, ratio = self.width_deg[which, np.newaxis], self.ratio[which, np.newaxis]
@@ -262,7 +271,7 @@ class LikelyGround:
         )
 
     def with_parts(self, which: NDArray[np.intp], parts: "LikelyGround") -> "LikelyGround":
-        """Copy in which the divided cells are replaced by their parts."""
+        """Return a copy in which the divided cells are replaced by their parts."""
         rest = np.setdiff1d(np.arange(len(self.range_m)), which)
         best = parts.logs.max(axis=0).reshape(len(which), PLACE.parts * PLACE.parts)
         uneven = np.repeat(np.ptp(best, axis=1), PLACE.parts * PLACE.parts)

@@ -1,8 +1,10 @@
-"""Locate the slots of a folded train's pulses; compute the likelihood ratio of their energies.
+"""Find the slots that contain a folded train's pulses, and compute the likelihood ratio of
+their energies.
 
-A slot's energy in noise is the largest of m unit exponentials; their mean gives m, which
-depends on jitter and slot. A pulse of energy S makes two of them, the windows that hold most of
-it, noncentral chi-squares of 2 degrees of freedom (constant amplitude, unknown phase).
+A slot's energy in noise is the largest of m unit exponential variables; their mean gives m,
+which depends on jitter and slot. A pulse of energy S makes two of them, the windows that
+contain most of it, noncentral chi-square variables with 2 degrees of freedom (constant
+amplitude, unknown phase).
 """
 
 from dataclasses import dataclass, replace
@@ -25,31 +27,33 @@ from uavrt.localization.whole_flight.tuning import PLACE
 _Floats = NDArray[np.float64]
 AMPLITUDES = np.arange(0.0, 22.05, 0.1)
 """Pulse amplitudes in the likelihood tables, in units of the noise, up to 27 dB. A stronger
-pulse and its expected strength are reduced alike, since noise moves it by less than 0.3 dB."""
+pulse and its expected strength are reduced by the same factor, since noise changes it by less
+than 0.3 dB."""
 STRENGTHS_DB = np.arange(-40.0, 44.0, 0.5)
-"""Expected strengths of pulses in the likelihood tables, energy over noise [dB]."""
+"""Expected strengths of pulses in the likelihood tables: energy over noise [dB]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrainPulses:
-    """Times and energies of the slots that contain a train's pulses."""
+    """Times and energies of the slots in which a train's pulses are expected."""
 
     time_s: _Floats
-    """(n,) times of expected pulses relative to the first slot's beginning [s]."""
+    """Times of expected pulses relative to the start of the first slot [s], shape (n,)."""
     energy: _Floats
-    """(n,) energies in the slots of expected pulses, in units of the noise."""
+    """Energies in the slots of expected pulses, in units of the noise, shape (n,)."""
     noise_db: _Floats
-    """(n,) noise at each pulse over its median [dB], by which the energies were divided."""
+    """Noise at each pulse relative to its median [dB], by which the energies were divided,
+    shape (n,)."""
     interval_s: float
     offset_hz: float
     pulses: int = 1
-    """Number of pulses in a burst; each energy is their mean."""
+    """Number of pulses in a burst, over which each energy is averaged."""
 
 
 def train_pulses(
     energies: SlotEnergies, train: FoldedTrain, gain: _Floats, gain_time_s: _Floats
 ) -> TrainPulses:
-    """Refine a train between the cells of the search, and return its slots' energies."""
+    """Refine a train between the cells of the search; return the energies of its slots."""
     slot_s, slots = energies.slot_s, energies.energy.shape[1]
     span_s = slots * slot_s
     count = int((span_s - train.phase_s) / train.interval_s) + 1
@@ -87,7 +91,9 @@ def train_pulses(
 
 
 def limited_energies(energies: SlotEnergies, row: int) -> NDArray[np.float32]:
-    """Energies at one frequency, limited to just below those of strong pulses."""
+    """Energies at one frequency, in which those of strong pulses are compressed
+    logarithmically.
+    """
     energy = energies.energy[row].copy()
     loud = energies.loud[row] & ~energies.heard
     energy[loud] = (
@@ -98,17 +104,19 @@ def limited_energies(energies: SlotEnergies, row: int) -> NDArray[np.float32]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HeardTrain:
-    """Train of pulses in one flight, and the positions examined for its tag."""
+    """Pulse train in one flight, and the candidate positions of its tag."""
 
     pulses: TrainPulses
     mean_noise_energy: float
-    """Mean energy of a slot that has only noise [noise energies of a window]."""
+    """Mean energy of a slot that contains only noise [noise energies of a window]."""
     places: Places
     log_trains: float | None = None
-    """Logarithm of the number of trains from which this was chosen as the best; None: certainly
-    the tag's. A weak train may be chance; the flight then gives no information."""
+    """Logarithm of the number of trains from which this one was chosen as the best; None if it
+    is certainly the tag's. A weak train may be chance, and the flight then gives no
+    information."""
     rates: int = 1
-    """Number of the tag's pulse rates; in some slots another rate may have been used."""
+    """Number of the tag's pulse rates; with several, another rate may have been used in some
+    slots."""
 
     def of_walker(self, velocity_m_s: tuple[float, float], at_s: float) -> "HeardTrain":
         """Train of a tag that walks; positions are those at a time `at_s`."""
@@ -125,7 +133,9 @@ class HeardTrain:
         rates: int,
         log_trains: float | None = None,
     ) -> "HeardTrain":
-        """Record of a found train, with the statistics of noise at its frequency."""
+        """Create the record of a train that was found, with the statistics of noise at its
+        frequency.
+        """
         row = int(np.argmin(np.abs(energies.offsets_hz - pulses.offset_hz)))
         quiet = energies.away_from(pulses.time_s)
         mean = energies.mean[row]
@@ -141,7 +151,7 @@ class HeardTrain:
 
 
 def slot_logs(one: HeardTrain, gain: _Floats, levels_db: _Floats) -> _Floats:
-    """(levels, slots) log likelihood ratio of a pulse in each slot."""
+    """Log likelihood ratio of a pulse in each slot, shape (levels, slots)."""
     table = likelihood_table(one)
     column, beyond_db = table_columns(one.pulses.energy)
     gain_db = 10.0 * np.log10(gain + 1e-9) - beyond_db
@@ -153,7 +163,9 @@ def slot_logs(one: HeardTrain, gain: _Floats, levels_db: _Floats) -> _Floats:
 
 
 def table_columns(energy: _Floats) -> tuple[NDArray[np.intp], _Floats]:
-    """Columns of `likelihood_table` for energies, and their excess over the table [dB]."""
+    """Return columns of `likelihood_table` for energies, and by how much the energies exceed
+    the table [dB].
+    """
     amplitude = np.sqrt(np.maximum(energy, 0.0))
     beyond_db = 20.0 * np.log10(np.maximum(amplitude / AMPLITUDES[-1], 1.0))
     column = np.rint(np.minimum(amplitude, AMPLITUDES[-1]) / AMPLITUDES[1])
@@ -161,14 +173,16 @@ def table_columns(energy: _Floats) -> tuple[NDArray[np.intp], _Floats]:
 
 
 def noise_reaches(one: HeardTrain, share: float) -> float:
-    """Energy of a slot that noise alone exceeds in a given share of slots."""
+    """Energy of a slot that noise alone exceeds in the given share of slots."""
     pulses, mean = one.pulses.pulses, one.mean_noise_energy
     many = _exponentials(mean) if pulses == 1 else exponentials(mean, pulses)
     return float(special.gammaincinv(pulses, (1.0 - share) ** (1.0 / many)) / pulses)
 
 
 def likelihood_table(one: HeardTrain, fading_db: float = PLACE.fadings_db[0]) -> _Floats:
-    """Log likelihood ratios (strengths, amplitudes) of the energies of a train's pulses."""
+    """Log likelihood ratios of the energies of a train's pulses, shape (strengths,
+    amplitudes).
+    """
     pulses, mean = one.pulses.pulses, one.mean_noise_energy
     many = _exponentials(mean) if pulses == 1 else exponentials(mean, pulses)
     finer = np.arange(
@@ -179,18 +193,18 @@ def likelihood_table(one: HeardTrain, fading_db: float = PLACE.fadings_db[0]) ->
 
 
 def _exponentials(mean: float) -> float:
-    """Number m of unit exponentials whose maximum has a given mean: H(m) = mean."""
+    """Number m of unit exponential variables whose maximum has the given mean: H(m) = mean."""
     many = np.linspace(1.0, 12.0, 1101)
     means = special.digamma(many + 1.0) + np.euler_gamma
     return float(many[int(np.argmin(np.abs(means - mean)))])
 
 
 def _log_ratios(many: float, pulses: int, fading_db: float) -> _Floats:
-    """(strengths, amplitudes) log likelihood ratio of a slot's energy.
+    """Log likelihood ratio of a slot's energy, shape (strengths, amplitudes).
 
-    For a coded tag, E is the mean energy of a burst's pulses, and one of the m windows may hold
-    the burst. The ratio is f/(m e^-E) + (m-1)/m F/(1-e^-E), with f and F of one pulse. Fading
-    affects all pulses of a burst alike.
+    For a coded tag, E is the mean energy of a burst's pulses, and one of the m windows may
+    contain the burst. The ratio is f/(m e^-E) + (m-1)/m F/(1-e^-E), with f and F of one pulse.
+    Fading affects all pulses of a burst equally.
     """
     energy = np.maximum(AMPLITUDES, 0.1) ** 2
     if pulses == 1:
@@ -213,11 +227,12 @@ def _log_ratios(many: float, pulses: int, fading_db: float) -> _Floats:
 
 
 def _pulse_ratio(energy: _Floats, many: float) -> _Floats:
-    """Likelihood ratio of the largest of m exponentials, two of which may be a pulse's.
+    """Likelihood ratio of the largest of m exponential variables, two of which may contain a
+    pulse.
 
-    f is the density of a window's energy, over that of noise, F its distribution function, and
-    N = 1 - e^-E. The ratio is (f1 F2^q + q f2 F1 F2^(q-1))/(m N^q) + (m-1-q)/m F1 F2^q/N^(1+q).
-    q is 1, and falls to 0 as m falls to 1.
+    f is the density of a window's energy divided by that of noise, F its distribution function,
+    and N = 1 - e^-E. The ratio is (f1 F2^q + q f2 F1 F2^(q-1))/(m N^q) + (m-1-q)/m F1
+    F2^q/N^(1+q). q is 1, and falls to 0 as m falls to 1.
     """
     below = -np.expm1(-energy)
     (first, first_law), (second, second_law) = (
@@ -233,9 +248,10 @@ def _pulse_ratio(energy: _Floats, many: float) -> _Floats:
 
 
 def _pulse_law(energy: _Floats, part: float) -> tuple[_Floats, _Floats]:
-    """Density, relative to noise, and CDF of a window's energy with a part of a pulse.
+    """Density, divided by that of noise, and distribution function of the energy of a window
+    that contains part of a pulse.
 
-    `part` is the window's share of the pulse's energy.
+    `part` is the share of the pulse's energy in the window.
     """
     strength = part * 10.0 ** (STRENGTHS_DB / 10.0)[:, np.newaxis]
     x = 2.0 * np.sqrt(energy * strength)

@@ -1,9 +1,9 @@
-"""Find when a tag with several rates used each rate.
+"""Determine when a tag with several rates used each rate.
 
-A rate's train has slots in all of a flight. While the tag used another rate, these hold noise,
-and at times a pulse of that rate. A hidden Markov model of two states separates them (Rabiner
-1989, Proc. IEEE 77, 257): its likelihood over all paths weights a position, and its likeliest
-path shows which slots had the rate.
+The train of one rate has slots in the whole flight. While the tag used another rate, these
+contain noise and sometimes a pulse of that rate. A hidden Markov model with two states
+separates them (Rabiner 1989, Proc. IEEE 77, 257): its likelihood over all paths weights a
+position, and its most likely path shows in which slots the rate was used.
 """
 
 from collections.abc import Iterable
@@ -17,9 +17,10 @@ _Floats = NDArray[np.float64]
 
 
 def other_rate_logs(inverses: Iterable[_Floats], shape: tuple[int, ...]) -> _Floats:
-    """Log gain in likelihood if a tag may have used another rate in some slots.
+    """Logarithm of the gain in likelihood if a tag may have used another rate in some slots.
 
-    `inverses`: one array for each slot, 1 / likelihood ratio of a pulse of this rate.
+    `inverses` contains one array for each slot: 1 / likelihood ratio of a pulse at this
+    rate.
     """
     total, product, on = np.zeros(shape), np.ones(shape), np.full(shape, 0.5)
     for slot, inverse in enumerate(inverses):
@@ -38,7 +39,7 @@ def other_rate_logs(inverses: Iterable[_Floats], shape: tuple[int, ...]) -> _Flo
 
 
 def likeliest_states(logs: _Floats) -> NDArray[np.bool_]:
-    """(slots,) True where a tag used a rate, by the likeliest path (Viterbi 1967)."""
+    """True where a tag used a rate, by the most likely path (Viterbi 1967), shape (slots,)."""
     levels, slots = logs.shape
     at_other = np.log1p(PLACE.stray_share * np.expm1(logs))
     change, stay = np.log(PLACE.rate_change), np.log1p(-PLACE.rate_change)

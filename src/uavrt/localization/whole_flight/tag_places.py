@@ -1,4 +1,6 @@
-"""Lay out possible positions of a tag, with the strength of its pulses over a flight."""
+"""Generate possible positions of a tag, with the strength of its pulses over a flight for
+each.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -25,25 +27,33 @@ RANGE_STEP = (SEARCH.farthest_m / SEARCH.nearest_m) ** (1.0 / (SEARCH.ranges - 1
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Places:
-    """Possible positions around a flight, and the relative energy of pulses from each."""
+    """Candidate positions of a tag around a flight, and the relative energy of pulses from
+    each.
+    """
 
     plane: TangentPlane
     east_m: _Floats
-    """(places,) candidate tag positions east of the middle of the flight [m]."""
+    """Candidate tag positions east of the middle of the flight [m], shape (places,)."""
     north_m: _Floats
     area: _Floats
-    """(places,) relative area of ground represented by each candidate position: the prior."""
+    """Relative area of ground that each candidate position represents, used as prior, shape
+    (places,)."""
     time_s: _Floats
-    """(times,) times from the first slot's beginning at which gains are computed [s]."""
+    """Times relative to the start of the first slot at which gains are computed [s], shape
+    (times,)."""
     gain: _Floats
-    """(places, times) energy of a pulse relative to the strongest from the same position."""
+    """Energy of a pulse relative to the strongest one from the same position, shape (places,
+    times)."""
     strongest_db: _Floats
-    """(places,) level of the strongest pulse [dB], relative to a reference for all flights."""
+    """Level of the strongest pulse [dB], relative to a reference common to all flights, shape
+    (places,)."""
     track: "Track"
 
     @property
     def bearing_deg(self) -> _Floats:
-        """(places,) bearing from the middle of the flight, clockwise from true north [deg]."""
+        """Bearing from the middle of the flight, clockwise from true north [deg], shape
+        (places,).
+        """
         return wrap_degrees_360(np.degrees(np.arctan2(self.east_m, self.north_m)))
 
 
@@ -53,13 +63,13 @@ class Track:
 
     pattern: AntennaPattern
     east_m: _Floats
-    """(times,) east coordinate of the antenna in the plane of `Places` [m]."""
+    """East coordinate of the antenna in the plane of `Places` [m], shape (times,)."""
     north_m: _Floats
     height_m: _Floats
     axes: _Floats
-    """(times, 3, 3) forward, right and down axes of the antenna."""
+    """Forward, right and down axes of the antenna, shape (times, 3, 3)."""
     hills: HillLosses | None = None
-    """Ground model in the track's plane, for losses behind hills; None: level ground."""
+    """Ground model in the track's plane, for losses behind hills; None for level ground."""
 
     def seen_from(self, velocity_m_s: tuple[float, float], since_s: _Floats) -> "Track":
         """Track relative to a walking tag; `since_s`: (times,) since it was at its position."""
@@ -69,7 +79,9 @@ class Track:
         )
 
     def gain_db(self, east_m: _Floats, north_m: _Floats, turn_deg: float = 0.0) -> _Floats:
-        """(places, times) level, 0 on boresight at 1 m [dB]; `turn_deg`: heading error."""
+        """Level relative to that on boresight at 1 m [dB], shape (places, times); `turn_deg` is
+        a heading error.
+        """
         cosine, sine = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
         gain_db = np.empty((len(east_m), len(self.east_m)))
         rise: NDArray[np.floating[Any]] = np.zeros(len(east_m))
@@ -97,7 +109,9 @@ class Track:
     def _towards_db(
         self, axes: _Floats, north: _Floats, east: _Floats, down: _Floats
     ) -> _Floats:
-        """(places, times) antenna gain in given directions [dB]; `axes` is (3, 3, times)."""
+        """Antenna gain in given directions [dB], shape (places, times); `axes` has shape (3, 3,
+        times).
+        """
         if self.pattern.name == MONOPOLE:
             # A monopole stays upright however the drone tilts, and receives nothing from below.
             return monopole_gain_db(np.degrees(np.arcsin(np.clip(down, -1.0, 1.0))))
@@ -106,7 +120,9 @@ class Track:
         )
 
     def away_db(self, east_m: _Floats, north_m: _Floats, part: _Floats) -> _Floats:
-        """(places, parts) 10 log10 of the path length in metres, at time indices `part`."""
+        """10 log10 of the path length in metres at fractional time indices `part`, shape
+        (places, parts).
+        """
         times = np.arange(len(self.east_m))
         east, north, height = (
             np.interp(part, times, each) for each in (self.east_m, self.north_m, self.height_m)
@@ -124,7 +140,9 @@ def places_around(
     hills: HillLosses | None = None,
     plane: TangentPlane | None = None,
 ) -> Places:
-    """Lay out possible positions around a drone's path, or around a plane's origin."""
+    """Generate candidate positions around a drone's path, or around the origin of a given
+    plane.
+    """
     inside = (poses.time_ns >= start_ns) & (poses.time_ns <= end_ns)
     if np.count_nonzero(inside) < 2:
         raise UsageError(
@@ -176,7 +194,9 @@ def places_around(
 
 
 def common_gains(each: Sequence[Places]) -> list[_Floats]:
-    """Gains of several flights, relative to each position's strongest pulse in any of them."""
+    """Return the gains of several flights, relative to each position's strongest pulse in any
+    of them.
+    """
     strongest_db = np.stack([one.strongest_db for one in each])
     below_db = strongest_db - strongest_db.max(axis=0)
     return [
@@ -194,7 +214,9 @@ def east_north(bearing_deg: _Floats, range_m: _Floats) -> tuple[_Floats, _Floats
 def distinct(
     weights: _Floats, alike_from: float = SEARCH.same_place_correlation
 ) -> NDArray[np.intp]:
-    """Choose positions whose weights (places, times) represent all other positions."""
+    """Choose positions such that the weights (places, times) of every other position resemble
+    those of a chosen one.
+    """
     unit = weights / np.maximum(np.linalg.norm(weights, axis=1, keepdims=True), 1e-12)
     alike = unit @ unit.T
     uncovered = np.ones(len(unit), bool)

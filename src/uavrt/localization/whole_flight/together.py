@@ -1,9 +1,10 @@
-"""Find one tag that is too weak in each flight, in several flights together.
+"""Find one tag that is too weak in each flight by combining several flights.
 
 For each position, frequency and narrow range of intervals, the weighted sums of every flight's
-likeliest phase are added. A resting tag has one position, and about one interval and frequency,
-in all flights, but its pulses cannot be counted from flight to flight. So the hypotheses of the
-phases multiply; those of position, frequency and interval are counted once.
+most likely phase are added. A resting tag has one position, and nearly one interval and
+frequency, in all flights, but its pulses cannot be counted from flight to flight. So the
+numbers of hypotheses for the phases are multiplied, while those for position, frequency and
+interval are counted once.
 """
 
 import math
@@ -37,22 +38,25 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Listened:
-    """Energies of one flight, and the strength of pulses from each position in it."""
+    """Energies of one flight, and the strength that pulses from each candidate position have in
+    it.
+    """
 
     energies: SlotEnergies
     gain: _Floats
-    """(places, times) energy of a pulse relative to each position's strongest: in all flights
-    if the tag rests, in this one if it moves."""
+    """Energy of a pulse relative to each position's strongest one, shape (places, times): in
+    all flights if the tag rests, in this flight if it moves."""
     time_s: _Floats
-    """(times,) times of the gains, relative to the first slot's beginning [s]."""
+    """Times of the gains, relative to the start of the first slot [s], shape (times,)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointTrain:
-    """Likeliest train of a tag in several flights."""
+    """Most likely pulse train of a tag in several flights."""
 
     false_alarm_probability: float
-    """Probability that noise alone gives a train this unlikely anywhere in the search."""
+    """Probability that noise alone gives a train at least as significant as this one anywhere
+    in the search."""
     score: float
     log_probability: float
     hypotheses: float
@@ -64,7 +68,7 @@ class JointTrain:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Search:
-    """Search at one of a tag's rates, over narrow ranges of intervals."""
+    """Search of several flights for one of a tag's rates, over narrow ranges of intervals."""
 
     flights: Sequence[Listened]
     weights: Sequence[Weights]
@@ -74,7 +78,7 @@ class _Search:
     rate: int
 
     def best(self, number: int) -> NDArray[np.float32]:
-        """(places, frequencies, ranges) highest score of a flight over all phases."""
+        """Highest score of a flight over all phases, shape (places, frequencies, ranges)."""
         energies, weights = self.flights[number].energies, self.weights[number]
         rows = np.arange(len(energies.energy))
         found = np.full((len(weights.mixing), len(rows), self.halves), -np.inf, np.float32)
@@ -93,7 +97,9 @@ class _Search:
         return np.asarray(ndimage.maximum_filter1d(pairs, width, axis=1, mode="nearest"))
 
     def rows(self, number: int) -> NDArray[np.intp]:
-        """Row of a flight's frequency for each frequency of the first flight."""
+        """Row of a flight's frequency that corresponds to each frequency of the first
+        flight.
+        """
         wanted = self.flights[0].energies.offsets_hz
         own = self.flights[number].energies.offsets_hz
         return np.asarray(np.abs(own[:, np.newaxis] - wanted).argmin(axis=0))
@@ -101,7 +107,9 @@ class _Search:
     def train(
         self, number: int, place: int | None, offset_hz: float, stretch: int
     ) -> FoldedTrain:
-        """Likeliest train at a position (None: any), frequency and number of interval range."""
+        """Find the most likely train at a position (None for any), frequency and interval range
+        `stretch`.
+        """
         energies, weights = self.flights[number].energies, self.weights[number]
         row = int(np.argmin(np.abs(energies.offsets_hz - offset_hz)))
         rows = range(
@@ -131,7 +139,9 @@ class _Search:
 def search_together(
     flights: Sequence[Listened], tag: Tag, *, moves: bool = False
 ) -> JointTrain:
-    """Find a tag's likeliest trains in several flights; `moves`: its position may differ."""
+    """Find a tag's most likely trains in several flights; with `moves` its position may differ
+    between flights.
+    """
     weights, patterns = _weights(flights, tag, moves=moves)
     found = [
         _likeliest(_search(flights, weights, between_s, rate), tag, patterns, moves=moves)
@@ -185,7 +195,7 @@ def _search(
 def _likeliest(
     search: _Search, tag: Tag, patterns: Sequence[int], *, moves: bool
 ) -> JointTrain:
-    """Likeliest tag position, frequency and range of intervals at one pulse rate."""
+    """Find the most likely tag position, frequency and range of intervals at one pulse rate."""
     score, skewness = _sums(search, moves=moves)
     at = score.argmax(axis=2)[..., np.newaxis]
     best = np.take_along_axis(score, at, axis=2)[..., 0]
@@ -220,7 +230,9 @@ def _likeliest(
 
 
 def _sums(search: _Search, *, moves: bool) -> tuple[_Floats, _Floats]:
-    """(places, frequencies, ranges) trains' scores and skewness; one place if the tag moves."""
+    """Scores of the trains and their skewness, shape (places, frequencies, ranges); one place
+    if the tag moves.
+    """
     total, square, cube = np.zeros(1), np.zeros(1), np.zeros(1)
     for number, weights in enumerate(search.weights):
         rows = search.rows(number)

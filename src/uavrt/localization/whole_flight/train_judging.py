@@ -1,9 +1,9 @@
-"""Decide if a train is the listed tag's, or an alias of another train.
+"""Decide whether a pulse train is the listed tag's, or an alias of another train.
 
 Another tag can look like the listed one: pulses with interval T also fit T p/q, with some
-missing or others in between. A train is therefore searched at all intervals from T/3 to 3 T
-that the list does not allow. If one explains the same frequency better, its slots are removed,
-and the flight is searched again.
+pulses missing or with others in between. So all intervals from T/3 to 3 T that the list does
+not allow are also searched. If a train at such an interval explains the same frequency better,
+its slots are removed, and the flight is searched again.
 """
 
 import math
@@ -35,7 +35,7 @@ from uavrt.localization.whole_flight.tuning import SEARCH
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherTrain:
-    """Train on a tag's frequency with an interval that the list does not allow."""
+    """Pulse train at a tag's frequency with an interval that the tag list does not allow."""
 
     interval_s: float
     phase_s: float
@@ -43,14 +43,15 @@ class OtherTrain:
     drift: float
     loud: bool
     ratio: tuple[int, int] | None
-    """Ratio of the train's interval to the tag's, if times fit both; None: no simple ratio."""
+    """Ratio of the train's interval to the tag's, as small integers, if the pulse times fit
+    both; None without a simple ratio."""
     other_code: bool = False
-    """True if the bursts lack pulses of the tag's code."""
+    """True if the bursts lack some pulses of the tag's code."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Judgement:
-    """Likeliest train of a tag, after other trains were removed."""
+    """Most likely train of a tag after other trains were removed."""
 
     train: FoldedTrain
     energies: SlotEnergies
@@ -59,7 +60,9 @@ class Judgement:
 
     @property
     def ambiguous(self) -> OtherTrain | None:
-        """First other train at a simple ratio, such as 1:2, to the tag's interval, or None."""
+        """The first other train whose interval has a simple ratio, such as 1:2, to the tag's;
+        None if there is none.
+        """
         return next((one for one in self.others if one.ratio is not None), None)
 
 
@@ -72,9 +75,11 @@ def judge(
     false_alarm_probability: float = WHOLE_FLIGHT_FALSE_ALARM,
     most_drift: float = 0.0,
 ) -> Judgement:
-    """Search for a tag, and again without each train that explains the found one better.
+    """Search for a tag, and repeat the search without each other train that explains the found
+    one better.
 
-    `gain` (places, times at `gain_time_s`): relative energy of a pulse from each position.
+    `gain` (places, times at `gain_time_s`) is the relative energy of a pulse from each
+    position.
     """
     others: list[OtherTrain] = []
     while True:
@@ -140,7 +145,9 @@ def _other_code(train: FoldedTrain) -> OtherTrain:
 def better_elsewhere(
     energies: SlotEnergies, weights: Weights, train: FoldedTrain, tag: Tag
 ) -> OtherTrain | None:
-    """Find a train at another interval than the tag's that explains a found one better."""
+    """Find a train at an interval other than the tag's that explains a found train better; None
+    if there is none.
+    """
     middle = int(np.argmin(np.abs(energies.offsets_hz - train.offset_hz)))
     rows = np.arange(max(0, middle - 1), min(len(energies.energy), middle + 2))
     if train.loud:
@@ -187,7 +194,7 @@ def _elsewhere(
 
 
 def _ratio(value: float) -> tuple[int, int] | None:
-    """Small integers p and q with p/q within 1 % of a value; None if there are none."""
+    """Small integers p and q for which p/q is within 1 % of a value; None if there are none."""
     for below in range(1, SEARCH.small_number + 1):
         above = round(value * below)
         if (

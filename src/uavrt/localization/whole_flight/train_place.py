@@ -1,6 +1,7 @@
-"""Estimate the position of a folded train's tag, from pulse energies and gains.
+"""Estimate the position of the tag that sent a folded train, from pulse energies and antenna
+gains.
 
-The level is a nuisance parameter with a flat prior in decibels; the position's prior is flat
+The level is a nuisance parameter with a flat prior in decibels; the position's prior is uniform
 over the ground.
 """
 
@@ -39,8 +40,8 @@ _EXPONENT_SHARES = np.diff(
         / LEVELS.exponent_sigma
     )
 )
-"""Prior probability of each path loss exponent, by `level_evidence.Propagation`. The quarter
-below free space counts as free space, for tags in line of sight."""
+"""Prior probability of each path loss exponent, from `level_evidence.Propagation`. The quarter
+below free space is added to free space, for tags in line of sight."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -54,14 +55,14 @@ class PlaceBelief:
     bearing_deg: float
     """Bearing of the tag from the middle of the flight [deg]."""
     arc50_deg: float
-    """Width of the arc that contains half of the tag's probability [deg]."""
+    """Width of the arc that contains the tag's bearing with 50 % probability [deg]."""
     arc95_deg: float
     level_db: float
     """Energy over noise of the tag's strongest pulse [dB]."""
     fading_db: float
-    """Standard deviation of single pulses' levels from the model [dB]."""
+    """Standard deviation of the difference between single pulses' levels and the model [dB]."""
     probability: _Floats
-    """(places,) posterior probability of each candidate position of the tag."""
+    """Posterior probability of each candidate position of the tag, shape (places,)."""
     cells: Cells
     walk: Walk | None = None
     """Test whether the tag walked; None: not made, since its position is too uncertain."""
@@ -77,10 +78,8 @@ class PlaceBelief:
 
 
 def place_belief(heard: Sequence[HeardTrain]) -> PlaceBelief:
-    """Posterior of the position of a train's tag; likely cells are divided.
-
-    The tag is assumed to rest. In a single flight this is tested, and if it seems to have
-    walked, the position is that at the last pulse.
+    """Estimate the posterior of the position of the tag that sent a train; likely cells are
+    divided.
     """
     reading = _Reading.of(heard)
     found = _placed(reading)
@@ -137,7 +136,9 @@ def _placed(reading: "_Reading") -> PlaceBelief:
 
 
 def _likeliest(readings: Sequence["_Reading"], cells: Cells) -> "_Reading":
-    """Most likely of the assumed fading sizes; the usual one unless the evidence is clear."""
+    """Choose the most likely of the assumed fading sizes; the usual one unless the evidence is
+    clear.
+    """
     heard = readings[0].heard
     which = np.argsort(-cells.probability, kind="stable")[: PLACE.fading_cells]
     from_here = east_north(cells.bearing_deg[which], cells.range_m[which])
@@ -153,7 +154,7 @@ def _likeliest(readings: Sequence["_Reading"], cells: Cells) -> "_Reading":
 
 
 def train_evidence(one: HeardTrain) -> float:
-    """Log likelihood ratio of a train with a tag at any position to one without a tag."""
+    """Log likelihood ratio of a train: a tag at any position against no tag."""
     reading = _Reading.of([replace(one, log_trains=None)])
     places = one.places
     from_here = (places.east_m, places.north_m)
@@ -195,7 +196,7 @@ def _levels_db(heard: Sequence[HeardTrain]) -> _Floats:
 
 
 def tag_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
-    """Probability that a flight's train is the tag's and not chance."""
+    """Probability that a flight's train is the tag's and not a result of chance."""
     if one.log_trains is None:
         return 1.0
     likely = np.argsort(-place.probability, kind="stable")[: PLACE.likely_places]
@@ -210,7 +211,7 @@ def tag_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
 
 
 def _shows_falls(heard: Sequence[HeardTrain], east_north_m: tuple[_Floats, _Floats]) -> bool:
-    """True if the distance to a position varied enough to show the path loss exponent."""
+    """True if the distance to a position varied enough to estimate the path loss exponent."""
     away_db = [_away_db(one, *east_north_m) for one in heard]
     spread_db = np.ptp(np.concatenate(away_db, axis=1), axis=1)
     return bool(spread_db.max() >= PLACE.same_range_db)
@@ -223,11 +224,11 @@ def _all_logs(
     falls: bool,
     tempered: bool = True,
 ) -> _Floats:
-    """(exponents, places, levels) log likelihood ratio of all flights plus exponents' prior.
+    """Log likelihood ratio of all flights plus log-prior of the exponents, shape (exponents,
+    places, levels).
 
-    The error that all headings share is integrated out, by a parabola through the largest ones
-    to both sides and none. `falls`: True to examine all path loss exponents. Velocities of a
-    tag that walks are averaged.
+    The error common to all headings is integrated out, by a parabola through one standard
+    deviation on both sides. `falls` is True to examine all path loss exponents.
     """
     if reading.walkers:
         each = [
@@ -257,7 +258,9 @@ def _turned_logs(
     falls: bool,
     tempered: bool = True,
 ) -> _Floats:
-    """Result of `_all_logs` for a heading error; `tempered`: reduce evidence by `_counted`."""
+    """Return the result of `_all_logs` for one heading error; with `tempered`, the evidence is
+    reduced by `_counted`.
+    """
     heard = reading.heard
     each_db = [one.places.track.gain_db(*east_north_m, turn_deg) for one in heard]
     strongest_db = np.max([one.max(axis=1) for one in each_db], axis=0)[:, np.newaxis]
@@ -279,7 +282,9 @@ def _turned_logs(
 
 
 def _over_levels(logs: _Floats, levels_db: _Floats) -> tuple[_Floats, _Floats]:
-    """(exponents, places) log-likelihood averaged over tag levels, and mean tag level [dB]."""
+    """Log-likelihood averaged over tag levels, and mean tag level [dB], shape (exponents,
+    places) each.
+    """
     fine = np.linspace(
         levels_db[0], levels_db[-1], PLACE.level_parts * (len(levels_db) - 1) + 1
     )
@@ -317,7 +322,9 @@ def _joint_logs(reading: _Reading, gains_db: Sequence[_Floats], tempered: bool) 
 
 
 def _at_pulses_db(one: HeardTrain, gain_db: _Floats) -> _Floats:
-    """(places, pulses) antenna gain at each pulse [dB], from that at all times."""
+    """Antenna gain at each pulse [dB], interpolated from the gain at all times, shape (places,
+    pulses).
+    """
     at_s, time_s = one.pulses.time_s, one.places.time_s
     return np.stack([np.interp(at_s, time_s, row) for row in gain_db])
 
@@ -335,7 +342,9 @@ def _logs(
     levels_db: _Floats,
     counted: Fixed[float] = 1.0,
 ) -> _Floats:
-    """(places, levels) log likelihood ratio of a flight; levels are whole table steps apart."""
+    """Log likelihood ratio of a flight, shape (places, levels); the levels are whole table
+    steps apart.
+    """
     column, beyond_db = table_columns(one.pulses.energy)
     chosen = table[:, column].T.astype(np.float32)
     chosen *= np.float32(counted)
@@ -368,12 +377,12 @@ def _logs(
 
 
 def _counted(one: HeardTrain, fading_db: float) -> float:
-    """Share of a flight's evidence that counts; the share is smaller for strong pulses.
+    """Share of a flight's evidence that is used; the share is smaller for strong pulses.
 
     A level with energy E over noise has the variance 37.7/E dB² by noise (noncentral
-    chi-square) plus that of single pulses' fading. Its inverse is the pulse's information. All
-    pulses have one share: otherwise errors that many weak ones have in common would move the
-    position.
+    chi-square), plus the variance of single pulses' fading. The inverse of their sum is the
+    pulse's information. All pulses get the same share, because otherwise errors common to many
+    weak pulses would shift the position.
     """
     above = np.maximum(one.pulses.energy - one.mean_noise_energy, 0.01)
     precision = 1.0 / (37.7 / above + fading_db**2)
@@ -384,7 +393,9 @@ def _counted(one: HeardTrain, fading_db: float) -> float:
 
 
 def _refined_cells(reading: _Reading, logs: _Floats) -> tuple[Cells, float, _Floats]:
-    """Ground cells, likely ones divided; mean tag level [dB]; probability of positions."""
+    """Return ground cells of which likely ones are divided, the mean tag level [dB], and the
+    probability of positions.
+    """
     places, levels_db = reading.heard[0].places, reading.levels_db
     count = len(places.east_m)
     held, level_db = _over_levels(logs, levels_db)

@@ -1,4 +1,4 @@
-"""Constants of the search of a whole flight, one frozen record for each step.
+"""Constants of the search of a whole flight, in one frozen record for each step.
 
 Figures of noise and of positions are measured by `uavrt experiment integrate`.
 """
@@ -13,38 +13,44 @@ class EnergyTuning:
     """Constants for converting samples to slot energies, without strong or lost samples."""
 
     block_s: Guard[float] = 30.0
-    """Duration of samples measured at once in flight [s]: five stretches of constant noise."""
+    """Duration of samples that are measured together in flight [s], five times `level_s`."""
     chunk_s: Guard[float] = 6.0
     """Duration of a channel's samples that are processed at once [s]."""
     level_s: float = 6.0
-    """Time over which the noise at a frequency is taken as constant [s]."""
+    """Time over which the noise at a frequency is assumed constant [s]."""
     level_rows: int = 5
     """Number of neighbouring frequencies whose noise power is averaged."""
     loud_power: float = 20.0
-    """Minimum power over noise of a strong filter window; noise reaches it in one of 5e8."""
+    """Minimum power over noise of a filter window that counts as strong; noise reaches it in
+    one window of 5e8."""
     wide_sigmas: float = 8.0
-    """Excess of the whole channel's energy that shows a strong signal [standard deviations]."""
+    """Excess of the whole channel's energy from which it contains a strong signal [standard
+    deviations]."""
     crest: float = 3.0
-    """Ratio of a window's largest sample power to its mean power above which it is an impulse.
-    A pulse of N samples has 1/N of its power in one sample, an impulse N times as much."""
+    """Ratio of the largest sample power in a window to the window's matched-filter power, both
+    over noise, above which the window contains an impulse. The ratio is 1/N for a pulse of N
+    samples, and N for an impulse."""
     hops_beside: int = 16
-    """Distance from a strong filter window beyond which others are used [hops]: two pulses."""
+    """Distance from a strong filter window beyond which other windows are used [hops]: two
+    pulses."""
     slots_beside: int = 4
-    """Extent of a pulse and its jitter on each side of its time slot [slots]."""
+    """Time slots on each side of a pulse's slot into which the pulse and its jitter may extend
+    [slots]."""
     most_gap_s: Guard[float] = 7200.0
     """Longest gap between two blocks of samples that is bridged [s]."""
     most_overlap_s: Guard[float] = 0.1
-    """Largest overlap of a block with earlier ones that counts as drift [s]. A crystal 100 ppm
-    fast reaches it in 17 minutes; a clock set back by more is ignored."""
+    """Largest overlap of a block with earlier ones that is attributed to drift [s]. A crystal
+    that is 100 ppm fast reaches it in 17 minutes; a clock set back by more is ignored."""
     least_step_s: Guard[float] = 0.0015
-    """Minimum time step between sample blocks that is corrected [s]; costs one window."""
+    """Minimum time step between sample blocks that is corrected [s]; each correction loses one
+    window."""
     dead_s: Guard[float] = 0.1
-    """Minimum duration of exact zeros that means a dead radio or a filled gap [s]."""
+    """Minimum duration of exact zeros that indicates a dead radio or a filled gap [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchTuning:
-    """Constants for finding trains over positions, intervals, frequencies and drifts."""
+    """Constants for finding pulse trains over positions, intervals, frequencies and drifts."""
 
     # Possible tag positions: bearings, and rings between two radii [m]; time step [s].
     bearings: Resolution[int] = 72
@@ -53,11 +59,14 @@ class SearchTuning:
     ranges: Resolution[int] = 14
     step_s: Resolution[float] = 0.25
     same_place_correlation: Resolution[float] = 0.97
-    """Correlation of two positions' weights at which one represents both: 0.13 dB loss."""
+    """Correlation between the weights of two positions from which one represents both, with a
+    loss of 0.13 dB."""
     design_enr: float = 2.0
-    """Energy over noise of the strongest pulse for which slot weights are optimal: 3 dB."""
+    """Energy over noise of the strongest pulse for which the slot weights are optimal, 2 (3
+    dB)."""
     kept_variance: Resolution[float] = 0.995
-    """Share of the slot weights' variance in the folded patterns: 0.01 dB loss."""
+    """Share of the slot weights' variance that the folded patterns contain, with a loss of 0.01
+    dB."""
     few_patterns: Guard[int] = 8
     """Maximum number of weight patterns for which all positions are folded at once."""
     # Variance and correlation for the patterns and places that choose cells to examine in full:
@@ -65,20 +74,23 @@ class SearchTuning:
     coarse_variance: Resolution[float] = 0.90
     coarse_correlation: Resolution[float] = 0.85
     examined_cells: Guard[int] = 400
-    """Number of cells (train hypotheses) examined in full, the best of tens of thousands. In
-    twenty minutes of noise the last has 5.0 to 5.4 standard deviations."""
+    """Number of cells (train hypotheses) that are examined in full, the best of tens of
+    thousands. In twenty minutes of noise, the last of them has 5.0 to 5.4 standard
+    deviations."""
     side_by_side: Guard[int] = 48
-    """Number of train sums (frequencies times patterns) folded at once: 60 MB. An addition
-    takes 0.8 ns with NumPy on the reference computer, and 1.9 ns with 12 sums."""
+    """Number of train sums (frequencies times patterns) that are folded at once, using 60 MB.
+    An addition takes 0.8 ns with NumPy on the reference computer, and 1.9 ns with 12 sums."""
     gain_block: Guard[int] = 16_000
-    """Number of antenna gains computed at once (positions × times), to fit in the cache."""
+    """Number of antenna gains (positions × times) that are computed at once, to fit in the
+    processor's cache."""
     moment_slots: Guard[int] = 16384
     least_skewness: Guard[float] = 0.02
     hypotheses: float = 6.0
-    """Number of independent train hypotheses for each pattern and cell, from flights with noise
-    only."""
+    """Number of independent train hypotheses for each pattern and cell, measured in flights
+    with noise only."""
     burst_hypotheses: float = 2.5
-    """Factor on `hypotheses` for coded tags, where each burst is the best of some stretches."""
+    """Factor on `hypotheses` for coded tags, whose bursts are each the best of several
+    stretches."""
     lags: Resolution[tuple[int, ...]] = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
     """Lags at which the correlation of a frequency's slot energies is computed [slots]."""
     # Trains of strong pulses: share of the false alarms, hypotheses for each cell of marks,
@@ -91,11 +103,13 @@ class SearchTuning:
     middle_weight: float = 0.4
 
     drift_step_slots: Resolution[float] = 6.0
-    """Mid-flight shift between two searched interval drifts [slots]. A train halfway between is
-    shifted by a quarter of it, less than a double slot. A step of 4 would gain 0.05 dB."""
+    """Shift in mid-flight between two searched drifts of the interval [slots]. A train half-way
+    between is shifted by a quarter of it, less than a double slot. A step of 4 would gain 0.05
+    dB."""
     drift_independent_slots: float = 5.0
-    """Mid-flight pulse shift after which an interval drift counts as a new trial [slots]. In
-    400 flights of noise, false alarms were 0.93 times the nominal; with 2 slots, 0.44."""
+    """Shift of pulses in mid-flight from which a drift of the interval counts as a new trial
+    [slots]. In 400 flights of noise, false alarms were 0.93 times the nominal number; with 2
+    slots, 0.44 times."""
     drift_patterns: Guard[int] = 3
     drift_correlation: Resolution[float] = 0.9
     drift_cells: Guard[int] = 120
@@ -128,17 +142,20 @@ class SearchTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceTuning:
-    """Constants for a tag's position from a train's energies, and its uncertainty."""
+    """Constants for estimating a tag's position from a train's energies, and the position's
+    uncertainty.
+    """
 
     # Levels examined, relative to the strongest energies [dB], and parts of a step of 1 dB.
     levels_db: Resolution[tuple[float, float]] = (-14.0, 9.0)
     level_parts: Resolution[int] = 8
     strength_step_db: Resolution[float] = 0.1
     """Step between two pulse strengths in the likelihood table [dB]. At 0.5 dB the pulses of a
-    flight line are rounded alike, which alone makes positions 20 m apart differ."""
+    flight line are rounded equally, and this alone makes positions 20 m apart differ."""
     most_rounds: Guard[int] = 4
     likely_places: Guard[int] = 100
-    """Number of likely positions over which it is judged if a flight's train is the tag's."""
+    """Number of likely positions over which the probability is averaged that a flight's train
+    is the tag's."""
     # Work done at once: places times pulses, places of several rates, and pairs of cells.
     block: Guard[int] = 20_000
     rates_block: Guard[int] = 300
@@ -151,34 +168,39 @@ class PlaceTuning:
     """Variation of 10 log10(distance) below which the path loss exponent cannot be estimated
     [dB]."""
     least_exponent_share: Guard[float] = 0.02
-    """Minimum probability of a path loss exponent under which regions must contain the tag."""
+    """Minimum probability from which a path loss exponent is considered, so that regions
+    contain the tag under it."""
     counted: float = 0.8
-    """Share of the pulses' evidence that counts, because neighbouring pulses share errors of
-    pattern, poses and ground. With all of it, 90 % regions contained 85 % of the tags (I4)."""
+    """Share of the pulses' evidence that is used, because neighbouring pulses have common
+    errors of pattern, poses and ground. With all evidence, 90 % regions contained 85 % of the
+    tags (I4)."""
     lasting_db2: float = 4.0
-    """Variance of level errors that pulses share, times the number of pulses for which they
-    last [dB²]. It limits the evidence of pulses with little noise and fading."""
+    """Variance of level errors common to neighbouring pulses, multiplied by the number of
+    pulses for which they last [dB²]. It limits the evidence of pulses with little noise and
+    fading."""
     noisy_db2: float = 10.0
-    """Largest noise variance of a pulse's level at which the full `counted` applies [dB²]."""
+    """Largest variance of a pulse's level by noise up to which the full share `counted` applies
+    [dB²]."""
 
     fadings_db: Resolution[tuple[float, ...]] = (1.0, 2.0, 3.0, 4.5)
-    """Candidate standard deviations of single pulses' fading [dB]; the first is the usual one.
-    With 1 dB for all, tags within 200 m that fade more were outside their regions."""
+    """Candidate standard deviations of single pulses' fading [dB], of which the first is usual.
+    With 1 dB for all, tags within 200 m with stronger fading were outside their regions."""
     more_fading_log: float = 10.0
-    """Minimum log evidence for a fading of single pulses larger than the usual one."""
+    """Minimum log evidence for assuming a larger fading of single pulses than usual [nats]."""
     loud_energy: float = 30.0
-    """Minimum energy of the strongest pulses, over noise, for their fading to be estimated."""
+    """Minimum energy over noise of the strongest pulses for their fading to be estimated."""
     fading_cells: Guard[int] = 300
-    """Number of the likeliest ground cells used to compare sizes of fading."""
+    """Number of the most likely ground cells over which sizes of fading are compared."""
     odd_fading_db: float = 6.0
-    """Standard deviation of the levels of unusual pulses, such as those half hidden by a body
-    [dB]. Their share is that of pulses without information (`LevelPriors.outlier_share`)."""
+    """Standard deviation of the levels of unusual pulses, such as those partly blocked by a
+    body [dB]. Their share is that of pulses without information
+    (`LevelPriors.outlier_share`)."""
     least_log: Guard[float] = -30.0
     loud_factor: float = 6.0
-    """Factor f in f · ln E, by which a strong pulse's energy E in a slot is replaced."""
+    """Factor f in f · ln E, which replaces the energy E of a slot with a strong pulse."""
     windows: tuple[float, float] = (0.8, 0.6)
-    """Shares of a pulse's energy in its two best filter windows. With all energy in one, a
-    passed tag seemed farther away."""
+    """Shares of a pulse's energy in its two best filter windows. With all energy in one window,
+    a tag that the drone passed seemed farther away."""
     least_quiet: Guard[int] = 200
     """Minimum number of slots without pulses used to estimate the noise."""
 
@@ -193,9 +215,11 @@ class PlaceTuning:
     even_log: Resolution[float] = 2.0
     finest_m: Resolution[float] = 3.0
     density_power: int = 8
-    """Power of the probability density that weights cells in the mean reported as position."""
+    """Exponent of the probability density by which cells are weighted in the mean that is
+    reported as position."""
     alone: float = 0.9
-    """Minimum probability of a region's part whose likeliest point becomes the position."""
+    """Minimum probability of a part of a region for its most likely point to become the
+    position."""
     points: Resolution[int] = 7
     """Number of points along each side of a ground cell that spread its probability evenly."""
     kept: Resolution[float] = 0.998
@@ -203,12 +227,14 @@ class PlaceTuning:
     rate_change: float = 1e-3
     """Probability that a tag changes its pulse rate from one slot to the next."""
     stray_share: float = 1e-2
-    """Share of slots with a pulse of another rate by chance: two slots of an interval."""
+    """Share of slots that contain a pulse of another rate by chance: two slots of an
+    interval."""
     log_slots: Guard[int] = 8
-    """Number of slots whose inverse likelihood ratios are multiplied before a logarithm is
-    taken; each is up to e^30."""
+    """Number of slots whose inverse likelihood ratios are multiplied before taking a logarithm;
+    each is up to e^30."""
     noise_share: float = 0.05
-    """Share of time slots with noise alone whose energy is high enough for a pulse."""
+    """Share of time slots with noise alone whose energy is high enough to be taken for a
+    pulse."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -218,9 +244,10 @@ class BurstTuning:
     stretches: Resolution[tuple[float, ...]] = (0.0, -0.67, 0.67)
     """Candidate stretches of a coded burst's gaps, as shares of the gaps' tolerance."""
     loud_pulses: Guard[int] = 2
-    """Minimum number of strong pulses in a coded burst that counts as strong."""
+    """Minimum number of strong pulses in a coded burst for the burst to count as strong."""
     most_energy: float = 40.0
-    """Maximum contribution of one pulse to recognising a burst's code [noise energies]."""
+    """Maximum contribution of one pulse to the recognition of a burst's code [noise
+    energies]."""
     # Chance that equally strong pulses look more unequal, alone and with others near them.
     unequal_chance: float = 1e-3
     doubtful_chance: float = 0.1
@@ -231,7 +258,7 @@ class BurstTuning:
     sender_sigmas: float = 4.5
     sender_share: float = 0.15
     beside_s: float = 0.005
-    """Margin on both sides of a burst that counts as part of it [s]."""
+    """Margin on both sides of a burst that is considered part of it [s]."""
 
 
 ENERGY, SEARCH, PLACE, BURSTS = EnergyTuning(), SearchTuning(), PlaceTuning(), BurstTuning()

@@ -1,1 +1,3 @@
-"""Probability of detecting a tag at a position: link budget, propagation, coverage."""
+"""Probability of detecting a tag at a position, from link budget, propagation and antenna
+path.
+"""

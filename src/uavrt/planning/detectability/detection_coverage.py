@@ -1,9 +1,10 @@
-"""Probability of detecting a tag at each position along a path, planned or flown.
+"""Compute the probability that a tag at each map cell is detected along a planned or flown
+path.
 
-The expected pulses are divided into groups of K. The mean energy of a group, by link budget,
-antenna pattern and terrain, gives the probability that the detector finds it. The error of the
-tag's power is common to all pulses, so the probability of missing all groups is averaged over
-it, not multiplied.
+The expected pulses are divided into groups of K, the number that the detector sums. Link
+budget, antenna pattern and terrain give a group's mean energy, which determines the probability
+that the detector finds it. The error of the tag's assumed power is common to all pulses. So the
+probability of missing all groups is computed for each possible error and then averaged.
 """
 
 import math
@@ -32,62 +33,70 @@ _GROUP_ENR_DB = np.arange(-15.0, 35.25, 0.25)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AntennaPath:
-    """Positions and headings of the antenna at each expected pulse of a path."""
+    """Positions and headings of the antenna at each pulse expected along a path."""
 
     time_s: _Floats
-    """(n,) rising times of the expected pulses [s]."""
+    """Times of the expected pulses [s], ascending, shape (n,)."""
     east_m: _Floats
-    """(n,) east coordinate of the antenna in the plane of the ground [m]."""
+    """East coordinate of the antenna [m], shape (n,), at each expected pulse."""
     north_m: _Floats
     height_m: _Floats
-    """(n,) height of the antenna above the ground beneath [m]."""
+    """Height of the antenna above the ground below it [m], shape (n,)."""
     headings: Headings | None = None
-    """Headings of the antenna at the pulses; None for equal gain in all directions."""
+    """Headings of the antenna; None if its gain is equal in all directions."""
     noise_db: _Floats | None = None
-    """(n,) noise at each pulse above that of the link budget [dB]; None for no difference."""
+    """Noise at each pulse relative to the noise in the link budget [dB], shape (n,); None if
+    equal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Coverage:
-    """Detection probability of a tag at each cell of a map."""
+    """Detection probability of a tag for each cell of a map."""
 
     ground: GroundGrid
     heard: _Singles
-    """(rows, columns) detection probability, the southern row first; NaN is unknown."""
+    """Detection probability, shape (rows, columns), southern row first; NaN where the ground
+    height is unknown."""
     groups: int
-    """Number of groups of K pulses on the path; with `whole_flight` at most 1."""
+    """Number of pulse groups (of K pulses each) along the path; 1 or 0 if `whole_flight`."""
     whole_flight: bool = False
-    """True if all pulses are searched together, as by `uavrt integrate`."""
+    """True if all pulses of the flight are combined, as by `uavrt integrate`."""
     limitations: tuple[str, ...] = ()
     """Sentences on effects that the coverage does not include, such as hills."""
 
     @property
     def mean(self) -> float:
-        """Mean detection probability over all cells with known height; NaN without any."""
+        """Mean detection probability over all cells of known ground height; NaN if there are
+        none.
+        """
         known = self.heard[np.isfinite(self.heard)]
         return float(known.mean()) if known.size else math.nan
 
     @property
     def known_km2(self) -> float:
-        """Total area of the cells with known height [km²], to which mean and shares refer."""
+        """Area of the cells of known ground height [km²], on which the mean and the shares are
+        based.
+        """
         return float(np.isfinite(self.heard).sum()) * self.ground.cell_m**2 / 1e6
 
     def share_above(self, probability: float) -> float:
-        """Return the share of cells with known height that reach a detection probability."""
+        """Share of the cells of known ground height whose detection probability is at least
+        `probability`.
+        """
         known = self.heard[np.isfinite(self.heard)]
         return float((known >= probability).mean()) if known.size else math.nan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Absence:
-    """Probabilities that a tag without detection is, or is not, in an area."""
+    """Probability that a tag which was not detected is absent from an area."""
 
     prior: float
     """Probability before the flight that the tag is in the area."""
     heard: float
     """Probability, averaged over the area, that the flight would have detected the tag."""
     not_here: float
-    """Probability after the flight that the tag is not in the area."""
+    """Posterior probability that the undetected tag is outside the area."""
 
 
 def planned_antenna_path(
@@ -98,9 +107,8 @@ def planned_antenna_path(
     interval_s: float,
     nose_first: bool = False,
 ) -> AntennaPath:
-    """Return the antenna's position and heading at each pulse of a tag on straight paths.
-
-    With `nose_first` the antenna points along the path; otherwise its heading is unknown.
+    """Return the antenna's position at the time of each pulse on straight paths between
+    corners; with `nose_first` also its direction, along the path.
     """
     points = np.array(corners_m, np.float64)
     legs = np.hypot(*np.diff(points, axis=0).T)
@@ -133,20 +141,17 @@ def coverage_of(
     most_drift: float = 0.0,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> Coverage:
-    """Probability at each cell that at least one group of a tag's pulses is detected.
+    """Compute for each map cell the probability that a tag there is detected along a path.
 
-    `ground`: its cells are possible positions of the tag.
-    `way`: positions of the antenna, one for each pulse.
-    `tag`: its K, interval and false-alarm probability give the threshold.
-    `budget`: link budget; the path's height replaces the budget's.
-    `pattern`: used with the path's headings; an upright whip's is equal on all sides with a
-        null below; by default all directions are equal.
+    `ground`: its cells are the possible positions of the tag. `way`: position of the antenna at
+    each pulse. `tag`: its K, interval and false-alarm probability determine the threshold.
+    `budget`: link budget; its height is replaced by that of the path. `pattern`: antenna
+    pattern, combined with the path's headings; without it, the gain is equal in all directions.
     `level_sigma_db`: standard deviation of the tag's level, common to all pulses.
-    `frequency_window_hz`: half-width of the search around the tag's frequency.
-    `hills`: False for level ground.
-    `whole_flight`: combine all pulses, as `uavrt integrate` does.
-    `most_drift`: searched change of the interval over the flight.
-    `on_pulse`: called with the number of finished pulses and their total.
+    `frequency_window_hz`: half-width of the search around the tag's frequency. `hills`: False
+    for level ground. `whole_flight`: combine all pulses, as `uavrt integrate` does.
+    `most_drift`: largest searched change of the interval over the flight. `on_pulse`: called
+    with the number of finished pulses and their total.
     """
     errors_db, weights = special.roots_hermitenorm(PLANNING.level_nodes)
     weights = weights / weights.sum()
@@ -194,7 +199,9 @@ def _by_whole_flight(
     pulses: int,
     on_pulse: Callable[[int, int], None] | None,
 ) -> _Floats:
-    """Return the probability (errors, rows, columns) that all pulses together are detected."""
+    """Probability of a detection from all pulses of a flight together, shape (errors, rows,
+    columns).
+    """
     for number in range(2 * pulses):
         step = judged.look if number < pulses else judged.add
         step(view.energies(number % pulses))
@@ -204,12 +211,12 @@ def _by_whole_flight(
 
 
 def absence(coverage: Coverage, inside: NDArray[np.bool_], prior: float | None) -> Absence:
-    """Probability that an undetected tag is not in a part of the map.
+    """Return the probability that an undetected tag is not in a part of the map.
 
-    `coverage`: of a flight without a detection of the tag.
-    `inside` (rows, columns): True in the part.
-    `prior`: prior probability that the tag is in it; None if the tag is equally likely anywhere
-        on the map. In cells of unknown ground the detection probability counts as 0.
+    `coverage` is that of a flight without a detection of the tag. `inside` (rows, columns) is
+    True in the part. `prior` is the prior probability that the tag is in the part; None means
+    that the tag is equally likely anywhere on the map. In cells of unknown ground height, the
+    detection probability counts as 0.
     """
     missed = 1.0 - np.nan_to_num(coverage.heard.astype(np.float64), nan=0.0)
     here = float(missed[inside].mean()) if inside.any() else 1.0
@@ -223,9 +230,8 @@ def absence(coverage: Coverage, inside: NDArray[np.bool_], prior: float | None) 
 
 @lru_cache(maxsize=64)
 def _found_by_enr(tag: Tag, frequency_window_hz: float) -> _Singles:
-    """Return a table of the log-probability of missing a group of pulses.
-
-    Its argument is the pulse energy to noise density ratio, in steps of 0.25 dB.
+    """Logarithm of the probability of missing a group of pulses, tabulated by ENR in steps of
+    0.25 dB.
     """
     found = [
         detection_probability(tag, float(enr), frequency_window_hz=frequency_window_hz)
@@ -235,7 +241,9 @@ def _found_by_enr(tag: Tag, frequency_window_hz: float) -> _Singles:
 
 
 class _View:
-    """Energies of a pulse from a tag at each cell, computed again only after a movement."""
+    """Computes the received energy of a pulse for tags at all cells, again only after the drone
+    has moved.
+    """
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""Corrections of the path loss over known ground."""
+"""Correct the path loss for reflection by the ground."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,7 +14,9 @@ _Floats = NDArray[np.floating[Any]]
 
 @dataclass(slots=True, kw_only=True)
 class GroundReflection:
-    """Level correction by the ray reflected by medium ground, tabulated over the distance."""
+    """Level correction for the ray that is reflected by ground of medium conductivity,
+    tabulated over the distance.
+    """
 
     frequency_hz: float = 150e6
     tag_height_m: float = 1.0
@@ -24,9 +26,8 @@ class GroundReflection:
     _tables: dict[float, NDArray[np.float32]] = field(default_factory=dict)
 
     def gain_db(self, ground_m: _Floats, height_m: float) -> _Floats:
-        """Return the level of direct and reflected ray over that of the direct ray [dB].
-
-        `height_m` is the height above the tag.
+        """Level of direct and reflected ray together, relative to the direct ray [dB];
+        `height_m` is the drone's height above the tag.
         """
         drone_m = height_m + self.tag_height_m
         straight = np.hypot(ground_m, height_m)
@@ -40,7 +41,9 @@ class GroundReflection:
         return np.asarray(20.0 * np.log10(np.maximum(both, 1e-3)))
 
     def __call__(self, dx: _Floats, dy: _Floats, height_m: _Floats | float) -> _Floats:
-        """Return `gain_db` for offsets to east and north and a height [dB]."""
+        """Level of direct and reflected ray together, relative to the direct ray [dB], for
+        offsets east, north and a height [m].
+        """
         height = round(float(np.mean(height_m)), 1)
         table = self._tables.get(height)
         if table is None:

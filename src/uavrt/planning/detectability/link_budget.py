@@ -1,8 +1,9 @@
-"""Range at which a tag is detected: power, path loss, antenna and noise, term by term.
+"""Compute the range at which a tag is detected, from transmitted power, path loss, antenna and
+noise.
 
-Energy of a pulse over the noise density: ENR = EIRP + antenna gain - mismatch - loss + 10
-log10(pulse width) - noise density. The loss is that of free space, 20 log10(4 pi d /
-wavelength) (ITU-R P.525), or of this and the ray reflected by the ground.
+The ratio of a pulse's energy to the noise density is ENR = EIRP + antenna gain - mismatch -
+loss + 10 log10(pulse width) - noise density. The loss is that of free space, 20 log10(4 pi d /
+wavelength) (ITU-R P.525), or that of the direct ray and the ray reflected by the ground.
 """
 
 import math
@@ -23,12 +24,11 @@ Ground = Literal["two-ray", "free"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkBudget:
-    """A tag, a drone and the path between them; heights are above the ground.
+    """Link budget of a tag, a drone and the path between them; heights are above the ground.
 
-    `antenna_gain_dbi`: in the direction of the tag.
-    `mismatch_db`: loss by polarization, cables, and an antenna pointing elsewhere.
-    `noise_figure_db`: noise of receiver, drone and sky over the thermal noise.
-    `ground`: True if the ground reflects.
+    `antenna_gain_dbi`: gain in the direction of the tag. `mismatch_db`: loss by polarization,
+    cables and an antenna that points elsewhere. `noise_figure_db`: noise of receiver, drone and
+    sky relative to thermal noise. `ground`: the model of the path loss, free space or two-ray.
     `drone_noise_db`: noise of the drone, as measured in flight.
     """
 
@@ -45,7 +45,7 @@ class LinkBudget:
 
     @property
     def enr_at_one_metre_db(self) -> float:
-        """Pulse energy to noise density ratio at one metre from the tag in free space [dB]."""
+        """ENR if tag and antenna were one metre apart in free space [dB]."""
         return (
             self.tag_eirp_dbm
             + self.antenna_gain_dbi
@@ -63,10 +63,10 @@ class LinkBudget:
         return 20.0 * math.log10(4.0 * math.pi * self.frequency_hz / SPEED_OF_LIGHT_M_S)
 
     def enr_db(self, ground_m: np.ndarray, *, rise_m: np.ndarray | float = 0.0) -> np.ndarray:
-        """ENR at distances over the ground [dB], in the shape of the distances.
+        """ENR at distances over the ground [dB], in an array of the same shape.
 
-        `rise_m`: height of the ground beneath the drone above that of the tag. The reflected
-            ray uses the heights above the ground at either end.
+        `rise_m` is the height of the ground below the drone above the ground at the tag. The
+        reflected ray is computed with the heights above the ground at either end.
         """
         above = self.drone_height_m - self.tag_height_m
         slant = np.maximum(np.hypot(ground_m, above + rise_m), 1.0)
@@ -79,9 +79,8 @@ class LinkBudget:
         return np.asarray(found)
 
     def distance_m(self, needed_db: float) -> float | None:
-        """Return the largest distance at which an energy to noise ratio is reached [m].
-
-        The result is at most 100 km, and None if the ratio is reached nowhere.
+        """Distance up to which the ENR is at least `needed_db` [m], at most 100 km; None if it
+        is too low everywhere.
         """
         places = np.concatenate(
             ([0.0], np.geomspace(1.0, PLANNING.farthest_m, PLANNING.range_places))
@@ -92,7 +91,7 @@ class LinkBudget:
         return None if short[0] == 0 else float(places[short[0] - 1])
 
     def lines(self, needed_db: float, distance_m: float) -> list[tuple[str, float, str]]:
-        """Return name, value and unit of each term of the link budget, for a table."""
+        """Return the name, value and unit of each term of the budget, for a table."""
         enr = float(self.enr_db(np.array([distance_m]))[0])
         loss = self.enr_at_one_metre_db + self.free_space_db - enr
         return [

@@ -1,7 +1,8 @@
-"""Probability that ``uavrt integrate`` finds a tag, from the energies of its pulses.
+"""Probability that ``uavrt integrate`` finds a tag, computed from the energies of its pulses.
 
-With a tag, the weighted sum over a whole flight is nearly normal. In noise its tail is that of
-a shifted gamma distribution, as in the search itself (docs/explanation/whole-flight.md).
+If there is a tag, the weighted sum over a whole flight has nearly a normal distribution. In
+noise, the tail of its distribution is that of a shifted gamma distribution, as in the search
+itself (docs/explanation/whole-flight.md).
 """
 
 import math
@@ -25,32 +26,35 @@ class WholeFlightModel:
     """Parameters to predict whether a whole-flight search finds a tag."""
 
     least_pulses: int = 12
-    """Number of pulses that the ordinary detector sums; a shorter flight gains nothing."""
+    """Minimum number of pulses for a whole-flight search; the ordinary detector already sums
+    this many."""
     patterns: float = 6.0
-    """Number of tag positions that give distinguishable energies, for an antenna that turns."""
+    """Number of distinguishable sequences of pulse energies, which depend on the tag's
+    direction from a turning antenna."""
     slot_pulses: float = 0.5
     """Length of a time slot in which pulse energy is measured [pulse widths]."""
     row_bins: float = 0.5
-    """Distance between two frequencies searched for a tag [1 / pulse width]."""
+    """Distance between neighbouring frequencies searched for a tag [1 / pulse width]."""
     loss_db: float = -0.8
-    """Fitted correction for pulses between time slots, frequencies and searched intervals [dB];
-    it is subtracted from the energies. With it, 400 pulses of a turning antenna need an ENR of
-    2.3 dB, as measured (I2)."""
+    """Fitted correction [dB], subtracted from the energies, for pulses that lie between time
+    slots, frequencies and searched intervals.
+
+    With it, 400 pulses of a turning antenna need an ENR of 2.3 dB, as measured (I2)."""
 
 
 MODEL = WholeFlightModel()
 
 
 _TRAIN_ENR_DB = np.arange(-40.0, 40.25, 0.25)
-"""ENR of pulses for which the moments of a slot are tabulated [dB]."""
+"""ENR values of a pulse for which mean and variance of a time slot are tabulated [dB]."""
 _SKEWNESSES = np.linspace(0.01, 2.0, 100)
-"""Skewnesses of a train's energy sum for which the detection threshold is tabulated."""
+"""Skewnesses of the summed energy for which the detection threshold is tabulated."""
 
 
 class WholeFlightSum:
-    """Computes the probability that a whole-flight search finds a tag in each map cell.
+    """Computes for each map cell the probability that a whole flight's pulses reveal a tag.
 
-    All pulses must be passed to `look`, then all again to `add`.
+    Pass all pulses to `look`, then all of them again to `add`.
     """
 
     def __init__(
@@ -72,13 +76,15 @@ class WholeFlightSum:
         self._spread: _Singles | None = None
 
     def look(self, energy: _Singles) -> None:
-        """First pass: store the energy of each cell's strongest pulse."""
+        """First pass: record the energy of the strongest pulse at each cell."""
         if self._strongest is None:
             self._strongest = np.array(energy)
         np.maximum(self._strongest, energy, out=self._strongest)
 
     def add(self, energy: _Singles) -> None:
-        """Second pass: add a pulse to each cell's weighted sum."""
+        """Second pass: add one pulse to each cell's sum, weighted relative to the cell's
+        strongest pulse.
+        """
         assert self._strongest is not None
         if self._squares is None:
             self._squares, self._cubes = np.zeros_like(energy), np.zeros_like(energy)
@@ -99,7 +105,9 @@ class WholeFlightSum:
             self._spread[number] += square * self._variance[row]
 
     def found(self) -> _Floats:
-        """Return the detection probability (errors, …) for each level error and each cell."""
+        """Detection probability for each error of the tag's level and each cell, shape (errors,
+        …).
+        """
         if self._squares is None or self._cubes is None:
             raise ValueError("no pulse was added")
         assert self._shift is not None
@@ -117,7 +125,9 @@ class WholeFlightSum:
 def whole_flight_enr_db(
     tag: Tag, gain_db: _Floats, probabilities: Sequence[float]
 ) -> list[float]:
-    """Return the strongest pulse's energy to noise ratio that a whole flight needs [dB]."""
+    """For each probability, the ENR of a flight's strongest pulse at which a whole-flight
+    search finds the tag [dB].
+    """
     levels_db = np.arange(-15.0, 30.25, 0.25)
     judged = WholeFlightSum(tag, len(gain_db), 500.0, levels_db)
     energies = (10.0 ** (0.1 * (gain_db - gain_db.max()))).astype(np.float32)
@@ -131,7 +141,9 @@ def whole_flight_enr_db(
 def _log_probability(
     tag: Tag, pulses: int, frequency_window_hz: float, most_drift: float
 ) -> float:
-    """Return the log-probability of a false detection by one hypothesis in noise alone."""
+    """Logarithm of the probability that noise exceeds the detection threshold under one
+    searched hypothesis.
+    """
     interval_s = tag.pulse_intervals_s[0]
     slot_s = MODEL.slot_pulses * tag.pulse_width_s
     phases = interval_s / slot_s
@@ -147,13 +159,17 @@ def _log_probability(
 
 
 def _exponentials(tag: Tag) -> float:
-    """Number of unit exponentials whose maximum is distributed like a slot of noise."""
+    """Number of unit exponential variables whose maximum has the distribution of a time slot of
+    noise.
+    """
     return 2.6 + 6.6 * tag.interval_jitter_s / tag.pulse_width_s
 
 
 @lru_cache(maxsize=16)
 def _slot_moments(many: float) -> tuple[tuple[float, float], _Singles, _Singles]:
-    """Deviation and skewness of a noise slot; mean and variance of a slot with a pulse."""
+    """Return standard deviation and skewness of a time slot of noise, and mean and variance of
+    a slot with a pulse.
+    """
     energy = np.concatenate((np.linspace(0.0, 40.0, 2001), np.geomspace(40.05, 40_000.0, 2000)))
     below = -np.expm1(-energy)
     strength = 10.0 ** (_TRAIN_ENR_DB / 10.0)[:, np.newaxis]

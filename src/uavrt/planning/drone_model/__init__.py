@@ -1,1 +1,1 @@
-"""Model of the drones: actions, motion, energy, and paths of other drones."""
+"""Models of drones: actions, motion, energy, and the paths of other drones."""

@@ -1,8 +1,8 @@
-"""Motion of a drone: its position and the antenna's direction along a leg.
+"""Compute a drone's position and its antenna's direction along candidate paths.
 
-A multirotor accelerates, turns at its yaw rate and does not drift in wind that it can fly
-against. A fixed wing keeps its airspeed and turns on circles. All legs of a decision are
-computed at once.
+A multirotor accelerates, turns at its yaw rate, and does not drift unless the wind exceeds its
+speed. A fixed wing keeps its airspeed and turns on circles. All candidate paths of a decision
+are computed at once.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleState:
-    """Position, height and heading of the drone."""
+    """Time, position, height and heading of the drone."""
 
     time_s: float
     east_m: float
@@ -29,12 +29,12 @@ class VehicleState:
     height_m: float
     """Height of the drone above the take-off point [m]."""
     yaw_deg: float = 0.0
-    """Heading of the nose and the antenna, clockwise from true north [deg]."""
+    """Heading of the drone's nose and antenna, clockwise from true north [deg]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wind:
-    """Velocity of the air over ground."""
+    """Velocity of the air relative to the ground."""
 
     east_m_s: float = 0.0
     north_m_s: float = 0.0
@@ -47,17 +47,17 @@ class Wind:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Path:
-    """Positions of the drone at the time steps of a manoeuvre."""
+    """Positions of the drone at the time steps of an action."""
 
     time_s: _Floats
-    """(n,) times of the path's points [s], from one step after the start to the end."""
+    """Times of the path's points [s], from one step after the start to the end, shape (n,)."""
     east_m: _Floats
     north_m: _Floats
     height_m: _Floats
     yaw_deg: _Floats
 
     def state(self, number: int) -> VehicleState:
-        """Return the drone's state at the time step with this number."""
+        """State of the drone at time step `number`."""
         return VehicleState(
             time_s=float(self.time_s[number]),
             east_m=float(self.east_m[number]),
@@ -69,23 +69,26 @@ class Path:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Legs:
-    """Candidate straight paths or turns in place, each sampled at equally many points."""
+    """Sampled candidate paths from the present position: straight paths or turns in place, all
+    with equally many samples.
+    """
 
     duration_s: _Floats
-    """(legs,) durations of paths or turns in place [s]; infinite if the wind is too strong."""
+    """Durations of the paths or turns [s], shape (legs,); infinite if the wind is too
+    strong."""
     time_s: _Floats
-    """(legs, samples) times of the sampled points of each leg, from now [s]."""
+    """Times of each path's sampled points, from now [s], shape (legs, samples)."""
     east_m: _Floats
     north_m: _Floats
     yaw_deg: _Floats
 
 
 class Vehicle(Protocol):
-    """Interface by which planners predict a drone's motion."""
+    """Interface by which planners use the model of a drone."""
 
     @property
     def speed_m_s(self) -> float:
-        """Usual airspeed [m/s]."""
+        """Airspeed in usual flight [m/s]."""
 
     @property
     def hovers(self) -> bool:
@@ -94,7 +97,9 @@ class Vehicle(Protocol):
     def durations(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> _Floats:
-        """Return the durations of paths to positions [s]; infinite in too strong a wind."""
+        """Duration of the path to each position [s], shape (positions,); infinite if the wind
+        is too strong.
+        """
 
     def along(
         self,
@@ -104,11 +109,13 @@ class Vehicle(Protocol):
         wind: Wind,
         time_s: _Floats,
     ) -> Legs:
-        """Return the paths to positions (legs,), sampled at times (legs, samples) from now."""
+        """Sample the straight paths to positions (legs,) at times (legs, samples) from now
+        [s].
+        """
 
 
 def ground_speed_m_s(airspeed_m_s: float, course_rad: _Floats, wind: Wind) -> _Floats:
-    """Speed over ground on each course [m/s]; not positive if the wind is too strong."""
+    """Speed over ground on each course [m/s]; zero or negative if the wind is too strong."""
     along = wind.east_m_s * np.sin(course_rad) + wind.north_m_s * np.cos(course_rad)
     across = wind.east_m_s * np.cos(course_rad) - wind.north_m_s * np.sin(course_rad)
     left = airspeed_m_s**2 - across**2
@@ -116,7 +123,7 @@ def ground_speed_m_s(airspeed_m_s: float, course_rad: _Floats, wind: Wind) -> _F
 
 
 def headwind(state: VehicleState, home_m: tuple[float, float], speed_m_s: float) -> Wind:
-    """Return the wind of a given speed that blows directly against the flight home."""
+    """Return a wind of a given speed that blows exactly against the flight home."""
     east, north = home_m[0] - state.east_m, home_m[1] - state.north_m
     against = -speed_m_s / max(hypot(east, north), 1e-9)
     return Wind(east_m_s=against * east, north_m_s=against * north)
@@ -132,13 +139,13 @@ class Multirotor:
 
     speed_m_s: float = 10.0
     acceleration_m_s2: float = 4.0
-    """Acceleration of the drone [m/s²]; infinite if its speed changes at once."""
+    """Acceleration of the drone [m/s²]; infinite if its speed is assumed to change at once."""
     yaw_rate_deg_s: float = 45.0
     turns_first: bool = False
-    """True if the drone turns towards its target before it begins to move."""
+    """True if the drone first turns to its course and then moves."""
     airspeed_m_s: float | None = None
-    """Maximum airspeed [m/s], for an autopilot that holds `speed_m_s` over ground against the
-    wind; None if `speed_m_s` is the airspeed."""
+    """Maximum airspeed of an autopilot that maintains the ground speed `speed_m_s` against the
+    wind [m/s]; None if `speed_m_s` is the airspeed."""
 
     def __post_init__(self) -> None:
         if min(self.speed_m_s, self.acceleration_m_s2, self.yaw_rate_deg_s) <= 0.0:
@@ -161,7 +168,9 @@ class Multirotor:
     def _profile(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> tuple[_Floats, _Floats, _Floats, _Floats, _Floats]:
-        """Return each leg's distance [m], speed [m/s], turn [deg], turn and leg time [s]."""
+        """For each path: distance [m], ground speed [m/s], turn [deg], and the durations of
+        turn and flight [s], shape (legs,) each.
+        """
         dx, dy = east_m - state.east_m, north_m - state.north_m
         distance = np.hypot(dx, dy)
         course = np.arctan2(dx, dy)
@@ -185,7 +194,9 @@ class Multirotor:
     def durations(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> _Floats:
-        """Return the durations of paths to positions [s]; infinite in too strong a wind."""
+        """Duration of the path to each position [s], shape (positions,); infinite if the wind
+        is too strong.
+        """
         _, _, _, turning, flying = self._profile(state, east_m, north_m, wind)
         return turning + flying if self.turns_first else np.maximum(turning * 0.0, flying)
 
@@ -197,7 +208,7 @@ class Multirotor:
         wind: Wind,
         time_s: _Floats,
     ) -> Legs:
-        """Return the paths to positions (legs,), sampled at times (legs, samples) from now."""
+        """Sample the paths to positions (legs,) at times (legs, samples) from now [s]."""
         distance, speed, turn, turning, flying = self._profile(state, east_m, north_m, wind)
         wait = turning if self.turns_first else np.zeros_like(turning)
         moving = np.clip(time_s - wait[:, None], 0.0, flying[:, None])
@@ -218,7 +229,9 @@ class Multirotor:
     def _gone_m(
         self, moving_s: _Floats, distance_m: _Floats, speed_m_s: _Floats, flying_s: _Floats
     ) -> _Floats:
-        """Return the distance flown until each sample of each leg [m], (legs, samples)."""
+        """Distance flown at each sample [m], shape (legs, samples), through acceleration,
+        steady flight and braking.
+        """
         a = self.acceleration_m_s2
         ramp = np.minimum(np.maximum(speed_m_s, 0.0) / a, 0.5 * flying_s)[:, None]
         left = flying_s[:, None] - moving_s
@@ -250,7 +263,9 @@ class FixedWing:
     def _turns(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats
     ) -> tuple[_Floats, _Floats, _Floats]:
-        """Return each leg's turn side (+1 right), turn angle [rad] and straight part [m]."""
+        """For each path: side (+1 right) and angle [rad] of the first turn, and length of the
+        straight part [m], shape (legs,) each.
+        """
         yaw = np.radians(state.yaw_deg)
         dx, dy = east_m - state.east_m, north_m - state.north_m
         ahead = dx * np.sin(yaw) + dy * np.cos(yaw)
@@ -269,7 +284,9 @@ class FixedWing:
     def durations(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> _Floats:
-        """Return the durations of paths to positions [s]; the turn is computed without wind."""
+        """Duration of the path to each position [s], shape (positions,): a turn in still air,
+        then a straight part in the wind.
+        """
         _, angle, straight = self._turns(state, east_m, north_m)
         course = np.arctan2(east_m - state.east_m, north_m - state.north_m)
         speed = ground_speed_m_s(self.speed_m_s, course, wind)
@@ -284,7 +301,7 @@ class FixedWing:
         wind: Wind,
         time_s: _Floats,
     ) -> Legs:
-        """Return the paths to positions (legs,), sampled at times (legs, samples) from now."""
+        """Sample the paths to positions (legs,) at times (legs, samples) from now [s]."""
         side, angle, straight = (one[:, None] for one in self._turns(state, east_m, north_m))
         total = self.durations(state, east_m, north_m, wind)
         radius, yaw = self.turn_radius_m, np.radians(state.yaw_deg)
@@ -312,9 +329,8 @@ def flown(
     wind: Wind | None = None,
     step_s: float = 1.0,
 ) -> Path:
-    """Return the drone's positions at each time step of an action.
-
-    Raises `ConfigError` if the wind is too strong.
+    """Return the drone's positions at each time step of an action. Raises `ConfigError` if the
+    wind is too strong.
     """
     air = wind or Wind()
     if isinstance(action, Rotate | Hold):
@@ -331,7 +347,7 @@ def _straight(
     if not np.isfinite(duration):
         raise ConfigError(
             f"the wind ({wind.east_m_s:.1f} m/s east, {wind.north_m_s:.1f} m/s north) is too "
-            f"strong for a drone of {vehicle.speed_m_s:g} m/s",
+            f"strong for a drone that flies {vehicle.speed_m_s:g} m/s",
             remedy="Land, or fly downwind only",
         )
     count = max(1, int(np.ceil(duration / step - 1e-6)))

@@ -1,4 +1,6 @@
-"""Model the power of flight, learn it from the battery, and decide when to return."""
+"""Model the power needed for flight, correct it by the battery's readings, and decide when to
+return.
+"""
 
 from dataclasses import dataclass, replace
 from math import hypot, inf, isfinite
@@ -12,23 +14,23 @@ from uavrt.planning.tuning import PLANNING
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnergyModel:
-    """Power of a drone, with a scale factor learned from its battery.
+    """Model of a drone's power, with a scale factor learned from its battery.
 
-    Power at an airspeed v is that of hovering, less up to 10 % of it in forward flight, plus a
-    drag. The drag grows with v³, so that the power at `cruise_m_s` is `cruise_w`. The scale
-    multiplies all.
+    Power at airspeed v is the hover power, less up to 10 % of it in forward flight, plus a drag
+    term. The drag grows with v³, such that the power at `cruise_m_s` is `cruise_w`. The scale
+    factor multiplies the total.
     """
 
     hover_w: float = 400.0
     cruise_w: float = 420.0
     cruise_m_s: float = 10.0
     climb_j_per_m: float = 60.0
-    """Energy added to that of level flight for each metre of climb [J]."""
+    """Energy needed for each metre of climb in addition to level flight [J]."""
     scale: float = 1.0
-    """Ratio of the used power to the modelled one; it depends on payload, air density and
-    battery age."""
+    """Ratio of measured to modelled power, which depends on payload, air and the battery's
+    age."""
     scale_sigma: float = 0.2
-    """Standard deviation of the ratio of used to modelled battery power."""
+    """Standard deviation of the ratio of measured to modelled power."""
 
     def __post_init__(self) -> None:
         if min(self.hover_w, self.cruise_w, self.cruise_m_s) <= 0.0 or self.climb_j_per_m < 0:
@@ -46,16 +48,17 @@ class EnergyModel:
         return float(self.scale * max(self.hover_w - relieved + drag, 0.3 * self.hover_w))
 
     def used_wh(self, duration_s: float, airspeed_m_s: float, climb_m: float = 0.0) -> float:
-        """Return the energy used in a part of a flight [Wh]; a descent recovers none."""
+        """Energy used in a part of a flight [Wh]; a descent recovers no energy."""
         climb = self.scale * self.climb_j_per_m * max(climb_m, 0.0)
         return (self.power_w(airspeed_m_s) * duration_s + climb) / 3600.0  # J in a Wh
 
     def learnt(self, predicted_wh: float, used_wh: float, sigma_wh: float) -> "EnergyModel":
-        """Copy with the power scale updated by predicted and used energy of a flown stretch.
+        """Return a copy whose power scale is updated by the predicted and the used energy of a
+        part of the flight.
 
-        An unlikely value (an unknown payload) is accepted, but increases the uncertainty: the
-        drone has to come home. `sigma_wh` is the error of two readings' difference. Raises
-        `ConfigError`: the readings are impossible.
+        An unlikely ratio, as from an unknown payload, is accepted but increases the
+        uncertainty, because the drone must reach home in any case. `sigma_wh` is the standard
+        error of the used energy. Raises `ConfigError` if the readings are impossible.
         """
         if not (predicted_wh > 0.0 and np.isfinite(used_wh) and sigma_wh > 0.0):
             raise ConfigError(
@@ -85,9 +88,8 @@ class EnergyModel:
         return_height_m: float = 0.0,
         sigmas: float = 2.0,
     ) -> float:
-        """Return the energy to climb, fly home and descend [Wh].
-
-        It is infinite if the wind is too strong.
+        """Energy needed to climb, fly home and descend [Wh]; infinite if the wind is too
+        strong.
         """
         east, north = np.array([home_m[0]]), np.array([home_m[1]])
         flying = float(vehicle.durations(state, east, north, wind)[0])
@@ -111,11 +113,13 @@ class EnergyModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Battery:
-    """Remaining energy of the battery, and the reserve that must be left on arrival at home."""
+    """Energy left in the battery, and the energy that must remain at home."""
 
     remaining_wh: float
     reserve_wh: float = 15.0
 
     def must_return(self, way_home_wh: float, next_leg_wh: float = 0.0) -> bool:
-        """True if, after the next leg, too little energy remains for return and reserve."""
+        """True if after the next path too little energy would remain for the return and the
+        reserve.
+        """
         return self.remaining_wh - next_leg_wh <= way_home_wh + self.reserve_wh

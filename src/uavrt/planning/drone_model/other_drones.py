@@ -1,6 +1,7 @@
-"""Other drones of the same search: their reserved paths, and the distance to all drones.
+"""Paths of the other drones in the same search, and their distances from this drone's paths.
 
-The straight path from a drone's last reported position to its goal is reserved for it.
+The straight path from a drone's last reported position to its goal is reserved for that
+drone.
 """
 
 from dataclasses import dataclass
@@ -15,12 +16,14 @@ from uavrt.planning.tuning import PLANNING
 
 _Floats = NDArray[np.float64]
 Strip = tuple[tuple[float, float], tuple[float, float]]
-"""Start and end of a straight path of a drone, east and north [m]."""
+"""Start and end of a drone's straight path, each as east and north [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Separation:
-    """Distance between drones over ground, with a margin for planning, and in height."""
+    """Minimum distances between drones: over ground, with a margin for planning, and in
+    height.
+    """
 
     distance_m: float = 25.0
     height_m: float = 10.0
@@ -29,37 +32,41 @@ class Separation:
     def __post_init__(self) -> None:
         if min(self.distance_m, self.height_m) <= 0.0 or self.margin < 1.0:
             raise ConfigError(
-                f"the distance between drones is {self.distance_m:g} m, {self.height_m:g} m in "
-                f"height, with a margin of {self.margin:g}",
+                f"invalid distance between drones: {self.distance_m:g} m, height difference "
+                f"{self.height_m:g} m, margin {self.margin:g}",
                 remedy="Give distances above 0 and a margin of 1 or more",
             )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherDrones:
-    """What a decision uses about the other drones in a search."""
+    """Paths and tags of the other drones in a search, as known before a decision."""
 
     separation: Separation
     listening: tuple[Path, ...] = ()
-    """Predicted paths of the other drones; information that they will gain there has no value
-    for this drone."""
+    """Planned paths of other drones that report pulses; information that they will gain is not
+    counted again."""
     left: frozenset[int] = frozenset()
-    """Tags that other drones search for, so that this drone does not."""
+    """Ids of the tags that other drones search for and this drone therefore skips."""
     strips: tuple[Strip, ...] = ()
-    """Straight paths reserved for other drones. Each is reserved at all times, because the
-    drones have no common clock."""
+    """Straight paths of other drones. Each is reserved at all times, because the drones' clocks
+    are not synchronised."""
 
     def strip_distance_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Return the smallest distance of each straight path from other drones' paths [m]."""
+        """Shortest distance of each candidate path from the paths of all other drones [m],
+        shape (paths,).
+        """
         least = np.full(len(east_m), np.inf)
         for one in self.strips:
             least = np.minimum(least, segment_distance_m(start_m, (east_m, north_m), one))
         return least
 
     def legs(self, time_s: float) -> Legs | None:
-        """Return samples of the other drones' predicted paths; None without other drones."""
+        """Sample the remaining paths of the other drones that report pulses; None if there are
+        none.
+        """
         if not self.listening:
             return None
         shares = (np.arange(PLANNING.drones_samples) + 0.5) / PLANNING.drones_samples

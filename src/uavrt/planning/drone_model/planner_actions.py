@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlyTo:
-    """Fly straight to a position in the tracker's plane."""
+    """Action: fly straight to a position in the tracker's plane."""
 
     east_m: float
     north_m: float
@@ -16,7 +16,7 @@ class FlyTo:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rotate:
-    """Turn in place, clockwise, so that the antenna points in all directions."""
+    """Action: turn in place, clockwise, so that the antenna points in all directions."""
 
     duration_s: float = 20.0
     turn_deg: float = 360.0
@@ -27,7 +27,7 @@ class Rotate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hold:
-    """Stay in place; a fixed wing circles."""
+    """Action: stay in place; a fixed wing circles."""
 
     duration_s: float = 5.0
 
@@ -37,7 +37,7 @@ class Hold:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Return:
-    """Fly home and land there."""
+    """Action: fly home and land there."""
 
     def __str__(self) -> str:
         return "return"

@@ -1,5 +1,5 @@
-"""Planners, found by name in `registry`.
+"""Planners that choose where to fly next, found by name in `registry`.
 
-`mi_rate` is the default; `ways` and `tangents` give its candidate paths. Published planners are
-in `uavrt_experiments.search.baselines`.
+`mi_rate` is the default; `ways` and `tangents` generate its candidate paths. Planners from the
+literature are in `uavrt_experiments.search.baselines`.
 """

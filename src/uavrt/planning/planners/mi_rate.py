@@ -1,8 +1,9 @@
-"""Default planner: the path with the most information per second on all tags not yet found.
+"""Default planner, which chooses the path that gives the most information per second on all
+tags not yet found.
 
 It rates paths of several lengths in sixteen directions, paths to each tag and past it on both
-sides, and a turn in place. A tag's value is limited to the information still needed to find it:
-paths that give more gain nothing.
+sides, and a turn in place. Information on a tag counts only up to the amount still needed to
+find it, so paths that give more gain nothing.
 """
 
 from dataclasses import dataclass
@@ -39,7 +40,7 @@ class _PathRating:
     directions: int = 16
     """Number of exploratory paths, in evenly spread directions without regard to tags."""
     horizons_cycles: tuple[float, ...] = (1.0, 3.0)
-    """Lengths of the exploratory paths [decision cycles]."""
+    """Lengths of exploratory paths, which do not head for a tag [planner cycles]."""
     hypotheses: int = 48
     """Number of position hypotheses of each tag used to rate a candidate path."""
     turn_s: float = 2.0
@@ -47,40 +48,40 @@ class _PathRating:
     stay_s: float = 4.0
     """Time that the drone stays at the end of a path to a tag [s]."""
     finished_share: float = 0.1
-    """Fraction of a tag's needed information that may be missing when a round leaves the tag
-    out."""
+    """Share of a tag's needed information; if less is still missing, a round over the tags
+    skips this tag."""
     # Value of a path: a power of the share of the needed information that it gives, plus a
     # factor times the share. Finishing one tag then counts for more than beginning two; the
     # second term decides while no tag is nearly found.
     value_power: float = 8.0
     value_linear: float = 0.002
     explore_nats: float = 2.5
-    """Missing information on the best known tag's position above which exploratory paths are
-    rated too [nats]."""
+    """Missing position information above which all directions are explored, if it is exceeded
+    for every tag [nats]."""
     change_gain: float = 0.15
-    """Gain of a path to another target tag over the present one that justifies the change
-    [ratio]; used if animals or drones must be avoided."""
+    """Relative gain required to change the target tag while the drone keeps away from animals
+    or other drones."""
     turn_nats: float = 1.5
-    """Least information on an animal that may be near for which the drone turns in place
+    """Minimum information on an animal that may be near at which a turn in place is worthwhile
     [nats]."""
     near_probability: float = 0.25
-    """Probability that an animal is near from which the drone leaves without a turn."""
+    """Probability that an animal is near above which the drone leaves instead of turning in
+    place."""
     vague_factor: float = 1.5
-    """Position uncertainty of an animal, as a multiple of the distance to keep, from which a
-    turn in place helps."""
+    """Minimum ratio of an animal's position spread to the distance to keep at which a turn in
+    place helps."""
 
 
 _RATING = _PathRating()
 
 
 class MiRate:
-    """Planner that maximises information per second.
+    """Planner that maximises the information per second.
 
-    If no path to a tag keeps the distance to animals, all directions are rated. If none of
-    these keeps it, the drone waits, or turns to locate the animals. Only then does it fly a
-    path closer to them.
-
-    `rotation_s`: duration of a turn in place, which is rated if the antenna is directional.
+    If no path to a tag keeps the distance from animals, paths in all directions are rated. If
+    none of these keeps it either, the drone waits, or turns in place to locate the animals.
+    Only after that does it fly a path closer to them. `rotation_s` is the duration of a turn in
+    place, which is rated if the antenna is directional.
     """
 
     def __init__(self, *, rotation_s: float = 12.0) -> None:
@@ -88,7 +89,7 @@ class MiRate:
         self._goal: int | None = None
 
     def decide(self, situation: Situation) -> Decision:
-        """Choose the next action, with its reason and the rated candidates."""
+        """Choose the next action; return it with its reason and the rated candidates."""
         if not situation.wanted:
             return Decision(action=Hold(duration_s=situation.cycle_s), reason="all found")
         exploring = self._explores(situation)
@@ -106,7 +107,9 @@ class MiRate:
         legs: Legs,
         goals: list[int | None],
     ) -> Decision:
-        """Return the best allowed path, or the turn in place, which is the last candidate."""
+        """Choose the best of the allowed paths and the turn in place, which is the last
+        candidate if present.
+        """
         wanted = situation.wanted
         count = len(ways.east_m)
         turns = len(spans) > count
@@ -154,7 +157,9 @@ class MiRate:
     def _ways(
         self, situation: Situation, *, exploring: bool
     ) -> tuple[CandidatePaths, _Floats, Legs, list[int | None]]:
-        """Return candidate paths with times, samples and target tags; the last is a turn."""
+        """Return candidate paths, their durations, samples and target tags; a turn in place is
+        the last sampled candidate.
+        """
         state, vehicle = situation.state, situation.vehicle
         reach = vehicle.speed_m_s * situation.cycle_s
         horizons = _RATING.horizons_cycles if exploring else ()
@@ -207,10 +212,11 @@ class MiRate:
         return [tangents(start, middle, radius), tangents(start, middle, wide)]
 
     def _explores(self, situation: Situation) -> bool:
-        """True while no tag is near its target accuracy; then all directions are rated.
+        """True while every tag is far from its target accuracy; candidate paths then cover all
+        directions.
 
-        Afterwards only paths to the tags count. A path past many walking tags would give a
-        little information on each, again and again, and none would be found.
+        Otherwise only paths to the tags are rated. A path past many walking tags would give a
+        little information on each again and again, and never find one.
         """
         needed = min(situation.stop.needed_nats(one) for one in situation.wanted)
         return needed > _RATING.explore_nats
@@ -219,7 +225,9 @@ class MiRate:
         return here(situation).refused[0] is None
 
     def _least_disturbing(self, situation: Situation, ways: CandidatePaths) -> Decision:
-        """Return the path that disturbs animals least, if the area allows any."""
+        """Choose the action that disturbs animals least if no allowed path keeps the
+        distance.
+        """
         stays = self._wait_or_turn(situation)
         if stays is not None:
             return stays
@@ -235,7 +243,9 @@ class MiRate:
         )
 
     def _wait_or_turn(self, situation: Situation) -> Decision | None:
-        """Return a wait, or a turn to locate an animal that may be near, or None."""
+        """Return a wait, or a turn that locates an animal which may be near; None if neither
+        helps.
+        """
         stay = here(situation)
         if stay.refused[0] is None:
             return Decision(
@@ -280,7 +290,7 @@ class MiRate:
 
 
 def _worth(situation: Situation, nats: _Floats, spans_s: _Floats) -> _Floats:
-    """Return which share of each tag's needed information each path gives, (tags, paths)."""
+    """Share of each tag's needed information that each path gives, shape (tags, paths)."""
     out = np.empty_like(nats)
     for number, belief in enumerate(situation.wanted):
         needed = situation.stop.needed_nats(belief)
@@ -303,7 +313,9 @@ def _with_round(
     worth: _Floats,
     spans_s: _Floats,
 ) -> _Floats:
-    """Return the value per second of each path, if a round of the remaining tags follows it."""
+    """Value per second of each path followed by a round to the remaining tags, shape
+    (paths,).
+    """
     places = [one.spread() for one in situation.wanted]
     tags_x = np.array([one.east_m for one in places])
     tags_y = np.array([one.north_m for one in places])

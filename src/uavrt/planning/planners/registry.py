@@ -1,6 +1,7 @@
-"""Planners by name, including those that installed packages add.
+"""Table of planners by name, including those that other installed packages add.
 
-An entry of the group ``uavrt.planners`` is called without arguments and returns a `Planner`.
+An entry of the entry point group ``uavrt.planners`` is called without arguments and returns a
+`Planner`.
 """
 
 from collections.abc import Callable
@@ -17,7 +18,7 @@ PLANNERS: Registry[Callable[[], Planner]] = Registry("uavrt.planners", _OWN)
 
 
 def planner_named(name: str) -> Planner:
-    """Return a new planner of the given name; raises `UsageError` for an unknown name."""
+    """Create the planner with the given name. Raises `NotFound` for an unknown name."""
     if name not in PLANNERS:
         raise NotFound(
             f"there is no planner {name!r}", remedy=f"Choose from {', '.join(PLANNERS)}"

@@ -1,4 +1,4 @@
-"""Candidate paths for planners, and which of them may be flown."""
+"""Generate candidate paths for planners and check which of them may be flown."""
 
 from dataclasses import dataclass
 
@@ -14,32 +14,36 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CandidatePaths:
-    """Straight paths from the drone's position, and whether they may be flown."""
+    """Straight paths from the drone's position, with the results of the checks whether they may
+    be flown.
+    """
 
     east_m: _Floats
-    """(paths,) east coordinate of each candidate path's end [m]."""
+    """East coordinate of each candidate path's end [m], shape (paths,)."""
     north_m: _Floats
     refused: list[str | None]
-    """Reason why each candidate path may not be flown; None if it may."""
+    """For each candidate path, the reason why it must not be flown; None if it may."""
     disturbs: NDArray[np.bool_]
-    """(paths,) True for paths whose only fault is that they may come near an animal."""
+    """True for paths refused only because they may come too close to an animal, shape
+    (paths,)."""
     kept: _Floats
-    """(paths,) probability of keeping the required distance from the nearest animal."""
+    """Probability that each path keeps the set distance from the animal most at risk, shape
+    (paths,)."""
 
     @property
     def allowed(self) -> NDArray[np.bool_]:
-        """(paths,) True for the paths that may be flown."""
+        """True for the paths that may be flown, shape (paths,)."""
         return np.array([reason is None for reason in self.refused])
 
     def action(self, number: int) -> FlyTo:
-        """Convert the path with the given number to an action."""
+        """Return the flight to the end of path `number` as an action."""
         return FlyTo(east_m=float(self.east_m[number]), north_m=float(self.north_m[number]))
 
 
 def headings(
     situation: Situation, count: int, distance_m: float, *, first_deg: float = 0.0
 ) -> tuple[_Floats, _Floats]:
-    """Return the ends of equally long paths in evenly spread directions [m]."""
+    """End points, east and north [m], of paths of equal length in evenly spread directions."""
     angle = np.radians(first_deg + np.arange(count) * 360.0 / count)
     state = situation.state
     return (
@@ -51,7 +55,9 @@ def headings(
 def checked(
     situation: Situation, east_m: _Floats, north_m: _Floats, *, stays_s: float = 0.0
 ) -> CandidatePaths:
-    """Check which paths, with stays at their ends, the area and the animals allow."""
+    """Check which paths, including stays at their ends, are allowed by the area, other drones
+    and animals.
+    """
     state = situation.state
     here = (state.east_m, state.north_m)
     refused = situation.area.refusals(here, east_m, north_m, state.height_m)
@@ -82,9 +88,8 @@ def checked(
 def _near_others(
     situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
 ) -> list[str | None]:
-    """Refuse paths that come too close to other drones' paths.
-
-    A drone that is already too close may only move away.
+    """Refuse paths close to other drones' paths; a drone that is already too close may only
+    move away.
     """
     others, state = situation.others, situation.state
     if others is None or not others.strips:
@@ -101,7 +106,9 @@ def _near_others(
 
 
 def here(situation: Situation) -> CandidatePaths:
-    """Return a path of zero length: the drone stays where it is for one decision cycle."""
+    """Return the checked candidate "stay here for one planner cycle" as a path of zero
+    length.
+    """
     state = situation.state
     place = np.array([state.east_m]), np.array([state.north_m])
     return checked(situation, *place, stays_s=situation.cycle_s)
@@ -110,7 +117,9 @@ def here(situation: Situation) -> CandidatePaths:
 def _circling(
     situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
 ) -> list[str | None]:
-    """Refuse a fixed wing's paths if its curves, or a turn back at the end, leave the area."""
+    """Refuse paths of a fixed wing if the curve that it would fly, or a circle to turn back,
+    leaves the allowed area.
+    """
     state, vehicle = situation.state, situation.vehicle
     spans = vehicle.durations(state, east_m, north_m, situation.wind)
     spans = np.where(np.isfinite(spans), np.maximum(spans, 1.0), 1.0)
@@ -126,7 +135,9 @@ def _circling(
 
 
 def _no_room(situation: Situation, legs: Legs, number: int) -> str | None:
-    """Return a text if the area leaves no room for a circle to turn back; else None."""
+    """Reason why a fixed wing has no room for a full circle after a planner cycle or at a
+    path's end; None if it has.
+    """
     radius = getattr(situation.vehicle, "turn_radius_m", 0.0)
     at_cycle = int(np.searchsorted(legs.time_s[number], situation.cycle_s))
     turn = np.linspace(0.0, 2.0 * np.pi, 25)
@@ -146,7 +157,7 @@ def _no_room(situation: Situation, legs: Legs, number: int) -> str | None:
 def sampled(
     situation: Situation, east_m: _Floats, north_m: _Floats, spans_s: _Floats, samples: int
 ) -> Legs:
-    """Return paths sampled at equally spaced times, each in the middle of its time span."""
+    """Sample each path at the middles of equal shares of its duration."""
     shares = (np.arange(samples) + 0.5) / samples
     return situation.vehicle.along(
         situation.state, east_m, north_m, situation.wind, spans_s[:, None] * shares
@@ -154,7 +165,7 @@ def sampled(
 
 
 def turning(state: VehicleState, turn_deg: float, duration_s: float, samples: int) -> Legs:
-    """Return the samples of a turn in place: constant position, changing heading."""
+    """Return positions and headings during a turn in place, in the form of sampled paths."""
     shares = (np.arange(samples) + 0.5) / samples
     return Legs(
         duration_s=np.array([duration_s]),

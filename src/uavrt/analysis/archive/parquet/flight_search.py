@@ -1,4 +1,4 @@
-"""Find flights of an archive by tag and day, page by page, for the ground station."""
+"""Find flights of an archive by tag and day, in pages, for the ground station."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +12,9 @@ if TYPE_CHECKING:
     import duckdb
 
 _LIMITS = {"threads": "1", "memory_limit": "100MB", "temp_directory": ""}
-"""DuckDB settings: one thread and 100 MB, so that the ground station keeps receiving pulses.
+"""DuckDB settings: one thread and 100 MB, so that queries do not delay the ground station's
+reception of pulses.
+
 10 million rows need 50 MB."""
 _FLOWN = """
 SELECT flight, min(path) AS path, min(start_time_ns) AS start_time_ns,

@@ -1,7 +1,8 @@
-"""Record each finished recording and flight in its own file, so that a crash loses none.
+"""Record each finished recording and flight in a file of its own, so that a crash loses no
+finished work.
 
-A row is written after its tables have reached the disk, and contains their digests. So a crash
-or power cut leaves complete rows with complete tables. Tables without a row are removed. A row
+A row is written after its tables have reached the disk, and contains their digests. So after a
+crash or power cut every row has complete tables. Tables without a row are removed, and a row
 without its tables is computed again.
 """
 
@@ -28,9 +29,10 @@ from uavrt.core.foreign import decode_record
 
 R = TypeVar("R", RecordingRow, FlightRow)
 ASIDE = "damaged"
-"""Folder below the output for damaged row files and their tables."""
+"""Folder below the output to which damaged row files and their tables are moved."""
 _TABLE = re.compile(r"[0-9a-f]{16}\.parquet")
-"""Pattern of a table's file name: a step's key and the extension (`step_keys`)."""
+"""Pattern of a table's file name, which is the key of its processing step with an extension
+(`step_keys`)."""
 
 
 class _Entry(msgspec.Struct, frozen=True):
@@ -77,12 +79,16 @@ class Ledger(Generic[R]):
         return sorted(self._rows.values(), key=lambda row: (row.path, row.finished_time_ns))
 
     def done(self, key: str) -> R | None:
-        """Row of successful work by `key`, a hash of its inputs; None if failed or missing."""
+        """Return the row of successful work; `key` is a hash of its inputs. None if it failed
+        or was not done.
+        """
         row = self._rows.get(key)
         return None if row is None or row.state == "failed" else row
 
     def of(self, path: str) -> R | None:
-        """Newest successful row of a recording or flight, for any settings; None if none."""
+        """Return the newest successful row of a recording or flight, whatever its settings;
+        None if there is none.
+        """
         done = filter(None, map(self.done, self._keys.get(path, ())))
         return max(done, key=lambda row: row.finished_time_ns, default=None)
 
@@ -91,7 +97,9 @@ class Ledger(Generic[R]):
         return dict(self._files.get(key, {}))
 
     def times(self, table: str) -> dict[str, int | None]:
-        """Start time of each file of a table [ns], by file stem."""
+        """Return the start time [ns] of the data in each file of a table, by file name without
+        extension.
+        """
         return {
             Path(name).stem: row.start_time_ns
             for key, row in self._rows.items()
@@ -100,7 +108,9 @@ class Ledger(Generic[R]):
         }
 
     def record(self, row: R, files: Mapping[str, FileFingerprint] | None = None) -> None:
-        """Write a finished row with its `files`; remove rows and tables that it replaces."""
+        """Store the row of finished work and its table `files`; remove the rows and tables that
+        it replaces.
+        """
         key, before = row.fingerprint, self.files(row.fingerprint)
         held = before if files is None else dict(files)
         entry = _Entry(row=msgspec.Raw(msgspec.json.encode(row)), files=held)
@@ -113,7 +123,7 @@ class Ledger(Generic[R]):
         self._keys[row.path] = {key}
 
     def drop(self, path: str) -> None:
-        """Remove all rows of a recording or flight with their tables."""
+        """Remove all rows of a recording or flight, and their tables."""
         for old in self._keys.pop(path, ()):
             self._remove(old)
 
@@ -160,10 +170,10 @@ class Ledger(Generic[R]):
                 yield name, fault
 
     def _remove_strays(self) -> None:
-        """Remove tables without a row, unless rows were set aside that may own them.
+        """Remove tables that belong to no row, unless damaged rows were moved aside.
 
-        If this or an interrupted run set damaged rows aside, the tables stay, since they may
-        belong to those rows. Files of other programs stay.
+        If this run or an interrupted one moved damaged rows aside, the tables may belong to
+        them and are not removed. Files of other programs are never removed.
         """
         unreadable = (self._output / ASIDE / self._directory.name).exists()
         known = {name for held in self._files.values() for name in held}
@@ -172,7 +182,9 @@ class Ledger(Generic[R]):
                 if is_part(path):
                     path.unlink()
                 elif _TABLE.fullmatch(path.name) and f"{table}/{path.name}" not in known:
-                    self._discard(path, "it belongs to no row", keeps=unreadable)
+                    self._discard(
+                        path, "no finished recording or flight refers to it", keeps=unreadable
+                    )
 
     def _is_table(self, name: str) -> bool:
         folder, _, file = name.partition("/")

@@ -50,18 +50,21 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 LEAST_FILES = 100
-"""Minimum number of new table files that are copied by month; fewer are opened one by one."""
+"""Number of new table files from which they are copied into monthly files; fewer are opened one
+by one."""
 _GROUP_ROWS = 50_000
 _INTERRUPTED_S = 0.5
-"""Longest wait for the end of an interrupted query [s]; some steps of DuckDB ignore
+"""Longest time to wait for an interrupted query to end [s], since some steps of DuckDB ignore
 interrupts."""
 INDEX = "copies.json"
 UNKNOWN = "unknown"
-"""Name of the month, in a file name, for rows without a known time."""
+"""Name used in place of the month, in a file name, for rows without a known time."""
 
 
 class Copy(msgspec.Struct, frozen=True):
-    """Index entry of a file with copied rows of other files, or with a cached query result."""
+    """Index entry of one file that contains rows copied from other files, or a cached query
+    result.
+    """
 
     seal: FileFingerprint
     keys: list[str] = []  # a struct copies it
@@ -80,9 +83,9 @@ def gather_months(
     least_files: int = LEAST_FILES,
     lost: bool = False,
 ) -> Index:
-    """Update the monthly files with newly written tables; returns the new index.
+    """Update the monthly files with newly written tables; return the new index.
 
-    Fewer than `least_files` new files are left as they are, unless copies were `lost`.
+    Fewer than `least_files` new files are not copied, unless monthly files were `lost`.
     """
     kept = dict(index)
     for table, times in tables.items():
@@ -102,9 +105,11 @@ def gather_months(
 
 
 def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str, str]]:
-    """Read the index of usable copies, and by path the reason why others cannot be used.
+    """Read the index of the usable monthly files; for the others return the reason why they
+    cannot be used, by path.
 
-    With `thorough` all copies are read; otherwise sizes and times are compared.
+    With `thorough` all monthly files are read; otherwise only their sizes and times are
+    compared.
     """
     try:
         noted = decode_record(read_note(output / INDEX), Index)
@@ -122,7 +127,9 @@ def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str
 
 
 def write_index(output: Path, index: Index) -> None:
-    """Write the index of copies, and delete copies that are not in it; raises `OSError`."""
+    """Write the index of monthly files, and delete files that are not in it. Raises
+    `OSError`.
+    """
     write_note(output / INDEX, msgspec.json.encode(index))
     for folder, _, names in os.walk(output / MONTHS):
         for path in (Path(folder, name) for name in names):
@@ -140,9 +147,9 @@ def _name(table: str, month: str, keys: list[str]) -> str:
 
 
 def in_duckdb(query: Callable[["duckdb.DuckDBPyConnection"], T], **limits: str) -> T:
-    """Run a query on a new DuckDB connection; Ctrl-C ends it at once.
+    """Run a query on a new DuckDB connection that Ctrl-C can end at once.
 
-    It runs in another thread, because DuckDB checks for signals only between the tasks of a
+    The query runs in another thread. DuckDB checks for signals only between the tasks of a
     query, which may take minutes.
     """
     with needs_extra("batch", "An archive"):
@@ -175,14 +182,18 @@ def in_duckdb(query: Callable[["duckdb.DuckDBPyConnection"], T], **limits: str) 
 
 
 def _end_during_query(thread: Thread) -> None:
-    """Exit at once if a query still runs; a normal interpreter exit would crash in DuckDB."""
+    """Exit the process at once if a query is still running, because a normal exit of the
+    interpreter would crash in DuckDB.
+    """
     if thread.is_alive():
         sys.stdout.flush()
         os._exit(128 + signal.SIGINT)
 
 
 def _copy(output: Path, table: str, name: str, keys: list[str]) -> Copy:
-    """Write the rows of many files into one; DuckDB sorts them on the disk if necessary."""
+    """Write the rows of many files into one file, sorted by tag and time. DuckDB sorts on the
+    disk if memory is short.
+    """
     files = [output / table / f"{key}.parquet" for key in keys]
     target = output / name
     make_directories(target.parent)
@@ -220,13 +231,15 @@ def source_of(output: Path, table: str) -> str | None:
 
 
 def rows_of(files: list[Path]) -> str:
-    """SQL expression that reads Parquet files; names of folders do not become columns."""
+    """Return an SQL expression that reads Parquet files without adding columns for the names of
+    their folders.
+    """
     listed = ", ".join(map(quoted, sorted(files)))
     return f"read_parquet([{listed}], hive_partitioning = false, union_by_name = true)"
 
 
 def quoted(text: Path | str) -> str:
-    """Quote a path or a name for SQL."""
+    """Quote a path or a name as an SQL string."""
     return "'" + str(text).replace("'", "''") + "'"
 
 

@@ -45,7 +45,7 @@ class RecordingRow:
     fault: str | None = None
     start_time_ns: int | None
     length_s: float | None = None
-    """Duration of the recording's samples, lost samples excluded [s]; None if unknown."""
+    """Duration of the recording's samples without lost samples [s]; None if unknown."""
     sample_rate_hz: float | None = None
     center_frequency_hz: float | None = None
     pulses: int
@@ -61,12 +61,12 @@ class RecordingRow:
     input_faults: str = ""
     """Faults of the samples, such as a wrong gain or format, one per line."""
     tags_outside: tuple[int, ...] = ()
-    """Numbers of listed tags outside of the recording's band."""
+    """Ids of listed tags whose frequencies are outside the recording's band."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightRow:
-    """Row of the table of flights: one flight and its settings and faults."""
+    """Row of the table of flights: one flight, the settings used and the faults found."""
 
     path: str
     """Directory of the flight, or path of a recording without a flight."""
@@ -74,14 +74,16 @@ class FlightRow:
     fingerprint: str
     state: str
     fault: str | None
-    """Reason why there are no poses, bearings or positions, or why some tags have none."""
+    """Reason why the flight has no poses, bearings or positions, or why some of its tags have
+    none."""
     start_time_ns: int | None
     steps: str
     antenna: str
     pulses: int
     pulses_with_pose: int
     clock_offset_s: float | None
-    """Offset of the pulses' clock ahead of the track's [s]."""
+    """Offset of the pulses' clock from the track's clock [s], positive if the pulses' clock is
+    ahead."""
     bearings: int
     positions: int
     cpu_s: float
@@ -94,7 +96,8 @@ class FlightRow:
     fingerprints: str = ""
     """Hash of each processing step's inputs, as STEP=HASH separated by commas."""
     copies: str = ""
-    """Directories with copies of the flight, one per line; their data are in no table."""
+    """Directories with copies of this flight, one per line; data of the copies are in no
+    table."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,7 +107,8 @@ class PoseRow:
     recording: str
     tag_id: int
     start_time_ns: int
-    """Start of the pulse [ns]; recording, tag and start join it to the table of pulses."""
+    """Start of the pulse [ns]. Recording, tag and start together identify the pulse in the
+    table of pulses."""
     time_ns: int
     latitude_deg: float
     longitude_deg: float
@@ -167,7 +171,7 @@ class PositionOfTag:
     heading_error_sigma_deg: float | None
     remarks: str
     cautions: str
-    """Names of cautions on the tag's position, with commas between."""
+    """Names of the cautions on the tag's position, separated by commas."""
     cautions_in_words: str
     """Texts of the cautions for the operator, one per line."""
     track_time_ns: tuple[int, ...]
@@ -184,21 +188,25 @@ TABLES: dict[str, type] = {
     POSITIONS: PositionOfTag,
     INTEGRATED: IntegratedVerdict,
 }
-"""Row types of the tables that have a file for each recording or flight."""
+"""Row type of each table that consists of one file per recording or flight."""
 
 Row = TypeVar("Row")
 
 
 def need_pyarrow() -> None:
-    """Check early that Parquet files can be written; raises `UsageError`."""
+    """Raise `UsageError` at the start of a batch if the library that writes Parquet files is
+    missing.
+    """
     with needs_extra("batch", "A batch"):
         import pyarrow  # noqa: F401
 
 
 def schema_of(record: type, *, flight: bool = False) -> "pa.Schema":
-    """Parquet schema of a record type, with times also as timestamps (``start_utc``).
+    """Return the Parquet schema of a record type; times appear also as timestamps
+    (``start_utc``).
 
-    Pulses also get columns for recording and cell; `flight` adds a column for the flight.
+    Pulses get additional columns for recording and cell; `flight` adds a column for the
+    flight.
     """
     import pyarrow as pa
 
@@ -228,7 +236,8 @@ def schema_of(record: type, *, flight: bool = False) -> "pa.Schema":
 
 
 def _for_pandas(kinds: Mapping[str, str]) -> str:
-    """Metadata that makes pandas keep the column types despite nulls.
+    """Return metadata that make pandas use nullable types, so that columns keep their type in
+    spite of nulls.
 
     See https://pandas.pydata.org/docs/development/developer.html.
     """
@@ -248,7 +257,7 @@ def _for_pandas(kinds: Mapping[str, str]) -> str:
 def write_pulses(
     path: Path, pulses: Sequence[tuple[int, Pulse]], recording: str, flight: str
 ) -> FileFingerprint:
-    """Write pulses with their cell numbers, in order of time; raises `OSError`."""
+    """Write pulses with the numbers of their cells, in the given order. Raises `OSError`."""
     more: dict[str, list[Any]] = {
         "recording": [recording] * len(pulses),
         "cell": [number for number, _ in pulses],
@@ -282,7 +291,7 @@ def read_pulses(path: Path) -> Iterator[Pulse]:
 
 
 def pulse_of(row: dict[str, Any]) -> Pulse:
-    """Make a pulse from a table row; other columns are ignored."""
+    """Convert a table row to a pulse; columns that a pulse does not have are ignored."""
     values = {one.name: row[one.name] for one in PULSE_FIELDS if one.name in row}
     listed = {name: tuple(value) for name, value in values.items() if isinstance(value, list)}
     return Pulse(**(values | listed))
@@ -314,7 +323,9 @@ def _write(
 
 
 def _microseconds(times_ns: list[int | None]) -> list[int | None]:
-    """Round times [ns] down to microseconds, for Python, R and Spark."""
+    """Round times [ns] down to microseconds, because Python, R and Spark support no shorter
+    unit.
+    """
     return [None if one is None else one // 1000 for one in times_ns]
 
 

@@ -57,7 +57,7 @@ FROM pulses GROUP BY flight, tag_id ORDER BY tag_id, flight
 }
 """Predefined SQL queries on an archive, by name."""
 KEPT = ("tags", "heard")
-"""Names of the queries that read every pulse; a batch caches their results."""
+"""Names of the predefined queries that read every pulse; a batch caches their results."""
 
 
 def ask(archive: Path, question: str) -> "pa.Table":
@@ -93,7 +93,7 @@ def ask(archive: Path, question: str) -> "pa.Table":
 
 
 def _in_utc(answer: "pa.Table") -> "pa.Table":
-    """Set the time zone of time columns to UTC; DuckDB uses the computer's."""
+    """Set the time zone of time columns to UTC, since DuckDB sets it to the computer's zone."""
     import pyarrow as pa
 
     columns = []
@@ -105,7 +105,7 @@ def _in_utc(answer: "pa.Table") -> "pa.Table":
 
 
 def check_archive(archive: Path) -> None:
-    """Reject a directory that no batch has written to; raises `FormatError`."""
+    """Raise `FormatError` for a directory to which no batch has written."""
     if not (archive / RECORDINGS).is_file():
         raise FormatError(
             f"{archive} holds no {RECORDINGS}",
@@ -116,7 +116,9 @@ def check_archive(archive: Path) -> None:
 def in_archive(
     archive: Path, query: Callable[["duckdb.DuckDBPyConnection"], T], **limits: str
 ) -> T:
-    """Run `query` with a DuckDB connection to an archive; DuckDB's errors become uavrt's."""
+    """Call `query` with a DuckDB connection to an archive; errors of DuckDB are raised as
+    errors of uavrt.
+    """
     with needs_extra("batch", "An archive"):
         import duckdb
     check_archive(archive)
@@ -156,7 +158,9 @@ def in_archive(
 
 
 def keep_answers(archive: Path, index: Index) -> Index:
-    """Cache results of slow queries until a pulse table changes; returns the new index."""
+    """Cache the results of slow queries, valid until a pulse table changes; return the new
+    index.
+    """
     import pyarrow.parquet as pq
 
     if not any(name.startswith(f"{MONTHS}/{PULSES}/") for name in index):
@@ -175,7 +179,9 @@ def keep_answers(archive: Path, index: Index) -> Index:
 
 
 def kept_answer(archive: Path, name: str) -> Path | None:
-    """Cached result of a query in `KEPT`; None if missing or older than the pulse tables."""
+    """Path of the cached result of a query in `KEPT`; None if there is none for the present
+    pulse tables.
+    """
     place = _place(archive, name)
     return archive / place if place in read_index(archive)[0] else None
 
@@ -189,7 +195,9 @@ def _place(archive: Path, name: str) -> str:
 
 
 def _make_views(connection: "duckdb.DuckDBPyConnection", archive: Path, question: str) -> None:
-    """Create a view for each table that a query names; listing the files of all takes long."""
+    """Create a view for each table that occurs in a query; listing the files of all tables
+    would take long.
+    """
     asked = question.lower()
     whole: dict[str, type] = {RECORDINGS: RecordingRow, FLIGHTS: FlightRow}
     for file, record in whole.items():

@@ -1,7 +1,7 @@
-"""Sizes, times and digests of the files that a batch has written, to detect damage.
+"""Record size, time and digest of each file that a batch has written, to detect damage.
 
-Size and modification time are compared at each run. If only the time differs (a copied
-archive), the file is read and its digest compared. A thorough check reads all files.
+Size and modification time are compared at each run. If only the time differs, as in a copied
+archive, the file is read and its digest is compared. A thorough check reads all files.
 """
 
 import hashlib
@@ -28,13 +28,15 @@ class FileFingerprint(msgspec.Struct, frozen=True):
 
 
 def sealed(path: Path) -> FileFingerprint:
-    """Size, time and digest of a file that has just been written; raises `OSError`."""
+    """Return size, time and digest of a file that has just been written. Raises `OSError`."""
     about = path.stat()
     return FileFingerprint(about.st_size, about.st_mtime_ns, _digest(path.read_bytes()))
 
 
 def fault_of(path: Path, seal: FileFingerprint, *, thorough: bool = False) -> str | None:
-    """Reason why a file differs from its record, else None; raises `OSError`."""
+    """Reason why a file differs from its recorded fingerprint; None if it does not. Raises
+    `OSError`.
+    """
     try:
         about = path.stat()
     except (FileNotFoundError, NotADirectoryError):

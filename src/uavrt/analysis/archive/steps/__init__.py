@@ -1,1 +1,1 @@
-"""The work of a batch: detection by cell, estimates by flight, parallel tasks."""
+"""Steps of a batch: detection by cell, estimates by flight, parallel tasks."""

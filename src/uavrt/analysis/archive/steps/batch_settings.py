@@ -10,13 +10,13 @@ from uavrt.core.errors import NotFound, UsageError
 
 STEPS = ("detect", "attach", "bearing", "localize", "integrate")
 USUAL_STEPS = STEPS[:-1]
-"""Default steps of a batch; whole-flight analysis is left out, as it takes most time and
-memory."""
+"""Steps that a batch runs by default: all except whole-flight analysis, which takes most time
+and memory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatchSettings:
-    """Settings for searching recordings, and for bearings and positions."""
+    """Settings of a batch for detecting pulses and estimating bearings and positions."""
 
     steps: tuple[str, ...] = USUAL_STEPS
     frequency_window_hz: float = 500.0
@@ -24,13 +24,16 @@ class BatchSettings:
     lead_in_s: float = LEAD_IN_S
     workers: int = 1
     scheduler: str | None = None
-    """Address of a Dask scheduler, such as tcp://HOST:PORT; None: this machine's cores."""
+    """Address of a Dask scheduler, such as tcp://HOST:PORT; None to use this computer's
+    cores."""
     verify: bool = False
-    """True to read all earlier output, and compute damaged parts again."""
+    """True to read all output of earlier runs and compute damaged parts again."""
     placing: PlacingSettings = field(default_factory=PlacingSettings)
 
     def check(self) -> None:
-        """Reject unknown steps, and steps that lack a step they need; raises `UsageError`."""
+        """Raise `UsageError` for an unknown step, or for a step without another one that it
+        needs.
+        """
         if unknown := sorted(set(self.steps) - set(STEPS)):
             raise NotFound(
                 f"there is no step {unknown[0]}", remedy=f"Choose from {', '.join(STEPS)}"
@@ -49,21 +52,25 @@ class BatchWatch:
     """Callbacks that report progress, and stop a batch."""
 
     should_stop: Callable[[], bool] = lambda: False
-    """Returns true to end the run; the next run continues it."""
+    """Function that returns true to end the run; the next run continues from there."""
     on_stage: Callable[[str, int], None] = lambda _name, _total: None
-    """Receives the next stage and its size: ``detecting`` (samples), ``placing`` (flights)."""
+    """Function called with the next stage and its size: ``detecting`` (number of samples) or
+    ``placing`` (number of flights)."""
     on_done: Callable[[int], None] = lambda _amount: None
-    """Receives the number of samples or flights done since its last call."""
+    """Function called with the number of samples or flights finished since its last call."""
     on_row: Callable[[RecordingRow | FlightRow], None] = lambda _row: None
     on_kept: Callable[[str, str], None] = lambda _name, _fault: None
-    """Receives each recording and flight that is not reachable now, and the reason; earlier
-    results stay."""
+    """Function called with each recording or flight that is not reachable now, and the reason;
+    its earlier results are kept."""
     on_damage: Callable[[str, str], None] = lambda _name, _fault: None
-    """Receives each missing or damaged output file, and the reason; it is made again."""
+    """Function called with each missing or damaged output file, and the reason; the file is
+    written again."""
     on_wait: Callable[[str], None] = lambda _text: None
-    """Receives a message for the user: what the run waits for, and the remedy."""
+    """Function called with a message for the user that states what the run waits for and what
+    to do."""
     on_origin: Callable[[str, str], None] = lambda _name, _origin: None
-    """Receives each recording without a start time of its own, and the source used instead."""
+    """Function called with each recording whose file has no start time, and the source of the
+    time used instead."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,9 +84,11 @@ class BatchSummary:
     placed_now: int
     placed_before: int
     copies: int
-    """Number of skipped directories that are a second copy of a flight."""
+    """Number of directories that were skipped because they contain a second copy of a
+    flight."""
     kept: int
-    """Number of recordings and flights not reachable now; earlier results stay."""
+    """Number of recordings and flights that are not reachable now; their earlier results are
+    kept."""
     stopped: bool
     damaged: Mapping[str, str]
-    """Reason for each missing or damaged output file; it was made again."""
+    """Missing or damaged output files, each with the reason; all were written again."""

@@ -23,7 +23,9 @@ from uavrt.radio.files.recording_source import RecordingSource
 
 
 class CellResult(msgspec.Struct, frozen=True, kw_only=True):
-    """Pulses, beeping signals and counters of one cell."""
+    """Result of searching one cell: pulses, signals that differ from the tag list, and
+    counters.
+    """
 
     number: int
     pulses: list[Pulse] = msgspec.field(default_factory=list)
@@ -34,11 +36,11 @@ class CellResult(msgspec.Struct, frozen=True, kw_only=True):
     invalid_values: int = 0
     cpu_s: float = 0.0
     searched: bool = False
-    """True if at least one sample of this part of a recording was searched."""
+    """True if at least one sample of the cell was searched."""
     fault: str | None = None
-    """Reason why the search of a recording's part stopped early or failed; None if complete."""
+    """Reason why the search of the cell failed or stopped early; None if it is complete."""
     unreachable: bool = False
-    """True if the part's samples could not be reached, so that the next run tries again."""
+    """True if the cell's samples could not be read now, so that the next run tries again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +63,9 @@ class CellTask:
     def work(
         self, should_stop: Callable[[], bool], on_done: Callable[[int], None]
     ) -> CellResult | None:
-        """Detect pulses in the cell; `on_done` gets numbers of samples. None if stopped."""
+        """Detect pulses in the cell; return None if stopped. `on_done` is called with numbers
+        of searched samples.
+        """
         cell, began_s = self.cell, time.process_time()
         pulses: list[Pulse] = []
         beeps: list[Beep] = []
@@ -116,7 +120,7 @@ class CellTask:
 
 
 def keep_cell(directory: Path, result: CellResult) -> None:
-    """Save the result of a time span until its recording is finished; raises `OSError`."""
+    """Save a cell's result until its recording is finished. Raises `OSError`."""
     content = msgspec.msgpack.encode(result, enc_hook=_plain)
     write_note(directory / str(result.number), content)
 
@@ -143,7 +147,9 @@ def _chain(task: CellTask, source: RecordingSource) -> DetectionChain:
 
 
 def _gone(task: CellTask, error: UavrtError) -> bool:
-    """True if the samples are unreachable for now; false if they are lost (bad disk sector)."""
+    """True if the samples cannot be reached at present; False if they are lost, as by a bad
+    disk sector.
+    """
     if not out_of_reach(error):
         return False
     cause = error.__cause__
@@ -157,7 +163,9 @@ def _gone(task: CellTask, error: UavrtError) -> bool:
 
 
 def _counts(cell: Cell, pulse: Pulse) -> bool:
-    """False for a pulse that ends in the cell's lead-in: it counts in the previous cell."""
+    """False for a pulse that ends in the cell's lead-in, since it belongs to the previous
+    cell.
+    """
     return cell.begin_ns is None or pulse.end_time_ns >= cell.begin_ns
 
 

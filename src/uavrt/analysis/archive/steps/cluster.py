@@ -1,7 +1,7 @@
-"""Run tasks on a Dask cluster: workers on several machines that share the same files.
+"""Run tasks on a Dask cluster, whose workers on several computers share the same files.
 
-A file in the output names the current run, and workers read it regularly. If it is gone or
-names another run, they abandon their task.
+A marker file in the output identifies the current run, and workers read it regularly. If it is
+missing or identifies another run, they abandon their task.
 """
 
 import logging
@@ -29,11 +29,12 @@ NO_WORKER_S = 3.0
 _CLOSE_S = 0.5
 _POLL_S = 0.5
 _QUEUED_LEAST = 64
-"""Minimum number of queued tasks; an adaptive cluster grows with its queue."""
+"""Minimum number of tasks in the queue, because an adaptive cluster grows with the length of
+its queue."""
 
 
 class RunMarker:
-    """File that identifies the current run for workers."""
+    """Marker file that identifies the current run to workers."""
 
     def __init__(self, path: Path, run: str) -> None:
         self._path, self._run = path, run
@@ -44,7 +45,9 @@ class RunMarker:
         write_atomically(self._path, self._run, sync=False)
 
     def should_stop(self) -> bool:
-        """True if the file is gone or names another run, so that the worker must stop."""
+        """True if the marker file is missing or identifies another run; the worker must then
+        stop.
+        """
         now_s = time.monotonic()
         if now_s - self._read_s >= _POLL_S and not self._stop:
             self._read_s = now_s
@@ -61,10 +64,10 @@ def run_on_cluster(
     on_done: Callable[[int], None],
     on_wait: Callable[[str], None],
 ) -> Iterator[tuple[int, R]]:
-    """Run tasks on a cluster, and yield the number and result of each when done.
+    """Run tasks on a cluster; yield the number and the result of each finished task.
 
-    All workers see `folder` under the same name. `on_done` receives the amount done since its
-    last call, and `on_wait` a text while there is no worker.
+    All workers must see `folder` under the same name. `on_done` is called with the amount of
+    work done since its last call, and `on_wait` with a message while there is no worker.
     """
     if not tasks:
         return
@@ -106,7 +109,9 @@ class _Cluster:
             self._client.close(timeout=_CLOSE_S)
 
     def at_once(self) -> int:
-        """Number of tasks to submit, so that no worker idles and an adaptive cluster grows."""
+        """Number of tasks to have submitted, so that no worker is idle and an adaptive cluster
+        grows.
+        """
         now_s = time.monotonic()
         if now_s - self._looked_s > 1.0 and self._client.status == "running":
             self._looked_s = now_s
@@ -117,7 +122,7 @@ class _Cluster:
             elif now_s - self._alone_s > NO_WORKER_S:
                 self._alone_s = math.inf  # it is said once, until one has come
                 self._on_wait(
-                    f"no worker has come to the scheduler. Start one on each machine: "
+                    f"no worker is connected to the scheduler. Start one on each machine: "
                     f"dask worker {self._scheduler} --nthreads 1"
                 )
         return max(_QUEUED_LEAST, 2 * self._threads)
@@ -130,7 +135,9 @@ class _Cluster:
             )
 
     def result(self, future: "Future[R | None]", task: Task[R]) -> R | None:
-        """Result of a finished task; raises `LinkError` if the scheduler is lost."""
+        """Return the result of a finished task. Raises `LinkError` if the connection to the
+        scheduler is lost.
+        """
         with _scheduler_there():
             try:
                 return future.result()
@@ -146,7 +153,7 @@ class _Cluster:
 
 @contextmanager
 def _scheduler_there() -> Iterator[None]:
-    """Context that turns Dask's errors on a lost scheduler into `LinkError`."""
+    """Context manager that converts Dask's errors about a lost scheduler to `LinkError`."""
     try:
         yield
     except (CancelledError, OSError) as error:
@@ -157,7 +164,7 @@ def _scheduler_there() -> Iterator[None]:
 
 
 class _ProgressSender:
-    """Reports a worker's progress to the run, at most as often as it is displayed."""
+    """Sends a worker's progress to the run, no more often than it is displayed."""
 
     def __init__(self, run: str) -> None:
         from distributed import get_worker

@@ -30,7 +30,7 @@ UNFINISHED = "unfinished"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Facts:
-    """Metadata of a recording; empty if it cannot be opened."""
+    """Metadata of a recording; all fields are empty if the recording cannot be opened."""
 
     start_time_ns: int | None = None
     length_s: float | None = None
@@ -49,7 +49,9 @@ class _Job:
 
 
 class Detecting:
-    """Plans the detection tasks of recordings that `ledger` lacks, and collects results."""
+    """Plans the detection tasks for recordings without a row in `ledger`, and combines their
+    results.
+    """
 
     def __init__(
         self,
@@ -74,7 +76,9 @@ class Detecting:
         """Warning, by name, for each recording whose start is taken from its file's time."""
 
     def plan(self, recording: Recording) -> RecordingRow | None:
-        """Add a recording's tasks; if it needs none, return its new result row, else None."""
+        """Add the detection tasks of a recording; if it needs none, return its new result row,
+        if any.
+        """
         try:
             key = _key(recording, self._sought, self._settings)
             self.keys[recording.path] = key
@@ -104,14 +108,18 @@ class Detecting:
         return row
 
     def _take_known(self, recording: Recording) -> bool:
-        """Reuse the last results of a recording that is not searched now; false if none."""
+        """Use the last results of a recording that is not searched in this run; return False if
+        there are none.
+        """
         known = self._ledger.of(recording.name)
         if known is not None:
             self.keys[recording.path] = known.fingerprint
         return known is not None
 
     def finish(self, number: int, result: CellResult) -> RecordingRow | None:
-        """Add a task's result; returns the recording's row when it was the last one."""
+        """Add the result of one task; return the recording's row if it was the recording's last
+        task.
+        """
         job = self._jobs[number]
         job.results.append(result)
         if len(job.results) < job.cells:
@@ -231,7 +239,9 @@ def _beeps(results: Sequence[CellResult]) -> list[Beep]:
 
 
 def _joined(results: Sequence[CellResult]) -> list[tuple[int, Pulse]]:
-    """Join pulses of a recording's cells in order of time; a pulse in two cells counts once."""
+    """Combine the pulses of a recording's cells by tag and time; a pulse found in two cells is
+    counted once.
+    """
     found = [(one.number, pulse) for one in results for pulse in one.pulses]
     found.sort(key=lambda one: (one[1].tag_id, one[1].start_time_ns))
     kept: list[tuple[int, Pulse]] = []

@@ -42,7 +42,7 @@ from uavrt.localization.antenna import MONOPOLE
 
 R = TypeVar("R")
 TABLE_OF = {"bearing": BEARINGS, "localize": POSITIONS, "integrate": INTEGRATED}
-"""Output table of each step that can be skipped while other steps run again."""
+"""Output table of each step whose results can be kept while other steps run again."""
 
 
 class Placing:
@@ -66,7 +66,7 @@ class Placing:
         self.done_before = 0
 
     def plan(self, found: Found, keys: Mapping[Path, str], copies: Mapping[Path, Path]) -> None:
-        """Add tasks for all unfinished flights, and for recordings with a track."""
+        """Add tasks for all unfinished flights, and for recordings that have a track."""
         if "attach" not in self._settings.steps:
             return
         for copy, directory in copies.items():
@@ -99,7 +99,9 @@ class Placing:
         return Searched(recording=row.path, file=file)
 
     def _taken_away(self, found: Found) -> Iterator[tuple[Path, RecordingRow]]:
-        """Flight directory and row of deleted recordings whose pulses are still stored."""
+        """Yield the flight directory and the row of each deleted recording whose pulses are
+        still stored.
+        """
         flights, there = set(found.flights), {one.name for one in found.recordings}
         for row in self._recordings.rows:
             if row.state in ("done", "truncated") and row.path not in there:
@@ -140,7 +142,7 @@ class Placing:
         return self._recordings.done(recorded_key(task)) is not None
 
     def finish(self, number: int, result: FlightResult) -> FlightRow | None:
-        """Write a flight's results; returns its row, or None if earlier results stay."""
+        """Store a flight's results; return its row, or None if its earlier results are kept."""
         plan = self._plans[number]
         if result.failed:
             return self._kept_or_failed(plan.task, result)
@@ -186,7 +188,9 @@ class Placing:
         return {name: write_rows(self._output / name, record, rows, task.flight)}
 
     def _settle_recorded(self, task: FlightTask, result: FlightResult) -> None:
-        """Write the pulses detected in flight, or drop them if a recording was searched."""
+        """Store the pulses that were detected in flight, or remove them if a recording of the
+        flight was searched.
+        """
         if result.recorded is None:
             self._recordings.drop(task.path)
             return
@@ -214,17 +218,17 @@ class Placing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Plan:
-    """Steps of a flight to run now, and steps whose earlier results stay."""
+    """Steps of a flight that must run, and steps whose earlier results are kept."""
 
     task: FlightTask
     keys: Mapping[str, str]
-    """Hash of each step's inputs, by name of the step, for a directional antenna."""
+    """Hash of each step's inputs, by name of the step, if the antenna is directional."""
     whip_keys: Mapping[str, str]
     before: FlightRow | None
     kept: tuple[str, ...]
 
     def keys_with(self, antenna: str) -> dict[str, str]:
-        """Hash of each step's inputs, by step, for the antenna pattern that was used."""
+        """Hash of each step's inputs, by name of the step, for the antenna that was used."""
         keys = self.whip_keys if antenna == MONOPOLE else self.keys
         return {step: keys[step] for step in (*self.task.steps, *self.kept)}
 
@@ -232,7 +236,9 @@ class _Plan:
 def _planned(
     task: FlightTask, before: FlightRow | None, *, again: bool = False
 ) -> _Plan | None:
-    """Plan the steps whose inputs changed; None if all results are up to date."""
+    """Plan the steps of a flight whose inputs have changed; None if all results are up to
+    date.
+    """
     keys, whip_keys = step_keys(task)
     done = {} if before is None else read_keys(before.fingerprints)
     antenna = task.settings.antenna or (before.antenna if before is not None else "")

@@ -47,14 +47,15 @@ class PlacingSettings(EstimationOptions):
     """Settings for bearings and positions, as in `uavrt localize`."""
 
     antenna: str | None = None
-    """Name of a pattern, a pattern file, or monopole; None: the drone's configured antenna."""
+    """Name of an antenna pattern, path of a pattern file, or monopole; None for the antenna in
+    the drone's settings."""
     dem: str | None = None
     """Elevation file, or folder of such files; None assumes level ground."""
     sea: bool = False
-    """True if terrain that no elevation file covers is water."""
+    """True if areas that no elevation file covers are water."""
 
     def estimation_options(self, antenna: str) -> EstimationOptions:
-        """These settings in the form that the estimator takes."""
+        """Convert these settings to the options of the estimator."""
         same = {one.name: getattr(self, one.name) for one in fields(EstimationOptions)}
         elevation = _elevation(self.dem, self.sea)
         return EstimationOptions(**same | {"antenna": antenna, "elevation": elevation})
@@ -79,7 +80,7 @@ class FlightResult:
     integrate_fault: str | None = None
     failed: bool = False
     gone: bool = False
-    """True if the task failed because the flight is not reachable now."""
+    """True if the task failed because the flight's files cannot be reached at present."""
     recorded: tuple[Pulse, ...] | None = None
     """Pulses that the flight itself recorded; None if a recording of it was searched."""
     start_time_ns: int | None = None
@@ -107,12 +108,15 @@ class FlightTask:
     tags: tuple[Tag, ...]
     track: Path | None
     clock_offset_s: float | None
-    """Offset of the recording's clock ahead of the track's [s]; None: estimate it."""
+    """Offset of the recording's clock from the track's clock [s], positive if the recording's
+    clock is ahead; None to estimate it."""
     steps: tuple[str, ...]
     settings: PlacingSettings
 
     def packed(self) -> "FlightTask":
-        """Copy with pulses loaded, since workers read no Parquet; raises `FormatError`."""
+        """Return a copy that contains the pulses, since workers read no Parquet files. Raises
+        `FormatError`.
+        """
         return replace(
             self,
             searched=tuple(
@@ -127,7 +131,9 @@ class FlightTask:
     def work(
         self, should_stop: Callable[[], bool], on_done: Callable[[int], None]
     ) -> FlightResult | None:
-        """Attach poses, and run the requested steps; None if stopped before the end."""
+        """Attach poses to the pulses and run the requested steps; None if stopped before the
+        start.
+        """
         if should_stop():
             return None
         began_s = time.process_time()
@@ -140,7 +146,7 @@ class FlightTask:
 
 
 def _gone(task: FlightTask, error: Exception) -> bool:
-    """True if the flight's files cannot be read now, whatever the kind of `error`."""
+    """True if `error` occurred because the flight's files cannot be read at present."""
     if isinstance(error, OSError):
         return True
     read = FlightLayout(Path(task.path)).database if task.is_flight else task.track
@@ -191,7 +197,9 @@ def _place(task: FlightTask) -> FlightResult:
 def _integrated(
     task: FlightTask, flight: Flight, antenna: str
 ) -> tuple[tuple[IntegratedVerdict, ...], str | None]:
-    """Whole-flight results of tags with a recorded channel; errors as text, or None."""
+    """Return the whole-flight results of tags with a recorded channel, and the errors as text
+    or None.
+    """
     from uavrt.analysis.inputs.flown_with import antenna_is_recorded
     from uavrt.analysis.integrated.hindsight import verdict_of
     from uavrt.analysis.whole_flights.judged_flights import WholeFlightOptions
@@ -221,7 +229,9 @@ def _integrated(
 
 
 def _attached(task: FlightTask) -> tuple[Flight | None, tuple[PulsePose, ...], float | None]:
-    """Attach poses to a task's pulses; returns flight or None, pulses, and clock offset [s]."""
+    """Attach poses to a task's pulses; return the flight if there is one, the pulses, and the
+    clock offset [s].
+    """
     pulses = [pulse for one in task.searched for pulse in one.pulses]
     if task.is_flight:
         flight = read_flight(task.path)

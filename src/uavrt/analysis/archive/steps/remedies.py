@@ -1,4 +1,4 @@
-"""Name manifest columns instead of command-line options in error messages of a batch."""
+"""Replace command-line options in a batch's error messages by columns of the manifest."""
 
 COLUMN_OF = {
     "--format": "format",
@@ -7,7 +7,8 @@ COLUMN_OF = {
     "--start-time": "start_time",
     "--clock-offset": "clock_offset_s",
 }
-"""Manifest column for each option of the commands that read one recording."""
+"""Column of the manifest that corresponds to each option of the commands that read one
+recording."""
 
 
 def by_manifest(text: str) -> str:

@@ -1,4 +1,6 @@
-"""Hash the inputs of each step, so that a step runs again only if its inputs changed."""
+"""Hash the inputs of each processing step, so that a step runs again only if its inputs have
+changed.
+"""
 
 import hashlib
 import os
@@ -18,7 +20,8 @@ PLACING_STEPS = ("attach", "bearing", "localize")
 
 
 def step_keys(task: FlightTask) -> tuple[dict[str, str], dict[str, str]]:
-    """Input hashes of a flight's steps, by step: for a directional antenna, for a monopole.
+    """Return the hashes of the inputs of a flight's steps, once for a directional antenna and
+    once for a monopole.
 
     They depend on the flight's present files, its pulses and the settings.
     """
@@ -47,7 +50,9 @@ def step_keys(task: FlightTask) -> tuple[dict[str, str], dict[str, str]]:
 
 
 def recorded_key(task: FlightTask) -> str:
-    """Hash of the files with a flight's pulses; raises `OSError` if not reachable."""
+    """Return a hash of the files that contain a flight's pulses. Raises `OSError` if they
+    cannot be read.
+    """
     return _hashed([task.path], flight_files(task))
 
 
@@ -57,22 +62,28 @@ def key_of(path: str, keys: Mapping[str, str]) -> str:
 
 
 def tags_as_read(tags: Iterable[Tag]) -> list[str]:
-    """Sorted texts of tags, for a hash; names are left out, since no result depends on them."""
+    """Sorted texts of tags as input of a hash; names are excluded because no result depends on
+    them.
+    """
     return sorted(repr(replace(tag, name=None)) for tag in tags)
 
 
 def written(keys: Mapping[str, str]) -> str:
-    """Encode hashes by step as STEP=HASH, separated by commas; `read_keys` reverses it."""
+    """Encode the hashes of steps as STEP=HASH, separated by commas; `read_keys` decodes
+    this.
+    """
     return ",".join(f"{step}={key}" for step, key in sorted(keys.items()))
 
 
 def read_keys(text: str) -> dict[str, str]:
-    """Decode STEP=HASH text that `written` made; hashes by step."""
+    """Decode a text written by `written`; return the hashes by step."""
     return dict(one.split("=", 1) for one in text.split(",") if "=" in one)
 
 
 def flight_files(task: FlightTask) -> list[Path]:
-    """Files with a flight's pulses and poses: database, write-ahead log, separate track."""
+    """Files that contain a flight's pulses and poses: database, write-ahead log and separate
+    track.
+    """
     layout = FlightLayout(Path(task.path))
     track = [] if task.track is None else [task.track]
     return [layout.database, layout.write_ahead_log, *track]

@@ -1,4 +1,4 @@
-"""Run tasks in parallel in separate processes; a crash costs only its task."""
+"""Run tasks in parallel in separate processes, so that a crash affects only one task."""
 
 import multiprocessing
 import signal
@@ -13,7 +13,7 @@ from uavrt.core.errors import UavrtError
 from uavrt.drone.ipc.parent import die_with_parent
 
 MOST_DEATHS = 3
-"""Number of worker crashes on one task after which it is skipped."""
+"""Number of worker crashes during the same task after which it is skipped."""
 _POLL_S = 0.3
 
 
@@ -25,7 +25,7 @@ class Task(Protocol[R_co]):
     """Interface of a task that is pickled and sent to a worker."""
 
     def packed(self) -> "Task[R_co]":
-        """Copy of the task with the data that a worker needs."""
+        """Return a copy of the task that contains the data which a worker needs."""
 
     def work(
         self, should_stop: Callable[[], bool], on_done: Callable[[int], None]
@@ -43,9 +43,9 @@ def run_tasks(
     should_stop: Callable[[], bool] = lambda: False,
     on_done: Callable[[int], None] = lambda _count: None,
 ) -> Iterator[tuple[int, R]]:
-    """Run tasks in `workers` processes; yields number and result of each when done.
+    """Run tasks in `workers` processes; yield the number and the result of each finished task.
 
-    With one worker, this process does the work.
+    If `workers` is 1, the tasks run in this process.
     """
     if workers <= 1:
         for number, task in enumerate(tasks):
@@ -70,7 +70,9 @@ def run_tasks(
 
 @dataclass(frozen=True, slots=True)
 class Unfinished:
-    """Indices of tasks that were not started, and of those in progress at a worker's crash."""
+    """Indices of the tasks that were not started, and of those that were running when a worker
+    crashed.
+    """
 
     undone: list[int]
     interrupted: list[int]
@@ -80,7 +82,7 @@ class Workers(Protocol):
     """Interface of a pool of workers."""
 
     def at_once(self) -> int:
-        """Number of tasks that may be submitted and unfinished at a time."""
+        """Number of tasks that may be submitted before others are finished."""
 
     def submit(self, task: Task[R]) -> "Future[R | None]":
         """Submit a task to a worker."""
@@ -89,7 +91,7 @@ class Workers(Protocol):
         """Result of a finished task; raises BrokenProcessPool if a worker crashed."""
 
     def done(self) -> int:
-        """Total of the amounts that tasks have passed to `on_done`, over all workers."""
+        """Sum of the amounts that all workers' tasks have passed to `on_done`."""
 
 
 def run_in_pool(
@@ -99,9 +101,10 @@ def run_in_pool(
     should_stop: Callable[[], bool],
     on_done: Callable[[int], None],
 ) -> Generator[tuple[int, R], None, Unfinished]:
-    """Run tasks in a pool, yield them when done, and return the unfinished ones.
+    """Run tasks in a pool; yield the number and result of each finished task, and return the
+    unfinished tasks.
 
-    If the run is to stop, tasks in progress are abandoned, to be done by the next run.
+    When the run is to stop, running tasks are abandoned; the next run repeats them.
     """
     undone, queue = dict.fromkeys(numbers), iter(numbers)
     running: dict[Future[R | None], int] = {}
@@ -141,7 +144,9 @@ def run_in_pool(
 
 
 def submitted(task: Task[R], pool: Workers) -> "Future[R | None]":
-    """Submit a task with its data; if these cannot be loaded, its result is a failure."""
+    """Submit a task with the data that it needs; if the data cannot be loaded, its result is a
+    failure.
+    """
     try:
         return pool.submit(task.packed())
     except UavrtError as error:
@@ -151,7 +156,7 @@ def submitted(task: Task[R], pool: Workers) -> "Future[R | None]":
 
 
 class _Pool:
-    """Processes of this machine that run tasks, until one of them crashes."""
+    """Pool of worker processes on this computer, used until one of them crashes."""
 
     def __init__(self, workers: int) -> None:
         # A fresh interpreter each: a fork would copy the threads' locks as they are.
@@ -227,7 +232,9 @@ def run_here(
 def run_safely(
     task: Task[R], should_stop: Callable[[], bool], on_done: Callable[[int], None]
 ) -> R | None:
-    """Run a task; an unexpected error makes its result a failure, and the run continues."""
+    """Run a task; an unexpected error becomes a failure as its result, so that the run
+    continues.
+    """
     try:
         return task.work(should_stop, on_done)
     except (MemoryError, ArithmeticError, LookupError, TypeError, ValueError) as error:

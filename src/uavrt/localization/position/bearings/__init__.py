@@ -1,1 +1,1 @@
-"""Compute the likelihood of a position from bearings, and check if they agree."""
+"""Compute the likelihood of a position from bearings, and check whether the bearings agree."""

@@ -1,4 +1,4 @@
-"""Likelihood of a position from bearings, each mixed with its outlier probability."""
+"""Likelihood of a position from bearings, each of which is an outlier with some probability."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ _Floats = NDArray[np.float64]
 
 
 class BearingEvidence:
-    """Log-likelihood of positions, given posteriors (n, 360) of bearings from stations."""
+    """Log-likelihood of positions, given the posteriors (n, 360) of bearings from stations."""
 
     def __init__(
         self,
@@ -38,7 +38,9 @@ class BearingEvidence:
 
     @staticmethod
     def _blurred(density: _Floats) -> _Floats:
-        """(n, blurs, 1440) density of each bearing per degree, blurred by cell widths."""
+        """Density of each bearing per degree, blurred by several cell widths, shape (n, blurs,
+        1440).
+        """
         stations, steps = density.shape
         count = round(360.0 / BEARING_FIX.step_deg)
         grid = np.arange(count) * BEARING_FIX.step_deg
@@ -56,7 +58,9 @@ class BearingEvidence:
         )
 
     def densities(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float) -> _Floats:
-        """(n, errors, places) density of each bearing for each heading error and position."""
+        """Density of each bearing for each heading error and position, shape (n, errors,
+        places).
+        """
         out = np.empty((len(self._east_m), len(self._turned_deg), len(east_m)))
         count, width = round(360.0 / BEARING_FIX.step_deg), self._tables.shape[2]
         for station, (table, high) in enumerate(zip(self._tables, out, strict=True)):
@@ -77,7 +81,9 @@ class BearingEvidence:
     def log_likelihoods(
         self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float
     ) -> _Floats:
-        """(errors, places) log-likelihood of all bearings plus log-prior of heading errors."""
+        """Log-likelihood of all bearings plus log-prior of the heading error, shape (errors,
+        places).
+        """
         return self._log_likelihoods(self.densities(east_m, north_m, cell_m))
 
     def _log_likelihoods(self, densities: _Floats) -> _Floats:
@@ -86,7 +92,9 @@ class BearingEvidence:
     def log_likelihood(
         self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float
     ) -> _Floats:
-        """(places,) log-likelihood of all bearings, the heading error integrated out."""
+        """Log-likelihood of all bearings, integrated over the heading error, shape
+        (places,).
+        """
         each = self.log_likelihoods(east_m, north_m, cell_m)
         top = each.max(axis=0)
         if len(each) == 1:
@@ -96,7 +104,9 @@ class BearingEvidence:
     def doubts(
         self, east_m: _Floats, north_m: _Floats, probability: _Floats, cell_m: _Floats
     ) -> "Doubts":
-        """Heading error and outlier probabilities, averaged over a posterior of positions."""
+        """Return heading error and outlier probabilities, averaged over a posterior of
+        positions.
+        """
         # Cells in the far tails are many and have no influence.
         order = np.argsort(-probability)
         count = (
@@ -124,7 +134,7 @@ class Doubts:
     """Heading error and outlier probabilities, averaged over a posterior of positions."""
 
     heading_error_deg: float
-    """Posterior mean of the error that all headings share [deg]."""
+    """Posterior mean of the error common to all headings [deg]."""
     heading_error_sigma_deg: float
     outlier_probabilities: tuple[float, ...]
 
@@ -133,7 +143,7 @@ def log_product(densities: _Floats) -> _Floats:
     """Logarithm of the product over the first axis, computed with few logarithms.
 
     Products of `BEARING_FIX.multiplied` densities do not underflow, since each density includes
-    the share of outliers.
+    the probability of an outlier.
     """
     total = np.zeros(densities.shape[1:])
     for first in range(0, len(densities), BEARING_FIX.multiplied):
@@ -142,14 +152,18 @@ def log_product(densities: _Floats) -> _Floats:
 
 
 def _nodes(sigma_deg: float) -> NDArray[np.int64]:
-    """Trial errors common to all headings: about 9, up to three sigma [table steps]."""
+    """Trial values of the error common to all headings: about 9, up to three standard
+    deviations [table steps].
+    """
     step = max(1, round(0.67 * sigma_deg / BEARING_FIX.step_deg))
     reach = int(3.0 * sigma_deg / BEARING_FIX.step_deg / step)
     return np.arange(-reach, reach + 1) * step
 
 
 def von_mises(bearing_deg: _Floats, sigma_deg: _Floats) -> _Floats:
-    """(n, 1440) von Mises probabilities with kappa = 1 / sigma²; sigma is at least 0.3°."""
+    """Von Mises probabilities with kappa = 1 / sigma², shape (n, 1440); sigma is at least
+    0.3°.
+    """
     kappa = 1.0 / np.radians(np.maximum(sigma_deg, 0.3)) ** 2
     grid = np.arange(0.0, 360.0, BEARING_FIX.step_deg)
     off = np.radians(difference_deg(grid[None, :], bearing_deg[:, None]))
@@ -158,7 +172,9 @@ def von_mises(bearing_deg: _Floats, sigma_deg: _Floats) -> _Floats:
 
 
 def density_of(bearing_deg: float, sigma_deg: float | None) -> _Floats:
-    """(360,) probability of whole degrees; `sigma_deg` None: a mixture of several errors."""
+    """Probability of whole degrees, shape (360,); if `sigma_deg` is None, a mixture of several
+    standard deviations.
+    """
     sigmas = np.array(BEARING_FIX.unknown_sigmas_deg if sigma_deg is None else (sigma_deg,))
     each = von_mises(np.full(len(sigmas), bearing_deg), sigmas)[
         :, :: round(1.0 / BEARING_FIX.step_deg)

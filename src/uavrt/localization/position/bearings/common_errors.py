@@ -1,9 +1,10 @@
-"""Check if bearings agree, and find a common explanation if they do not.
+"""Check whether bearings agree and, if they do not, find an explanation for all of them.
 
 A wrong compass or a walking animal turns all bearings of a flight together, so that none of
-them alone is conspicuous. With four stations around the tag three explanations can be compared:
-a resting tag, a walking one, and a common heading error. Each is fitted to the bearings (with
-outliers) and compared by its evidence (Laplace's approximation; MacKay 2003, ch. 27).
+them alone is conspicuous. With four stations around the tag, three explanations can be
+compared: a resting tag, a walking tag, and a common heading error. Each is fitted to the
+bearings (with outliers). They are compared by their evidence (Laplace's approximation; MacKay
+2003, ch. 27).
 """
 
 from dataclasses import dataclass
@@ -31,31 +32,32 @@ class FlightBearings:
     """Bearings of one tag in the local plane."""
 
     east_m: _Floats
-    """(n,) east coordinates of the places where the bearings were taken [m]."""
+    """East coordinates of the positions where the bearings were taken [m], shape (n,)."""
     north_m: _Floats
     bearing_deg: _Floats
     sigma_deg: _Floats
-    """(n,) standard deviation of each bearing [deg], without errors common to all."""
+    """Standard deviation of each bearing without errors common to all [deg], shape (n,)."""
     time_s: _Floats | None = None
-    """(n,) times of the bearings [s]; None: the tag rests."""
+    """Times of the bearings [s], shape (n,); None for a tag that rests."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit:
-    """One explanation of the bearings, fitted: rest, walk or compass."""
+    """Fit of one explanation (rest, walk or compass) to the bearings."""
 
     explanation: Explanation
     place: _Floats
-    """(2,) east and north of the tag [m]; for a walking tag at the last bearing."""
+    """East and north of the tag [m], shape (2,); for a walking tag, at the last bearing."""
     covariance_m2: _Floats
     heading_error_deg: float
     heading_error_sigma_deg: float
     velocity_m_s: _Floats
-    """(2,) east and north velocity of the tag [m/s]."""
+    """Velocity of the tag to the east and north [m/s], shape (2,)."""
     inlier: _Floats
-    """(n,) probability that each bearing belongs to the tag."""
+    """Probability that each bearing belongs to the tag, shape (n,)."""
     misfit: float
-    """Probability that bearings scatter at least as far if this explanation is true."""
+    """Probability that bearings would scatter at least this much if this explanation were
+    true."""
     log_evidence: float
 
     def middle_of(self, bearings: FlightBearings) -> tuple[float, float]:
@@ -74,7 +76,9 @@ class _Model:
 
 
 def stations_around(east_m: _Floats, north_m: _Floats, place: tuple[float, float]) -> bool:
-    """True if enough stations surround a position to show common errors."""
+    """True if enough stations surround a position for errors common to all bearings to be
+    detected.
+    """
     if len(east_m) < COMMON.least_stations:
         return False
     seen = np.degrees(np.arctan2(east_m - place[0], north_m - place[1]))
@@ -89,7 +93,7 @@ def explanations(
     outlier_share: float,
     unusual: frozenset[Explanation] = UNUSUAL,
 ) -> list[tuple[float, Fit]]:
-    """Fit all explanations, each with its probability; the resting tag comes first."""
+    """Fit all explanations; return each with its probability, the resting tag first."""
     models = []
     if "compass" in unusual:
         models.append(
@@ -144,7 +148,9 @@ def _azimuth(bearings: FlightBearings, place: _Floats) -> _Floats:
 def _fitted(
     bearings: FlightBearings, start: _Floats, model: _Model, outlier_share: float
 ) -> Fit:
-    """Fit one explanation of bearings by Gauss–Newton, weighted by outlier probabilities."""
+    """Fit one explanation of the bearings by Gauss–Newton iterations, weighted by outlier
+    probabilities.
+    """
     ago = np.zeros(len(bearings.east_m))
     if bearings.time_s is not None and model.speed_m_s > 0.0:
         ago = bearings.time_s - bearings.time_s.max()
@@ -249,12 +255,14 @@ def cautions_of(
 
 
 def cautions_of_outliers(outlier_probabilities: tuple[float, ...]) -> tuple[Caution, ...]:
-    """Cautions for the operator on outliers among bearings with unknown errors."""
+    """Cautions for the operator about outliers among bearings whose errors are unknown."""
     return _cautions_of_odd(np.array(outlier_probabilities) > 0.5, scatter=False)
 
 
 def _cautions_of_odd(odd: NDArray[np.bool_], *, scatter: bool) -> tuple[Caution, ...]:
-    """Cautions on outliers among the bearings, and on other bearings that scatter too far."""
+    """Cautions about outliers among the bearings, and about other bearings that scatter too
+    much.
+    """
     numbers = np.flatnonzero(odd) + 1
     few = len(odd) - len(numbers) < COMMON.least_agreeing
     if scatter or len(numbers) >= 2 or (len(numbers) == 1 and few):
@@ -276,7 +284,9 @@ def _contradicting(numbers: NDArray[np.int64]) -> str:
 
 
 def _odd(fit: Fit, outlier_probabilities: tuple[float, ...] | None) -> NDArray[np.bool_]:
-    """(n,) True for outlying bearings, unless a second lobe of the posterior agrees."""
+    """True for outlying bearings, unless a second lobe of the bearing's posterior agrees, shape
+    (n,).
+    """
     odd = fit.inlier < 0.5
     if fit.explanation != "rest" or outlier_probabilities is None:
         return odd

@@ -1,6 +1,7 @@
-"""Positions from bearings after Lenth (1981, Technometrics 23:149), in the local plane.
+"""Estimate positions from bearings after Lenth (1981, Technometrics 23:149), in the local
+plane.
 
-Each estimator exists as UAV-RT computes it, to reproduce published positions, and
+Each estimator exists as UAV-RT computes it, so that published positions can be reproduced, and
 in a corrected form.
 """
 
@@ -22,14 +23,15 @@ class PlanePosition:
     east_m: float
     north_m: float
     covariance_m2: _Floats | None
-    """(2, 2) covariance of east and north [m²]; None if the bearings' scatter is unknown."""
+    """Covariance of east and north [m²], shape (2, 2); None if the bearings' scatter is
+    unknown."""
     weights: _Floats
-    """(n,) weight of each bearing in the robust estimate, at most 1."""
+    """Weight of each bearing in the robust estimate, at most 1, shape (n,)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rays:
-    """Stations in the local plane and their bearings to the tag."""
+    """Stations in the local plane with their bearings to the tag."""
 
     east_m: _Floats
     north_m: _Floats
@@ -37,12 +39,16 @@ class Rays:
 
     @property
     def angle_rad(self) -> _Floats:
-        """(n,) direction counter-clockwise from east [rad], as in Lenth's paper."""
+        """Direction of each bearing counter-clockwise from east [rad], as in Lenth's paper,
+        shape (n,).
+        """
         return np.asarray(np.radians(90.0 - self.bearing_deg))
 
 
 def maximum_likelihood(rays: Rays) -> PlanePosition | None:
-    """Lenth's MLE: smallest von Mises deviation of all bearings; None if it diverges."""
+    """Return Lenth's maximum-likelihood estimate, with the smallest von Mises deviation of all
+    bearings; None if it diverges.
+    """
     point = _start(rays, np.ones(len(rays.east_m)))
     weights = np.ones(len(rays.east_m))
     for _ in range(BEARING_FIX.iterations):
@@ -59,11 +65,11 @@ def maximum_likelihood(rays: Rays) -> PlanePosition | None:
 
 
 def m_estimate(rays: Rays, *, as_original: bool) -> PlanePosition | None:
-    """Lenth's M-estimator with Andrews' psi, c = 1.5; None if it diverges.
+    """Return Lenth's M-estimate with Andrews' psi, c = 1.5; None if it diverges.
 
-    `as_original`: True sets kappa = 1 / A(C), A = I1/I0, as uavrt_localize does. Kappa is then
-    near 2.2 for any bearings, and none is ever rejected. False sets it to the inverse function
-    A⁻¹(C), as in Lenth's paper.
+    With `as_original`, kappa is 1 / A(C), A = I1/I0, as in uavrt_localize. It is then near 2.2
+    for any bearings, and none is ever rejected. Otherwise kappa is the inverse function A⁻¹(C),
+    as in Lenth's paper.
     """
     weights = np.ones(len(rays.east_m))
     point = _start(rays, weights)
@@ -88,9 +94,9 @@ def m_estimate(rays: Rays, *, as_original: bool) -> PlanePosition | None:
 
 
 def repeated_median(rays: Rays, *, as_original: bool) -> PlanePosition | None:
-    """Repeated median of the bearings' crossings; None without any.
+    """Return the repeated median of the bearings' crossings; None if no bearings cross.
 
-    With `as_original`, crossings behind the stations count, too.
+    With `as_original`, crossings behind the stations are also used.
     """
     c, s = np.cos(rays.angle_rad), np.sin(rays.angle_rad)
     dx = rays.east_m[None, :] - rays.east_m[:, None]
@@ -117,14 +123,18 @@ def repeated_median(rays: Rays, *, as_original: bool) -> PlanePosition | None:
 
 
 def concentration(cosine: float) -> float:
-    """Concentration kappa of a von Mises density from its mean cosine, by Lenth's formula."""
+    """Concentration kappa of a von Mises density with a given mean cosine, by Lenth's
+    formula.
+    """
     c = min(max(cosine, 1e-3), 1.0 - 1e-12)
     inverse = 2.0 * (1.0 - c) + (1.0 - c) ** 2 * (0.48794 - 0.82905 * c - 1.3915 * c * c) / c
     return 1.0 / max(inverse, 1e-12)
 
 
 def fisher_information(rays: Rays, point: _Floats, kappa: _Floats) -> _Floats:
-    """(2, 2) information of bearings about a point: sum of kappa A(kappa) n nᵀ / r²."""
+    """Fisher information of bearings about a point: sum of kappa A(kappa) n nᵀ / r², shape (2,
+    2).
+    """
     dx, dy = point[0] - rays.east_m, point[1] - rays.north_m
     strength = (
         kappa * (special.i1e(kappa) / special.i0e(kappa)) / np.maximum(dx**2 + dy**2, 1e-6) ** 2
@@ -154,7 +164,7 @@ def _bessel_ratio(kappa: float) -> float:
 
 
 def _andrews(t: _Floats) -> _Floats:
-    """Weight psi(t) / t of Andrews' estimator: 1 at zero, 0 beyond 1.5 π."""
+    """Weight psi(t) / t of Andrews' estimator: 1 at t = 0, and 0 beyond 1.5 π."""
     safe = np.maximum(t, 1e-9)
     weight = np.where(
         safe < BEARING_FIX.andrews * np.pi,

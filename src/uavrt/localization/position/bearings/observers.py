@@ -1,4 +1,6 @@
-"""Errors of a person who takes bearings by hand, learnt from test trials at known places."""
+"""Learn the errors of a person who takes bearings by hand, from test trials at known
+positions.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,32 +22,34 @@ each direction, as a share of the mean distance and as a constant [m]."""
 
 AGREEMENT_ALONE = Caution(
     name="observer",
-    text="the circle rests on the agreement of the bearings alone: bearings by hand may agree "
-    "and miss the tag; test trials at known places show how far",
+    text="the circle is based only on how well the bearings agree: bearings taken by hand may "
+    "agree and still miss the tag; test trials at known places show by how much",
 )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Observer:
-    """A person's errors in taking bearings."""
+    """Standard deviations and mean of a person's errors in taking bearings by hand."""
 
     name: str
     trials: int
     scatter_deg: float
-    """Standard deviation of the error of a person's single bearing [deg]."""
+    """Standard deviation of the error of a single bearing by this person [deg]."""
     heading_error_deg: float
-    """Mean error of all bearings by a person [deg], clockwise."""
+    """Mean error of all bearings by this person [deg], positive clockwise."""
     heading_error_sigma_deg: float
     displaced: float
-    """Root mean square of a shift common to a trial's bearings, as a share of the distance."""
+    """Root mean square of the shift common to a trial's bearings, as a share of the
+    distance."""
     displacements: tuple[Displacement, ...]
 
     def corrected(self, bearing: Bearing, number: int) -> Bearing:
-        """Bearing without the person's mean error, and with the person's standard deviation.
+        """Return a bearing without the person's mean error, and with the person's standard
+        deviation.
 
-        `number`: how many bearings of this person a position uses, if it also uses other
-        people's; else 0. Each bearing gets `number` times the variance of the errors that they
-        share, so that together they count as one.
+        `number` is the number of this person's bearings in a position estimate that also uses
+        other people's bearings; otherwise it is 0. Each bearing gets `number` times the
+        variance of their common errors, so that together they count as one bearing.
         """
         shared = np.hypot(self.heading_error_sigma_deg, np.degrees(self.displaced))
         return replace(
@@ -66,7 +70,9 @@ class Observer:
 
 
 def learn_observer(name: str, trials: Sequence[Rays]) -> Observer:
-    """Learn a person's errors from trials, each with stations in metres around its tag."""
+    """Learn a person's errors from trials, each given as stations in metres relative to its
+    tag.
+    """
     share = np.pad(np.geomspace(*OBSERVER.shares), (0, OBSERVER.metres[2]))
     constant_m = np.pad(np.geomspace(*OBSERVER.metres), (OBSERVER.shares[2], 0))
     scatter = np.geomspace(*OBSERVER.scatters_deg)
@@ -99,7 +105,7 @@ def learn_observer(name: str, trials: Sequence[Rays]) -> Observer:
 def _log_evidence(
     trial: Rays, distance_m: float, sigma_m: _Floats, scatter_deg: _Floats, heading_deg: _Floats
 ) -> _Floats:
-    """(displacements, scatters, headings) log-probability of a trial's bearings."""
+    """Log-probability of a trial's bearings, shape (displacements, scatters, headings)."""
     steps = np.linspace(-1.0, 1.0, OBSERVER.points)
     axis = OBSERVER.reach * distance_m * steps * np.abs(steps)
     east, north = (one.ravel() for one in np.meshgrid(axis, axis))

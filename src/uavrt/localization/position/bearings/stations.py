@@ -1,4 +1,6 @@
-"""Bearings of one tag and their positions: the input of position estimates."""
+"""Bearings of one tag and the positions where they were taken: the input of position
+estimates.
+"""
 
 from dataclasses import dataclass
 
@@ -19,29 +21,35 @@ class Stations:
     latitude_deg: _Floats
     longitude_deg: _Floats
     bearing_deg: _Floats
-    """(n,) bearings from the stations to the tag, clockwise from true north [deg]."""
+    """Bearings from the stations to the tag, clockwise from true north [deg], shape (n,)."""
     sigma_deg: _Floats | None = None
-    """(n,) standard deviation of each bearing [deg]; None: one is estimated for all."""
+    """Standard deviation of each bearing [deg], shape (n,); None: one value is estimated for
+    all."""
     posterior: _Floats | None = None
-    """(n, 360) probability of each whole degree of each bearing; replaces `sigma_deg`."""
+    """Probability of each whole degree of each bearing, shape (n, 360); it replaces
+    `sigma_deg`."""
     level_db: _Floats | None = None
-    """(n,) SNR on boresight [dB], NaN if unknown; differences depend on the distances."""
+    """SNR on boresight [dB], shape (n,), NaN if unknown; differences between stations depend on
+    the distances."""
     level_sigma_db: _Floats | None = None
-    """(n,) standard deviation of each SNR in `level_db` [dB]; None: 0."""
+    """Standard deviation of each value in `level_db` [dB], shape (n,); None means 0."""
     height_m: _Floats | None = None
-    """(n,) height of the antenna above the tag [m]; None: 0."""
+    """Height of the antenna above the tag [m], shape (n,); None means 0."""
     receiver: NDArray[np.int64] | None = None
-    """(n,) number of the receiver of each bearing; None if one receiver took all."""
+    """Number of the receiver that took each bearing, shape (n,); None if one receiver took
+    all."""
     time_s: _Floats | None = None
-    """(n,) times of the bearings after any origin [s]; None for a resting tag."""
+    """Times of the bearings relative to any origin [s], shape (n,); None for a resting tag."""
     origin_ns: int = 0
-    """UTC at `time_s` 0 [ns]; 0 if unknown."""
+    """UTC time of `time_s` 0 [ns]; 0 if unknown."""
     listeners: tuple[Strengths, ...] = ()
-    """Strengths of receivers that never turned, for the method ``bayes``."""
+    """Signal levels at receivers that never turned, used by the method ``bayes``."""
 
     @property
     def receivers(self) -> NDArray[np.int64]:
-        """(n,) number of the receiver of each bearing; 0 if one receiver took all."""
+        """Number of the receiver that took each bearing, shape (n,); all 0 if one receiver took
+        all.
+        """
         if self.receiver is None:
             return np.zeros(len(self.bearing_deg), np.int64)
         return self.receiver
@@ -82,7 +90,9 @@ class Stations:
 
     @property
     def with_levels(self) -> "Stations | None":
-        """Copy with only the stations of known level; None if all levels are missing."""
+        """Return a copy with only the stations whose level is known; None if there are no
+        levels.
+        """
         if self.level_db is None:
             return None
         known = np.isfinite(self.level_db)

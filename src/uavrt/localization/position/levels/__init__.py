@@ -1,1 +1,3 @@
-"""Compute the likelihood of a position from received power: levels, missed pulses, hills."""
+"""Compute the likelihood of a position from received power, including missed pulses and losses
+behind hills.
+"""

@@ -1,11 +1,11 @@
-"""Regression of pulse powers on distance, when weak pulses were missed.
+"""Fit pulse powers over distance when weak pulses were missed.
 
-A fit to the received pulses alone is biased: near the threshold the loss looks flat. Each miss
-is therefore replaced by its expected level below the threshold, and the fit repeated
-(expectation maximisation of Tobin's model). Some misses have other reasons, such as an
-interferer: their share is estimated at each position in the same way. A fit can also allow for
-pulses of other senders, which have any strength: the probability that a received pulse is one
-of them is then estimated, too.
+A fit to the received pulses alone is biased: near the threshold, the loss seems not to increase
+with distance. So each missed pulse is replaced by its expected level below the threshold, and
+the fit is repeated (expectation maximisation of Tobin's model). Some pulses are missed for
+other reasons, such as an interferer; their share is estimated at each position in the same way.
+A fit can also allow for pulses of other senders, which have any strength; then the probability
+of this is estimated for each received pulse.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PowerFit:
-    """Level and path loss exponent at each position, and the log-likelihood."""
+    """Fitted level and path loss exponent at each position, and the log-likelihood."""
 
     log_likelihood: _Floats
     level_db: _Floats
@@ -39,14 +39,16 @@ def regression_sums(
     z: NDArray[np.floating],
     weight: NDArray[np.floating] | None = None,
 ) -> _Floats:
-    """(5, places) sums of x, z, xx, xz and zz over the pulses of (places, pulses) arrays."""
+    """Sums of x, z, xx, xz and zz over the pulses of (places, pulses) arrays, shape (5,
+    places).
+    """
     wx, wz = (x, z) if weight is None else (weight * x, weight * z)
     first = [np.asarray(one.sum(axis=1), np.float64) for one in (wx, wz)]
     return np.stack([*first, dot(wx, x), dot(wx, z), dot(wz, z)])
 
 
 def dot(a: NDArray[np.floating], b: NDArray[np.floating]) -> _Floats:
-    """(places,) sums of the products of (places, pulses) arrays."""
+    """Sums over the pulses of products of (places, pulses) arrays, shape (places,)."""
     return np.asarray(np.einsum("ij,ij->i", a, b), np.float64)
 
 
@@ -77,11 +79,12 @@ def _normal_tables() -> tuple[_Floats, _Floats, _Floats, _Floats]:
 
 
 def normal_tail(u: _Floats) -> tuple[_Floats, _Floats]:
-    """Normal distribution function, and the density divided by it (inverse Mills ratio).
+    """Return the normal distribution function, and the density divided by it (inverse Mills
+    ratio).
 
-    Linear interpolation in tables is several times as fast as the functions, with errors up to
-    8e-6 and 2e-5. Beyond the tables the values stay constant; below them the ratio continues as
-    the line -u that it approaches.
+    Linear interpolation in tables is several times as fast as computing the functions, with
+    errors up to 8e-6 and 2e-5. Above the tables the values remain constant; below them the
+    ratio continues as the line -u, which it approaches.
     """
     below, below_steps, ratio, ratio_steps = _normal_tables()
     place = np.minimum(u, POWER.highest_sigmas)
@@ -109,14 +112,13 @@ def censored_fit(
     correlation: float = 0.0,
     foreign: bool = False,
 ) -> PowerFit:
-    """Fit level, exponent, fading and random misses at each position.
+    """Fit level, exponent, fading and the share of random misses at each position.
 
-    `loss`, `level_heard_db`: (places, received) -10 log10 of distance over 100 m, and levels
-        less the antenna's gain.
-    `missed_loss`, `limit_db`: (places, missed) the same for misses, with upper limits of the
-        levels.
-    `miss_weight`: (missed,) number of misses that each represents.
-    `foreign`: True if some received pulses may be another sender's.
+    `loss` and `level_heard_db` (places, received) are -10 log10 of the distance over 100 m, and
+    the levels minus the antenna's gain. `missed_loss` and `limit_db` (places, missed) are the
+    same loss for missed pulses, and upper limits of their levels. `miss_weight` is the number
+    of missed pulses that each represents. `foreign` is True if some received pulses may come
+    from another sender.
     """
     heard = regression_sums(loss, level_heard_db)
     x, z = heard[:2]
@@ -186,7 +188,9 @@ def _own_share(
     exponent: _Floats,
     sigma: _Floats,
 ) -> tuple[NDArray[np.floating], _Floats]:
-    """(places, received) probability that a pulse is the tag's; (places,) log-likelihood."""
+    """Return the probability that each pulse is the tag's (places, received), and the
+    log-likelihood (places,).
+    """
     level, exponent, sigma = (
         one.astype(loss.dtype)[:, None] for one in (level, exponent, sigma)
     )
@@ -218,11 +222,12 @@ def _regressed(
 
 
 def correlation_over_hills(residual: _Floats, error_db: float, alike: float) -> float:
-    """Correlation of neighbouring pulses, from the scatter of means over stretches.
+    """Estimate the correlation of neighbouring pulses from the scatter of means over stretches
+    of the track.
 
-    Errors of the ground model extend over many pulses. The fit absorbs some of them, so the
+    Errors of the ground model persist over many pulses. The fit absorbs some of them, so the
     model's expected error `error_db`, constant over `alike` pulses, is added to that of the
-    `residual` (n,).
+    residuals (n,).
     """
     energy = max(float(np.var(residual)), 1e-9)
     inflation = 1.0
@@ -237,10 +242,8 @@ def correlation_over_hills(residual: _Floats, error_db: float, alike: float) -> 
 
 
 def lasting_correlation(residual: _Floats) -> float:
-    """Correlation of neighbouring residuals (n,), 0 to 0.95, less its chance part.
-
-    The variance of a correlation by chance, 1/n, is subtracted from its square. Strong
-    correlations are thus hardly changed; weak ones become 0.
+    """Correlation of neighbouring residuals (n,), minus the value by chance 1/√n, limited to 0
+    … 0.95.
     """
     energy = max(float(residual @ residual), 1e-9)
     lag = float(residual[1:] @ residual[:-1]) / energy

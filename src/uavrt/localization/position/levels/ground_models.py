@@ -1,7 +1,7 @@
-"""Losses by the ground between drone and tag, and how far they may be wrong.
+"""Model losses by the ground between drone and tag, and the uncertainty of these losses.
 
-Level ground has shadowing by plants and the like, and reflects; hills have the losses of an
-elevation map. `effect` is for single pulses, `along` for whole paths of the drone.
+Level ground has shadowing, for example by plants; hills have losses computed from an elevation
+map. `effect` is for single pulses, `along` for whole paths of the drone.
 """
 
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class LevelGround:
 
     @property
     def lasting_error(self) -> LastingError | None:
-        """Constants of the shadowing; None if there is none."""
+        """Constants of the shadowing; None without shadowing."""
         return LOSS.shadowing if self.shadowing_db > 0.0 else None
 
     @property
@@ -50,7 +50,7 @@ class LevelGround:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HillyGround:
-    """Ground of an elevation map."""
+    """Model of hilly ground with losses computed from an elevation map."""
 
     hills: HillLosses
     reflection: None = None
@@ -58,11 +58,11 @@ class HillyGround:
 
     @property
     def lasting_error(self) -> LastingError:
-        """Constants of the relative error of losses behind hills."""
+        """Constants of the relative error of computed losses behind hills."""
         return LOSS.hills
 
     def effect(self, heard: Listening, east_m: _Floats, north_m: _Floats) -> GroundEffect:
-        """Effect of the ground on a pulse of a tag at each position."""
+        """Effect of the ground on a pulse, for a tag at each position."""
         hills = self.hills
         drone = float(heard.east_m), float(heard.north_m), float(heard.height_m) + hills.tag_m
         lost = hills.loss_db(drone, east_m, north_m).astype(east_m.dtype)
@@ -77,7 +77,8 @@ class HillyGround:
     ) -> GroundEffect:
         """Effect of the ground along paths, for tags at distances (dx, dy) from the drone.
 
-        The map is coarse, so that many paths cost little.
+        A coarse version of the elevation map is used, so that many paths can be computed
+        quickly.
         """
         hills = self.hills.rough()
         up = np.full(east_m.shape, height_m)

@@ -1,9 +1,10 @@
-"""Estimate the unknowns of a tag's level for each possible position, by its pulses and misses.
+"""Estimate a tag's strength for each possible position, and update it with each received or
+missed pulse.
 
-Published trackers assume a known strength. Here every position (particle) has a joint normal
-distribution of the tag's strength, of the path loss exponent and of errors that many pulses
-share, given that the tag is there: a level is linear in all of them. A pulse updates it
-exactly, a miss by its first two moments. So the search itself estimates them.
+Published trackers assume that the strength is known. Here every position (cell or particle) has
+a normal distribution of the strength, given that the tag is there. A received pulse updates it
+exactly, a missed pulse by its first two moments. So the search itself estimates the
+strength.
 """
 
 from dataclasses import dataclass
@@ -22,12 +23,14 @@ from uavrt.localization.position.tuning import LEVEL, LOSS, POWER
 from uavrt.localization.tuning import LEVELS
 
 _Floats = NDArray[np.floating[Any]]
-"""Array in single or double precision, as in the input."""
+"""Array in single or double precision, according to the input."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listening:
-    """One expected pulse, received or missed."""
+    """One expected pulse of a tag, received or missed, and the drone's position at that
+    time.
+    """
 
     east_m: float
     """East coordinate of the drone in the tracker's plane [m]."""
@@ -35,18 +38,19 @@ class Listening:
     height_m: float
     """Height of the drone above the tag at the pulse [m]."""
     snr_db: float | None
-    """SNR of the pulse [dB]; None: missed, which shows where the tag is not."""
+    """SNR of the pulse [dB]; None if it was missed, which shows where the tag is not."""
     threshold_db: float = LEVELS.threshold_db
     """SNR above which the pulse would have been detected [dB]."""
     yaw_deg: float | None = None
-    """Direction of the boresight [°], clockwise from true north; None: upright monopole."""
+    """Direction of the boresight, clockwise from true north [°]; None for an upright
+    monopole."""
 
 
 def false_pulse_density(heard: Listening) -> float:
-    """Density of the power of pulses that are not the tag's [1/dB].
+    """Probability density of the level of pulses that do not come from the tag [1/dB].
 
-    Half of them are noise just above the threshold, and half have any strength. With any
-    strength for all, each weak false pulse would be evidence of a weak tag.
+    Half of them are noise just above the threshold, and half may have any strength. If all had
+    any strength, each weak false pulse would be evidence of a weak tag.
     """
     assert heard.snr_db is not None
     over = max(float(heard.snr_db) - float(heard.threshold_db), 0.0)
@@ -57,7 +61,9 @@ def false_pulse_density(heard: Listening) -> float:
 
 @lru_cache(maxsize=64)
 def _by_cosine(pattern: AntennaPattern) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Gains [dB] in and across the elements' plane, by the cosine off boresight (-1 to 1)."""
+    """Gains in and across the plane of the elements [dB], tabulated over the cosine of the
+    angle off boresight (-1 to 1).
+    """
     forward = np.linspace(-1.0, 1.0, LEVEL.pattern_steps + 1)
     aside = np.sqrt(1.0 - forward**2)
     none = np.zeros_like(forward)
@@ -69,14 +75,18 @@ def _by_cosine(pattern: AntennaPattern) -> tuple[NDArray[np.float32], NDArray[np
 
 @lru_cache(maxsize=1)
 def _tails() -> NDArray[np.float32]:
-    """(n,) table of the logarithm of the normal distribution function, symmetric about 0."""
+    """Table of the logarithm of the normal distribution function, symmetric about 0, shape
+    (n,).
+    """
     return special.log_ndtr(
         np.arange(-LEVEL.tail_sigmas, LEVEL.tail_sigmas + LEVEL.tail_step, LEVEL.tail_step)
     ).astype(np.float32)
 
 
 def log_normal_tail(u: _Floats) -> _Floats:
-    """Logarithm of the normal distribution function, from a table; constant beyond its ends."""
+    """Logarithm of the normal distribution function, read from a table and constant beyond its
+    ends.
+    """
     place = (np.clip(u, -LEVEL.tail_sigmas, LEVEL.tail_sigmas) + LEVEL.tail_sigmas) * (
         1.0 / LEVEL.tail_step
     ) + 0.5
@@ -91,7 +101,9 @@ def antenna_gain_db(
     height_m: _Floats | float,
     slant_m: _Floats,
 ) -> _Floats:
-    """Antenna gain of a level drone towards points at (dx, dy, height_m below) [dB]."""
+    """Antenna gain of a level drone towards points at (dx, dy), `height_m` below the drone
+    [dB].
+    """
     if pattern is None or yaw_deg is None:
         # cos² of the elevation, not below that of the null
         flat = 1.0 - (height_m / slant_m) ** 2
@@ -117,10 +129,10 @@ def antenna_gain_db(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GroundEffect:
-    """Effect of the ground between drone and tag, for a tag at each position."""
+    """Effect of the ground between drone and tag on a pulse, for a tag at each position."""
 
     rise_m: _Floats | float = 0.0
-    """Height of the ground at each tag position above that at the take-off [m]."""
+    """Height of the ground at each tag position relative to the ground at the take-off [m]."""
     lost_db: _Floats | float = 0.0
     doubtful_db: _Floats | float | None = None
     """Additional loss per unit of the lasting error, at each tag position [dB]; None: there is
@@ -144,7 +156,7 @@ class GroundEffect:
         return known, slopes
 
     def scatter_db(self, fading_db: float) -> _Floats | float:
-        """Standard deviation of fading and losses that differ from pulse to pulse [dB]."""
+        """Standard deviation of fading and of losses that vary from pulse to pulse [dB]."""
         return (fading_db**2 + (LOSS.pulse_share * self.lost_db) ** 2) ** 0.5
 
 
@@ -241,10 +253,10 @@ class LevelBelief:
         elsewhere: float = 0.0,
         learns: bool = True,
     ) -> _Floats:
-        """Update with one pulse or miss; returns the log-likelihood at each position.
+        """Update with a received or a missed pulse; return the log-likelihood at each position.
 
-        `fading_db`: includes other unknown parts of the level. `elsewhere`: density [1/dB] of a
-        pulse of this level from another source. `learns`: False computes the likelihood alone.
+        `fading_db` includes other unknown parts of the level. `elsewhere` is the density [1/dB]
+        of a pulse of this level from another source.
         """
         variance = expected.variance_db2 + fading_db**2
         if heard.snr_db is not None:

@@ -1,8 +1,9 @@
-"""Likelihood of a position from levels of rotations, and of receivers that never turned.
+"""Likelihood of a position from signal levels of turns and of receivers that never turned.
 
-A mast, a person, or a passing drone gives no bearing. The pulses still contain the antenna's
-gain towards the tag, and the tag's level, which all receivers share. A receiver's gain, cable,
-noise and height over the ground are unknown; together they are one error of all its levels.
+A mast, a person, or a drone that passes gives no bearing. Its levels still depend on the
+antenna's gain towards the tag, and on the tag's strength, which is common to all receivers. A
+receiver's gain, cable, noise and height above ground are unknown; together they are one error
+common to all its levels.
 """
 
 from dataclasses import dataclass
@@ -21,7 +22,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Propagation:
-    """Knowledge of the path loss before the flight."""
+    """Assumptions about the path loss that are made before the flight."""
 
     exponent: float = LEVELS.exponent
     exponent_sigma: float = LEVELS.exponent_sigma
@@ -30,7 +31,9 @@ class Propagation:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Levels:
-    """Levels in the local plane: rows of bearings, then of receivers that never turned."""
+    """Signal levels in the local plane: first those of bearings, then those of receivers that
+    never turned.
+    """
 
     east_m: _Floats
     north_m: _Floats
@@ -38,7 +41,9 @@ class Levels:
     level_db: _Floats
     sigma_db: _Floats
     group: NDArray[np.int64]
-    """(n,) number of the receiver whose error a level shares; -1 if only one receiver turns.
+    """Number of the receiver whose common error a level has, shape (n,); -1 if only one
+    receiver turns.
+
     Receivers that never turned have the first numbers."""
 
 
@@ -46,11 +51,10 @@ class LevelEvidence:
     """Log-likelihood of positions, given two or more levels of bearings and other receivers.
 
     Level i is P - 10 n log10(r_i / 100 m) + the gain towards the tag + the receiver's error + a
-    normal error. P has a flat prior and n a normal one. The error of a receiver that never
-    turned is normal, of one of two widths; that of each of several receivers that turn is
-    unknown. All integrate out in closed form.
-
-    `listeners`: receivers that never turned, in the order of their numbers.
+    normal error. P has a flat prior and n a normal prior. The error of a receiver that never
+    turned is normal, with one of two widths; the errors of several receivers that turn are
+    unknown. All are integrated out in closed form. `listeners` are the receivers that never
+    turned, in the order of their numbers.
     """
 
     def __init__(
@@ -72,7 +76,7 @@ class LevelEvidence:
         self._own_gains = LEVEL.receiver_gains_db if listeners else ((1.0, 1.0),)
 
     def log_likelihood(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """(places,) log-likelihood of positions by the levels, up to a constant."""
+        """Log-likelihood of positions given the levels, up to a constant, shape (places,)."""
         levels, over = self._levels, self._over_hills
         dx, dy = east_m[:, None] - levels.east_m, north_m[:, None] - levels.north_m
         height, variance = levels.height_m[np.newaxis], self._variance_db2[np.newaxis]
@@ -92,7 +96,9 @@ class LevelEvidence:
         return np.asarray(np.logaddexp.reduce(scores))
 
     def _gain_db(self, dx: _Floats, dy: _Floats, slant_m: _Floats) -> _Floats:
-        """(places, n) antenna gain towards positions [dB]; 0 for bearings (on boresight)."""
+        """Antenna gain towards positions [dB], shape (places, n); 0 for bearings, which are on
+        boresight.
+        """
         gain = np.zeros(dx.shape)
         for number, one in enumerate(self._listeners):
             rows = np.flatnonzero(self._levels.group == number)
@@ -104,7 +110,9 @@ class LevelEvidence:
         return gain
 
     def _score(self, x: _Floats, residual: _Floats, weight: _Floats, gain_db: float) -> _Floats:
-        """(places,) log-likelihood; power P, receivers' errors and path loss integrated out."""
+        """Log-likelihood, integrated over strength P, receivers' errors and path loss, shape
+        (places,).
+        """
         errors, listeners = self._errors, len(self._listeners)
         normal = np.einsum("pn,nj,nk->pjk", weight, errors, errors)
         normal[:, range(listeners), range(listeners)] += gain_db**-2.0

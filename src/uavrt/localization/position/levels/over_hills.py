@@ -1,4 +1,4 @@
-"""Compute losses behind hills for a flight's pulses, from each possible tag position."""
+"""Compute losses behind hills for a flight's pulses, for each possible position of the tag."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -17,13 +17,13 @@ HILL_FACTORS = (
     (1.0, 2.0 / 3.0),
     (1.0 + 3.0**0.5 * POWER.hill_error, 1.0 / 6.0),
 )
-"""Candidate factors on all hill losses, and their probabilities, by Gauss-Hermite
+"""Candidate factors on all losses behind hills, with their probabilities, by Gauss-Hermite
 quadrature."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrackHillLosses:
-    """Losses behind hills for the pulses of a track, by a ground model."""
+    """Losses behind hills of the pulses along a track, computed by a ground model."""
 
     hills: HillLosses
     losses: LossesFrom
@@ -34,20 +34,22 @@ class TrackHillLosses:
     def of(
         cls, hills: HillLosses | None, east_m: _Floats, north_m: _Floats, up_m: _Floats
     ) -> "TrackHillLosses | None":
-        """Losses for pulses received at positions; heights are above the take-off's ground."""
+        """Return losses for pulses received at positions; heights are relative to the ground at
+        the take-off.
+        """
         if hills is None:
             return None
         return cls(hills=hills, losses=hills.seen_from(east_m, north_m, up_m))
 
     def lost_db(self, east_m: _Floats, north_m: _Floats) -> NDArray[np.float32]:
-        """(places, n) loss of each pulse for a tag at each of the positions (places,) [dB]."""
+        """Loss of each pulse for a tag at each position [dB], shape (places, n)."""
         return self.losses(east_m, north_m) * np.float32(self.factor)
 
     def chosen(self, pulses: NDArray[np.bool_] | NDArray[np.intp]) -> "TrackHillLosses":
-        """Losses for the pulses selected by an index array or a mask."""
+        """Return the losses of the pulses that an index array or a mask selects."""
         return replace(self, losses=replace(self.losses, which=self.losses.which[pulses]))
 
 
 def track_error_db(lost_db: _Floats) -> float:
-    """Standard deviation of the errors of losses (n,) [dB], without their common factor."""
+    """Standard deviation of the errors of losses (n,), without the error common to all [dB]."""
     return float(POWER.hill_error * np.std(doubtful_db(lost_db)))

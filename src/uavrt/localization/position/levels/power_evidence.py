@@ -1,9 +1,9 @@
 """Likelihood of a position from powers along a track, with unknown level and path loss.
 
-The model is z = P - 10 n log10(r / 100 m) + G + e, with fading e that is correlated along the
-track (first-order autoregressive). At a given position it is linear in P and n, so both, and
-the fading's size, integrate out in closed form. The correlation is summed over some values.
-Misses enter as "below the threshold".
+The model is z = P - 10 n log10(r / 100 m) + G + e, where e is fading that is correlated along
+the track (first-order autoregressive). At a given position it is linear in P and n, so P, n and
+the size of the fading are integrated out in closed form. The correlation is summed over several
+values. Missed pulses are included as "below the threshold".
 """
 
 from collections.abc import Sequence
@@ -40,48 +40,52 @@ _Reals = NDArray[np.floating]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PowerTrack:
-    """Expected pulses along a track, received or missed."""
+    """Expected pulses along a track, each received or missed."""
 
     latitude_deg: _Floats
     longitude_deg: _Floats
     height_m: _Floats
     snr_db: _Floats
-    """(n,) energy of each pulse over the median noise [dB]; equal to the SNR if the noise is
-    even. NaN: missed."""
+    """Energy of each pulse over the median noise [dB], shape (n,), NaN if missed. It equals the
+    SNR if the noise is constant."""
     threshold_db: float | _Floats = LEVELS.threshold_db
-    """SNR above which a missed pulse would have been detected [dB]; (n,) if it varies."""
+    """SNR above which a missed pulse would have been detected [dB]; shape (n,) if it varies."""
     antenna: AntennaPattern | None = None
-    """Antenna pattern, which requires `yaw_deg`; None: upright monopole."""
+    """Antenna pattern, which requires `yaw_deg`; None for an upright monopole."""
     yaw_deg: _Floats | None = None
-    """(n,) direction of the boresight, clockwise from true north [deg]."""
+    """Direction of the boresight at each pulse, clockwise from true north [deg], shape (n,)."""
     time_s: _Floats | None = None
-    """(n,) rising times of the pulses [s]; None: the tag rests."""
+    """Times of the pulses [s], ascending, shape (n,); None for a tag that rests."""
     origin_ns: int = 0
-    """UTC at `time_s` 0 [ns]; 0 if unknown."""
+    """UTC time of `time_s` 0 [ns]; 0 if unknown."""
 
     def chosen(self, kept: NDArray[np.bool_]) -> "PowerTrack":
-        """Return the pulses selected by an index array or a mask."""
+        """Return the part of the track that an index array or a mask of pulses selects."""
         return chosen_rows(self, kept)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PulseGeometry:
-    """Horizontal offsets from pulses to positions, (places, pulses); valid at any height."""
+    """Horizontal offsets from pulses to positions, shape (places, pulses); they are valid for
+    any height.
+    """
 
     east_m: _Reals
     north_m: _Reals
     square_m2: _Reals
     log_square: _Reals
     rise_m: _Reals | None = None
-    """(places, 1) height of the ground above that at the take-off [m]; None: level ground."""
+    """Height of the ground relative to that at the take-off [m], shape (places, 1); None for
+    level ground."""
     lost_db: _Reals | None = None
-    """(places, pulses) loss behind hills from each position [dB]; None: level ground."""
+    """Loss behind hills for a tag at each position [dB], shape (places, pulses); None for level
+    ground."""
 
 
 def fit_each(
     several: Sequence["PowerEvidence"], east_m: _Floats, north_m: _Floats
 ) -> list[PowerFit]:
-    """Fit several `PowerEvidence` at once, whose tracks differ only in height."""
+    """Fit several `PowerEvidence` objects at once whose tracks differ only in height."""
     first = several[0]
     fits = []
     together = max(1, POWER.together // len(first.used))
@@ -95,8 +99,8 @@ def fit_each(
 class PowerEvidence:
     """Log-likelihood of positions, given powers along a track.
 
-            `correlation`: correlation of neighbouring pulses' fading, used if pulses were
-    missed; see `correlation_at_best`. Without misses the correlation is integrated out.
+    `correlation` is that of neighbouring pulses' fading; it is used if pulses were missed (see
+    `correlation_at_best`). Without missed pulses the correlation is integrated out.
     """
 
     def __init__(
@@ -122,7 +126,7 @@ class PowerEvidence:
         """Indices of the used pulses: received ones, then misses, thinned out if many."""
 
     def losing(self, factor: float) -> "PowerEvidence":
-        """Copy with all losses behind hills multiplied by a factor."""
+        """Return a copy in which all losses behind hills are multiplied by a factor."""
         other = copy(self)
         if self.over_hills is not None:
             other.over_hills = replace(self.over_hills, factor=factor)
@@ -179,9 +183,10 @@ class PowerEvidence:
         return max(lasting_correlation(residual), by_hills)
 
     def fit_with_foreign(self, east_m: _Floats, north_m: _Floats) -> tuple[_Floats, _Floats]:
-        """Fit received pulses, some of them perhaps another sender's, at positions (places,).
+        """Fit the received pulses at positions (places,), allowing for some from another
+        sender.
 
-        Returns: residuals (places, received) [dB]; log-likelihood (places,).
+        Returns residuals (places, received) [dB] and log-likelihood (places,).
         """
         loss, z = self._heard_from(east_m, north_m)
         none = np.zeros((len(loss), 0))
@@ -190,10 +195,11 @@ class PowerEvidence:
         return residual, fit.log_likelihood
 
     def _heard_from(self, east_m: _Floats, north_m: _Floats) -> tuple[_Reals, _Reals]:
-        """Distance terms and antenna-corrected SNR of received pulses, (places, received) each.
+        """Distance terms and SNR without antenna gain of received pulses, shape (places,
+        received) each.
 
-        The terms are -10 log10(r / 100 m); the SNR is relative to its mean, less the antenna's
-        gain [dB].
+        The distance terms are -10 log10(r / 100 m). The SNR is relative to its mean, minus the
+        antenna's gain [dB].
         """
         heard = np.flatnonzero(self._heard)
         return self._over_mean(heard, *self.propagation(east_m, north_m, heard))
@@ -206,13 +212,17 @@ class PowerEvidence:
     def propagation(
         self, east_m: _Floats, north_m: _Floats, pulses: NDArray[np.intp]
     ) -> tuple[_Reals, _Reals]:
-        """(places, pulses) -10 log10(r / 100 m), and antenna gain [dB]; single precision."""
+        """Distance terms -10 log10(r / 100 m) and antenna gain [dB], shape (places, pulses), in
+        single precision.
+        """
         return self._propagated(self.seen_from(east_m, north_m, pulses), pulses)
 
     def seen_from(
         self, east_m: _Floats, north_m: _Floats, pulses: NDArray[np.intp]
     ) -> "PulseGeometry":
-        """Geometry from the positions of pulses to possible tag positions on the ground."""
+        """Return the geometry from the drone's positions at pulses to possible tag positions on
+        the ground.
+        """
         single = np.float32
         dx = east_m.astype(single)[:, None] - self._east_m[pulses].astype(single)[None, :]
         dy = north_m.astype(single)[:, None] - self._north_m[pulses].astype(single)[None, :]
@@ -261,20 +271,23 @@ _FLOOR_DB = float(monopole_gain_db(90.0))
 
 @lru_cache(maxsize=16)
 def _correlations(count: int) -> _Floats:
-    """(m,) trial correlations of fading, 2.5 standard errors apart in Fisher's transform."""
+    """Trial correlations of fading, 2.5 standard errors apart in Fisher's transform, shape
+    (m,).
+    """
     step = min(POWER.widest_step, 2.5 / count**0.5)
     return np.asarray(np.tanh(np.arange(0.0, np.arctanh(POWER.most_correlation), step)))
 
 
 def _fit_of_heard(x: _Reals, z: _Reals, prior: Propagation) -> PowerFit:
-    """Fit positions to received pulses without misses; x is loss, z power (places, pulses).
+    """Fit positions to received pulses without missed ones; x is the distance term, z the power
+    (places, pulses).
 
-    Level, exponent, and the fading's size and correlation integrate out. The precision of a
-    first-order process with correlation rho has three terms, over 1 - rho²: the sum over all
-    pulses, plus rho² times that over the inner ones, minus 2 rho times that over adjacent
-    pairs. The size has a prior of one pulse with the typical fading, which matters for two or
-    three pulses. The constant is included, so that likelihoods of different numbers of pulses
-    compare.
+    Level, exponent, and the fading's size and correlation are integrated out. The precision of
+    a first-order process with correlation rho has three terms, divided by 1 - rho²: the sum
+    over all pulses, plus rho² times the sum over the inner pulses, minus 2 rho times the sum
+    over adjacent pairs. The prior of the fading's size has the weight of one pulse with typical
+    fading, which matters for two or three pulses. The constant is included, so that likelihoods
+    of different numbers of pulses can be compared.
     """
 
     def at(number: int) -> _Floats:

@@ -1,8 +1,9 @@
-"""Find the position of a survey's strongest signal, which is not the tag's position.
+"""Find the place of a survey's strongest signal, which is not the tag's position.
 
-A monopole receives nothing from straight below, so a tag is strongest on a ring around it. The
-largest ρ² / (ρ² + h²)^((n + 2) / 2) is at ρ = h √(2 / n): 36 m for h = 40 m and n = 2.5. Users
-of surveys walk to the peak, so maps label it.
+A monopole receives nothing from directly below, so a tag's signal is strongest on a ring around
+it. For a drone at height h, ρ² / (ρ² + h²)^((n + 2) / 2) is greatest at the distance ρ = h √(2
+/ n): 36 m for h = 40 m and n = 2.5. People in a survey tend to walk to the strongest signal, so
+maps label it.
 """
 
 from dataclasses import dataclass
@@ -22,35 +23,40 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StrongestSignal:
-    """Position of the strongest signal on a track, some distance from the tag."""
+    """Position of the strongest signal on a track, which is some distance away from the tag."""
 
     latitude_deg: float
     longitude_deg: float
     snr_db: float
-    """Mean SNR of the pulses at the position of the strongest signal [dB]."""
+    """Mean SNR of the pulses at this position [dB]."""
     ring_radius_m: float
-    """Distance of the tag from this position [m], for a monopole and a loss exponent of 2.5."""
+    """Distance of the tag from this position [m], for a monopole and a path loss exponent of
+    2.5."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SignalSurface:
-    """SNR over the ground, interpolated between the pulses: the colours of a signal map."""
+    """SNR over the ground, interpolated between the pulses, from which a signal map is
+    coloured.
+    """
 
     latitude_deg: float
     """Latitude of the origin of the signal map's local plane [deg]."""
     longitude_deg: float
     east_m: _Floats
-    """(x,) coordinates of the signal map's grid east of the origin [m]."""
+    """Coordinates of the signal map's grid east of the origin [m], shape (x,)."""
     north_m: _Floats
-    """(y,) coordinates of the signal map's grid north of the origin [m]."""
+    """Coordinates of the signal map's grid north of the origin [m], shape (y,)."""
     snr_db: _Floats
-    """(y, x) interpolated SNR [dB]; NaN outside the track's convex hull."""
+    """Interpolated SNR [dB], shape (y, x); NaN outside the track's convex hull."""
 
 
 def strongest_signal(
     track: PowerTrack, *, exponent: float = LEVELS.exponent
 ) -> StrongestSignal:
-    """Position of a track's highest SNR, over six pulses; `UsageError` without pulses."""
+    """Find where a track's SNR, averaged over six pulses, is highest. Raises `UsageError`
+    without received pulses.
+    """
     heard = np.flatnonzero(~np.isnan(track.snr_db))
     if not len(heard):
         raise UsageError(
@@ -69,21 +75,24 @@ def strongest_signal(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SignalSection:
-    """Side view of a survey: SNR by height and by horizontal distance from a position."""
+    """Vertical section of a survey: SNR by height and by horizontal distance from a
+    position.
+    """
 
     distance_m: _Floats
-    """(x + 1,) edges of the cells in horizontal distance from the given position [m]."""
+    """Edges of the cells in horizontal distance from the given position [m], shape (x + 1,)."""
     height_m: _Floats
-    """(y + 1,) edges of the cells in height above the tag [m]."""
+    """Edges of the cells in height above the tag [m], shape (y + 1,)."""
     snr_db: _Floats
-    """(y, x) median SNR of the pulses in each cell [dB]; NaN in empty cells."""
+    """Median SNR of the pulses in each cell [dB], shape (y, x); NaN in empty cells."""
 
 
 def height_bands(height_m: _Floats) -> list[tuple[float, float]]:
-    """Divide heights (n,) into the layers in which a survey was flown, lowest first.
+    """Divide heights (n,) into the ranges in which a survey was flown, lowest first.
 
-    Fixed layers would split a level flight, so heights are divided where 5 m are empty, and
-    ranges above 15 m, such as a climb, into equal layers of 10 m at most.
+    Ranges with fixed limits would split a level flight. So heights are divided where 5 m
+    contain no pulse, and ranges above 15 m, such as a climb, are divided into equal ranges of
+    at most 10 m.
     """
     ordered = np.sort(height_m)
     bands: list[tuple[float, float]] = []
@@ -102,7 +111,7 @@ def height_bands(height_m: _Floats) -> list[tuple[float, float]]:
 
 
 def in_band(track: PowerTrack, band: tuple[float, float]) -> PowerTrack:
-    """Pulses received at antenna heights from `band[0]` to below `band[1]` [m]."""
+    """Return the pulses received at antenna heights from `band[0]` to below `band[1]` [m]."""
     low, high = band
     inside = (track.height_m >= low) & (track.height_m < high)
     return track.chosen(inside)
@@ -111,10 +120,10 @@ def in_band(track: PowerTrack, band: tuple[float, float]) -> PowerTrack:
 def signal_section(
     track: PowerTrack, latitude_deg: float, longitude_deg: float
 ) -> SignalSection:
-    """Compute the side view of a survey: SNR by height and by distance from a position.
+    """Compute a vertical section of a survey: SNR by height and by distance from a position.
 
-    Around the tag a monopole's field is the same in all directions. The side view shows the
-    null above the tag, and the effect of height.
+    Around the tag a monopole's field is equal in all directions. The section shows the null
+    above the tag and the effect of height.
     """
     heard = ~np.isnan(track.snr_db)
     if len(height_bands(track.height_m[heard])) < 2:
@@ -138,7 +147,7 @@ def _edges(low: float, high: float, cells: int, least: float) -> _Floats:
 
 
 def smoothed(snr_db: _Floats) -> _Floats:
-    """(n,) SNR averaged over six consecutive pulses, fewer at the ends."""
+    """SNR averaged over six consecutive pulses, over fewer at the ends, shape (n,)."""
     window = np.ones(min(POWER.in_a_row, len(snr_db)))
     total = np.convolve(snr_db, window, mode="same")
     return np.asarray(total / np.convolve(np.ones(len(snr_db)), window, mode="same"))
@@ -147,9 +156,9 @@ def smoothed(snr_db: _Floats) -> _Floats:
 def signal_surface(track: PowerTrack) -> SignalSurface:
     """Interpolate the smoothed SNR linearly between the positions where pulses were received.
 
-    The grid's spacing is half of the pulses' spacing, at least 1 m, and between a 300th and a
-    60th of the track's extent.
-    Raises `UsageError`: the positions do not span an area.
+    The grid's spacing is half of the distance between pulses, at least 1 m, and between a 300th
+    and a 60th of the track's extent. Raises `UsageError` if the positions do not span an
+    area.
     """
     # The interpolator takes long to import and is needed for maps only.
     from scipy.interpolate import LinearNDInterpolator

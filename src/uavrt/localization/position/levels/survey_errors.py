@@ -1,9 +1,10 @@
-"""Estimate errors common to all powers of a survey: a wrong height, pulses of other senders.
+"""Estimate errors common to all powers of a survey: a wrong height, and pulses of other
+senders.
 
-A wrong height (terrain, a tag on a tree, a take-off on a hill) moves the minimum and changes
-the slope of the strength. Several heights are compared together with the position. Pulses of
-other senders have any strength. A fit that allows for them finds the approximate position.
-Pulses that deviate there far more than most are excluded and counted.
+A wrong height (by terrain, a tag on a tree, or a take-off on a hill) shifts the minimum and
+changes the slope of the signal strength. Several heights are compared together with the
+position. Pulses of other senders may have any strength. A fit that allows for them finds the
+approximate position. Pulses that deviate there much more than most are excluded and counted.
 """
 
 from collections.abc import Sequence
@@ -32,7 +33,7 @@ _Floats = NDArray[np.float64]
 
 
 class SurveyEvidence:
-    """Log-likelihood of positions, given powers along a track of uncertain height."""
+    """Log-likelihood of positions, given powers along a track whose height is uncertain."""
 
     def __init__(
         self,
@@ -126,7 +127,9 @@ class SurveyEvidence:
         )
 
     def _correlation_of_fading(self) -> float:
-        """Correlation of neighbouring pulses' fading, needed with missed pulses or hills."""
+        """Correlation of neighbouring pulses' fading, which is needed if pulses were missed or
+        over hills.
+        """
         axes = reversed(self._coarsely(SURVEY.coarse_cells))
         north, east = (one.ravel() for one in np.meshgrid(*axes))
         return self._evidence(0.0).correlation_at_best(east, north)
@@ -140,14 +143,16 @@ class SurveyEvidence:
         return east, north
 
     def _shifts(self) -> tuple[float, ...]:
-        """Candidate errors of the height that leave the drone above the ground [m]."""
+        """Candidate height errors for which the drone is still above the ground [m]."""
         if self._height_sigma_m <= 0.0:
             return (0.0,)
         lowest = float(np.median(self._track.height_m)) - SURVEY.least_height_m
         return tuple(one for one in SURVEY.shifts_m if one > -lowest)
 
     def _rough_fit(self, heard: NDArray[np.bool_]) -> tuple[tuple[float, float], float, float]:
-        """Position, search radius [m] and height error [m] of the best fit."""
+        """Return position, search radius [m] and height error [m] of the best approximate
+        fit.
+        """
         some = np.zeros(len(heard), bool)
         pulses = np.flatnonzero(heard)
         some[pulses[:: -(-len(pulses) // SURVEY.rough_pulses)]] = True
@@ -183,13 +188,14 @@ class SurveyEvidence:
         step_m: float,
         shift_m: float,
     ) -> list[NDArray[np.bool_]]:
-        """Sets of the tag's own pulses, as masks (n,), the most probable first.
+        """Return probable sets of the tag's own pulses, as masks (n,), the most probable first.
 
         A pulse is excluded where another sender is more probable than its deviation. That
-        depends on the position: a monopole receives little right beneath the drone, so a weak
-        foreign pulse looks like a tag there. Places around the approximate one and beneath weak
-        pulses are examined. With missed pulses or over hills, likelihoods of different sets do
-        not compare; then only pulses that are outliers at all positions are excluded.
+        depends on the tag's position: a monopole receives little from directly below the drone,
+        so a weak pulse of another sender looks like one of a tag there. Positions near the
+        approximate one and below weak pulses are examined. With missed pulses or over hills,
+        only pulses that are outliers at all positions are excluded, since likelihoods of
+        different sets cannot be compared.
         """
         reach_m = SURVEY.mirror_reach * step_m
         off = np.linspace(-reach_m, reach_m, SURVEY.mirror_cells)
@@ -238,7 +244,9 @@ class SurveyEvidence:
         return readings or [np.ones(len(heard), bool)]
 
     def _weigh_heights(self, place: tuple[float, float], step_m: float) -> _Floats:
-        """Estimate the height error; returns three errors that span its distribution [m]."""
+        """Estimate the height error; return three values that represent its distribution
+        [m].
+        """
         shifts = np.array(self._shifts())
         weight = self._weights(shifts, place, step_m)
         mean = float(weight @ shifts)
@@ -269,7 +277,7 @@ class SurveyEvidence:
 
 
 def cautions_of_survey(evidence: SurveyEvidence) -> tuple[Caution, ...]:
-    """Cautions for the operator on a survey's heights and foreign pulses."""
+    """Cautions for the operator about a survey's heights and about pulses of other senders."""
     found = []
     if evidence.height_right_probability < 0.1:
         text = (
@@ -288,25 +296,33 @@ def cautions_of_survey(evidence: SurveyEvidence) -> tuple[Caution, ...]:
 
 
 def _height_sigma_m(track: PowerTrack, sigma_m: float) -> float:
-    """Standard deviation of the stated height's error [m]; less for a low receiver."""
+    """Standard deviation of the stated height's error [m], limited for a receiver near the
+    ground.
+    """
     most_m = SURVEY.height_share * abs(float(np.median(track.height_m)))
     return min(sigma_m, most_m) if most_m >= SURVEY.least_sigma_m else 0.0
 
 
 def _log_prior_of_height(shifts_m: _Floats, sigma_m: float) -> _Floats:
-    """(n,) log-prior of errors of the stated height: a mixture of usual and gross errors."""
+    """Log-prior of errors of the stated height, a mixture of usual and gross errors, shape
+    (n,).
+    """
     usual = (1.0 - SURVEY.far_wrong_share) * _normal(shifts_m, sigma_m)
     far_wrong = SURVEY.far_wrong_share * _normal(shifts_m, SURVEY.far_wrong_sigmas * sigma_m)
     return np.asarray(np.log(usual + far_wrong))
 
 
 def _log_prior_of_reading(kept: NDArray[np.bool_]) -> float:
-    """Log-prior that the pulses `kept` (n,) are the tag's, and all others another sender's."""
+    """Log-prior that the pulses selected by `kept` (n,) are the tag's and all others another
+    sender's.
+    """
     return float(np.sum(~kept)) * _LOG_FOREIGN + float(np.sum(kept)) * _LOG_OWN
 
 
 def _unlike_neighbours(residual: _Floats) -> tuple[_Floats, _Floats]:
-    """Deviations of residuals (places, n) from a prediction by neighbours, and their sigma."""
+    """Return how far residuals (places, n) deviate from a prediction by their neighbours, and
+    its standard deviation.
+    """
     padded = np.pad(residual, ((0, 0), (2, 2)), mode="reflect")
     count = residual.shape[1]
     around = np.stack([padded[:, first : first + count] for first in (0, 1, 3, 4)])
@@ -323,9 +339,9 @@ def _unlike_neighbours(residual: _Floats) -> tuple[_Floats, _Floats]:
 
 
 def _over_readings(fits: Sequence[tuple[PowerFit, float]]) -> PowerFit:
-    """Sum likelihoods over candidate sets of the tag's pulses.
+    """Sum the likelihoods over several candidate sets of the tag's pulses.
 
-    Level and exponent are those of the likeliest set.
+    Level and exponent are those of the most likely set.
     """
     if len(fits) == 1:
         return fits[0][0]
@@ -343,7 +359,9 @@ def _most_likely(fits: Sequence[PowerFit], score: _Floats, log_likelihood: _Floa
 
 
 def _over_heights(score: _Floats) -> _Floats:
-    """(places,) log of likelihoods (3, places) integrated over heights, by a parabola."""
+    """Logarithm of likelihoods at three heights (3, places), integrated over the height by a
+    parabola, shape (places,).
+    """
     low, middle, high = score
     bend = np.maximum(middle - 0.5 * (low + high), SURVEY.least_bend)
     slope = 0.5 * (high - low)

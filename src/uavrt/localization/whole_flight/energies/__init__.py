@@ -1,1 +1,1 @@
-"""Compute energies of a channel's slots, and their sums over all pulses of a flight."""
+"""Compute the energies of a channel's time slots, and sum them over all pulses of a flight."""

@@ -1,7 +1,8 @@
-"""Compute the energies of a coded tag's bursts: the mean of the pulses at the code's gaps.
+"""Compute the energies of a coded tag's bursts: the mean energy of the pulses at the code's
+gaps.
 
-Each column's windows are replaced by the bursts that begin in it, so folding finds trains of
-bursts. If all pulses of the code are present, the train is the tag's.
+The windows of each column are replaced by the bursts that begin in it, so that folding finds
+trains of bursts. If all pulses of the code are present, the train is the tag's.
 """
 
 import math
@@ -21,17 +22,22 @@ class BurstColumns:
     """Energies of the bursts that begin in each column (time step)."""
 
     power: NDArray[np.float32]
-    """(frequencies, columns) mean power of a burst's pulses that no strong signal overlaps."""
+    """Mean power of a burst's pulses that no strong signal overlaps, shape (frequencies,
+    columns)."""
     seen: NDArray[np.bool_]
-    """(frequencies, columns) True where the burst is strong and has the shape of a burst."""
+    """True where the burst is strong and has the shape of a burst, shape (frequencies,
+    columns)."""
     heard: NDArray[np.bool_]
-    """(columns,) True where the burst that begins there has a valid energy."""
+    """True where the burst that begins in the column has a valid energy, shape (columns,)."""
     listened: NDArray[np.bool_]
-    """(columns,) True where the samples of the burst that begins there are complete."""
+    """True where the samples of the burst that begins in the column are complete, shape
+    (columns,)."""
 
 
 def pulse_starts_s(tag: Tag) -> NDArray[np.float64]:
-    """(pulses,) start of each pulse relative to the burst's start, from the tag list [s]."""
+    """Start of each pulse relative to the start of the burst, from the tag list [s], shape
+    (pulses,).
+    """
     return np.concatenate(([0.0], np.cumsum(tag.gaps_s)))
 
 
@@ -43,7 +49,7 @@ def burst_columns(
     tag: Tag,
     hop_s: float,
 ) -> BurstColumns:
-    """Average the pulses of each burst, with the code's gaps stretched as fits best."""
+    """Average the pulses of each burst; the code's gaps are stretched to the best fit."""
     rows, columns = power.shape
     starts_s = pulse_starts_s(tag)
     pulses = len(starts_s)
@@ -86,11 +92,11 @@ def burst_columns(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SinglePulses:
-    """Energies of single pulses, which identify the sender of a train of bursts.
+    """Energies of single pulses, by which the sender of a train of bursts is identified.
 
-    `level` (frequencies, slots): largest power over noise of the pulses that begin in each
-    slot; 0 without samples.
-    `starts_s` (pulses,): starts of the code's pulses from the start of a burst.
+    `level` (frequencies, slots) is the largest power over noise of the pulses that begin in
+    each slot, 0 without samples. `starts_s` (pulses,) are the starts of the code's pulses
+    relative to the start of a burst.
     """
 
     level: NDArray[np.float32]
@@ -112,10 +118,10 @@ def sender_of(
     time_s: NDArray[np.float64],
     weight: NDArray[np.float64],
 ) -> Sender:
-    """Identify by the energies of single pulses if a train is of this code.
+    """Determine by the energies of single pulses whether a train has this code.
 
-    A burst of another code has pulses at some of this code's positions and none at others. The
-    same happens to this code if a later pulse was taken for the first.
+    A burst of another code has pulses at some positions of this code and none at others. The
+    same appears for this code if a later pulse was mistaken for the first.
     """
     own = Sender(shift_s=0.0, pulses_s=np.zeros(0))
     capped = np.minimum(single.level[row].astype(np.float64), BURSTS.most_energy)
@@ -159,7 +165,9 @@ def sender_of(
 def _inequality(
     over: NDArray[np.float64], weight: NDArray[np.float64], variance: float
 ) -> float:
-    """Chi-square of a burst's pulse energies for the hypothesis that all are equally strong."""
+    """Chi-square of a burst's pulse energies under the hypothesis that all pulses are equally
+    strong.
+    """
     strength = np.maximum(over.mean(axis=1), 0.0)
     varies = variance + 2.0 * strength + (BURSTS.burst_scatter * strength) ** 2
     sums = weight @ over
@@ -178,7 +186,9 @@ def _picked(
     starts_s: NDArray[np.float64],
     slot_s: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Energies (bursts, pulses) at the burst's best stretch of the gaps, and pulses' slots."""
+    """Return energies (bursts, pulses) at the stretch of the gaps that fits best, and the
+    pulses' slots.
+    """
     found = []
     for stretch in BURSTS.stretches:
         longer = 1.0 + stretch * GAP_TOLERANCE_S / max(float(starts_s[-1]), 1e-9)
@@ -190,12 +200,16 @@ def _picked(
 def colliding_starts_s(
     foreign_s: NDArray[np.float64], starts_s: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Starts of bursts that share one of the given pulses, relative to the train's bursts."""
+    """Starts of bursts that share one of the given pulses, relative to the bursts of the
+    train.
+    """
     return np.unique(np.round(np.subtract.outer(foreign_s, starts_s).ravel(), 9))
 
 
 def exponentials(mean: float, pulses: int) -> float:
-    """Number of noise bursts among which the largest mean pulse energy has a given mean."""
+    """Number of bursts of noise among which the largest mean pulse energy has the given
+    mean.
+    """
     energy = np.arange(0.0, 12.0, 0.01)
     law = special.gammainc(pulses, pulses * energy)
     many = np.geomspace(1.0, 40.0, 400)
@@ -206,10 +220,12 @@ def exponentials(mean: float, pulses: int) -> float:
 def log_ratio_parts(
     energy: NDArray[np.float64], strength: NDArray[np.float64], pulses: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Density and distribution function of a burst's mean energy, over those of noise.
+    """Density and distribution function of a burst's mean energy, each divided by that of
+    noise.
 
-    The sum over p pulses of strength S is a noncentral chi-square of 2 p degrees of freedom
-    (Johnson, Kotz and Balakrishnan 1995, Continuous Univariate Distributions 2, 29).
+    The sum over p pulses of strength S has a noncentral chi-square distribution with 2 p
+    degrees of freedom (Johnson, Kotz and Balakrishnan 1995, Continuous Univariate Distributions
+    2, 29).
     """
     total, power = pulses * energy, pulses * strength
     x = 2.0 * np.sqrt(total * power)

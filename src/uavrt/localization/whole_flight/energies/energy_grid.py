@@ -1,10 +1,11 @@
-"""Convert a channel's samples to energies on a grid of slots and frequencies.
+"""Convert a channel's samples to energies on a grid of time slots and frequencies.
 
 A slot is a quarter or a half of a pulse. Its energy is the largest matched-filter power of the
 windows that begin in it or within the tag's jitter of it. Energies are standardised: mean 0 and
-variance 1 in noise, 0 without samples. Signals strong enough to be detected alone are left out
-with their surroundings, so that no single event makes a train. Those that look like a pulse and
-not like an impulse are marked, and trains of marks are searched as well.
+variance 1 in noise, 0 without samples. Signals that are strong enough to be detected alone are
+excluded with their surroundings, so that no single event looks like a train. Those that have
+the shape of a pulse and not of an impulse are marked, and trains of marks are also searched
+for.
 """
 
 import math
@@ -29,38 +30,44 @@ from uavrt.localization.whole_flight.tuning import ENERGY
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SlotEnergies:
-    """Standardised energy of each slot at each frequency."""
+    """Standardised energy of each time slot at each frequency."""
 
     energy: NDArray[np.float32]
-    """(frequencies, slots) energy in time slots: mean 0, variance 1 in noise; 0: no samples."""
+    """Energy in time slots, shape (frequencies, slots): mean 0 and variance 1 in noise, 0
+    without samples."""
     heard: NDArray[np.bool_]
-    """(slots,) True for time slots with samples and without a strong signal nearby."""
+    """True for time slots with samples and without a strong signal nearby, shape (slots,)."""
     offsets_hz: NDArray[np.float64]
-    """(frequencies,) offset from the tag's nominal frequency [Hz]."""
+    """Offset from the tag's nominal frequency [Hz], shape (frequencies,)."""
     start_ns: int
     """Time at which the first slot begins [ns, UTC]."""
     slot_s: float
     mean: NDArray[np.float64]
-    """(frequencies,) mean energy of a slot before standardisation, in units of the noise."""
+    """Mean energy of a slot before standardisation, in units of the noise, shape
+    (frequencies,)."""
     sigma: NDArray[np.float64]
     left_out: int
     """Number of time steps excluded because a strong signal was received."""
     level: NDArray[np.float32]
-    """(frequencies, slots) maximum power over noise, strong pulses included; 0 if excluded."""
+    """Maximum power over noise, including strong pulses, shape (frequencies, slots); 0 if
+    excluded."""
     loud: NDArray[np.bool_]
-    """(frequencies, slots) True for a slot's pulse strong enough to be detected alone."""
+    """True where a slot contains a pulse strong enough to be detected alone, shape
+    (frequencies, slots)."""
     listened: NDArray[np.bool_]
-    """(slots,) True for time slots in which there were samples."""
+    """True for time slots in which there were samples, shape (slots,)."""
     noise_db: NDArray[np.float64]
-    """(slots,) noise by which a slot's energies were divided [dB]; may vary with heading."""
+    """Noise by which each slot's energies were divided [dB], shape (slots,); it may vary with
+    the heading."""
     pulses: int = 1
-    """Number of pulses averaged in each energy: those of a coded tag's burst, otherwise 1."""
+    """Number of pulses averaged in each energy: those of a coded tag's burst, 1 for an uncoded
+    tag."""
     single: SinglePulses | None = None
-    """Energies of single pulses of a coded tag; None for other tags."""
+    """Energies of single pulses of a coded tag; None for an uncoded tag."""
 
     @property
     def time_s(self) -> NDArray[np.float64]:
-        """(slots,) middles of the slots, relative to `start_ns` [s]."""
+        """Middles of the slots relative to `start_ns` [s], shape (slots,)."""
         return np.asarray((np.arange(len(self.heard)) + 0.5) * self.slot_s)
 
     @property
@@ -70,7 +77,9 @@ class SlotEnergies:
         return self.start_ns + round(length_s * NANOSECONDS_PER_SECOND)
 
     def between(self, first: int, end: int) -> "SlotEnergies":
-        """Copy with the slots from one index to another only, not standardised again."""
+        """Return a copy with only the slots from one index to another, which are not
+        standardised again.
+        """
         start_s = first * self.slot_s
         return replace(
             self,
@@ -85,7 +94,9 @@ class SlotEnergies:
         )
 
     def away_from(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(slots,) True for slots with an energy, not near times (n,) from `start_ns` [s]."""
+        """True for slots that have an energy and are not near times (n,) after `start_ns` [s],
+        shape (slots,).
+        """
         return self.heard & self._beyond(time_s)
 
     def _beyond(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -97,11 +108,11 @@ class SlotEnergies:
         return ~gone
 
     def without(self, time_s: NDArray[np.float64]) -> "SlotEnergies":
-        """Copy without energies near given times (n,) from `start_ns` [s]."""
+        """Return a copy without the energies near given times (n,) after `start_ns` [s]."""
         return self.where(self._beyond(time_s))
 
     def where(self, kept: NDArray[np.bool_]) -> "SlotEnergies":
-        """Copy with the energies of the chosen slots (slots,) only."""
+        """Return a copy with only the energies of the selected slots (slots,)."""
         return replace(
             self,
             energy=np.where(kept, self.energy, np.float32(0.0)),
@@ -113,9 +124,9 @@ class SlotEnergies:
 
 
 def joined(parts: Sequence[SlotEnergies]) -> SlotEnergies:
-    """Join energies of consecutive parts of a flight, and standardise them as a whole.
+    """Join the energies of consecutive parts of a flight, and standardise them as a whole.
 
-    Columns left out around a part's slots are counted with it.
+    Excluded columns around a part's slots are counted with that part.
     """
     first = parts[0] if parts else None
     if first is None:
@@ -154,12 +165,13 @@ def _joined_singles(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlotLayout:
-    """Numbers of samples, columns and slots into which a tag's channel is divided."""
+    """Numbers of samples, columns and time slots into which a tag's channel is divided."""
 
     grid: Grid
     columns_per_slot: int
     reach: int
-    """Number of time columns on each side of a slot's middle searched for its pulse."""
+    """Number of time columns on each side of a slot's middle in which its pulse is searched
+    for."""
     beyond: int = 0
     """Number of time columns from the first to the last pulse of a burst."""
 
@@ -170,7 +182,9 @@ class SlotLayout:
 
     @property
     def slots_beside(self) -> int:
-        """Number of slots on each side of a stretch whose samples affect its energies."""
+        """Number of slots on each side of a time span whose samples affect the energies in the
+        span.
+        """
         columns = (
             2 * self.reach + 2 * ENERGY.hops_beside + -(-self.grid.window // self.grid.hop)
         )
@@ -186,7 +200,7 @@ def slot_layout(
     frequency_window_hz: float,
     slots_per_pulse: Resolution[int] = 2,
 ) -> SlotLayout:
-    """Divide a tag's channel into slots; parameters as those of `slot_energies`."""
+    """Divide a tag's channel into time slots; the parameters are those of `slot_energies`."""
     grid = make_grid(
         sample_rate_hz=sample_rate_hz,
         pulse_width_s=tag.pulse_width_s,
@@ -203,10 +217,11 @@ def slot_layout(
 def gather(
     blocks: Iterable[tuple[NDArray[np.complex64], int]], sample_rate_hz: float
 ) -> tuple[NDArray[np.complex64], NDArray[np.bool_], int]:
-    """Join blocks by time: samples (0 if missing), True if present, and the start [ns].
+    """Join blocks by time; return samples (0 if missing), True where samples exist, and the
+    start [ns].
 
-    Overlaps, as from a fast crystal, are left out. A clock that was set back, or changed by
-    hours, is treated as if it had not been set.
+    Overlaps, as caused by a fast crystal, are removed. If the clock was set back or changed by
+    hours, the change is ignored.
     """
     parts: list[NDArray[np.complex64]] = []
     gaps: list[tuple[int, int]] = []
@@ -252,7 +267,9 @@ def slot_energies(
     frequency_window_hz: float,
     slots_per_pulse: Resolution[int] = 2,
 ) -> SlotEnergies:
-    """Measure the energy of each slot; `samples`, `there`, `start_ns` are from `gather`."""
+    """Measure the energy of each time slot; `samples`, `there` and `start_ns` are results of
+    `gather`.
+    """
     layout = slot_layout(
         tag,
         sample_rate_hz=sample_rate_hz,
@@ -327,7 +344,7 @@ def slot_energies(
 
 
 def _dead(samples: NDArray[np.complex64], least: int) -> NDArray[np.bool_]:
-    """True for samples in runs of at least `least` exact zeros."""
+    """True for samples in runs of at least `least` samples that are exactly zero."""
     dead = np.zeros(len(samples), bool)
     for first, end in zero_runs(samples, least):
         dead[first:end] = True
@@ -350,7 +367,9 @@ def _tops(power: NDArray[np.float32], reach: int, at: NDArray[np.intp]) -> NDArr
 def _channel_columns(
     samples: NDArray[np.complex64], hop: int, window: int, columns: int, sample_rate_hz: float
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Maximum sample power over noise by time column; True if the whole channel is strong."""
+    """Return the maximum sample power over noise in each time column, and True where the whole
+    channel is strong.
+    """
     crest, wide = np.zeros(columns, np.float32), np.zeros(columns, bool)
     length = max(1, round(ENERGY.level_s * sample_rate_hz / hop))
     beyond = -(-window // hop)
@@ -397,7 +416,9 @@ def _whole_windows(
 def _standardise(
     power: NDArray[np.float32], whole: NDArray[np.bool_], length: int
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """Divide powers by the noise of each row and time; returns strong columns, noise [dB]."""
+    """Divide powers by the noise of each row and time; return the strong columns and the noise
+    [dB].
+    """
     columns = power.shape[1]
     loud, noise_db = np.zeros(columns, bool), np.zeros(columns)
     side = ENERGY.level_rows // 2
@@ -437,9 +458,9 @@ def _spread(flags: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
 def _centred(
     energy: NDArray[np.float32], good: NDArray[np.bool_], length: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float64]]:
-    """Shift energies to mean 0 in each stretch of time; scale rows to variance 1.
+    """Shift energies to mean 0 in each time span, and scale rows to variance 1.
 
-    Also returns the rows' original means, and their standard deviations before scaling.
+    Also returns the rows' original means and their standard deviations before scaling.
     """
     result = np.zeros_like(energy)
     rows = len(energy)

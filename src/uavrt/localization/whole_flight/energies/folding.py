@@ -1,8 +1,9 @@
 """Sum energies over all pulses of a flight, for every interval and phase at once.
 
-The fast folding algorithm (Staelin 1969, Proc. IEEE 57, 724): rows of one base period are added
-in pairs, the sums again in pairs, and so on. Each step uses all shifts for intervals from the
-base period to one slot more. So R rows of P slots cost P R log2 R additions instead of P R².
+This is the fast folding algorithm (Staelin 1969, Proc. IEEE 57, 724): rows of one base period
+are added in pairs, their sums again in pairs, and so on. Each step uses all shifts for
+intervals from the base period to one slot more. So R rows of P slots need P R log2 R additions
+instead of P R².
 """
 
 import numpy as np
@@ -12,21 +13,22 @@ from uavrt.core.runtime.native import kernels
 
 
 def base_periods(shortest_s: float, longest_s: float, slot_s: float) -> range:
-    """Base periods whose folds contain all intervals between two given ones [slots]."""
+    """Base periods whose folds together contain all intervals between two given ones
+    [slots].
+    """
     return range(int(shortest_s / slot_s), int(np.ceil(longest_s / slot_s)))
 
 
 def fold(
     values: NDArray[np.float32], period: int, first: int = 0, end: int | None = None
 ) -> NDArray[np.float32]:
-    """Sum the values that lie one interval apart, for all intervals of one base period.
+    """Sum the values that are one interval apart, for all intervals of one base period.
 
-    `values` (many, slots): arrays that are folded alike.
-    `period`: base period [slots].
-    `first`, `end`: range of wanted rows of the fold; by default all.
-    Returns: (many, rows, period) ``[i, d - first, p]``, the sum of the i-th values over the
-    slots ``p + k (period + d / (rows - 1))``. Rows is the next power of two to the number of
-    periods in all slots.
+    `values` (many, slots): arrays that are all folded in the same manner. `period`: base period
+    [slots]. `first`, `end`: range of rows of the fold that are returned, by default all.
+    Returns (many, rows, period) ``[i, d - first, p]``, the sum of the i-th values over the
+    slots ``p + k (period + d / (rows - 1))``. The number of rows is the next power of two to
+    the number of periods in all slots.
     """
     many, slots = values.shape
     rows = fold_rows(slots, period)
@@ -70,7 +72,9 @@ def _fold_numpy(
 def highest(
     sums: NDArray[np.float32], mixing: NDArray[np.float32], scale: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
-    """Highest score of each position, from patterns' sums by `mixing`, and its flat index."""
+    """Highest score of each position, computed from the patterns' sums by `mixing`, and its
+    flat index.
+    """
     patterns, rows, period = sums.shape
     places = len(mixing)
     native = kernels()
@@ -86,7 +90,7 @@ def highest(
 
 
 def slots_added(slots: int, period: int, row: int, phase: int) -> NDArray[np.intp]:
-    """Indices of the slots that a fold adds in the cell at a row and phase."""
+    """Indices of the slots whose values a fold adds in the cell at a row and phase."""
     rows = fold_rows(slots, period)
     levels = rows.bit_length() - 1
     number = np.arange(rows)
@@ -104,5 +108,5 @@ def fold_rows(slots: int, period: int) -> int:
 
 
 def interval_slots(period: int, rows: int) -> NDArray[np.float64]:
-    """(rows,) interval of each row of a fold [slots]."""
+    """Interval of each row of a fold [slots], shape (rows,)."""
     return np.asarray(period + np.arange(rows) / max(rows - 1, 1))

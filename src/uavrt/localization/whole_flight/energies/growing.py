@@ -1,7 +1,8 @@
-"""Measure slot energies of a flight in progress: each half minute once, then stored.
+"""Measure the energies of time slots during a flight; each half minute is measured once and
+stored.
 
-The energies equal those of a whole recording: a block is measured with its neighbours on both
-sides, and standardised together with all others.
+The energies equal those computed from a whole recording: each block is measured with its
+neighbours on both sides, and standardised together with all others.
 """
 
 import math
@@ -22,7 +23,9 @@ from uavrt.localization.whole_flight.tuning import ENERGY
 
 
 class GrowingEnergies:
-    """Converts a channel's samples, as they arrive in flight, to energies of all slots."""
+    """Converts a channel's samples, as they arrive during a flight, to the energies of all time
+    slots.
+    """
 
     def __init__(
         self,
@@ -52,7 +55,7 @@ class GrowingEnergies:
 
     @property
     def needed_from_ns(self) -> int:
-        """Time from which samples are needed for the next block [ns, UTC]."""
+        """Time from which samples are still needed for the next block [ns, UTC]."""
         first = max(0, len(self._parts) * self._block - self._margin) * self._slot
         return self._start_ns + math.floor(first / self._rate_hz * NANOSECONDS_PER_SECOND)
 
@@ -64,10 +67,10 @@ class GrowingEnergies:
     def take(
         self, samples: NDArray[np.complex64], there: NDArray[np.bool_], start_ns: int
     ) -> int:
-        """Measure the blocks that are complete now; returns their number.
+        """Measure the blocks that are now complete; return their number.
 
-        The samples are from `gather`, beginning at or before `needed_from_ns`; samples missing
-        before the first count as gaps.
+        The samples are results of `gather` and begin at or before `needed_from_ns`; samples
+        missing before the first one count as gaps.
         """
         since_s = (start_ns - self._start_ns) / NANOSECONDS_PER_SECOND
         offset = round(since_s * self._rate_hz)
@@ -103,5 +106,5 @@ class GrowingEnergies:
         return energies.between(self._margin, self._margin + self._block)
 
     def energies(self) -> SlotEnergies:
-        """Energies of all blocks; raises `ValueError` without any."""
+        """Return the energies of all blocks. Raises `ValueError` if there are none."""
         return joined(self._parts)
