@@ -430,6 +430,8 @@ class ReflectionTuning:
     """Smallest sum of direct and reflected ray, as a share of the direct ray."""
     steps: Resolution[int] = 257
     """Number of elevations in the table of reflections."""
+    rounds: Resolution[int] = 60
+    """Number of power iterations that determine each principal component of the reflection."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -55,19 +55,42 @@ class ReflectionShapes:
 def reflection_shapes() -> ReflectionShapes:
     """Mean and principal components of the reflection over all heights and shares.
 
-    Every distance within `REFLECTION.least_sine` counts the same on a logarithmic scale.
+    Every distance within `REFLECTION.least_sine` counts the same on a logarithmic scale. The
+    drone's memory is small: matrices are multiplied without the buffers of BLAS and LAPACK.
     """
     sine = np.linspace(0.0, 1.0, REFLECTION.steps)
-    height = np.linspace(*REFLECTION.heights)[:, None, None]
     used = np.maximum(sine, REFLECTION.least_sine)
-    gain = two_ray_gain_db(used, height, np.array(REFLECTION.shares)[:, None])
-    gain = gain.reshape(-1, len(sine))
-    root = np.sqrt((sine >= REFLECTION.least_sine) / used)
+    gain = np.array(
+        [
+            two_ray_gain_db(used, height, share)
+            for height in np.linspace(*REFLECTION.heights)
+            for share in REFLECTION.shares
+        ]
+    )
+    weight = (sine >= REFLECTION.least_sine) / used
     # Strength and exponent of the tag, which are unknown as well, explain a straight line.
-    line = np.stack([np.ones_like(used), np.log10(used)])
-    rest = gain - gain * root @ np.linalg.pinv(line * root) @ line
+    fall = np.log10(used)
+    fall -= np.average(fall, weights=weight)
+    slope = np.einsum("ns,s->n", gain, weight * fall) / float((weight * fall**2).sum())
+    rest = gain - np.average(gain, axis=1, weights=weight)[:, None] - slope[:, None] * fall
     mean = rest.mean(axis=0)
     rest -= mean
-    scores = np.linalg.svd(rest * root, full_matrices=False)[0]
-    shapes = scores[:, : REFLECTION.components].T @ rest / np.sqrt(len(rest))
+    scores = _leading_vectors(
+        np.einsum("ns,ms,s->nm", rest, rest, weight), REFLECTION.components
+    )
+    shapes = np.einsum("nc,ns->cs", scores, rest) / np.sqrt(len(rest))
     return ReflectionShapes(table=np.vstack([mean, shapes]).astype(np.float32))
+
+
+def _leading_vectors(matrix: _Floats, count: int) -> _Floats:
+    """Eigenvectors (n, count) of the largest eigenvalues of a covariance, by power iteration."""
+    found = []
+    for _ in range(count):
+        vector = matrix[:, np.argmax(matrix.diagonal())]
+        for _ in range(REFLECTION.rounds):
+            vector = np.einsum("nm,m->n", matrix, vector)
+            vector = vector / np.sqrt((vector**2).sum())
+        value = float(np.einsum("n,nm,m->", vector, matrix, vector))
+        matrix = matrix - value * vector[:, None] * vector
+        found.append(vector)
+    return np.stack(found, axis=1)
