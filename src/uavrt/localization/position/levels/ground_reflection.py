@@ -83,7 +83,7 @@ def reflection_shapes() -> ReflectionShapes:
 
 
 def _leading_vectors(matrix: _Floats, count: int) -> _Floats:
-    """Eigenvectors (n, count) of the largest eigenvalues of a covariance, by power iteration."""
+    """Compute a covariance's leading eigenvectors by power iteration, shape (n, count)."""
     found = []
     for _ in range(count):
         vector = matrix[:, np.argmax(matrix.diagonal())]
