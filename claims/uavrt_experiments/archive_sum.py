@@ -94,9 +94,9 @@ def render(results: str) -> str:
 def _measured_table(found: Measured) -> str:
     one = found.ways[0]
     lines = [
-        f"CPU time on {found.machine} for {found.signal_s:.0f} s of recordings with "
-        f"{found.rate_hz / 1e6:.0f} MS/s, 16-bit integers and {found.tags} tags. The files "
-        "were in memory before the run (`python -m benchmarks archive`):",
+        f"The table gives the CPU time on {found.machine} to search {found.signal_s:.0f} s of "
+        f"recordings ({found.rate_hz / 1e6:.0f} MS/s, 16-bit integers) for {found.tags} tags. "
+        "The files were in memory before the run (`python -m benchmarks archive`):",
         "",
         f"| | CPU for {found.signal_s:.0f} s | CPU of one process over that of all | most "
         "memory of a worker (PSS) |",
@@ -111,7 +111,7 @@ def _measured_table(found: Measured) -> str:
         "",
         f"An hour of recording ({hour_bytes / GB:.0f} GB) takes {found.hour_cpu_s:.0f} s of "
         f"one core. A core processes {found.core_bytes_a_second / GB:.2f} GB/s, "
-        f"{HOUR_S / found.hour_cpu_s:.0f} times real time. With more tags it takes little "
+        f"{HOUR_S / found.hour_cpu_s:.0f} times real time. A search for more tags takes little "
         "longer.",
     ]
     return "\n".join(lines)
@@ -125,8 +125,8 @@ def _sum_table(found: Measured) -> str:
     lead_in, written = f"{100 * (more - 1.0):.0f} %", f"{WRITING_S * pulses / 60:.0f} min"
     return "\n".join(
         [
-            f"Time to search **100 TB on {MACHINES} machines**, computed from the CPU times "
-            "above (`python -m uavrt_experiments.archive_sum`):",
+            f"The next table gives the time to search **100 TB on {MACHINES} machines**, "
+            "computed from the measured CPU times (`python -m uavrt_experiments.archive_sum`):",
             "",
             f"| | whole archive | {MACHINES} machines of {CORES} cores |",
             "|---|---|---|",
@@ -155,13 +155,14 @@ def _so(found: Measured) -> str:
     by_disk_s = ARCHIVE_BYTES * (1.0 + more) / MACHINES / DISK
     short_s = hour_s * (SHORT_CELL_S + LEAD_IN_S) / HOUR_S
     return (
-        "Reading limits the speed, so buy bandwidth, not processors. The disk of a machine "
-        f"can read for {DISK / found.core_bytes_a_second:.1f} cores; further cores wait for "
-        "it. A store shared by all machines is slower still.\n\n"
-        f"With twice the machines and disks, the search takes {by_disk_s / 120:.0f} min. The "
-        "next limit is then the one process that joins cells and writes Parquet "
+        "The speed of a search is limited by reading, so buy faster disks or networks, not "
+        "more processors. The disk of a machine reads as fast as "
+        f"{DISK / found.core_bytes_a_second:.1f} cores can search; further cores wait. A store "
+        "that all machines share is slower still.\n\n"
+        f"With twice as many machines and disks, the search takes {by_disk_s / 120:.0f} min. "
+        "The speed is then limited by the single process that writes the results "
         f"({round(1.0 / WRITING_S, -4):.0f} pulses a second).\n\n"
-        "At the end, cores may be idle while others finish their last cell, for up to "
+        "At the end, some cores may wait while others finish their last cell, for up to "
         f"{hour_s * (1.0 + more):.0f} s. `--cell {SHORT_CELL_S:.0f}` shortens this to "
         f"{short_s:.0f} s, but {100 * LEAD_IN_S / SHORT_CELL_S:.0f} % of the samples are then "
         f"read twice as lead-in, instead of {100 * more:.0f} %."
