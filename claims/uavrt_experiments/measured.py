@@ -36,6 +36,7 @@ _SEARCH_PAGE = "docs/reference/search-bars.md"
 
 _LINE = re.compile(r"Measured on commit `([^`]+)`(?:, [^`\n]+)?, code `(\w+)` of ([\w/, ]+)\.")
 
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Part:
     """A part of a table, and the record of its measurement."""
@@ -70,6 +71,7 @@ class Part:
             return f"uavrt experiment search {chosen} --page {_SEARCH_PAGE}"
         return f"uavrt experiment {self.name}"
 
+
 def digest(folders: Sequence[str], source: Path = SOURCE, native: Path = NATIVE) -> str:
     """Digest of the code of some folders of the package: 12 hexadecimal digits.
 
@@ -88,17 +90,20 @@ def digest(folders: Sequence[str], source: Path = SOURCE, native: Path = NATIVE)
             found.update(f"native/{path.name} {_c_code(path)}\n".encode())
     return found.hexdigest()[:12]
 
+
 def _c_code(path: Path) -> str:
     """Text of a C file without comments and layout."""
     text = path.read_text(encoding="utf-8")
     bare = _C_COMMENT.sub(lambda m: m[0] if m[0].startswith('"') else " ", text)
     return " ".join(bare.split())
 
+
 @lru_cache(maxsize=1024)
 def _of_file(path: Path, time_ns: int, size: int) -> str:
     """Digest of a file's code, cached by time and size."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     return hashlib.sha256(" ".join(_tokens(tree)).encode()).hexdigest()
+
 
 def _tokens(node: object) -> Iterator[str]:
     """Tokens of a syntax tree, the same for every version of Python."""
@@ -118,6 +123,7 @@ def _tokens(node: object) -> Iterator[str]:
     else:
         yield repr(node)
 
+
 def commit() -> str:
     """Commit of the source, with -dirty appended if files differ; without git, the version."""
     command = ("git", "-C", str(ROOT), "describe", "--always", "--dirty")
@@ -125,6 +131,7 @@ def commit() -> str:
         return uavrt.__version__
     answer = subprocess.run(command, capture_output=True, text=True, check=False, timeout=10.0)
     return answer.stdout.strip() or uavrt.__version__
+
 
 def in_history(named: str, root: Path = ROOT) -> bool | None:
     """True if a commit that a table names is in this clone's history.
@@ -144,6 +151,7 @@ def in_history(named: str, root: Path = ROOT) -> bool | None:
     bare = named.removesuffix("-dirty")
     return git("merge-base", "--is-ancestor", bare, "HEAD").returncode == 0
 
+
 def processor() -> str:
     """Name of the processor."""
     cpuinfo = Path("/proc/cpuinfo")
@@ -151,16 +159,14 @@ def processor() -> str:
     found = re.search(r"^model name\s*:\s*(.+)$", text, re.MULTILINE)
     return re.sub("[`,]", "", found[1]) if found else platform.machine()
 
+
 def measured_now(folders: Sequence[str]) -> str:
     """Line below the title of a measurement with the present code."""
     day = f"{datetime.now(tz=UTC):%Y-%m-%d}"
     machine = f"{os.cpu_count()} cores of {processor()}"
     code = f"code `{digest(folders)}` of {', '.join(folders)}"
-    digest_note = (
-        "The code value is a checksum of the source code of these packages. "
-        "If the checksum is different today, the code has changed since the measurement."
-    )
-    return f"Measured on commit `{commit()}`, {day}, {machine}, {code}. {digest_note}"
+    return f"Measured on commit `{commit()}`, {day}, {machine}, {code}."
+
 
 def read_parts(root: Path = ROOT) -> list[Part]:
     """Parts of all tables of results in a clone."""
@@ -183,11 +189,13 @@ def read_parts(root: Path = ROOT) -> list[Part]:
             )
     return parts
 
+
 def _pages(root: Path) -> Iterator[str]:
     for path in sorted((root / "docs").rglob("*.md")):
         name = path.relative_to(root).as_posix()
         if name != _DETECTOR_PAGE and _LINE.search(path.read_text(encoding="utf-8")):
             yield name
+
 
 def _name(path: str, before: str) -> str:
     """Name of the part that a line belongs to, from the text before it."""
@@ -200,6 +208,7 @@ def _name(path: str, before: str) -> str:
     asked = re.findall(r"uavrt experiment (\w+)", before)
     return str(asked[-1]) if asked else Path(path).stem
 
+
 def main() -> int:
     """List the parts of all tables; returns 1 if some are older than their code."""
     parts = read_parts()
@@ -209,6 +218,7 @@ def main() -> int:
         lost = ", on a commit that is not in this history" if part.commit in elsewhere else ""
         sys.stdout.write(f"{part.name:16} {part.commit:20} {part.path}{lost}; {state}\n")
     return 0 if all(part.current for part in parts) else 1
+
 
 if __name__ == "__main__":
     sys.exit(main())
