@@ -165,11 +165,7 @@ def measured_now(folders: Sequence[str]) -> str:
     day = f"{datetime.now(tz=UTC):%Y-%m-%d}"
     machine = f"{os.cpu_count()} cores of {processor()}"
     code = f"code `{digest(folders)}` of {', '.join(folders)}"
-    digest_note = (
-        "The code value is a checksum of the source of these packages, "
-        "so another value means that they have changed since."
-    )
-    return f"Measured on commit `{commit()}`, {day}, {machine}, {code}. {digest_note}"
+    return f"Measured on commit `{commit()}`, {day}, {machine}, {code}."
 
 
 def read_parts(root: Path = ROOT) -> list[Part]:
