@@ -255,7 +255,7 @@ def _check_search(action: str, request: MotionRequest) -> None:
 
 
 def _survey(request: MotionRequest | None, use: str) -> Order:
-    """Order of the requested survey; raises `ConfigError` for any other motion."""
+    """Return the command for the requested survey; raises `ConfigError` for other motions."""
     if request is None or request.action != "survey":
         raise ConfigError(
             f"only a survey is {use}", remedy="uavrt fly survey --area FILE --height 60"
