@@ -1,6 +1,6 @@
 """Define the paths of all files of a flight: the thesis's layout (§4.5) and a database.
 
-docs/reference/flight-directory.md shows the whole tree. ``flight.sqlite`` contains all records.
+docs/reference/flight-directory.md lists all files. ``flight.sqlite`` contains all records.
 """
 
 import os
@@ -129,7 +129,8 @@ def require_writable(directory: Path) -> None:
 def stamp_of(flight: str) -> Stamp:
     """Size and modification time of a flight's database and its write-ahead log.
 
-    `flight` is text and no `Path`, for speed: each display of the list checks thousands.
+    `flight` is a text because a `Path` would be slower: each display of the list checks
+    thousands.
     """
     size, changed = 0, 0
     for path in (f"{flight}/flight.sqlite", f"{flight}/flight.sqlite-wal"):
