@@ -154,10 +154,10 @@ class ChannelRecorder:
         return self._budget.bytes / 1e6
 
     def put(self, blocks: list[ChannelBlock]) -> None:
-        """Queue a copy of a radio block's channels, and return at once; drops if full.
+        """Queue a copy of a radio block's channels without waiting; a full queue drops it.
 
         After an overflow, blocks are dropped until half of the queue is written. This causes
-        few long gaps instead of many short ones.
+        few long gaps and not many short ones.
         """
         first = blocks[0]
         batch = _Batch(
