@@ -283,7 +283,7 @@ class Beep:
         return self._near(other) and self.kind is other.kind
 
     def replaced_by(self, other: "Beep") -> bool:
-        """True if `other` is of this sender and exactly one of the two assumes swapped I/Q."""
+        """True if `other` is of this sender, and exactly one of them assumes I/Q swapped."""
         mirrored = self.kind is BeepKind.MIRRORED
         decided = mirrored is not (other.kind is BeepKind.MIRRORED)
         at_one_rate = abs(self.interval_s - other.interval_s) < _SAME_RATE * self.interval_s

@@ -201,7 +201,7 @@ class Spectrogram:
         return (self.consumed - len(self.band)) * self.grid.decimation // self.grid.hop
 
     def needed(self) -> int:
-        """Index of the first channel sample needed by the next call; may be negative."""
+        """Index of the first channel sample that the next call needs; may be negative."""
         return self.consumed * self.grid.decimation - self.grid.reach
 
     def push(self, samples: NDArray[np.complex64]) -> NDArray[np.float32]:

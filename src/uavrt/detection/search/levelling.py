@@ -22,7 +22,7 @@ from uavrt.detection.search.grid import HOPS_PER_PULSE, ROWS_PER_BIN
 from uavrt.detection.search.tuning import LEVEL
 
 SLOT = HOPS_PER_PULSE // 2
-"""Number of spectrogram columns in a slot, the time step of the noise level."""
+"""Number of spectrogram columns in a slot; a slot is the time step of the noise level."""
 _MEAN = 1.0 - math.exp(-LEVEL.most_power)
 """Mean power of noise cells after each is limited to `LEVEL.most_power`; without the limit it
 is 1."""
@@ -40,7 +40,7 @@ class _Stretch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Followed:
-    """Noise levels that change with time: one that divides cells, one for measuring pulses."""
+    """Noise levels that change with time: one divides cells, one is for measuring pulses."""
 
     divisor: NDArray[np.float32]
     """(new slots,) common noise level that divides cells, raised by its possible error."""
@@ -99,10 +99,11 @@ class _LevelRecord:
 
 
 class Leveller:
-    """Tracks the noise level shared by the rows of one search.
+    """Tracks the noise level that the rows of one search have in common.
 
     `keep`: number of columns for which levels are stored. `steepness`: threshold of the search
-    over K; sets the margin for a level's error. `circular`: the last row is next to the first.
+    divided by K, which determines the margin for a level's error. `circular`: True if the last
+    row is next to the first.
     """
 
     def __init__(
@@ -212,7 +213,7 @@ class Leveller:
         self._average()
 
     def _nearly_steady(self, both: NDArray[np.float32]) -> bool:
-        """True if noise levels are so near the newest one that cells need no new limits."""
+        """True if all noise levels are close to the newest, so cells need no new limits."""
         pieces = both.shape[1] // LEVEL.piece_slots
         some = both[:, both.shape[1] - pieces * LEVEL.piece_slots :]
         common = self._common(some).reshape(pieces, LEVEL.piece_slots).mean(axis=1)

@@ -1,8 +1,8 @@
 """Remove carriers from the samples before the search.
 
-In windows one pulse long, the side lobes of a carrier of 60 dB hide a tag 100 Hz away. Carriers
+In windows one pulse long, the side lobes of a 60 dB carrier hide a tag 100 Hz away. Carriers
 are found in a transform 25 times as long. They are subtracted with slowly varying amplitudes,
-fitted jointly by least squares. A tag exactly on a carrier loses a part of its energy.
+which are fitted jointly by least squares. A tag exactly on a carrier loses part of its energy.
 """
 
 import math
@@ -33,7 +33,7 @@ class LineCanceller:
 
     @property
     def idle(self) -> bool:
-        """True if there is no carrier to subtract, now or in the last samples."""
+        """True if no carrier has to be subtracted from the present or the last samples."""
         return not self.frequencies_hz.size and self._past is None
 
     @property
@@ -42,7 +42,7 @@ class LineCanceller:
         return max(self._length, round(CARRIERS.fit_s * self._rate))
 
     def find(self, before: NDArray[np.complex64], samples: NDArray[np.complex64]) -> None:
-        """Find carriers in the newest samples and in `before`, the stored ones before them."""
+        """Find carriers in the newest samples and in `before`, the samples before them."""
         past = before if self._past is None else self._past
         newest = np.concatenate((past, samples))[-self._length :]
         if len(newest) < self._length:

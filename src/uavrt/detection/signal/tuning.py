@@ -16,7 +16,7 @@ class ChannelTuning:
     """Number of recent sample blocks; the longest of them is the expected length of the next
     one."""
     restart_blocks: int = 3
-    """Number of consecutive sample blocks with times in the past after which the stream
+    """Number of consecutive blocks with earlier times than expected after which the stream
     restarts."""
     # Shortest run of zeros that counts as lost samples; coarse samples contain shorter ones.
     shortest_loss_s: float = 0.0005
@@ -29,8 +29,9 @@ class ChannelTuning:
     usual_error_hz: float = 500.0
     """Maximum usual error of a tag's frequency [Hz]."""
     edge_hz: float = 2.0
-    """Distance beyond a channel's edge at which a track moves to the other edge [Hz]: more than
-    twice the scatter of a track of 16 dB. A tag 5 Hz inside keeps its frequency."""
+    """Distance beyond a channel's edge at which a track's frequency changes to the other edge
+    [Hz]. It is more than twice the scatter of a track of 16 dB, so that a tag 5 Hz inside keeps
+    its frequency."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,8 +41,8 @@ class CarrierTuning:
     transform_s: float = 0.55
     """Length of the spectrum that finds steady carriers [s]: bins of 1.8 Hz."""
     search_every_s: float = 2.4
-    """Interval between two searches for carriers while none is subtracted [s]. The fit of an
-    amplitude cannot follow a drift of 2 Hz/s over 2.5 s."""
+    """Interval between two searches for carriers while none is subtracted [s]. It is short
+    because the fit of an amplitude cannot follow a drift of 2 Hz/s over 2.5 s."""
     fit_s: float = 0.3
     """Duration of earlier samples in the fit of a carrier's amplitude [s]."""
     block_s: float = 0.004
@@ -50,8 +51,9 @@ class CarrierTuning:
     """Degree of the polynomial of a carrier's amplitude. A carrier of 60 dB with 30 % of
     modulation at 1.3 Hz leaves 20 dB at degree 4, and 0.5 dB at degree 6."""
     threshold_ratio: float = 40.0
-    """Ratio of a carrier's bin to the median of the bins around it. Noise reaches this in one
-    of 10^12 bins, and pulses, 50 Hz wide, reach 4. A carrier of 0 dB in 50 Hz reaches it."""
+    """Ratio of a bin's power to the median of the bins around it, above which it is a carrier.
+    Noise reaches this in one of 10¹² bins; pulses, which are 50 Hz wide, reach a ratio of 4. A
+    carrier of 0 dB in 50 Hz reaches the threshold."""
     group_bins: int = 16
     """Number of neighbouring frequency bins used to estimate their noise power."""
     floor_rank: int = 4
@@ -60,7 +62,8 @@ class CarrierTuning:
     floor_scale: float = 2.0
     """Ratio of the median power of a group of noise bins to that of its bin of `floor_rank`."""
     most_lines: int = 240
-    """Maximum number of carriers removed: frames of 60 ms have one every 16.7 Hz."""
+    """Maximum number of carriers that are removed; a transmitter with frames of 60 ms has one
+    every 16.7 Hz."""
     few_lines: int = 6
     """Maximum number of carriers that are all fitted with polynomials of full degree."""
     many_lines: int = 100
@@ -69,7 +72,8 @@ class CarrierTuning:
     """Polynomial degree for weak carriers above `few_lines`: 37 polynomials of degree 7 take a
     tenth of the noise, mostly at the newest samples. Degree 3 follows a line 1.5 Hz wide."""
     degree_of_most: int = 1
-    """Polynomial degree for weak carriers above `many_lines`, as of an idle transmitter."""
+    """Polynomial degree for weak carriers if there are more than `many_lines`, as from an idle
+    transmitter."""
     most_fit_steps: int = 10
     """Maximum number of conjugate-gradient steps in the common fit of all carriers."""
     residual_share: float = 0.02
@@ -94,7 +98,8 @@ class WhiteningTuning:
     memory_s: float = 10.0
     """Duration over which the noise density is averaged [s]."""
     most_weight: float = 6.0
-    """Limit on a window's power in the average [noise densities]; it may hold a pulse."""
+    """Limit on a window's power in the average [noise densities], because it may contain a
+    pulse."""
     rise_ratio: float = 2.2
     """Ratio of newest median to average noise density above which the average restarts."""
     suppressed_ratio: float = 10.0
@@ -144,7 +149,7 @@ class SparkTuning:
     """Share of high noise levels below which limiting of the samples ends."""
     check_every: int = 8
     """Number of steps between checks for bursts while the noise is steady; a check takes a
-    third of a step."""
+    third of the time of a step."""
     share_gain: float = 0.2
     """Weight of the newest share of high noise levels in its running average."""
 

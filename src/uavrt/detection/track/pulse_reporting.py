@@ -1,4 +1,4 @@
-"""Make records of tracks: find the track that is the tag's, and report each pulse once."""
+"""Create records of pulses: find the track that is the tag's, and report each pulse once."""
 
 import math
 
@@ -19,7 +19,7 @@ _REPORT_EVERY_NS = NANOSECONDS_PER_SECOND
 
 
 class Reporter:
-    """Makes the pulse records and search reports of one detector."""
+    """Creates the pulse records and search reports of one detector."""
 
     def __init__(
         self, tag: Tag, *, center_frequency_hz: float, sample_rate_hz: float, counters: Counters
@@ -80,7 +80,7 @@ class Reporter:
                 self.report(track)
 
     def report(self, track: Track, *, last: bool = False) -> None:
-        """Make records of a track's accepted pulses, also of weak ones as unconfirmed."""
+        """Create records of a track's accepted pulses; weak pulses become unconfirmed ones."""
         if self.doubts(track, last=last) or track.held:
             return
         oldest_open = track.number - self._tag.k + 1
