@@ -571,7 +571,7 @@ class CommandReply:
     name: CommandName
     accepted: bool
     message: str
-    """Reason of a refusal, or a detail such as the flight's directory."""
+    """Reason for a refusal, or a detail such as the flight's directory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

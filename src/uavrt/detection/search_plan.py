@@ -28,7 +28,8 @@ class SearchPlan:
     center_frequency_hz: float
     """Frequency to which the radio is tuned [Hz]."""
     warnings: tuple[str, ...]
-    """Unavoidable limitations of the search for these tags, as sentences for the operator."""
+    """Sentences for the operator on limitations of the search that cannot be avoided with these
+    tags."""
     cores: float
     """Number of processor cores that the detectors need; uncoded tags too cheap to measure
     count 0."""

@@ -196,7 +196,7 @@ def _fits(interval_s: float, tag: Tag, train: Train, ratios: Sequence[float] = (
 
 
 def _rates(train: Train) -> Iterator[float]:
-    """Reliably measured pulse intervals of a train [s]; that of most pulses comes first."""
+    """Reliably measured pulse intervals of a train [s], beginning with that of most pulses."""
     yield train.interval_s
     for one in train.beats:
         places = int(one.beat.numbers[-1]) + 1

@@ -73,12 +73,13 @@ class IntervalTuning:
     # second pulse missing counts as another rate from five or six pulses on at an end of the
     # recording, and from eight or nine in its middle.
     missing_cost: float = 0.3
-    """Cost of a missing pulse in a chain, in received pulses, if the tag has one rate."""
+    """Number of received pulses that one missing pulse cancels in the score of a chain, if the
+    tag has one rate."""
     missing_or_switch_cost: float = 0.5
-    """Cost of a missing pulse in a chain, in received pulses, if the tag may have changed its
-    rate."""
+    """Number of received pulses that one missing pulse cancels in the score of a chain, if the
+    tag may have changed its rate."""
     switch_cost: float = 2.0
-    """Cost of a change of interval in a chain of a tag's pulses, in received pulses."""
+    """Number of received pulses that one change of interval cancels in the score of a chain."""
     recent_pulses: int = 40
     """Number of recent pulses of a train over which its interval is averaged."""
 

@@ -35,7 +35,8 @@ class _Stretch:
     first: int
     common: NDArray[np.float32]
     bands: NDArray[np.float32] | None
-    """(bands, slots) noise level of each band over the common one; None if all are equal."""
+    """(bands, slots) ratio of each band's noise level to the common level; None if all are
+    equal."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +46,8 @@ class _Followed:
     divisor: NDArray[np.float32]
     """(new slots,) common noise level that divides cells, raised by its possible error."""
     bands: NDArray[np.float32] | None
-    """(bands, new slots) noise level of each band over `divisor`; None if all are equal."""
+    """(bands, new slots) ratio of each band's noise level to `divisor`; None if all are
+    equal."""
     measured: NDArray[np.float32]
     """(slots,) noise level common to all bands, used to measure the power of pulses."""
     measured_bands: NDArray[np.float32] | None
@@ -59,7 +61,8 @@ class _Levels:
     margin: NDArray[np.float32]
     """(slots,) factor on `common` in the search, to allow for the error of the noise level."""
     bands: NDArray[np.float32] | None
-    """(bands, new slots) noise level of each band over `common`; None if all are equal."""
+    """(bands, new slots) ratio of each band's noise level to `common`; None if all are
+    equal."""
 
 
 class _LevelRecord:

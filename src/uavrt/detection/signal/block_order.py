@@ -57,7 +57,7 @@ class Intake:
         """Number of consecutive sample blocks that began before the buffer's end."""
 
     def clear(self) -> None:
-        """Clear the buffer, as before the first block."""
+        """Delete all stored samples, so that the next block is treated as the first."""
         self.buffer.clear()
         self.stale_blocks = 0
 

@@ -39,7 +39,7 @@ class JudgeTuning:
     uniformity: float = 0.3
     """Minimum power of a pulse in a short group, as a share of the group's strongest."""
     few_pulses: int = 3
-    """Maximum number of pulses K of a group in which a weak pulse counts as missing."""
+    """Largest number K of pulses in a group for which a weak pulse counts as missing."""
     strong_power: float = 30.0
     """Minimum power of a pulse that may be a stronger pulse's flank [noise powers]."""
     off_row_hz: float = 8.0
@@ -83,13 +83,14 @@ class BoundTuning:
     """Tolerance for an interval measured by a line through pulse times [standard
     deviations]."""
     known_share: float = 0.5
-    """Maximum error of a long group's interval at its confirmation, as a share of its bound."""
+    """Maximum error of a long group's interval when it is confirmed, as a share of its
+    bound."""
     same_transmitter_hz: float = 40.0
     """Maximum frequency difference between two tracks of one transmitter [Hz]."""
     same_group_hz: float = 100.0
     """Maximum frequency difference between untracked groups of one tag [Hz]."""
     active_intervals: float = 5.0
-    """Maximum time since a track's last pulse while it counts as active [intervals]."""
+    """Time since a track's last pulse up to which the track counts as active [intervals]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,7 +162,8 @@ class FollowTuning:
     most_tests: int = 40
     """Maximum number of tested pulses of a track that exceeds noise but may be bursts."""
     odds_lost: float = 4.0
-    """Fall of a track's log odds from their maximum that ends it: three missing pulses."""
+    """Fall of a track's log odds from their maximum at which the track ends: three missing
+    pulses."""
     most_missed: int = 10
     """Maximum number of consecutive missed pulses of a track; more end it."""
     first_trust: float = 3.0
@@ -170,9 +172,10 @@ class FollowTuning:
     """Maximum log odds that a track is a tag; from there, ten missing pulses end the track, as
     many as `most_missed`."""
     trust_lost: float = 1.4
-    """Maximum fall of a track's log odds by a missed pulse; one in four is lost to fading."""
+    """Maximum loss of a track's log odds of being a tag by one missed pulse; one pulse in four
+    is lost to fading."""
     trust_won: float = 4.0
-    """Maximum gain of a track's log odds of being a tag by a received pulse."""
+    """Maximum gain of a track's log odds of being a tag that one received pulse can give."""
     joint_trust: float = 6.0
     """Log odds that a track is a tag, above which a weak pulse is accepted by its sum with
     others. At lower odds the sum would include the pulses that began the track; these were
@@ -240,10 +243,11 @@ class RateTuning:
     """Lead in log-likelihood at which a tag's rate is decided; one clear pulse at one rate
     gives it."""
     patience_intervals: float = 2.5
-    """Maximum time for which a pulse waits until its rate is decided [longest intervals]; then
-    it is reported as `detected`."""
+    """Maximum time for which a pulse waits for the decision on the tag's rate [longest
+    intervals]; after that, it is reported as `detected`."""
     uncertainty_share: float = 0.25
-    """Uncertainty of the interval after a change of rate, over the tag's declared one."""
+    """Uncertainty of the interval after a change of rate, as a share of the tag's declared
+    uncertainty."""
     most_starts: int = 8
     """Number of past pulses of a track at which a change of rate is considered."""
 
@@ -269,7 +273,8 @@ class GhostTuning:
     edge_widths: float = 0.75
     """Maximum time between a pulse's start and its edge detected as a pulse [pulse widths]."""
     edge_share: float = 0.6
-    """Minimum share of pulses at another train's edges in a train that consists of edges."""
+    """Minimum share of a train's pulses that lie at the edges of another train's pulses, for
+    the train to count as those edges."""
     rounding_ns: int = 1000
     """Maximum rounding error of present-day times as floating-point numbers [ns]."""
     coincident_share: float = 0.9
@@ -303,7 +308,8 @@ class SenderTuning:
     """Time for which a tag must be received with another interval before it replaces the
     measured interval of the tag [ns]."""
     most_trains: int = 6
-    """Maximum number of trains in a band that are assigned to tags: the last received."""
+    """Maximum number of trains in a band that are assigned to tags; those received last are
+    chosen."""
     kept_ns: int = 40_000_000_000
     """Time for which pulses of confirmed trains are stored [ns]; it exceeds that for other
     bursts."""
@@ -312,14 +318,16 @@ class SenderTuning:
     likely_odds: float = -6.0
     """Log odds above which an unconfirmed track counts as a tag and not as bursts."""
     same_train_share: float = 2.0 / 3.0
-    """Minimum share of common pulses in two tracks of one train; less is a collision."""
+    """Minimum share of pulses that two tracks have in common if they belong to one train; a
+    smaller share is a collision."""
     foreign_share: float = 2.0 / 3.0
     """Share of pulses that other trains explain above which a train is dropped."""
     foreign_pulses: int = 3
     """Minimum number of pulses of a train for it to be dropped; fewer may coincide by
     accident."""
     same_interval_ratio: float = 1.2
-    """Ratio below which two tracks' intervals are the same, with different measuring errors."""
+    """Ratio of two tracks' intervals up to which they count as equal; each has a measuring
+    error."""
 
 
 BAND = BandTuning()

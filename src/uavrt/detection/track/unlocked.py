@@ -64,7 +64,7 @@ def _continued(
 
 
 def drop_old(tracks: list[Track], now_s: float) -> None:
-    """Drop the groups that no new group can continue, in place."""
+    """Delete groups, in place, that a new group can no longer continue."""
     tracks[:] = [
         t
         for t in tracks
