@@ -692,8 +692,8 @@ class Course:
     """Latitude and longitude [°] of the drone."""
     altitude_amsl_m: float
     goal: tuple[float, float]
-    """Latitude and longitude [°] of the end of the present leg; the drone's own position if it
-    stays."""
+    """Latitude and longitude [°] of the end of the present leg, or of the drone itself if it
+    does not move."""
     searching: bool = False
     """True if this drone has a confirmed search order."""
     returning: bool = False
@@ -716,7 +716,8 @@ class Neighbour:
     """A ground station's report of another drone; information only, not a command."""
 
     vehicle: int
-    """MAVLink system id of the other drone; 0: others exist, but none has reported yet."""
+    """MAVLink system id of the other drone; 0 means that other drones exist but none has
+    reported yet."""
     version: int = 0
     """Number that identifies the other drone's leg; changes with each new leg."""
     granted: int = 0

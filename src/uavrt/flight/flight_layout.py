@@ -86,7 +86,7 @@ class FlightLayout:
         return self.root / directory / f"{name}.log"
 
     def make(self, tag_ids: list[int]) -> None:
-        """Make all directories; raises `RecordingError` on a full or read-only disk."""
+        """Create all directories of the flight; raises `RecordingError` if the disk is full."""
         directories = [self.root / "airspy_csdr_netcat_log", self.root / "channelizer_log"]
         directories.append(self.root / "process_log")
         for tag_id in tag_ids:
@@ -114,7 +114,7 @@ def new_flight_directory(
 
 
 def require_writable(directory: Path) -> None:
-    """Make a directory for flights; raises `RecordingError` for an unwritable one."""
+    """Create a directory for flights; raises `RecordingError` if it cannot be written to."""
     with os_errors_as(
         RecordingError,
         f"flights cannot be saved in {directory}",

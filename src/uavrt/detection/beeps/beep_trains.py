@@ -285,7 +285,7 @@ def _coincide(train: Train, other: Train) -> bool:
 
 
 def _of_one_sender(beats: Sequence[FoundBeat], here: Points) -> list[list[FoundBeat]]:
-    """Group intervals by sender: those of one sender do not overlap in time."""
+    """Group intervals by sender: intervals of one sender do not overlap in time."""
     groups: list[list[FoundBeat]] = []
     for beat in beats:
         times_s = here.times_s[beat.members]

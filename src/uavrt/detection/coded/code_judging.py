@@ -67,7 +67,7 @@ def measure(
     *,
     prior: float = 0.0,
 ) -> list[Burst]:
-    """Measure possible bursts (seeds) in the recent cells; drop those that are not bursts."""
+    """Measure possible bursts (seeds) in the recent cells and drop what is not a burst."""
     if not len(seeds):
         return []
     seeds = _centred(cells, book, seeds)

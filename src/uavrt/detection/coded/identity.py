@@ -126,10 +126,10 @@ class Sightings:
     def identify(
         self, new: Sequence[Sighting], now_ns: int, *, last: bool
     ) -> list[tuple[Sighting, Tag, tuple[int, ...]]]:
-        """Add new bursts; return those to be reported, with sender and other possible ids.
+        """Add new bursts; return the bursts to report, with their senders.
 
-        Each comes with the ids of other possible tags; `Sighting.tag_id` is set if it is
-        confirmed.
+        Each comes with the ids of other possible tags; `Sighting.tag_id` is set if the sender
+        is confirmed.
         """
         self._begun_ns = self._begun_ns or now_ns
         concerned = self._waiting

@@ -202,11 +202,13 @@ class IdentityTuning:
     """Log-likelihood that a tag loses where a burst is missing at its interval; most bursts are
     detected."""
     clear_log: float = 3.0
-    """Minimum log-likelihood lead of one tag's burst interval over the others'."""
+    """Minimum lead in log-likelihood of one tag's burst interval over the intervals of other
+    tags."""
     timing_s: float = 1e-3
     """Error of the measured start of a burst [s]."""
     wait_intervals: float = 2.2
-    """Time for which an ambiguous burst waits for later ones [burst intervals]."""
+    """Time for which an ambiguous burst waits for later bursts to identify it [burst
+    intervals]."""
     doubt_log: float = math.log(100.0)
     """Maximum amount by which the log-likelihood ratio may be too small for a burst to be
     reported as unconfirmed."""

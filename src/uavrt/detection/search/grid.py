@@ -263,7 +263,7 @@ class Spectrogram:
 def make_grid(
     *, sample_rate_hz: float, pulse_width_s: float, offset_hz: float, half_width_hz: float
 ) -> Grid:
-    """Make the grid around one tag; an infinite `half_width_hz` is the whole channel."""
+    """Create the grid around one tag; an infinite `half_width_hz` means the whole channel."""
     nyquist_hz = sample_rate_hz / 2.0
     samples = pulse_width_s * sample_rate_hz
     circular = half_width_hz >= nyquist_hz

@@ -94,7 +94,7 @@ class _LevelRecord:
             del self._stretches[0]
 
     def correct(self, measured: NDArray[np.float32], past: int) -> None:
-        """Replace the noise levels of slots that may have held a pulse by later estimates."""
+        """Replace the noise levels of slots that may contain a pulse by later estimates."""
         if self._stretches:
             before = self._stretches[-1].common
             upto = min(LEVEL.beside_slots[1], past, len(before))
@@ -307,7 +307,7 @@ class Leveller:
         weights: NDArray[np.float32],
         past: int,
     ) -> _Levels:
-        """Noise level of each time slot; from slot `past` on, also of each frequency band."""
+        """Noise level of each time slot, and from slot `past` on of each frequency band."""
         scale = math.sqrt(LEVEL.slot_variance / self._bins)
         back, begin, least = _longest(common, weights, scale)
         ahead, end, _ = _longest(common[::-1], weights[::-1], scale)

@@ -183,7 +183,7 @@ class RowNoise:
 
     @property
     def _mode(self) -> Literal["wrap", "reflect"]:
-        """Padding mode beyond band ends: rows of the other end (circular), or mirrored ones."""
+        """Padding mode beyond the ends of the band: rows of the other end, or mirrored rows."""
         return "wrap" if self._circular else "reflect"
 
     @property

@@ -45,8 +45,9 @@ def decision_span_s(tag: Tag, rate: int = 1) -> float:
 def begun_within_s(tag: Tag, rate: int = 1) -> float:
     """Duration in which a group of the first decision can begin [s].
 
-    The original detector's steps are whole columns. For tags with small uncertainties, this
-    rounding takes up to a millisecond per pulse; for K of 60 or more, no time would be left.
+    The original detector's steps are whole columns. If the tag's uncertainties are small, this
+    rounding shortens the duration by up to a millisecond per pulse. Without the minimum used
+    here, no time would be left for K of 60 or more.
     """
     interval_s = tag.pulse_intervals_s[rate - 1]
     begun_s = decision_span_s(tag, rate) - (tag.k - 1) * interval_s

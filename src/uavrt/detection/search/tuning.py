@@ -54,8 +54,9 @@ class NoiseTuning:
     flat. A tilt of 0.4 dB over the band may be missed, which is within the error of the
     medians."""
     steep_errors: float = 4.0
-    """Difference of the noise medians on both sides of a row that marks an edge [standard
-    errors]. If all rows lie on a line there is no edge: the median is correct there."""
+    """Difference between the noise medians on both sides of a row above which the row is at an
+    edge of the spectrum [standard errors]. If all rows lie on a line there is no edge, and the
+    median is correct."""
     least_steep: float = 0.15
     """Minimum relative difference of the noise medians on both sides of an edge: 0.7 dB."""
     edge_flat_ratio: float = 1.5
@@ -96,7 +97,8 @@ class NoiseLevelTuning:
     piece_slots: int = 11
     """Number of slots (half pulses) in a piece compared with the mean noise level."""
     pulse_ratio: float = 1.7
-    """Minimum power ratio of a half-pulse slot to those on both sides, for a strong pulse."""
+    """Minimum ratio of the power of a half-pulse slot to that of the slots on both sides, for a
+    strong pulse."""
     pulse_sigmas: float = 2.6
     """Excess of three half-pulse slots that marks a weak pulse [standard deviations]."""
     beside_slots: tuple[int, int] = (4, 8)
@@ -223,10 +225,11 @@ class NullTuning:
     limited because strong pulses of other transmitters are counted as well, and they must not
     hide a strong tag."""
     tolerated_ratio: float = 1.3
-    """Ratio of counted groups to those of white noise up to which the threshold stays."""
+    """Ratio of the number of counted groups to that in white noise, up to which the threshold
+    is not raised."""
     tolerated_coloured_ratio: float = 1.0
-    """Ratio of counted groups to those of white noise up to which the threshold stays, while
-    noise is coloured."""
+    """Ratio of the number of counted groups to that in white noise, up to which the threshold
+    is not raised while noise is coloured."""
     ks: tuple[float, ...] = (2.0, 3.0, 5.0, 8.0)
     """Numbers of pulses K for which `white_ratios` are given."""
     white_ratios: tuple[float, ...] = (0.92, 1.25, 1.75, 1.56)

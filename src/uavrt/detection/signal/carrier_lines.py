@@ -38,7 +38,7 @@ class LineCanceller:
 
     @property
     def needed(self) -> int:
-        """Number of samples before the new ones that `find` and `subtract` need."""
+        """Number of earlier samples that `find` and `subtract` need with the new samples."""
         return max(self._length, round(CARRIERS.fit_s * self._rate))
 
     def find(self, before: NDArray[np.complex64], samples: NDArray[np.complex64]) -> None:
@@ -123,7 +123,7 @@ class LineCanceller:
         return np.asarray(np.median(powers, axis=0) > 0.3 * powers.mean(axis=0))
 
     def subtract(self, before: NDArray[np.complex64], samples: NDArray[np.complex64]) -> None:
-        """Remove carriers in place from new samples (n,), which follow those `before`."""
+        """Remove carriers, in place, from new samples (n,) that follow the samples `before`."""
         if not self.frequencies_hz.size:
             self._past = None
             return
@@ -215,7 +215,7 @@ def _window(length: int) -> NDArray[np.float32]:
 
 @lru_cache(maxsize=8)
 def _polynomials(count: int, degree: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Make orthonormal polynomials over blocks: values and slopes (count, degree + 1)."""
+    """Create orthonormal polynomials over blocks: values and slopes (count, degree + 1)."""
     at = (2.0 * np.arange(count) + 1.0) / count - 1.0
     legendre = np.polynomial.legendre
     values, mixed = np.linalg.qr(legendre.legvander(at, degree))

@@ -191,7 +191,7 @@ class SampleBuffer:
         self.examined = max(upto, self.examined)
 
     def silence(self, first: int, last: int) -> None:
-        """Set the lost samples of [first, last) to zero again, after a filter."""
+        """Set the lost samples of [first, last) to zero again after a filter changed them."""
         for low, high in self.lost:
             if low < last and first < high:
                 self.view(max(low, first), min(high, last))[:] = 0.0

@@ -69,7 +69,8 @@ class CarrierTuning:
     few_lines: int = 6
     """Maximum number of carriers that are all fitted with polynomials of full degree."""
     many_lines: int = 100
-    """Number of carriers above which weak ones get `degree_of_most`."""
+    """Number of carriers above which weak carriers are fitted with polynomials of
+    `degree_of_most`."""
     degree_of_many: int = 3
     """Polynomial degree for weak carriers if there are more than `few_lines`. 37 polynomials of
     degree 7 would remove a tenth of the noise, mostly from the newest samples. Degree 3 follows

@@ -45,7 +45,7 @@ class Judge:
     def suffices(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> bool:
-        """True if noise makes such a candidate less often than the false-alarm rate allows."""
+        """True if noise makes such candidates less often than the false-alarm rate allows."""
         return self._evidence is None or self._evidence.suffices(candidate, search, noise)
 
     def known(self, tracks: list[Track]) -> KnownPulses | None:
@@ -124,10 +124,10 @@ class Judge:
         noise: NDArray[np.float32],
         floor: float,
     ) -> tuple[list[tuple[int, Measured]], str | None]:
-        """Pulses of a group that are the tag's; or none, and the reason for its rejection.
+        """Pulses of a group that are the tag's; or no pulses, and the reason for the rejection.
 
-        In a long group of weak pulses, there is always one near which noise, an impulse or
-        another signal is stronger. That pulse is excluded, and the others must suffice.
+        In a long group of weak pulses, there is always a pulse near which noise, an impulse or
+        another signal is stronger. Such a pulse is excluded, and the others must suffice.
         """
         reason = self._other_train(places, candidate, search, noise)
         if reason is not None:

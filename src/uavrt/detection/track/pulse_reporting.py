@@ -101,9 +101,9 @@ class Reporter:
                     slot.state = "missed"
 
     def doubts(self, track: Track, *, last: bool = False) -> bool:
-        """True if chance bursts make such tracks more often than the false-alarm rate allows.
+        """True if chance bursts form such tracks more often than the false-alarm rate allows.
 
-        The pulses of a track in doubt are reported only when the track is confirmed.
+        The pulses of a doubtful track are reported only when the track is confirmed.
         """
         if track.confirmed:
             return False
@@ -115,7 +115,7 @@ class Reporter:
     def searched(
         self, time_ns: int, band: SearchBand, occupancy: Occupancy | None = None
     ) -> None:
-        """Record what a band has searched; makes a search report about once a second."""
+        """Record what a band has searched, and create a search report about once a second."""
         if self._reported_ns is None:
             self._reported_ns = time_ns
         if time_ns - self._reported_ns < _REPORT_EVERY_NS:

@@ -44,7 +44,7 @@ class _LostColumns:
         return self._buffer.weights(first, self._grid.window)
 
     def weigh(self, power: NDArray[np.float32], begin: int) -> None:
-        """Scale columns with lost samples to the noise of complete ones, in place."""
+        """Scale columns with lost samples, in place, to the noise of complete columns."""
         weights = self._weights(begin, len(power)) if self._buffer.lost else None
         if weights is not None:
             power *= weights.astype(np.float32)[:, np.newaxis]

@@ -109,7 +109,8 @@ class Track:
     interval_open: bool = False
     """True if the pulses are too few to distinguish the interval from another train's."""
     trust: float = FOLLOW.most_trust
-    """Log odds that a confirmed track is a tag; raised by pulses, lowered by missing ones."""
+    """Log odds that a confirmed track is a tag; received pulses raise it, missed pulses lower
+    it."""
     at_other_rate: "list[Track]" = field(default_factory=list)
     """Tracks of the transmitter at the tag's other rate, if it has switched (two_rates.py)."""
     settled_s: float = -math.inf

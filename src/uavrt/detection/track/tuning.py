@@ -101,7 +101,8 @@ class BurstRateTuning:
     """Excess of the number of bursts over that expected in noise, above which they count
     [standard deviations]."""
     memory_s: float = 30.0
-    """Time for which others' bursts are stored [s]; radio calls last some seconds."""
+    """Time for which bursts of other transmitters are stored [s]; radio calls last some
+    seconds."""
     most_kept: int = 3000
     """Maximum number of other transmitters' bursts stored, sufficient to measure their rate."""
     most_pending: int = 6000
@@ -227,8 +228,8 @@ class FollowTuning:
     whole_power: float = 20.0
     """Power below which a pulse near lost samples may have a break of phase [noise powers]."""
     broken_weight: float = 0.25
-    """Weight of a pulse's measured frequency while samples are being lost: a phase break shifts
-    it by up to 20 Hz, which once made pulses count as bursts."""
+    """Weight of a pulse's measured frequency while samples are being lost. A phase break shifts
+    the frequency by up to 20 Hz; with full weight, pulses were taken for bursts."""
     hiding_ratio: float = 2.0
     """Ratio of two tracks' pulse powers above which the stronger's pulse is subtracted."""
     hiding_bins: float = 0.8
@@ -254,7 +255,7 @@ class RateTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GhostTuning:
-    """Constants for recognizing copies of a tag that the receiver makes."""
+    """Constants for recognizing spurious copies of a tag that the receiver produces."""
 
     stronger_ratio: float = 10.0**0.8
     """Minimum ratio of a tag's power to that of a spurious copy (ghost). An image is 25 to 40

@@ -30,7 +30,7 @@ def log_evidence(power: float, strength: float) -> float:
 
 
 def start_other_rate(track: Track) -> None:
-    """Start a track at the other rate from each received pulse that has no such track."""
+    """Start a track at the other rate from each received pulse that has none yet."""
     since_s = max((other.settled_s for other in track.at_other_rate), default=-math.inf)
     since_s = max(since_s, track.settled_s) + track.tag.pulse_width_s
     for slot in track.received:

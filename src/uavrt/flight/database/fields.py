@@ -146,7 +146,7 @@ class Columns(Generic[R]):
         return dict(zip(self._names, values, strict=True))
 
     def record(self, row: Row) -> R:
-        """Make a record from a row; raises `ValueError` or `TypeError` for invalid values."""
+        """Create a record from a row; raises `ValueError` or `TypeError` for invalid values."""
         return msgspec.convert(self.values(row), self._kind)  # faster than its constructor
 
 

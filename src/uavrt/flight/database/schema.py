@@ -207,7 +207,7 @@ def pose_from_row(row: Row) -> Pose | None:
 
 
 def pulse_pose_from_row(row: Row) -> PulsePose:
-    """Make a pulse with pose from a row of `PULSE_POSE_COLUMNS`."""
+    """Create a pulse with its pose from a row of `PULSE_POSE_COLUMNS`."""
     width = len(PULSES.types)
     return PulsePose(pulse=pulse_from_row(row[:width]), pose=pose_from_row(row[width:]))
 
@@ -234,7 +234,7 @@ def search_note_row(note: SearchNote) -> Row:
 
 
 def search_note_from_row(row: Row) -> SearchNote:
-    """Make a search note from a row."""
+    """Create a search note from a row of the table of search notes."""
     return msgspec.json.decode(row[5], type=SearchNote)
 
 

@@ -49,7 +49,7 @@ class VehicleTrack:
 def attitude(
     time_ns: int, quaternion_wxyz: tuple[float, float, float, float]
 ) -> AttitudeSample | None:
-    """Make an attitude sample; None for an invalid rotation."""
+    """Create an attitude sample; None if the rotation is invalid."""
     try:
         return AttitudeSample(time_ns=time_ns, quaternion_wxyz=normalised(quaternion_wxyz))
     except ValueError:
@@ -59,7 +59,7 @@ def attitude(
 def position(
     time_ns: int, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float
 ) -> PositionSample | None:
-    """Make a position sample with unknown relative altitude; None for invalid coordinates."""
+    """Create a position sample without relative altitude; None for invalid coordinates."""
     if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0):
         return None
     if latitude_deg == 0.0 and longitude_deg == 0.0:  # before the first fix

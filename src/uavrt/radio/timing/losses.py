@@ -1,8 +1,8 @@
 """Detect silently lost samples from the arrival times of the other samples.
 
-A loss makes all later samples late, permanently and by the same amount. A computer that is
-briefly busy makes a few arrivals late; then the buffered samples arrive at once. Jitter delays
-single arrivals. The pattern of later arrivals distinguishes the three::
+A loss makes all later samples late, permanently and by one amount. A computer that is briefly
+busy makes a few arrivals late (a stall); then the buffered samples arrive at once. Jitter
+delays single arrivals. The pattern of later arrivals distinguishes these three causes::
 
     late |            : :  :.: : :    a loss: late by one amount, at the pace of the samples
          |        :
@@ -10,9 +10,9 @@ single arrivals. The pattern of later arrivals distinguishes the three::
          |__:_.__:_._:_:___________
 
 Arrivals are grouped in periods of 20 ms (cells), each with its smallest lateness. Consecutive
-cells that are equally late count as a loss once they are too many for the present jitter. With
-exponential jitter of mean u, n cells are all later than c with probability exp(-n c / u). After
-a loss, half of that evidence is enough.
+cells that are equally late count as a loss if the present jitter is unlikely to cause as many.
+With exponential jitter of mean u, n cells are all later than c with the probability
+exp(-n c / u). For 10 s after a loss, half of the evidence shows a further loss.
 
 A lateness that rises evenly, faster than any clock error, shows that the source is slower than
 real time: a slow disk, network or computer before the pipe. Then nothing is lost, and arrival

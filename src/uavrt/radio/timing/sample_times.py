@@ -1,4 +1,4 @@
-"""Times of samples [UTC] from their index and their arrival times, without reading a clock.
+"""Estimate the times of samples [UTC] from their index and their arrival times.
 
 A radio has its own clock (an RTL dongle is up to 50 ppm off: 180 ms in an hour). Arrivals are
 delayed by USB, the radio's program, the pipe and the scheduler, mostly by a few milliseconds

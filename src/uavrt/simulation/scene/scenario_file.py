@@ -73,7 +73,7 @@ def _read_start_time(table: dict[str, Any], faults: list[str]) -> None:
 
 
 def _place(location: tuple[int | str, ...]) -> str:
-    """Path of a value for error texts, such as ``tag[2].erp_dbm``, counted from 1."""
+    """Path of a value for error texts, such as ``tag[2].erp_dbm``; the numbers start at 1."""
     text = ""
     for part in location:
         if isinstance(part, int):

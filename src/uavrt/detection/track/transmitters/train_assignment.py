@@ -132,9 +132,9 @@ def losses(
 def _path_losses(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None], owner: Mapping[int, int]
 ) -> NDArray[np.float64]:
-    """Least loss of value, by pair of trains, if the first takes the tag of the second.
+    """Smallest loss of value, by pair of trains, if the first gets the tag of the second.
 
-    The last row and column stand for unassigned tags and for trains without a tag. A loss may
+    The last row and column represent unassigned tags and trains without a tag. A loss may
     include further changes of tags.
     """
     free = len(able)
