@@ -1,6 +1,6 @@
 """The ``uavrt`` command; one module per subcommand, imported when it is called.
 
-Nothing is imported here: until `uavrt.cli.__main__` runs, Ctrl-C leaves Python's traceback.
+This module imports nothing, because Ctrl-C shows a traceback until `uavrt.cli.__main__` runs.
 """
 
 

@@ -1,7 +1,7 @@
 """Entry point of ``uavrt`` and ``python -m uavrt.cli``.
 
-The imports take most of a second. Nothing has to be shut down during that time, so Ctrl-C ends
-the program at once and without a traceback.
+The imports take most of a second. During that time nothing needs to be shut down, so Ctrl-C
+ends the program at once and without a traceback.
 """
 
 import os
@@ -11,7 +11,7 @@ import threading
 from contextlib import suppress
 
 RESEND_S = 0.01
-"""Delay after which a discarded Ctrl-C is sent again [s]; the code that discarded it has then
+"""Delay after which a discarded Ctrl-C is sent again [s], when the code that discarded it has
 returned."""
 
 

@@ -40,15 +40,15 @@ COMMANDS = {
     "starter": "Add the ground station to the desktop's menu.",
     "update": "Install another version offline; go back if it fails.",
 }
-"""Summary of each command, by name. A call imports the module with that name and runs the
-function with that name."""
+"""One-line description of each command, by name. A call imports the module of that name and
+runs its function of that name."""
 
 
 def make_app(*, summaries: bool = False, added: bool = False) -> App:
-    """Make the command line.
+    """Create the command line with all commands.
 
-    `summaries`: use the texts of `COMMANDS` and import no command. `added`: include the
-    commands of other packages.
+    `summaries`: use the texts of `COMMANDS` without importing the commands. `added`: include
+    the commands of other packages.
     """
     made = App(
         name="uavrt",
@@ -85,7 +85,7 @@ app = make_app()
 
 
 def run() -> None:
-    """Run ``uavrt``; expected errors are printed without a traceback and exit with 2."""
+    """Run ``uavrt``; an expected error is printed without a traceback, with exit status 2."""
     guard_terminals()
     try:
         arguments = sys.argv[1:]

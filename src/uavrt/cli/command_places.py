@@ -1,4 +1,4 @@
-"""Where each command is: folder and module."""
+"""Location of each command's code: folder and module."""
 
 _FOLDERS = {
     "system": "demo run ground fly fetch simulate monitor",

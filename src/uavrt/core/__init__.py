@@ -1,5 +1,5 @@
-"""Shared by all packages: records, commands, units, errors, clock, geodesy.
+"""Modules that all packages share: records, commands, units, errors, clock, geodesy.
 
-`messages` are the records between processes, `commands` the table of commands. `clock` and
-`log` are the only ones that read time or write logs.
+`messages` defines the records that processes exchange, and `commands` the table of commands.
+Only `clock` reads the time, and only `log` writes log lines.
 """

@@ -1,7 +1,7 @@
-"""Replace a file as a whole: after a kill or power cut the old or the new file is there.
+"""Replace a file as a whole: after a kill or power cut, either the old or new file exists.
 
-The new file and then its directory are synced to the disk (fsync); otherwise ext4 may keep the
-new name and lose the content.
+The new file and then its directory are written to the disk (fsync). Without this, ext4 may
+preserve the new name but lose the content.
 """
 
 import errno
@@ -13,7 +13,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 PART = ".part"
-"""Extension of a file being written; one left by a power cut may be removed."""
+"""Extension of a file that is being written. A power cut can leave such a file, which may be
+removed."""
 _PART_NAME = re.compile(r"\..+\.[0-9a-f]{12}\.part")
 _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.ENOSYS)
 
@@ -25,12 +26,12 @@ def is_part(path: Path) -> bool:
 
 @contextmanager
 def replacing(path: Path, *, sync: bool = True) -> Iterator[Path]:
-    """Context in which a temporary file is written; at its end that file replaces `path`.
+    """Context in which a temporary file is written; at its end, that file replaces `path`.
 
-    A link's target is replaced, not the link. The directory of `path` must exist. `sync`: write
-    file and directory to the disk before going on; False for files that may be lost in a power
-    cut and are written too often to wait for the disk. Raises `OSError` if the disk is full or
-    read-only; the old file is unchanged.
+    If `path` is a link, its target is replaced and not the link. The directory of `path` must
+    exist. `sync`: wait until file and directory are on the disk; use False for files that a
+    power cut may destroy and that are written too often to wait. Raises `OSError` if the disk
+    is full or read-only; the old file is then unchanged.
     """
     path = path.resolve()
     part = path.with_name(f".{path.name}.{secrets.token_hex(6)}{PART}")
@@ -68,7 +69,10 @@ def write_atomically(
 
 
 def make_directories(path: Path) -> None:
-    """Create a directory and missing parents, durable after a power cut; raises `OSError`."""
+    """Create a directory and its missing parents, so that they survive a power cut.
+
+    Raises `OSError` on failure.
+    """
     if path.is_dir():
         return
     make_directories(path.parent)

@@ -15,12 +15,12 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 _BEYOND = datetime(2262, 1, 1, tzinfo=UTC)
-"""Earliest time that is rejected: 64 bits of nanoseconds since 1970 end in 2262."""
+"""Earliest time that is rejected [ns since 1970], in 2262: times must fit into 64 bits."""
 
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """A monotonic clock in nanoseconds UTC.
+    """A monotonic clock in nanoseconds UTC, which no change of the wall clock affects.
 
     `offset_ns`: UTC minus CLOCK_MONOTONIC [ns], fixed for a flight.
     """
@@ -40,7 +40,7 @@ class Clock:
         return time.monotonic_ns() + self.offset_ns
 
     def wall_correction_ns(self) -> int:
-        """Time by which the wall clock was set forward since the flight's start [ns]."""
+        """Time by which the wall clock was set forward since the start of the flight [ns]."""
         return time.time_ns() - self.now_ns()
 
 
@@ -50,7 +50,7 @@ def monotonic_s() -> float:
 
 
 def wall_ns() -> int:
-    """Wall-clock time [ns, UTC], only for log lines, because it may jump."""
+    """Wall-clock time [ns, UTC]. It may jump, so it is used only for log lines."""
     return time.time_ns()
 
 
@@ -114,7 +114,7 @@ def parse_iso_intervals(text: str) -> tuple[tuple[int, int], ...]:
 
 
 def flight_stamp(time_ns: int) -> str:
-    """Format a time [ns, UTC] as a flight directory has it: ``YYYY-mm-dd_HH-MM-SS``."""
+    """Format a time [ns, UTC] for a flight directory's name: ``YYYY-mm-dd_HH-MM-SS``."""
     return (
         f"{datetime.fromtimestamp(time_ns // NANOSECONDS_PER_SECOND, tz=UTC):%Y-%m-%d_%H-%M-%S}"
     )

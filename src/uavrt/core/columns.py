@@ -10,7 +10,7 @@ R = TypeVar("R")
 
 
 def chosen_rows(record: R, which: Any) -> R:
-    """Copy a dataclass of arrays with the rows chosen by `which`: a mask, slice or indices."""
+    """Copy a dataclass of arrays with the rows that a mask, slice or indices `which` select."""
     return replace(record, **{name: one[which] for name, one in _arrays(record)})  # type: ignore[type-var]
 
 

@@ -1,12 +1,12 @@
-"""The table of commands: effect, conditions, allowed senders, texts.
+"""The table of commands: effect, conditions, permitted senders, payload and texts.
 
-The supervisor's rules, the numbers, fields and lengths in the radio protocol, the ground
-station's requests and buttons and the page's answers derive from it. A new command is a row
-here with name, number and fields, and an action in
+The supervisor's rules, the payloads in the radio protocol, the ground station's requests and
+buttons, and the answers on the page are derived from this table. A new command needs a row here
+with name, number and fields, and an action in
 `uavrt.drone.supervisor.mission.operator_commands`.
 
-A command that a state does not allow is refused with a reason that the operator can act on. A
-repeated command is accepted without effect, so a ground station may retry over a lossy link.
+A command that is not allowed in a state is refused with a reason on which the operator can act.
+A repeated command is accepted without effect, so a ground station may retry over a lossy link.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,7 +17,7 @@ from typing import Any, Literal
 
 
 class SystemState(StrEnum):
-    """State of the supervisor; the radio protocol numbers the states differently."""
+    """State of the supervisor; the radio protocol uses other numbers for the states."""
 
     IDLE = "idle"
     RECEIVING_TAGS = "receiving_tags"
@@ -47,8 +47,9 @@ CommandName = Literal[
 ]
 
 Generation = Literal["G0", "G1", "G2v1", "G2"]
-"""Version of the radio protocol. G0: the thesis (February 2023). G1: the newest without a
-version number (April 2026). G2v1: version 1, with the commands of G1. G2: versions 4 to 7."""
+"""Version of the radio protocol. G0: that of the thesis (February 2023). G1: the newest without
+a version number (April 2026). G2v1: version 1, which has the commands of G1. G2: versions 4 to
+7."""
 
 
 class CommandId(IntEnum):
@@ -83,7 +84,7 @@ class Accepted:
 
 @dataclass(frozen=True, slots=True)
 class Repeated:
-    """The command was carried out before; nothing changes."""
+    """The command was carried out before, so that nothing changes."""
 
     message: str
 
@@ -121,26 +122,30 @@ BETWEEN_FLIGHTS: States = {
 
 
 class PermittedSender(StrEnum):
-    """Stations that may send a command, if `mission.commanding_station` limits it to one."""
+    """Stations that may send a command if only one station may command.
+
+    `mission.commanding_station` selects whether that is so.
+    """
 
     ANYBODY = "anybody"
-    """Any station, because the command changes nothing."""
+    """Any station may send it, because the command changes nothing."""
     COMMANDER = "the commander"
-    """The station in command; after the flight's end any station, which is then in command."""
+    """Only the station in command may send it. After the end of a flight any station may, and
+    it is then in command."""
     LAST_COMMANDER = "the last commander"
-    """The station in command, also after the flight's end."""
+    """Only the station in command may send it, even after the end of the flight."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Button:
-    """Texts of a command's button on the ground station's page."""
+    """Texts on the ground station's page for the button of a command."""
 
     action: str
     label: str
     asking: str = ""
-    """Text shown while a command without parameters waits for its acknowledgement."""
+    """Text shown after a command without parameters until the drone acknowledges it."""
     done: str = ""
-    """Text shown when the acknowledgement of the command contains no text."""
+    """Text shown if the acknowledgement of the command has no text of its own."""
     any_page: bool = False
     """True if any open page may send the command, not only the page in command."""
 
@@ -155,11 +160,11 @@ class CommandField:
     unit: str = ""
     low: float = -inf
     high: float = inf
-    """Largest valid number, as `low` is the smallest; both are checked only if `member` is
+    """Largest valid number; `low` is the smallest. Both are checked only if `member` is
     ``"values"``."""
     member: str | None = "values"
     """Field of `uavrt.core.messages.Command` that stores the number: the dictionary
-    ``"values"``, or a field for this number alone, in which 0 becomes None. None: the drone
+    ``"values"``, or a field for this number alone, where 0 becomes None. None if the drone
     ignores the number."""
     from_g2: bool = False
     """True if the field is missing in the protocol versions before G2."""
@@ -177,9 +182,11 @@ class CommandRow:
     while_ending: bool = True
     """True if the command is allowed while the last pulses of a flight are being recorded."""
     number: CommandId | None = None
-    """Number of the command in the radio protocol; None: it is sent in another form."""
+    """Number of the command in the radio protocol; None if the command is sent in another
+    form."""
     lengths: Mapping[Generation, tuple[int, ...]] = field(default_factory=dict)
-    """Lengths of the command's payloads in each protocol version, the newest last [bytes]."""
+    """Lengths of the command's payload in each protocol version [bytes]; the newest version is
+    last."""
     fields: tuple[CommandField, ...] = ()
     """Numbers that the command carries, in the order of the payload."""
     button: Button | None = None
@@ -193,7 +200,7 @@ class CommandRow:
         return None
 
     def members(self, numbers: Sequence[float]) -> dict[str, Any]:
-        """Keyword arguments of `uavrt.core.messages.Command` for the numbers of a message."""
+        """Keyword arguments for `uavrt.core.messages.Command`, from a payload's numbers."""
         given = [*zip(self.fields, numbers, strict=False)]
         own = {one.member: number or None for one, number in given if one.member}
         values = {one.name: number for one, number in given if one.member == "values"}
@@ -375,7 +382,7 @@ COMMANDS: dict[CommandName, CommandRow] = {row.name: row for row in _ROWS}
 COMMAND_OF_NUMBER: dict[int, CommandRow] = {
     row.number: row for row in _ROWS if row.number is not None
 }
-"""Definition of each command that has a number in the radio protocol, by this number."""
+"""Definitions of the commands, by their number in the radio protocol."""
 
 
 def outcome(state: SystemState, command: CommandName) -> Outcome:

@@ -28,8 +28,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 LONGEST_LINE = 400
-"""Maximum length of a line in an error message [characters]; a line may quote text from a
-file."""
+"""Maximum length of a line in an error message [characters]; longer lines are shortened,
+because they may quote a file."""
 
 
 def _shown(text: str) -> str:
@@ -59,9 +59,9 @@ class UavrtError(Exception):
 
 
 def listed_faults(source: str, faults: Sequence[str], number: int | None = None) -> str:
-    """Text with the number of faults in the file `source` and a line for each.
+    """Text with the number of faults in the file `source`, and one line for each fault.
 
-    `number`: total number, if `faults` lists only some.
+    `number`: total number of faults, if `faults` contains only some.
     """
     number = len(faults) if number is None else number
     count = "1 fault" if number == 1 else f"{number} faults"
@@ -73,7 +73,7 @@ class UsageError(UavrtError):
 
 
 class NotFound(UsageError):
-    """A flight, tag, format or other item of this name does not exist; HTTP status 404."""
+    """No flight, tag, format or other item has the given name; HTTP status 404."""
 
 
 class ConfigError(UsageError):
@@ -140,7 +140,7 @@ class TunnelError(UavrtError):
 
 
 class PoseUnavailable(UavrtError):
-    """No pose is known around a time [ns]; if `retry_later` is true, one may still arrive."""
+    """No pose is known around a time [ns]; with `retry_later`, a pose may still arrive."""
 
     def __init__(self, time_ns: int, *, retry_later: bool) -> None:
         self.time_ns = time_ns
@@ -157,15 +157,16 @@ class RecordingError(UavrtError):
 
 
 class StoreError(RecordingError):
-    """An object store does not answer or breaks off a transfer; trying again may help."""
+    """An object store does not answer or interrupts a transfer; a retry may succeed."""
 
 
 @contextmanager
 def needs_extra(extra: str, what: str, *, otherwise: str = "") -> Iterator[None]:
-    """Context that imports packages of an extra; raises `UsageError` if one is missing.
+    """Context that imports optional packages; raises `UsageError` if one is not installed.
 
-    `extra`: name of the extra, such as ``"analysis"``. `what`: the part that needs it, as start
-    of the message. `otherwise`: what is possible without it, as end of the remedy.
+    `extra`: name of the extra that installs them, such as ``"analysis"``. `what`: function that
+    needs the packages, as the start of the message. `otherwise`: what is possible without them,
+    as the end of the remedy.
     """
     try:
         yield
@@ -180,7 +181,10 @@ def needs_extra(extra: str, what: str, *, otherwise: str = "") -> Iterator[None]
 def os_errors_as(
     kind: type[UavrtError], failed: object, remedy: str | None = None
 ) -> Iterator[None]:
-    """Context that converts `OSError` to a `kind` of error, with `failed` and the reason."""
+    """Context that converts `OSError` to an error of type `kind`.
+
+    The message consists of `failed` and the system's reason.
+    """
     try:
         yield
     except OSError as error:

@@ -1,9 +1,9 @@
 """Read files and texts that come from users or other programs, with limits on their size.
 
-Every parser of a foreign format uses these functions. They limit bytes, unpacked bytes, nesting
-and number of values; a file beyond its limit is refused with an error of one line. Limits are
-about ten times the usual sizes. Reading up to a limit takes at most 2 s and 200 MB. Only
-recordings, logs and terrain take time in proportion to their size.
+Every parser of such a format uses these functions. They limit the bytes, the unpacked bytes,
+the nesting and the number of values. A file beyond a limit is refused with an error of one
+line. The limits are about ten times the usual sizes, and reading up to a limit takes at most 2
+s and 200 MB. Only recordings, logs and terrain take time in proportion to their size.
 """
 
 import json
@@ -26,21 +26,21 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 CPU_S = 2
-"""Limit of processor time for reading one short file from another program [s]."""
+"""Maximum CPU time for reading one short file from another program [s]."""
 MEMORY_BYTES = 200_000_000
-"""Limit of memory for reading one file from another program [bytes]."""
+"""Maximum memory for reading one file from another program [bytes]."""
 MOST_FAULTS = 50
 _REMEDY = "Check the name: another file may be meant"
 _PIECE_BYTES = 1 << 20
 _LARGE_BYTES = 50_000_000
 _ZIP_END_BYTES, _ZIP_ENTRY_BYTES = 66_000, 100
 _PIPES = ("/dev/fd/", "/dev/stdin", "/proc/self/fd/")
-"""Prefixes of the paths by which a shell passes pipes, as in `uavrt tags check <(…)`."""
+"""Prefixes of the paths of pipes that a shell creates, as in `uavrt tags check <(…)`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limit:
-    """Size and nesting limits for one kind of file."""
+    """Limits of size and nesting for one kind of file."""
 
     what: str
     """Kind of file, for the error text: ``"a tag file"``."""
@@ -62,30 +62,32 @@ class Limit:
 SETTINGS = Limit(what="a settings file", bytes=200_000, values=5_000, depth=8)
 TAGS = Limit(what="a tag file", bytes=1_000_000, values=100_000, depth=8)
 YAML_TAGS = Limit(what="a list of tags in YAML", bytes=150_000, values=20_000, depth=8)
-"""Limits for YAML lists of tags: PyYAML reads 200 kB a second; 500 coded tags take 60 kB."""
+"""Limits for tag lists in YAML: PyYAML reads 200 kB a second, and 500 coded tags take 60 kB."""
 SHAPES = Limit(what="an area or a path", bytes=2_000_000, values=100_000, depth=40)
 NOTES = Limit(what="a description in JSON", bytes=20_000_000, values=500_000)
-"""Limits for JSON: SigMF metadata of a recording with gaps, results of a flight."""
+"""Limits for JSON files such as SigMF metadata of a recording with gaps, or results of a
+flight."""
 ARCHIVE_NOTE = Limit(what="a note of an archive", bytes=200_000_000)
 """Limits for the JSON description of an archive of a million recordings."""
 TEXT_LOG = Limit(what="a log", bytes=512 * 1024 * 1024, values=10_000_000)
-"""Limits for text logs; lines are counted, not values, because line ends compress well."""
+"""Limits for text logs. Their lines are counted, because a small compressed file can contain a
+huge number of line ends."""
 OWN = Limit(what="a file of uavrt's own", bytes=20_000_000)
-"""Limits for files that uavrt keeps across restarts; a list of 10 000 flights takes 8 MB."""
+"""Limits for files in which uavrt stores its own data; a list of 10 000 flights takes 8 MB."""
 KEYS = Limit(what="a key or certificate", bytes=200_000)
 REQUEST = Limit(what="a request", bytes=500_000, values=60_000, depth=16)
 """Limits for requests to the ground station, which decodes them in at most 20 ms."""
 UPLOADED_FILE = Limit(what="a file in a request", bytes=4_000_000, values=500_000, depth=16)
-"""Limits for uploaded files; each comma in their text counts as a value."""
+"""Limits for files uploaded to the web page; each comma in their text counts as a value."""
 MAP_PART = Limit(what="a part of a map", bytes=1_500_000, values=50_000)
-"""Limits for a directory or the description of a PMTiles map, compressed and unpacked."""
+"""Limits for a directory or the description in a PMTiles map, both compressed and unpacked."""
 ZIPPED_TILE = Limit(what="a packed tile of heights", bytes=30_000_000, values=1_000)
 GPX = Limit(what="a track in GPX", bytes=100_000_000, values=2_000_000)
 TRACK = Limit(what="an autopilot's log", bytes=2_000_000_000)
 
 
 def read_file(path: str | os.PathLike[str], limit: Limit) -> bytes:
-    """Read a whole file from outside; sparse, endless and too large files are refused."""
+    """Read a whole file of another program or user; endless and too large files are refused."""
     handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_NONBLOCK", 0))
     with os.fdopen(handle, "rb") as file:
         about = os.fstat(handle)
@@ -106,7 +108,7 @@ def read_file(path: str | os.PathLike[str], limit: Limit) -> bytes:
 
 
 def _check_holes(about: os.stat_result, name: object) -> None:
-    """Raise `FormatError` for a large file that is mostly sparse (without disk blocks)."""
+    """Raise `FormatError` for a large file that is mostly sparse (has few disk blocks)."""
     written = 512 * getattr(about, "st_blocks", about.st_size)
     if about.st_size > _LARGE_BYTES and written < about.st_size // 8:
         raise FormatError(
@@ -116,7 +118,10 @@ def _check_holes(about: os.stat_result, name: object) -> None:
 
 
 def require_plain_file(path: str | os.PathLike[str], mode: int | None = None) -> None:
-    """Raise `FormatError` for a socket, device or pipe, except a shell's; `mode`: st_mode."""
+    """Raise `FormatError` for a socket, device or pipe, unless it is a pipe from a shell.
+
+    `mode`: file mode from `os.stat` (st_mode).
+    """
     name = os.fspath(path)
     mode = os.stat(path).st_mode if mode is None else mode
     passed = stat.S_ISFIFO(mode) and name.startswith(_PIPES)
@@ -153,7 +158,7 @@ _GZIP_BITS = 31
 
 
 def unpack(pieces: Iterable[bytes], most: int) -> bytes:
-    """Unpack gzip data; stops soon after `most` bytes, so that a zip bomb does no harm."""
+    """Unpack gzip data; reading stops at `most` bytes, so that a zip bomb does no harm."""
     content = bytearray()
     unpacker = zlib.decompressobj(_GZIP_BITS)
     for piece in pieces:
@@ -173,14 +178,14 @@ def unpack(pieces: Iterable[bytes], most: int) -> bytes:
 
 
 def pieces_of(content: bytes) -> Iterable[bytes]:
-    """Split bytes into pieces; unpacking piece by piece copies less."""
+    """Split bytes into pieces, because unpacking them piece by piece copies less data."""
     view = memoryview(content)
     for start in range(0, len(content), _PIECE_BYTES):
         yield bytes(view[start : start + _PIECE_BYTES])
 
 
 def read_json(content: bytes | str, limit: Limit) -> Any:
-    """Decode JSON from outside; raises `ValueError` if it is invalid or exceeds a limit."""
+    """Decode JSON from another program; raises `ValueError` if invalid or beyond a limit."""
     if len(content) > limit.bytes:
         raise ValueError(f"the content is too long: more than {limit.bytes:,} bytes")
     # Commas in texts count, too: they are few compared with the limit.
@@ -223,9 +228,9 @@ def decode_record(content: bytes | str | msgspec.Raw, kind: type[T]) -> T:
 
 
 def read_xml(text: str, limit: Limit, root: str) -> ET.Element:
-    """Parse XML from outside, starting at the element `root`; refuses entities.
+    """Parse XML from another program from the element `root` on; entities are refused.
 
-    The XML declaration is skipped, because the text is decoded already.
+    The XML declaration is skipped, because the text is already decoded.
     """
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise ValueError("the content declares XML entities, which are not allowed")
@@ -247,15 +252,15 @@ _TOML_QUIET = re.compile(
     r'|"(?:[^"\\\n]|\\[^\n])*(?:"|(?=\n)|\Z)' + r"|'[^'\n]*(?:'|(?=\n)|\Z)|#[^\n]*",
     re.S,
 )
-"""Pattern of strings and comments in TOML; brackets and dots within them are not syntax."""
+"""Pattern of strings and comments in TOML, whose brackets and dots are not syntax."""
 _TOML_MARK = re.compile(r"[\[\]{}=]|[\w-]+(?:[ \t]*\.[ \t]*[\w-]+)*")
 
 
 def check_toml(text: str, limit: Limit) -> None:
     """Raise `ValueError` for TOML text that `tomllib` would take minutes to parse.
 
-    The parser's time grows with the square of the number of parts in a dotted key, and its
-    stack with each level of brackets.
+    The parser's time grows with the square of the number of parts in a dotted key. Its stack
+    grows with each level of brackets.
     """
     if len(text) > limit.bytes:
         raise ValueError(f"{len(text):,} characters are too many for {limit.what}")
@@ -278,7 +283,7 @@ def check_toml(text: str, limit: Limit) -> None:
 
 
 def shortened(faults: list[str]) -> list[str]:
-    """Keep the first faults of a list, and add a line with the number of those left out."""
+    """Return the first faults of a list and a line with the number of further faults."""
     if len(faults) <= MOST_FAULTS:
         return faults
     return [*faults[:MOST_FAULTS], f"and {len(faults) - MOST_FAULTS} more"]
@@ -293,5 +298,8 @@ def size_of(path: Path) -> int:
 
 
 def most_unpacked(packed: int) -> int:
-    """Limit of a text's unpacked size [bytes]; logs compress to a tenth, zip bombs far more."""
+    """Maximum unpacked size of a text file [bytes].
+
+    Logs compress to about a tenth of their size, but zip bombs to far less.
+    """
     return max(4_000_000, 40 * packed)

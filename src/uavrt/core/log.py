@@ -1,8 +1,8 @@
-"""Logging: events with keys, one JSON object per line on stderr.
+"""Write events with keys as log lines on stderr, one JSON object per line.
 
-The supervisor collects the lines of all its processes; on a terminal the lines are text for
-people. Levels: info is what matters to an operator; warnings and errors also reach the ground
-as status texts.
+The supervisor collects the lines of all its processes. On a terminal, the lines are plain text.
+Level info is for events that matter to an operator; warnings and errors are also sent to the
+ground station as status texts.
 
 No logging library is used: structlog took 9 MB and 0.09 s in each process, for what
 `json.dumps` does in one line.
@@ -36,9 +36,9 @@ class _Sink:
     process: str = ""
     level: int = logging.INFO
     stream: TextIO | None = None
-    """Stream to which log lines are written; None: the present stderr."""
+    """Stream to which log lines are written; None: stderr at the time of writing."""
     broken: int = field(default=0)
-    """Number of log lines lost since the last line was written, because stderr was closed or
+    """Number of log lines lost since the last written line, because stderr was closed or
     blocked."""
 
 
@@ -61,7 +61,7 @@ class Logger:
         self.log(logging.WARNING, event, **facts)
 
     def seldom(self, count: int, event: str, **facts: Any) -> None:
-        """Log the 1st, 2nd, 4th, 8th … of equal events; `count`: their number so far."""
+        """Log only the 1st, 2nd, 4th, 8th … of equal events; `count`: their number so far."""
         if count.bit_count() == 1:
             self.log(logging.WARNING, event, times=count, **facts)
 
@@ -70,7 +70,7 @@ class Logger:
         self.log(logging.ERROR, event, **facts)
 
     def exception(self, event: str, **facts: Any) -> None:
-        """Log an error with the exception being handled."""
+        """Log an error together with the exception that is being handled."""
         self.log(logging.ERROR, event, exception=traceback.format_exc(), **facts)
 
     def log(self, level: int, event: str, **facts: Any) -> None:
@@ -94,10 +94,10 @@ class Logger:
 
 
 def _takes_more(stream: TextIO) -> bool:
-    """True if a line can be written without blocking.
+    """True if a line can be written to the stream without blocking.
 
-    A terminal that was stopped (Ctrl-S) or a pipe without a reader would otherwise stop the
-    supervisor, and with it every process.
+    A stopped terminal (Ctrl-S) or a pipe that is not read would otherwise block the supervisor,
+    and with it every process.
     """
     try:
         poll = select.poll()
@@ -122,7 +122,7 @@ def _json(level: str, event: str, facts: dict[str, Any]) -> str:
 
 
 def in_words(event: str, facts: dict[str, Any]) -> str:
-    """Format an event and its values for people, such as ``3 samples lost (in all 7)``."""
+    """Format an event and its values as plain text: ``3 samples lost (in all 7)``."""
     others = dict(facts)
     count = others.pop("count", None)
     text = event if count is None else f"{count} {event}"
@@ -143,7 +143,7 @@ _logger = Logger()
 def configure_logging(
     process: str, *, level: int = logging.INFO, stream: TextIO | None = None
 ) -> None:
-    """Write this process's log events to stderr, each with the process's name."""
+    """Write this process's log events to stderr, each with the name of the process."""
     _sink.process, _sink.level, _sink.stream, _sink.broken = process, level, stream, 0
 
 

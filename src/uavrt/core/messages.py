@@ -1,8 +1,8 @@
-"""Define the records that are passed between stages and processes.
+"""Define the records that are passed between processing stages and processes.
 
-All are immutable; unknown values are ``None``; times are integer nanoseconds UTC; names contain
-the units. Records travel between processes as JSON (``uavrt.drone.ipc``); sample blocks use
-sockets of their own.
+All are immutable, unknown values are ``None``, times are integer nanoseconds UTC, and names
+contain the units. Records travel between processes as JSON (``uavrt.drone.ipc``); sample blocks
+use separate sockets.
 """
 
 from dataclasses import dataclass, field, replace
@@ -34,7 +34,7 @@ _KILOHERTZ_FROM_HZ = 995.0
 DEFAULT_FALSE_ALARM_PROBABILITY = 0.01
 """False-alarm probability of a tag if its entry in the tag list has none."""
 WHOLE_FLIGHT_FALSE_ALARM = 0.01
-"""Probability that a search of a whole flight without the tag reports the tag."""
+"""Probability that the search of a whole flight reports a tag that is not there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +54,7 @@ class Tag:
     k: int = 3
     """Number of pulses (coded tag: bursts) that the detector sums for one decision."""
     false_alarm_probability: float = DEFAULT_FALSE_ALARM_PROBABILITY
-    """Expected number of false detections (groups of K pulses) in each decision interval."""
+    """Expected number of false detections of a group of K pulses, in each decision interval."""
     name: str | None = None
     gaps_s: tuple[float, ...] = ()
     """Times from pulse start to pulse start within a coded tag's burst [s]; empty for a beeping
@@ -85,9 +85,10 @@ class Pulse:
     snr_db: float
     """Ratio of pulse energy to noise power density (ENR) [dB]."""
     group_snr_db: float
-    """Mean SNR of the K pulses that were detected together, averaged as power [dB]."""
+    """Mean SNR of the K pulses that were detected together [dB]; their powers are averaged."""
     score: float
-    """Ratio of the detector's test statistic to its threshold; 1 or more: detected."""
+    """Ratio of the detector's test statistic to its threshold; from 1 on, the pulse is
+    detected."""
     group_index: int
     """Number of the pulse among the K pulses detected together (its group), from 1."""
     group_sequence: int
@@ -97,21 +98,21 @@ class Pulse:
     detection_status: DetectionStatus
     confirmed: bool
     rate: int
-    """Number of the pulse interval in use: 1 or 2, the first or second of
+    """Number of the pulse interval that the tag uses: 1 or 2, for the first or second entry of
     `Tag.pulse_intervals_s`."""
     predicted_next_start_ns: int | None
     predicted_next_end_ns: int | None
     also_possible_tag_ids: tuple[int, ...] = ()
-    """Other listed tags that may have sent the pulse; `tag_id` is the likeliest. The pulse is
-    reported only once."""
+    """Ids of other listed tags that may have sent the pulse; `tag_id` is the likeliest. The
+    pulse has only this one record."""
     ghost_of_tag_id: int | None = None
-    """Id of the stronger tag if this pulse is a receiver artefact (image or saturation); None:
-    a real pulse."""
+    """Id of the stronger tag if this pulse is a spurious signal (image or saturation) of it;
+    None for a real pulse."""
     clipped: bool = False
-    """True if the receiver's converter was at its limits; `snr_db` is then a lower bound."""
+    """True if the receiver's converter was saturated; `snr_db` is then a lower bound."""
     burst_starts_ns: tuple[int, ...] = ()
-    """Measured start times of the pulses in a coded tag's burst [ns, UTC]; the burst is one
-    record. Overlapped and lost pulses are not included; empty for a beep."""
+    """Measured start times of the pulses in a coded tag's burst, which is one record [ns, UTC].
+    Overlapped and lost pulses are not included. Empty for other tags."""
     burst_snrs_db: tuple[float, ...] = ()
     """SNR of each pulse in `burst_starts_ns` [dB]; `snr_db` is their linear mean."""
 
@@ -127,7 +128,7 @@ PulseKey = tuple[int, int]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BurstInside:
-    """Times and SNR of the pulses in a coded tag's burst, sent after its pulse message."""
+    """Times and SNR of the pulses in a coded tag's burst; sent after the burst's record."""
 
     tag_id: int
     start_time_ns: int
@@ -142,7 +143,7 @@ class BurstInside:
         return self.tag_id, self.start_time_ns
 
     def put_into(self, pulse: Pulse) -> Pulse:
-        """Copy a burst's record; add its pulses' times and SNR, and other possible tags."""
+        """Copy a burst's record; add times and SNR of its pulses, and other possible tags."""
         return replace(
             pulse,
             burst_starts_ns=self.burst_starts_ns,
@@ -153,7 +154,7 @@ class BurstInside:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchReport:
-    """Report of a search without a detection; also shows that the detector works."""
+    """Report that a search detected nothing, which shows that the detector works."""
 
     tag_id: int
     time_ns: int
@@ -163,7 +164,8 @@ class SearchReport:
     best_score: float
     """Maximum ratio of test statistic to detection threshold in the time span; below 1."""
     usable_share: float | None = None
-    """Fraction of the time without another signal on the tag's frequency; None if unknown."""
+    """Fraction of the time in which no other signal was on the tag's frequency; None if
+    unknown."""
     weakest_enr_db: float | None = None
     """Ratio of pulse energy to noise power density (ENR) at which 90 % of groups of K pulses
     would have been found [dB]; None if unknown."""
@@ -181,8 +183,8 @@ class Pose:
     quaternion_wxyz: tuple[float, float, float, float]
     """Unit quaternion, antenna body frame (forward, right, down) to north-east-down."""
     extrapolated: bool = False
-    """True if the pose is extrapolated, or if the autopilot's clock has been unknown for
-    10 s."""
+    """True if the pose is extrapolated, or if the autopilot's clock has not been known for 10
+    s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -214,7 +216,7 @@ class PulsePose:
 
 
 class BeepKind(StrEnum):
-    """Result of comparing a received sender of pulses with the list of tags."""
+    """Kind of a received sender of pulses, as found by comparison with the tag list."""
 
     LISTED = "listed"
     """A sender that has the frequency and interval of a listed tag."""
@@ -236,7 +238,7 @@ _OF_A_TAG = (BeepKind.OFF_LABEL, BeepKind.OTHER_RATE, BeepKind.MIRRORED)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Beep:
-    """A sender found by the search for unlisted senders, and the listed tags that it may be."""
+    """A sender of regular pulses, and the listed tags that it may be."""
 
     kind: BeepKind
     time_ns: int
@@ -251,11 +253,11 @@ class Beep:
     tag_ids: tuple[int, ...] = ()
     """Ids of tags that the sender may be, likeliest first; an image has its original's ids."""
     offsets_hz: tuple[float, ...] = ()
-    """Difference of the sender's frequency from that listed for each tag in `tag_ids` [Hz]."""
+    """Frequency of the sender minus the listed frequency, for each tag in `tag_ids` [Hz]."""
     image_of_hz: float | None = None
     reason: str = ""
-    """Reason why the sender may not be an animal, or another cause of its pulses; empty if
-    there is none."""
+    """Reason why the sender may not be an animal's tag, or another cause of its pulses; empty
+    if there is none."""
 
     def __post_init__(self) -> None:
         """Raise `ValueError` for impossible values; they may come from radio or files."""
@@ -281,7 +283,7 @@ class Beep:
         return self._near(other) and self.kind is other.kind
 
     def replaced_by(self, other: "Beep") -> bool:
-        """True if `other` is of this sender and exactly one of the two assumes swapped I/Q."""
+        """True if `other` is of this sender, and exactly one of them assumes I/Q swapped."""
         mirrored = self.kind is BeepKind.MIRRORED
         decided = mirrored is not (other.kind is BeepKind.MIRRORED)
         at_one_rate = abs(self.interval_s - other.interval_s) < _SAME_RATE * self.interval_s
@@ -292,7 +294,10 @@ class Beep:
 
     @property
     def odd(self) -> bool:
-        """True unless the sender is a listed tag, or doubtful without a likely tag."""
+        """True if the operator should look at the sender.
+
+        False for a listed tag, and for a doubtful sender without a likely tag.
+        """
         if self.kind is BeepKind.DOUBTFUL:
             return bool(self.tag_ids)
         return self.kind is not BeepKind.LISTED
@@ -373,10 +378,9 @@ def _distance(hz: float) -> str:
 
 
 def keep_beep(known: list[Beep], new: Beep) -> bool:
-    """Store a sender's measurement in place of an older one; return True if the sender is new.
+    """Store a sender's measurement in place of an older one; True if the sender is new.
 
-    If a second tag shows that I and Q are swapped, the new measurement replaces the ambiguous
-    ones.
+    If a second tag shows that I and Q are swapped, the new measurement replaces ambiguous ones.
     """
     replaced = [one for one in known if one.replaced_by(new)]
     if replaced and new.ambiguous:
@@ -391,12 +395,13 @@ def keep_beep(known: list[Beep], new: Beep) -> bool:
 
 
 MOST_BEEPS = 32
-"""Maximum number of senders that a drone reports and a page shows."""
+"""Maximum number of unlisted senders that a drone reports and a page shows."""
 
 
 def drop_beeps(known: list[Beep]) -> int:
-    """Drop senders beyond the maximum, unlisted ones with few pulses first; return their
-    number.
+    """Drop senders beyond the maximum number; return how many were dropped.
+
+    Unlisted senders with few pulses are dropped first.
     """
     excess = max(0, len(known) - MOST_BEEPS)
     for one in sorted(known, key=lambda one: (bool(one.tag_ids), one.pulses))[:excess]:
@@ -418,7 +423,8 @@ class LiveBearing:
     """Bearing of the tag, clockwise from true north [°]."""
     sigma_deg: float
     interval90_deg: tuple[float, float]
-    """Arc that holds the bearing with 90 % probability [°], clockwise from first to second."""
+    """Arc that contains the bearing with a probability of 90 % [°], clockwise from the first to
+    the second value."""
     level_db: float | None
     """SNR with the antenna pointed at the tag [dB]; None if not estimated."""
     pulses: int
@@ -430,12 +436,12 @@ class LiveBearing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Delivered:
-    """Report of pulses stored by a ground station, or sent to stations without receipts."""
+    """Report of pulses that a ground station has stored, or that were sent without receipts."""
 
     time_ns: int
     store: int
-    """Id of the ground station's database that has stored the pulses; 0: they were sent once to
-    stations that send no receipts."""
+    """Id of the ground station's database that stores the pulses. 0: the pulses were sent once
+    to stations that send no receipts."""
     pulses: tuple[PulseKey, ...]
 
 
@@ -448,11 +454,11 @@ class Recorded:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordsHandled:
-    """Number of records that a process has handled; after a restart it gets the others."""
+    """Number of records that a process has handled; after a restart it receives the rest."""
 
     records: int
-    """Number of records received since the start that are on disk or need no storage. The first
-    record, which assigns the process its task, is not counted."""
+    """Number of received records that are on the disk or need no storage. The first record,
+    which assigns the process its task, is not counted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -463,8 +469,9 @@ class Poses:
 
 
 STATION_COUNTER = "station_silent_s_"
-"""Prefix of counters in `Health` of the connection process: time since a ground station was
-received [s]. The station's ids follow: ``station_silent_s_255_190``."""
+"""Prefix of counters in the `Health` of the connection process, which give the time since a
+ground station was last received [s]. The ids of the station follow:
+``station_silent_s_255_190``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -479,7 +486,7 @@ class Health:
     counters: dict[str, float] = field(default_factory=dict)
     """Counts since the process started, by name: samples lost, pulses refused, retries …"""
     reason: str = ""
-    """Reason why the process is not `ok`, with a remedy; or its result at the end."""
+    """Reason why the process is not `ok`, with a remedy; at its end, the result."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -513,7 +520,7 @@ class StatusText:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SystemStatus:
-    """State of the whole drone side, published once a second."""
+    """State of the drone's processes and computer, published once a second."""
 
     time_ns: int
     state: SystemState
@@ -522,11 +529,12 @@ class SystemStatus:
     tags: tuple[Tag, ...]
     processes: tuple[ProcessStatus, ...]
     commander: str | None = None
-    """Station in command, as source of its commands: ``"mavlink 255/190"``; None: none yet."""
+    """Station that is in command, as the source of its commands: ``"mavlink 255/190"``; None if
+    no station is."""
     ending: bool = False
     """True from the stop command until the last pulses are recorded."""
     faults: tuple[StatusText, ...] = ()
-    """Lasting faults of the computer, such as a full disk; each status contains them again."""
+    """Lasting faults of the computer, such as a full disk; every status lists all of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -535,7 +543,8 @@ class Command:
 
     name: CommandName
     request_id: int
-    """Number of the request; a retry has the same, so that it is not carried out twice."""
+    """Number of the request; a retry has an equal number, so that it is not carried out
+    twice."""
     tag: Tag | None = None
     center_frequency_hz: float | None = None
     """Radio's centre frequency chosen by the operator [Hz]; None: computed from the tags."""
@@ -548,8 +557,8 @@ class Command:
     sealed: bool = False
     """True if the command was authenticated with the drone's key."""
     tag_count: int | None = None
-    """Number of tags sent, at the end of an upload or at a start; None: unknown. A start with
-    fewer tags is refused."""
+    """Number of tags that were sent, at the end of an upload or at a start; None if unknown.
+    The drone refuses to start with fewer tags."""
     values: dict[str, float] = field(default_factory=dict)
     """Other numbers in the command, by the field's name in `uavrt.core.commands`."""
 
@@ -562,12 +571,12 @@ class CommandReply:
     name: CommandName
     accepted: bool
     message: str
-    """Reason of a refusal, or a detail such as the flight's directory."""
+    """Reason for a refusal, or a detail such as the flight's directory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Operation:
-    """Progress of a job that takes longer than its command."""
+    """Progress of a job that continues after its command was answered."""
 
     name: CommandName
     state: Literal["running", "complete", "failed"]
@@ -584,13 +593,13 @@ class FlightInfo:
     directory: str
     start_time_ns: int
     clock_offset_ns: int
-    """UTC minus CLOCK_MONOTONIC [ns], fixed at the flight's start. Later changes of the wall
-    clock do not affect the flight."""
+    """UTC minus CLOCK_MONOTONIC [ns], fixed at the start of the flight, so that later changes
+    of the wall clock have no effect."""
     center_frequency_hz: float
     sample_rate_hz: float
     tags: tuple[Tag, ...]
     capture_s: float | None = None
-    """Duration of a raw capture, without tags or detection [s]; None for a flight."""
+    """Duration of a raw recording without tags and detection [s]; None for a flight."""
 
 
 MotionAction = Literal["rotate", "goto", "survey", "hold", "return", "search", "takeoff"]
@@ -613,14 +622,15 @@ class KeepOut:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleFence:
-    """The fence reported by the autopilot."""
+    """The geofence that the autopilot reports."""
 
     within: tuple[KeepOut, ...] = ()
     """Areas that the vehicle must stay inside."""
     keep_out: tuple[KeepOut, ...] = ()
     """Areas that the vehicle must not enter."""
     fault: str | None = None
-    """Reason why the fence cannot be used, so that no motion is allowed; None: usable."""
+    """Reason why the geofence cannot be used, which prevents all motions; None if it can be
+    used."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -643,8 +653,8 @@ class Motion:
     radius_m: float | None = None
     """Radius of a search around the drone [m]; None: the search has an outline."""
     accuracy_m: float = 25.0
-    """Target accuracy [m]: radius around the estimate that contains the tag with 95 %
-    probability."""
+    """Target accuracy [m]: radius of the circle around the estimate that contains the tag with
+    a probability of 95 %."""
     keep_out: tuple[KeepOut, ...] = ()
     """Areas that must not be flown over, in addition to those of the settings."""
 
@@ -670,9 +680,10 @@ class FoundTag:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Course:
-    """A drone's report to other drones: its position, leg and tags.
+    """Report of a drone to the other drones: its position, its leg and its tags.
 
-    While it flies, no other drone may use the straight line from its position to its goal.
+    While it flies the leg, no other drone may cross the straight line from its position to its
+    goal.
     """
 
     sequence: int
@@ -681,8 +692,8 @@ class Course:
     """Latitude and longitude [°] of the drone."""
     altitude_amsl_m: float
     goal: tuple[float, float]
-    """Latitude and longitude [°] of the end of the present leg; the drone's own position if it
-    stays."""
+    """Latitude and longitude [°] of the end of the present leg, or of the drone itself if it
+    does not move."""
     searching: bool = False
     """True if this drone has a confirmed search order."""
     returning: bool = False
@@ -693,8 +704,8 @@ class Course:
     requested_leg: tuple[tuple[float, float], ...] = ()
     """Start and end of the requested leg, as latitude and longitude [°]; empty: none."""
     given: tuple[tuple[int, int], ...] = ()
-    """Ids of the other drones, each with the version of its leg that the requested leg takes
-    into account."""
+    """Ids of the other drones, each with the version of its leg that was considered for the
+    requested leg."""
     held: tuple[int, ...] = ()
     """Ids of the tags that the drone is searching for at present."""
     found: tuple[FoundTag, ...] = ()
@@ -705,7 +716,8 @@ class Neighbour:
     """A ground station's report of another drone; information only, not a command."""
 
     vehicle: int
-    """MAVLink system id of the other drone; 0: others exist, but none has reported yet."""
+    """MAVLink system id of the other drone; 0 means that other drones exist but none has
+    reported yet."""
     version: int = 0
     """Number that identifies the other drone's leg; changes with each new leg."""
     granted: int = 0
@@ -716,12 +728,12 @@ class Neighbour:
     """Time since the other drone's last report [s]."""
     course: Course | None = None
     """Last report of the other drone; None if unknown. Its `requested_leg` is a leg that is
-    assigned and not yet begun."""
+    assigned but not yet begun."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SoughtTag:
-    """Estimate of one tag in a search."""
+    """Present estimate of one tag during a search."""
 
     tag_id: int
     latitude_deg: float
@@ -735,13 +747,13 @@ class SoughtTag:
     missed: int
     """Number of expected pulses that were not received."""
     likely: tuple[tuple[float, float, float], ...] = ()
-    """Most likely squares of a tag not found yet: latitude and longitude of the centre [°], and
-    probability."""
+    """Squares of the area that most likely contain a tag that is not found yet: latitude and
+    longitude of the centre [°], and probability."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchNote:
-    """Log entry of a search: its start or end, a decision, or a found tag; with the reason."""
+    """Entry in the log of a search: start, end, decision or found tag, with the reason."""
 
     time_ns: int
     order_id: int
@@ -766,13 +778,13 @@ class SearchNote:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionOffer:
-    """Plan for a requested motion, to be confirmed by the operator; or its refusal."""
+    """Plan of a requested motion for the operator to confirm, or the refusal of the request."""
 
     request_id: int
     requester: tuple[int, int]
     order_id: int
     nonce: int
-    """Random number that the confirmation must contain; valid once."""
+    """Random number that the confirmation must contain; it is valid for one confirmation."""
     summary: str
     mode: str = ""
     """Present flight mode of the autopilot, which the motion would end."""
@@ -808,11 +820,11 @@ class VehicleStatus:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleReport:
-    """State of the vehicle and of uavrt's control over it, reported ten times a second."""
+    """State of the vehicle and of uavrt's control over it, sent ten times a second."""
 
     autopilot: str | None
-    """Kind of autopilot, ``"px4"`` or ``"ardupilot"``; None if it is not received or of another
-    kind."""
+    """Kind of the autopilot, ``"px4"`` or ``"ardupilot"``; None if it is of another kind or not
+    received."""
     fault: str | None
     """Reason why no motion can be confirmed now, with a remedy; None if possible."""
     takeoff_fault: str | None = field(kw_only=True, default=None)
@@ -853,7 +865,7 @@ class GoHome(msgspec.Struct, frozen=True, kw_only=True, tag=True):
 
 
 class TakeMode(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """Set the flight mode for motions, on the ground before a take-off in that mode."""
+    """Set the flight mode in which motions are flown, on the ground before a take-off."""
 
 
 class TakeOff(msgspec.Struct, frozen=True, kw_only=True, tag=True):
@@ -872,7 +884,8 @@ class VehicleRequest:
 
     order_id: int | None
     manoeuvre: Manoeuvre | None = None
-    """Requested motion; None: no new request, only a sign that the requester runs."""
+    """Requested motion; None if there is no new request and the record only shows that the
+    requester still runs."""
     ends: bool = False
     """True if the order has ended."""
     status_text: str = ""
@@ -887,7 +900,8 @@ class IQBlock:
     """
 
     samples: "NDArray[np.complex64]"
-    """(n,) complex64 samples; valid until the source is read again, so copy to keep them."""
+    """(n,) complex64 samples; they are valid only until the source is read again, so they must
+    be copied to be stored."""
     sample_index: int
     """Index of the first sample since the source started, including lost samples."""
     time_ns: int
@@ -905,12 +919,12 @@ class ChannelBlock:
     """Consecutive samples of one channel of the channelizer."""
 
     channel: int
-    """Channel number: 0 at the radio's centre frequency, increasing with frequency, wrapping to
-    negative ones."""
+    """Number of the channel, in the order of an FFT: 0 at the radio's centre frequency,
+    increasing with frequency; the channels below the centre follow after those above."""
     center_frequency_hz: float
     samples: "NDArray[np.complex64]"
-    """(n,) complex64 samples, never overwritten; a tone has the same amplitude as in the
-    radio."""
+    """(n,) complex64 samples, never overwritten; the amplitude of a tone is equal to that in
+    the radio's samples."""
     sample_index: int
     """Index of the first sample of this channel since the start, including lost samples."""
     time_ns: int

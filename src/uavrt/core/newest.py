@@ -1,4 +1,4 @@
-"""A dictionary of limited size, for data from peers and for requests that await an answer."""
+"""A dictionary of limited size, for data from peers and for requests without an answer yet."""
 
 from collections import OrderedDict
 from typing import Generic, TypeVar
@@ -8,7 +8,7 @@ V = TypeVar("V")
 
 
 class Newest(OrderedDict[K, V], Generic[K, V]):
-    """A dictionary of at most `most` entries; a further key drops the entry set longest ago."""
+    """A dictionary of at most `most` entries; a new key replaces the entry set longest ago."""
 
     def __init__(self, most: int) -> None:
         self.most = most

@@ -18,10 +18,10 @@ T = TypeVar("T")
 
 
 class Registry(Mapping[str, T], Generic[T]):
-    """Mapping of names to objects: uavrt's own, and those of installed packages.
+    """Mapping of names to objects: those of uavrt and those of installed packages.
 
-    `group`: group of entry points. `own`: uavrt's objects; other packages cannot use their
-    names. `kind`: required type of objects from other packages; None: any callable.
+    `group`: group of entry points. `own`: uavrt's objects, whose names other packages cannot
+    use. `kind`: required type of objects from other packages; None: any callable.
     """
 
     def __init__(self, group: str, own: Mapping[str, T], kind: type[T] | None = None) -> None:

@@ -1,7 +1,6 @@
-"""Convert units.
+"""Convert units: uavrt uses hertz, seconds, metres, degrees and nanoseconds UTC.
 
-Inside uavrt: hertz, seconds, metres, degrees, nanoseconds UTC. Other units exist only in files,
-in protocols and on the screen, and are converted here.
+Other units occur only in files, in protocols and on the screen; they are converted here.
 """
 
 import math

@@ -1,8 +1,9 @@
 """Detect a tag's pulses in the samples of a channel.
 
-`detector` handles one tag, `group` many, `coded` coded tags; a block passes through `signal`,
-`search` and `track`. `beeps` finds unlisted senders. `sensitivity` and `search_costs` compute
-what can be found, and at what cost.
+`detector` searches for one tag, `group` for many tags, and `coded` for coded tags. A block of
+samples passes through `signal`, `search` and `track`. `beeps` finds unlisted senders.
+`sensitivity` computes how weak a tag can be detected, and `search_costs` how much CPU time a
+search needs.
 """
 
 from typing import TYPE_CHECKING

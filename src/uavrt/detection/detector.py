@@ -1,7 +1,7 @@
 """Detect the pulses of one tag: samples of a channel in, pulses out.
 
-Samples are gathered for up to 0.44 s, cleaned of carriers and impulses, turned into a
-spectrogram, and searched for groups of K pulses. A group begins a track, which predicts the
+Samples are collected for up to 0.44 s. Carriers and impulses are removed, and a spectrogram is
+computed and searched for groups of K pulses. A group begins a track, which predicts the
 following pulses. Every pulse is reported once (docs/explanation/detection.md).
 """
 
@@ -30,8 +30,8 @@ BATCH_S = 0.44
 """Maximum time for which samples are collected before the search continues [s]. Five blocks of
 87.4 ms take 0.437 s. A pulse is reported 0.04 s after its end at the earliest."""
 _FIRST_STEP = 0.7639
-"""Longest wait for the first search, as a share of `BATCH_S`; three blocks suffice to estimate
-the noise."""
+"""Longest wait for the first search, as a share of `BATCH_S`; three blocks of samples suffice
+to estimate the noise."""
 
 
 class PulseDetector:
@@ -197,9 +197,10 @@ class PulseDetector:
         return len(samples) if outcome == "taken" else 0
 
     def next_step(self, length: int) -> int | None:
-        """Index up to which to search after a block of `length` samples; None: wait for more.
+        """Index up to which the samples can be searched after a new block; None: wait for more.
 
-        The search must not wait for another block if that would make it late.
+        `length`: length of the new block [samples]. The search must not wait for another block
+        if that would make it late.
         """
         fresh = self._buffer.end - self._clean - self._cleaner.margin
         if not length or fresh <= self._patience - self._longest.length:
@@ -210,9 +211,7 @@ class PulseDetector:
         return self._clean + fresh
 
     def samples_to_wait(self) -> int:
-        """Number of samples that may be added until a search can be due; 0: check each
-        block.
-        """
+        """Number of samples that can be added before a search may be due; 0: check always."""
         if self._intake.stale_blocks or self._buffer.empty or self._buffer.holes:
             return 0
         fresh = self._buffer.end - self._clean - self._cleaner.margin
@@ -275,7 +274,7 @@ class PulseDetector:
         return self.tag.frequency_hz + away_hz
 
     def may_be_at(self, frequency_hz: float) -> bool:
-        """True if the tag may be at an absolute frequency."""
+        """True if a signal at this absolute frequency may be the tag's."""
         offset_hz = frequency_hz - self.center_frequency_hz
         return self._window.bounds.off_frequency(offset_hz) is None
 
@@ -284,7 +283,7 @@ class PulseDetector:
         return self._window.follower.epoch_ns + NANOSECONDS_PER_SECOND * time_s
 
     def report(self, track: Track) -> None:
-        """Report a track's pulses, unless the track is doubtful or another one is the tag's."""
+        """Report a track's pulses, unless the track is doubtful or another is the tag's."""
         self._reporter.report(track)
 
     def other_signals(self) -> list[Track]:

@@ -1,4 +1,4 @@
-"""Refuse tags that cannot be searched for, with a remedy in the error."""
+"""Refuse tags that cannot be searched for, with an error that contains a remedy."""
 
 import math
 

@@ -1,9 +1,9 @@
 """Run many detectors in one process, at a lower cost than separately.
 
-A detector searches every 0.44 s. In between, blocks are stored here, once for all tags of a
-channel. Detectors that are due at the same sample are computed together. The reported pulses
-are those of separate detectors, except where search bands overlap: there each train is assigned
-to one tag. The latency is 0.25 s on average and 0.47 s at most.
+A detector searches every 0.44 s. Blocks in between are stored here, once for all tags of a
+channel. Detectors whose search is due at one sample are computed together. The reported pulses
+equal those of separate detectors, except where search bands overlap: there each train of pulses
+is assigned to one tag. The latency is 0.25 s on average and at most 0.47 s.
 """
 
 from collections.abc import Hashable, Iterable, Iterator
@@ -25,8 +25,8 @@ from uavrt.detection.track.transmitters.ghosts import mark_ghosts
 from uavrt.detection.track.transmitters.train_senders import Senders
 
 _TOGETHER = 8
-"""Number of detectors searched at once; their spectrogram cells, 0.5 MB, fit the cache of a
-core."""
+"""Number of detectors that search at once; their spectrogram cells, 0.5 MB, fit into the cache
+of a core."""
 
 
 @dataclass(slots=True, eq=False)
@@ -36,13 +36,13 @@ class _Member:
     detector: PulseDetector
     taken: int = 0
     due: int = 0
-    """Number of samples of the stream at which the next search may be due; 0: check each
+    """Number of received samples at which the next search may be due; 0: check with each
     block."""
 
 
 @dataclass(slots=True, eq=False)
 class _Channel:
-    """Detectors of a channel, and the blocks that some of them have not taken yet."""
+    """Detectors of a channel, and the sample blocks that some have not processed yet."""
 
     members: list[_Member]
     ns_per_sample: float
@@ -55,7 +55,7 @@ class _Channel:
     next_ns: float = 0.0
     due: list[_Member] = field(default_factory=list)
     soonest: int = 0
-    """Smallest `due` of the channel's detectors; 0: check with each block if a search is
+    """Smallest `due` of the channel's detectors; 0: check with each block whether a search is
     due."""
 
     def catch_up(self, member: _Member) -> None:
@@ -243,7 +243,7 @@ class DetectorGroup:
         self._advance(active)
 
     def _advance(self, active: list[tuple[_Channel, _Member, int]]) -> None:
-        """Advance detectors as far as their samples allow; those of a band go step by step."""
+        """Advance detectors as far as their samples allow; those of one band together."""
         members = [member for _, member, _ in active]
         while active:
             steps: dict[Hashable, list[tuple[PulseDetector, int]]] = {}
@@ -276,7 +276,7 @@ class DetectorGroup:
                 self._pulses += detector.drain()
 
     def _find_ghosts(self) -> None:
-        """Find false trains caused by stronger tags, and mark their uncollected pulses."""
+        """Find spurious trains that stronger tags cause, and mark their uncollected pulses."""
         if self._receiver is None:
             return
         self.last_searched = ()  # not the search of a single tag

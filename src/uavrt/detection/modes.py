@@ -1,6 +1,6 @@
-"""Modes that define how a detector uses a tag's frequency once found.
+"""Modes that define how a detector uses a tag's frequency once it is found.
 
-Names as in the original system's configuration file, where they had no effect.
+The names are those in the original system's configuration file, where they had no effect.
 """
 
 from enum import StrEnum

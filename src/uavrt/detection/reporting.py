@@ -1,4 +1,4 @@
-"""Interval between search reports: records of what was searched, with or without detection."""
+"""Interval between search reports, which record what was searched even without a detection."""
 
 CODES_PER_REPORT_S = 20
 """Maximum number of search reports per second for all codes of a channel together [1/s]."""

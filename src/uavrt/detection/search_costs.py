@@ -1,7 +1,8 @@
-"""Measure the cost of searching for a tag list on this computer, before the search starts.
+"""Measure how much CPU time the search for a tag list needs on this computer.
 
-The cost grows with the square of K, the uncertainty of the interval and the window. So
-detectors are run for a moment on noise and on the tag's own pulses.
+This is done before the search starts. The cost grows with the square of K, and with the
+uncertainty of the interval and the search window. So detectors are run for a short time on
+noise and on simulated pulses of the tag.
 """
 
 from collections import Counter
@@ -24,11 +25,11 @@ class CostTuning:
     """Constants for estimating and measuring the cost of a search."""
 
     cheap_tags: int = 50
-    """Estimated cost up to which tags are not measured [costs of a typical tag]; it is a fifth
-    of a core."""
+    """Estimated cost of a tag list up to which it is not measured [costs of a typical tag]; it
+    is a fifth of a core."""
     typical_weight: float = 3**2 * 0.06 * 1000.0
-    """Cost of a typical tag: K² = 9, times the interval's ± 60 ms in seconds, times the
-    window's ± 500 Hz in hertz."""
+    """Cost of a typical tag: product of K² = 9, the interval's uncertainty of 60 ms in seconds,
+    and the window's half-width of 500 Hz in hertz."""
     least_uncertainty_s: float = 0.003
     """Minimum uncertainty of a pulse interval used in the estimated search cost [s]."""
     rate_hz: float = 7500.0
@@ -60,7 +61,10 @@ def search_cost(
     *,
     settings: DetectionSettings | None = None,
 ) -> float:
-    """Measure how many cores the search for tags needs; cheap uncoded tags count as 0.0."""
+    """Measure how many processor cores the search for tags needs.
+
+    Uncoded tags count as 0.0 if their estimated cost is small in total.
+    """
     codes = sum(tag.coded for tag in tags)
     tags = [tag for tag in tags if not tag.coded]
     settings = DetectionSettings() if settings is None else settings
@@ -94,7 +98,7 @@ def _weight(tag: Tag, settings: DetectionSettings) -> float:
 def _measure(
     tag: Tag, settings: DetectionSettings, cpu_s: Callable[[], float], *, heard: bool
 ) -> float:
-    """Measure the cores used by each detector, on noise or, if `heard`, on a tag's pulses."""
+    """Measure the cores used by each detector, on noise or, with `heard`, on tag pulses."""
     rng = np.random.default_rng(1)
     together = 1 if heard or _weight(tag, settings) > COSTS.dear_weight else COSTS.together
     group = DetectorGroup()

@@ -1,6 +1,6 @@
 """Plan the search for a list of tags: radio frequency, channels, cost.
 
-Used by the drone at the start of a flight, and by `uavrt tags check`.
+The drone does this at the start of a flight, and `uavrt tags check` does it on request.
 """
 
 import math
@@ -17,18 +17,19 @@ from uavrt.dsp.plan import UNDECIMATED_FRACTION, BandPlan, plan_band
 from uavrt.dsp.tuner import tune
 
 _SPANNED = (OperatingMode.ALL_NEVER_LOCK.value, OperatingMode.KNOWN_HARD_LOCK.value)
-"""Modes with a band that does not depend on the search window: the whole channel, or ±
-100 Hz."""
+"""Operating modes whose band does not depend on the search window: it is the whole channel, or
+± 100 Hz."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchPlan:
-    """The plan of a search for a list of tags."""
+    """Result of planning the search for a list of tags."""
 
     center_frequency_hz: float
     """Frequency to which the radio is tuned [Hz]."""
     warnings: tuple[str, ...]
-    """Unavoidable limitations of the search for these tags, as sentences for the operator."""
+    """Sentences for the operator on limitations of the search that cannot be avoided with these
+    tags."""
     cores: float
     """Number of processor cores that the detectors need; uncoded tags too cheap to measure
     count 0."""

@@ -1,6 +1,6 @@
 """Define the paths of all files of a flight: the thesis's layout (§4.5) and a database.
 
-docs/reference/flight-directory.md shows the whole tree. ``flight.sqlite`` contains all records.
+docs/reference/flight-directory.md lists all files. ``flight.sqlite`` contains all records.
 """
 
 import os
@@ -86,7 +86,7 @@ class FlightLayout:
         return self.root / directory / f"{name}.log"
 
     def make(self, tag_ids: list[int]) -> None:
-        """Make all directories; raises `RecordingError` on a full or read-only disk."""
+        """Create all directories of the flight; raises `RecordingError` if the disk is full."""
         directories = [self.root / "airspy_csdr_netcat_log", self.root / "channelizer_log"]
         directories.append(self.root / "process_log")
         for tag_id in tag_ids:
@@ -114,7 +114,7 @@ def new_flight_directory(
 
 
 def require_writable(directory: Path) -> None:
-    """Make a directory for flights; raises `RecordingError` for an unwritable one."""
+    """Create a directory for flights; raises `RecordingError` if it cannot be written to."""
     with os_errors_as(
         RecordingError,
         f"flights cannot be saved in {directory}",
@@ -129,7 +129,8 @@ def require_writable(directory: Path) -> None:
 def stamp_of(flight: str) -> Stamp:
     """Size and modification time of a flight's database and its write-ahead log.
 
-    `flight` is text and no `Path`, for speed: each display of the list checks thousands.
+    `flight` is a text because a `Path` would be slower: each display of the list checks
+    thousands.
     """
     size, changed = 0, 0
     for path in (f"{flight}/flight.sqlite", f"{flight}/flight.sqlite-wal"):

@@ -1,10 +1,11 @@
-"""Record the order of flights in a file, so that it stays right when the clock was wrong.
+"""Record the order of flights in a file, so that it stays correct if the clock was wrong.
 
-A flight is named after the clock, which may be in 1970 without a battery. The newest flight
-would then count as the oldest and be removed first. So a file in the flights' folder lists each
-flight as it begins, one name per line. Unlisted flights are older than the file, and are sorted
-by name. Copies of a flight are stored next to it: NAME_ground as received by the page on the
-drone's own computer, NAME_drone as downloaded. A copy is as old as its flight.
+A flight's name contains the time of the clock, which may start in 1970 if it has no battery. By
+name, the newest flight would then count as the oldest and be removed first. So a file in the
+flights' folder lists each flight when it begins, one name per line. Unlisted flights count as
+older than the list and are sorted by name. Copies are stored next to a flight: NAME_ground as
+received by the page on the drone's own computer, NAME_drone as downloaded. A copy counts as
+being as old as its flight.
 """
 
 import itertools
@@ -24,7 +25,7 @@ _COPY = re.compile(rf"(.+?)(?:{GROUND_COPY}|{FETCHED_COPY})(?:_\d+)?", re.DOTALL
 
 
 def note_flight(flight: Path) -> None:
-    """Append a new flight's name to its folder's list; raises `OSError` if the disk fails."""
+    """Add the name of a new flight to the list in its folder; raises `OSError` on failure."""
     path = flight.parent / FLIGHT_ORDER
     names = _noted(path)
     if names and names[-1] == flight.name:
@@ -47,7 +48,7 @@ def flown_name(name: str) -> str:
 
 
 def new_copy_directory(flight: Path, is_taken: Callable[[Path], bool] = Path.exists) -> Path:
-    """Unused directory name, next to a flight, for the web page's copy of the flight."""
+    """Unused directory name next to a flight for the copy that the web page creates."""
     path, number = flight.with_name(f"{flight.name}{GROUND_COPY}"), 2
     while is_taken(path):
         path = flight.with_name(f"{flight.name}{GROUND_COPY}_{number}")
@@ -56,7 +57,7 @@ def new_copy_directory(flight: Path, is_taken: Callable[[Path], bool] = Path.exi
 
 
 def with_copies(flights: Iterable[Path]) -> list[list[Path]]:
-    """Group flights with their copies; each group begins with the flight itself."""
+    """Group flights with their copies; the flight itself is first in each group."""
     together: dict[str, list[Path]] = {}
     for flight in flights:
         together.setdefault(flown_name(flight.name), []).append(flight)
@@ -64,7 +65,7 @@ def with_copies(flights: Iterable[Path]) -> list[list[Path]]:
 
 
 def flights_in_order(directory: Path) -> list[Path]:
-    """Directories of all flights below a directory, the oldest first."""
+    """Directories of all flights in a directory, the oldest first."""
     found = {path.name: path for path in directory.glob(f"{FLIGHT_PREFIX}*") if path.is_dir()}
     return [found[name] for name in names_in_order(found, _noted(directory / FLIGHT_ORDER))]
 

@@ -1,11 +1,11 @@
 """Write a flight so that no recorded pulse is ever lost.
 
-A pulse is *recorded* when `FlightRecorder.commit` returns. SQLite in WAL mode keeps every
-committed record through ``kill -9``. With `durable`, each commit also waits for the disk
+A pulse is *recorded* when `FlightRecorder.commit` returns. SQLite in WAL mode preserves every
+committed record after ``kill -9``. With `durable`, each commit also waits for the disk
 (``synchronous=FULL``, one fsync), and the write-ahead log is checkpointed at a size of
-`WAL_BYTES`. Other flights reach the disk by a checkpoint every `CHECKPOINT_S`. The text log is
-a second copy. While the disk is full or read-only, records wait in memory, and every commit
-tries again.
+`WAL_BYTES`. Without `durable`, a checkpoint every `CHECKPOINT_S` writes the records to the
+disk. The text log is a second copy. While the disk is full or read-only, records wait in
+memory, and every commit tries again.
 """
 
 import itertools
@@ -54,17 +54,18 @@ LEAST_FREE_BYTES = 1_000_000
 """Free space below which any commit may fail [bytes]."""
 
 MAX_WAITING_PULSES = 100_000
-"""Largest number of pulses in memory while the disk fails: 84 MB, 3.5 hours at 8 a second."""
+"""Maximum number of pulses that wait in memory while the disk fails: 84 MB, or 3.5 hours at 8
+pulses a second."""
 
 MAX_WAITING_OTHERS = 20_000
-"""Largest number of waiting records other than pulses: half an hour of poses and health
-records."""
+"""Maximum number of other records that wait in memory while the disk fails: half an hour of
+poses and health records."""
 
 Writable = Beep | Health | Pose | SearchNote | SearchReport | Tag
 
 
 class FlightRecorder:
-    """Writes one flight directory; made by `create`, `reopen` or `open`."""
+    """Writes one flight directory; use `create`, `reopen` or `open` to begin."""
 
     def __init__(self, directory: Path, *, durable: bool = False) -> None:
         self.layout = FlightLayout(directory)
@@ -101,7 +102,7 @@ class FlightRecorder:
     def reopen(cls, directory: str | Path, *, durable: bool = False) -> "FlightRecorder":
         """Continue a flight after a kill or a power cut, without lost or duplicate records.
 
-        With `durable` each commit waits for the disk.
+        With `durable`, each commit waits for the disk.
         """
         recorder = cls(Path(directory), durable=durable)
         if not recorder.layout.database.exists():
@@ -118,11 +119,11 @@ class FlightRecorder:
     def open(
         cls, info: FlightInfo, settings: Settings | None = None, *, durable: bool = False
     ) -> "FlightRecorder":
-        """Begin a flight, or continue an existing one; never fails, even on a full disk.
+        """Begin a flight or continue an existing one; never fails, even on a full disk.
 
-        On a full disk records wait in memory, and every commit reports this and tries again. A
-        damaged database is renamed, and a new one starts with the pulses of the text log. With
-        `durable` each commit waits for the disk.
+        On a full disk, records wait in memory; every commit reports this and tries again. A
+        damaged database is renamed, and a new one is started with the pulses in the text log.
+        With `durable`, each commit waits for the disk.
         """
         recorder = cls(Path(info.directory), durable=durable)
         recorder._origin, recorder._begun = (info, settings), False
@@ -137,15 +138,15 @@ class FlightRecorder:
 
     @property
     def waiting_pulses(self) -> int:
-        """Number of uncommitted pulses, and of uncommitted records that belong to pulses."""
+        """Number of uncommitted pulses and of uncommitted records that belong to pulses."""
         return len(self._pulses) + len(self._urgent)
 
     def write_pulses(self, pulses: Iterable[Pulse | PulsePose]) -> None:
-        """Add pulses as detected, or later with their poses; the next commit records them."""
+        """Add new pulses, or earlier pulses with their poses; the next commit records them."""
         self._add(self._pulses, pulses, MAX_WAITING_PULSES)
 
     def write_inside(self, burst: BurstInside) -> None:
-        """Add the single pulses of an added burst; the next commit records burst and pulses."""
+        """Add the single pulses of a coded tag's burst; the next commit records them."""
         self._add(self._urgent, [(schema.UPDATE_INSIDE, schema.inside_row(burst))])
 
     def write(self, *records: Writable) -> None:
@@ -166,7 +167,7 @@ class FlightRecorder:
         self._add(self._urgent, rows)
 
     def write_command(self, command: Command, reply: CommandReply | None, time_ns: int) -> None:
-        """Record a command and its answer; `reply` is None if there was no answer."""
+        """Record a command and its answer; `reply` is None if the supervisor did not answer."""
         row = schema.command_row(command, reply, time_ns)
         self._add(self._others, [(schema.INSERT_COMMAND, row)])
 
@@ -177,8 +178,8 @@ class FlightRecorder:
     def commit(self, *, pulses_only: bool = False) -> None:
         """Commit all waiting records; after an error they stay in memory.
 
-        `pulses_only` commits only pulses, their poses and deliveries; other records wait, so
-        that fewer half-full pages are written.
+        `pulses_only`: commit only pulses, their poses and their deliveries. The other records
+        wait, so that fewer half-full pages are written.
         """
         try:
             if not self._begun:
@@ -214,7 +215,7 @@ class FlightRecorder:
         return full or gone or not os.access(root, os.W_OK)
 
     def close(self) -> None:
-        """Commit, checkpoint the write-ahead log and close, even if the commit fails."""
+        """Commit and checkpoint, then close the database even if one of these fails."""
         try:
             self.commit()
             self.database.fold_all()
@@ -224,7 +225,7 @@ class FlightRecorder:
             self.database.disconnect()
 
     def _begin(self) -> None:
-        """Create the files of a new flight; may be repeated."""
+        """Create the files of a new flight; repeated calls do no harm."""
         if self._origin is None:
             return
         info, settings = self._origin
@@ -271,7 +272,7 @@ class FlightRecorder:
     def _add(
         self, waiting: deque[T], records: Iterable[T], most: int = MAX_WAITING_OTHERS
     ) -> None:
-        """Add waiting records; drop the oldest if there are too many."""
+        """Add records to those that wait; if there are too many, drop the oldest."""
         waiting.extend(records)
         while len(waiting) > most:
             waiting.popleft()

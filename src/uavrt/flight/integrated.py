@@ -1,9 +1,9 @@
 """Store results of ``uavrt integrate`` in the folder ``integrated/`` of the flight.
 
-The flight's own log is never changed. ``integrated/pulses.jsonl`` contains pulses as written by
-``uavrt detect``, with the status *integrated*. ``integrated/tags.json`` contains the result for
-each tag, and ``integrated/folds.json`` the energies folded at the tag's interval. A new result
-for a tag replaces the old one.
+The flight's own log is never changed. ``integrated/pulses.jsonl`` contains pulses in the format
+of ``uavrt detect``, with the status *integrated*. ``integrated/tags.json`` contains the result
+for each tag. ``integrated/folds.json`` contains the energies of the flight, folded at the tag's
+interval. A new result for a tag replaces its old result.
 """
 
 import json
@@ -37,45 +37,50 @@ class IntegratedPart:
     latitude_deg: float
     longitude_deg: float
     radius95_m: float
-    """Radius around this position that holds 95 % of its probability [m]."""
+    """Radius of the circle around this position that contains 95 % of the position's
+    probability [m]."""
     probability: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchedFor:
-    """Tag and settings of a search; without a find, only such a tag is excluded."""
+    """Tag and settings of a search; a result without a detection is valid only for these."""
 
     frequency_hz: float
-    """Frequency in the tag list [Hz]; the fields up to `gaps_s` are also from the tag list."""
+    """Frequency in the tag list [Hz]; the fields from here to `gaps_s` are from the tag
+    list."""
     pulse_width_s: float
     pulse_intervals_s: tuple[float, ...]
     interval_uncertainty_s: float
     interval_jitter_s: float
     gaps_s: tuple[float, ...]
-    """Times from pulse start to pulse start in a coded tag's burst [s]; else empty."""
+    """Times from pulse start to pulse start in a coded tag's burst [s]; empty for other
+    tags."""
     frequency_window_hz: float
     """Half-width of the band that was searched, about the tag's listed frequency [Hz]."""
     most_drift: float
-    """Largest relative change of the pulse interval over the flight covered by the search."""
+    """Largest relative change of the pulse interval during the flight that the search
+    covered."""
     antenna: str
     """Name of the antenna pattern used in the search."""
     antenna_assumed: bool
-    """True if no antenna was specified, so that a pattern was assumed."""
+    """True if the antenna was not specified, so that a pattern was assumed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SilentAround:
-    """Area around a flight in which the search would have found the tag, had it been there."""
+    """Area around a flight in which the search would have found the tag, but did not."""
 
     tag_power_dbm: float
     """Assumed radiated power of the tag [dBm]."""
     probability: float
-    """Probability with which the tag would have been found in the area."""
+    """Probability with which the search finds a tag that is in the area."""
     within_m: float | None
-    """Distance from the flight up to which the tag would have been found [m]; None: it would
-    have been found nowhere."""
+    """Distance from the flight up to which the search would have found the tag [m]; None if it
+    excludes no place."""
     whole_flight: bool
-    """True if the whole flight was combined; False if groups of pulses were searched."""
+    """True if the search combined the pulses of the whole flight; False if it searched for
+    groups of pulses."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,7 +96,7 @@ class IntegratedVerdict:
     level_db: float | None = None
     """Ratio of the strongest pulse's energy to noise power density [dB]; None: no detection."""
     bearing_deg: float | None = None
-    """Bearing of the tag from the middle of the flight [deg]."""
+    """Bearing from the middle of the flight to the tag [deg]."""
     arc50_deg: float | None = None
     arc95_deg: float | None = None
     latitude_deg: float | None = None
@@ -101,26 +106,29 @@ class IntegratedVerdict:
     places: int = 1
     """Number of equally likely positions, such as mirror images across a straight path."""
     pulses: int = 0
-    """Number of pulses in ``pulses.jsonl`` that only the whole-flight analysis found."""
+    """Number of pulses in ``pulses.jsonl``, which only the whole-flight analysis found."""
     flights: int = 1
-    """Number of flights analysed together; `bearing_deg` is then from the middle of all."""
+    """Number of flights that were analysed together; `bearing_deg` is then from the middle of
+    all these flights."""
     heard_live: int = 0
-    """Number of pulses of the found train that were already detected during the flight."""
+    """Number of pulses of the detected pulse train that were already detected during the
+    flight."""
     remarks: str = ""
     """Limitations of the results, such as missing terrain heights."""
     ambiguous: bool = False
-    """True if another pulse train on this frequency may be the tag's, because the ratio of the
+    """True if another pulse train on this frequency could be the tag, because the ratio of the
     two intervals is simple, such as 3/2."""
     listened: str = ""
-    """Time spans with samples of the tag's channel, as ISO 8601 intervals; empty if unknown."""
+    """Time spans for which samples of the tag's channel exist, as ISO 8601 intervals; empty if
+    unknown."""
     parts: tuple[IntegratedPart, ...] = field(default=(), metadata=_NO_COLUMN)
-    """Possible positions, most likely first; the fields `latitude_deg` and `longitude_deg` give
-    their middle."""
+    """Possible positions of the tag, the most likely first; `latitude_deg` and `longitude_deg`
+    give their middle."""
     region50: tuple[Ring, ...] = field(default=(), metadata=_NO_COLUMN)
     """Smallest region that contains the tag with a probability of 50 %."""
     region95: tuple[Ring, ...] = field(default=(), metadata=_NO_COLUMN)
     searched: SearchedFor | None = field(default=None, metadata=_NO_COLUMN)
-    """Tag and settings of the search; None in results of earlier versions."""
+    """Tag and settings of the search; None in results that an earlier version wrote."""
     silent: SilentAround | None = field(default=None, metadata=_NO_COLUMN)
     """Area where the search would have found the tag; None if found or not computed."""
 
@@ -132,12 +140,13 @@ class FlightFold:
     tag_id: int
     interval_s: float
     length_s: float
-    """Duration of the flight, which all rows of `raster` together cover [s]."""
+    """Duration of the flight [s]; the rows of `raster` divide it into equal parts."""
     profile: tuple[float, ...]
-    """(columns,) energies summed over the flight, by time within the pulse interval; the pulse
-    train is in the middle."""
+    """(columns,) energies summed over the flight, by time within the pulse interval; the
+    detected pulse train is in the middle."""
     raster: tuple[tuple[float, ...], ...]
-    """(rows, columns) energies by part of the flight, in order, and time in the interval."""
+    """(rows, columns) energies; each row is a part of the flight, in order, and each column a
+    time within the pulse interval."""
 
 
 _MOST_TAGS, _MOST_CELLS = 5_000, 100_000
@@ -153,7 +162,7 @@ def write_integrated(
     pulses: Iterable[PulsePose],
     folds: Sequence[FlightFold] = (),
 ) -> Path:
-    """Write the results of some tags, keeping those of others; return the results' folder."""
+    """Write the results for some tags and return their folder; other tags' results stay."""
     judged = {one.tag_id for one in verdicts}
     old_verdicts, old_pulses = read_integrated(flight)
     kept = [one for one in old_verdicts if one.tag_id not in judged]
@@ -181,7 +190,10 @@ def write_integrated(
 def read_integrated(
     flight: str | os.PathLike[str],
 ) -> tuple[tuple[IntegratedVerdict, ...], tuple[PulsePose, ...]]:
-    """Read the results of ``uavrt integrate``, if any; raises `FormatError` if damaged."""
+    """Read the results of ``uavrt integrate``; raises `FormatError` if they are damaged.
+
+    The result is empty if the flight was not analysed.
+    """
     directory = FlightLayout(Path(flight)).integrated_directory
     tags, pulses = directory / "tags.json", directory / "pulses.jsonl"
     if not tags.is_file():
@@ -222,7 +234,7 @@ def read_folds(flight: str | os.PathLike[str]) -> tuple[FlightFold, ...]:
 
 
 def _records(path: Path, kind: type[T]) -> tuple[T, ...]:
-    """Make records from JSON; unknown fields of later versions are ignored."""
+    """Create records from JSON; fields that only later versions have are ignored."""
     found = read_json(read_file(path, NOTES), NOTES)
     if len(found) > _MOST_TAGS:
         raise ValueError(f"the file has more than {_MOST_TAGS:,} tags")

@@ -1,6 +1,6 @@
-"""Store one record in a file that survives every stop and restart.
+"""Store one record in a file so that it survives stops and restarts of the program.
 
-A disk fault loses the record, but never stops the flight.
+A disk fault may lose the record, but it never stops the flight.
 """
 
 from contextlib import suppress
@@ -20,9 +20,9 @@ R = TypeVar("R")
 
 
 class KeptFile(Generic[R]):
-    """A record stored as readable JSON in one file; `sync` waits for the disk.
+    """A record that is stored in a file as readable JSON.
 
-    The directory of `path` is made on demand. With `sync` each `keep` waits for the disk;
+    The directory of `path` is created when needed. With `sync`, each `keep` waits for the disk;
     otherwise a power cut may lose half a minute of changes.
     """
 
@@ -34,7 +34,10 @@ class KeptFile(Generic[R]):
         self._fault = ""
 
     def read(self) -> R | None:
-        """Read the record, None if missing; a damaged file is renamed with ``.damaged``."""
+        """Read the record; None if the file is missing or damaged.
+
+        A damaged file is renamed with the suffix ``.damaged``.
+        """
         try:
             return read_record(self.path, self._kind)
         except FileNotFoundError:
@@ -48,7 +51,7 @@ class KeptFile(Generic[R]):
         return None
 
     def keep(self, record: R) -> None:
-        """Replace the stored record; after a power cut either the old or the new one exists."""
+        """Replace the stored record; a power cut leaves either the old or the new record."""
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             text = msgspec.json.format(msgspec.json.encode(record)).decode()

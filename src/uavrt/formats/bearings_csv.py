@@ -41,7 +41,7 @@ _NOTED = frozenset(("tag_id", "latitude_deg", "longitude_deg", "bearing_deg"))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BearingRow:
-    """One line of a bearings.csv."""
+    """One line of a bearings.csv, or one bearing noted by hand."""
 
     tag_id: int
     parent_file: str
@@ -55,13 +55,17 @@ class BearingRow:
     end_time_ns: int | None = None
     sigma_deg: float | None = None
     observer: str | None = None
-    """Name of the person who took the bearing by hand, empty if unknown; None: not by hand."""
+    """Name of the person who took the bearing by hand, empty if not given; None if the bearing
+    was not taken by hand."""
     true_place: tuple[float, float] | None = None
     """Known latitude and longitude of the tag in a test trial [deg]."""
 
 
 def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
-    """Read a bearings.csv or noted bearings without comments; raises `FormatError`."""
+    """Read a bearings.csv or a file of bearings noted by hand; comments are skipped.
+
+    Raises `FormatError` if the file cannot be read.
+    """
     rows = []
     names: list[str] = []
     for number, line in enumerate(with_commas(read_lines(path)), start=1):
@@ -103,7 +107,7 @@ def _row(cells: list[str]) -> BearingRow:
 
 
 def is_noted(heading: Iterable[str]) -> bool:
-    """True if a CSV heading is that of a file of bearings noted by hand."""
+    """True if a CSV heading belongs to a file of bearings that were noted by hand."""
     return set(heading) >= _NOTED
 
 
@@ -143,7 +147,7 @@ def _sigma_deg(cell: str) -> float | None:
 
 
 def write_bearing_file(path: str | os.PathLike[str], rows: Iterable[BearingRow]) -> None:
-    """Write bearings to a bearings.csv, in place of those of the same tags and parent files."""
+    """Write bearings to a bearings.csv; they replace those of equal tag and parent file."""
     new = list(rows)
     for row in new:
         require_plain_name(row.parent_file)

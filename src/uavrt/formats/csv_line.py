@@ -1,4 +1,4 @@
-"""Read and write lines of CSV files, so that spreadsheets never run a cell as a formula."""
+"""Read and write lines of CSV files, so that no spreadsheet executes a cell as a formula."""
 
 import csv
 from collections.abc import Iterable
@@ -9,7 +9,7 @@ FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
 
 
 class TableWriter:
-    """Writes rows of a CSV file; cells that begin like a formula get an apostrophe.
+    """Writes rows of a CSV file; a cell that begins like a formula gets an apostrophe.
 
     `stream` must be opened with ``newline=""``.
     """
@@ -42,12 +42,12 @@ def _is_numbers(text: str) -> bool:
 
 
 def text_of_cell(cell: str) -> str:
-    """Read a cell that `TableWriter` wrote, without its apostrophe."""
+    """Read a cell that `TableWriter` wrote; its apostrophe is removed."""
     return cell[1:] if cell[:1] == "'" and cell[1:].startswith(FORMULA_STARTS) else cell
 
 
 def csv_cells(line: str) -> list[str]:
-    """Split one CSV line into cells; an unclosed quote reaches to the line's end."""
+    """Split one CSV line into cells; a quote that is not closed extends to the line's end."""
     try:
         return next(csv.reader([line]), [])
     except csv.Error as error:

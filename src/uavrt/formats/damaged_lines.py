@@ -1,4 +1,4 @@
-"""Skip and report damaged lines of a pulse log, unless most of the file is unreadable."""
+"""Skip and report damaged lines of a pulse log, unless most lines are unreadable."""
 
 from collections.abc import Callable
 
@@ -10,7 +10,7 @@ log = get_logger()
 
 
 class DamagedLines:
-    """Collects the unreadable lines of one file; reports them to `warn` or the log."""
+    """Collects the unreadable lines of one file and reports them to `warn` or to the log."""
 
     def __init__(
         self, name: str, remedy: str, warn: Callable[[str], None] | None = None
@@ -19,7 +19,7 @@ class DamagedLines:
         self._faults: list[tuple[int, Exception]] = []
 
     def add(self, number: int, reason: Exception) -> None:
-        """Add an unreadable line by its number, with the reason."""
+        """Add the number of an unreadable line and the reason."""
         self._faults.append((number, reason))
 
     def report(self, good: int) -> None:
@@ -46,7 +46,7 @@ class DamagedLines:
 
 
 def passed_over(name: str, lines: int, first: int, error: object) -> str:
-    """Warning about skipped lines, with the reason for the first of them."""
+    """Warning with the number of skipped lines and the reason for the first of them."""
     reason, remedy = reason_of(error)
     count = "1 damaged line was" if lines == 1 else f"{lines} damaged lines were"
     which = f"line {first}" if lines == 1 else f"the first is line {first}"
@@ -56,7 +56,7 @@ def passed_over(name: str, lines: int, first: int, error: object) -> str:
 
 
 def reason_of(error: object) -> tuple[str, str | None]:
-    """Reason why a line is wrong, and the remedy (None if the error has none)."""
+    """Reason why a line cannot be read, and the remedy; None if the error has no remedy."""
     if isinstance(error, OffEarthError):
         return str(error), error.remedy
     return str(error), None

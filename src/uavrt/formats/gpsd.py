@@ -1,8 +1,8 @@
 """Parse reports from gpsd, the daemon that shares a GPS receiver: one JSON object per line.
 
-Input is untrusted. A line is used only if it is complete and an object of a known class with
-all numbers in range; others are counted and skipped. Classes and fields:
-https://gpsd.gitlab.io/gpsd/gpsd_json.html.
+The input is not trusted. A line is used only if it is complete, belongs to a known class, and
+all its numbers are in range. Other lines are counted and skipped. Classes and fields are
+described at https://gpsd.gitlab.io/gpsd/gpsd_json.html.
 """
 
 import math
@@ -14,12 +14,12 @@ from msgspec import Meta
 
 WATCH = b'?WATCH={"enable":true,"json":true};\n'
 LONGEST = 10_240
-"""Maximum length of a line from gpsd [bytes], from its manual."""
+"""Maximum length of a line from gpsd according to its manual [bytes]."""
 _FIX_2D = 2
 
 
 class _Line(msgspec.Struct, kw_only=True):
-    """Fields that are read from one line of gpsd; other fields are ignored."""
+    """Fields that are read from one line of gpsd; all other fields are ignored."""
 
     kind: Annotated[str, Meta(max_length=20)] = msgspec.field(name="class")
     mode: int = 0
@@ -63,7 +63,7 @@ class GpsdParser:
         return [one for line in lines if line and (one := self._report(line)) is not None]
 
     def reset(self) -> None:
-        """Discard an incomplete line, as after a reconnection."""
+        """Discard an incomplete line, for example after a reconnection."""
         self.skipped_bytes += len(self._buffer)
         self._buffer = b""
 

@@ -1,7 +1,7 @@
-"""Parse NMEA 0183 sentences, and positions and times in them.
+"""Parse NMEA 0183 sentences, and the positions and times in them.
 
-Input is untrusted. A sentence is used only if it is complete, with a correct checksum and all
-numbers in range; others are counted and skipped.
+The input is not trusted. A sentence is used only if it is complete, its checksum is correct,
+and all its numbers are in range. Other sentences are counted and skipped.
 """
 
 import re
@@ -12,7 +12,8 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 BAUD = 9600
 """Default rate of the serial line to a GPS receiver [baud]."""
 LONGEST = 120
-"""Maximum length of an NMEA sentence [bytes]: 82 by the standard, more from some makers."""
+"""Maximum length of an NMEA sentence [bytes]. The standard allows 82, but some receivers send
+longer sentences."""
 _PLACE = re.compile(r"(\d{2,3})([0-5]\d(?:\.\d{0,9})?)", re.ASCII)
 _NUMBER = re.compile(r"-?\d{1,6}(?:\.\d{0,6})?", re.ASCII)
 _QUALITIES = frozenset("1234579")
@@ -26,7 +27,7 @@ class Sentence:
 
     raw: bytes
     fields: tuple[str, ...]
-    """Fields of the NMEA sentence; the first is talker and kind: ``GPRMC``."""
+    """Fields of the NMEA sentence; the first one is talker and kind, such as ``GPRMC``."""
 
     @property
     def place(self) -> tuple[float, float] | None:
@@ -52,7 +53,7 @@ class Sentence:
 
     @property
     def heading_deg(self) -> float | None:
-        """True heading of a compass [°], from HDT or a measured THS; None otherwise."""
+        """True heading of a compass [°] in HDT or a measured THS; None in other sentences."""
         kind, fields = self.fields[0][-3:], self.fields
         if kind == "HDT" or (kind == "THS" and fields[2:3] == ("A",)):
             return _number(fields[1:2], 0.0, 360.0)
@@ -79,7 +80,7 @@ class SentenceParser:
         return [one for line in lines if line and (one := self._sentence(line)) is not None]
 
     def reset(self) -> None:
-        """Discard an incomplete sentence, as after a reconnection."""
+        """Discard an incomplete sentence, for example after a reconnection."""
         self.skipped_bytes += len(self._buffer)
         self._buffer = b""
 
@@ -106,7 +107,7 @@ def _number(field: tuple[str, ...], least: float, most: float) -> float | None:
 
 
 def fields_of(line: str) -> list[str]:
-    """Split a sentence into fields; ``[""]`` if it is invalid or its checksum is wrong."""
+    """Split a sentence into fields; ``[""]`` if the sentence or its checksum is invalid."""
     start = line.find("$")
     body, star, checksum = line[start + 1 :].strip().partition("*")
     if start < 0 or not body:
@@ -121,13 +122,13 @@ def fields_of(line: str) -> list[str]:
 
 
 def clock_ns(text: str) -> int:
-    """Time of day [ns] from ``hhmmss.ss``; raises `ValueError`."""
+    """Parse the time of day ``hhmmss.ss`` [ns]; raises `ValueError` if it is invalid."""
     hours, minutes, seconds = int(text[:2]), int(text[2:4]), float(text[4:])
     return (hours * 3600 + minutes * 60) * NANOSECONDS_PER_SECOND + ns_from_s(seconds)
 
 
 def place_in(fields: list[str] | tuple[str, ...]) -> tuple[float, float]:
-    """Latitude and longitude [°] from ``ddmm.mmmm,N,dddmm.mmmm,E``; raises `ValueError`."""
+    """Parse ``ddmm.mmmm,N,dddmm.mmmm,E`` to latitude and longitude [°]; raises `ValueError`."""
     north, north_side, east, east_side = fields[:4]
     latitude = _degrees(north, 90.0)
     longitude = _degrees(east, 180.0)

@@ -8,7 +8,10 @@ from numpy.typing import NDArray
 
 
 def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
-    """Encode pixels (rows, columns, 4): red, green, blue, opacity; the first row is the top."""
+    """Encode pixels (rows, columns, 4) as PNG; the first row is at the top of the picture.
+
+    The four values of a pixel are red, green, blue and opacity.
+    """
     rows, columns, _ = pixels.shape
     header = struct.pack(">IIBBBBB", columns, rows, 8, 6, 0, 0, 0)
     unfiltered = np.zeros((rows, 1 + 4 * columns), np.uint8)
@@ -34,7 +37,10 @@ def disc(radius: int, color: tuple[int, int, int]) -> NDArray[np.uint8]:
 
 
 def heat(probability: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Colour a probability map: yellow to dark red, transparent near zero; top row first."""
+    """Colour a probability map from yellow to dark red; values near zero are transparent.
+
+    The first row is at the top of the picture.
+    """
     peak = float(probability.max())
     share = probability / peak if peak > 0.0 else np.zeros_like(probability)
     pixels = np.zeros((*share.shape, 4), np.uint8)
@@ -45,7 +51,10 @@ def heat(probability: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def signal(snr_db: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Colour a map of SNR [dB]: blue is weak, yellow strong, NaN transparent; top row first."""
+    """Colour a map of SNR [dB] from blue (weak) to yellow (strong); NaN is transparent.
+
+    The first row is at the top of the picture.
+    """
     known = np.isfinite(snr_db)
     low, high = (snr_db[known].min(), snr_db[known].max()) if known.any() else (0.0, 1.0)
     share = np.where(known, (snr_db - low) / max(float(high - low), 1e-9), 0.0)
@@ -58,7 +67,7 @@ def signal(snr_db: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def chance(probability: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Colour a probability map on a fixed scale: 0 dark blue, 1 yellow, NaN transparent."""
+    """Colour a map of probabilities from dark blue (0) to yellow (1); NaN is transparent."""
     known = np.isfinite(probability)
     share = np.where(known, probability, 0.0)
     pixels = np.zeros((*share.shape, 4), np.uint8)

@@ -51,7 +51,7 @@ def read_position_file(path: str | os.PathLike[str]) -> tuple[PositionRow, ...]:
 
 
 def write_position_file(path: str | os.PathLike[str], rows: Iterable[PositionRow]) -> None:
-    """Write a whole positions.csv; raises `FormatError` or `RecordingError`."""
+    """Write a complete positions.csv; raises `FormatError` or `RecordingError`."""
     kept: dict[tuple[int, str], PositionRow] = {}
     if os.path.exists(path):
         kept = {(row.tag_id, row.bearing_file): row for row in read_position_file(path)}

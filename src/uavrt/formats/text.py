@@ -1,4 +1,4 @@
-"""Parse lines, numbers and times of text files; errors contain the line number."""
+"""Parse lines, numbers and times of text files; errors state the number of the line."""
 
 import math
 import os
@@ -16,14 +16,18 @@ from uavrt.formats.damaged_lines import reason_of
 
 T = TypeVar("T")
 MAX_TIME_NS = 2**62
-"""Latest time accepted in any file [ns since 1970], in 2116; well within SQLite's integers."""
+"""Latest time accepted in a file [ns since 1970]: the year 2116. SQLite's integers can hold
+it."""
 _DECIMAL = re.compile(r"(?<![^\s;\t])([+-]?\d+),(\d+(?:[eE][+-]?\d+)?)(?![^\s;\t])")
-"""Pattern of a number with a decimal comma that fills its cell of a table."""
+"""Pattern of a table cell that contains only a number with a decimal comma."""
 _GZIP = b"\x1f\x8b"
 
 
 def read_lines(path: str | os.PathLike[str]) -> list[str]:
-    """Read the lines of a text file, also gzipped, without ends, byte order mark and NULs."""
+    """Read the lines of a text file or gzipped text file.
+
+    Line ends, a byte order mark and NUL characters are removed.
+    """
     name = os.fspath(path)
     try:
         content = read_file(path, TEXT_LOG)
@@ -52,7 +56,7 @@ def _line_count(content: bytes) -> int:
 def wrong_line(
     path: str | os.PathLike[str], number: int, why: object, remedy: str
 ) -> FormatError:
-    """Make the error for one line of a file; if `why` has its own remedy, that is used."""
+    """Create the error for one line of a file; a remedy in `why` is used if there is one."""
     reason, known = reason_of(why)
     return FormatError(f"{os.fspath(path)} line {number}: {reason}", remedy=known or remedy)
 
@@ -83,10 +87,10 @@ def parsed_rows(
     cells: Callable[[str], list[str]] = _parted,
     names: Callable[[Sequence[str]], list[str]] = lower_names,
 ) -> list[T]:
-    """Parse the rows of a table with a heading, each from its cells in the given `columns`.
+    """Parse the rows of a table with a heading, each from the cells in the given `columns`.
 
-    A last row that cannot be parsed was cut off while being written, and is left out. `cells`
-    splits a line, and `names` reads the heading's column names.
+    A last row that cannot be parsed is left out, because it was truncated while being written.
+    `cells` splits a line, and `names` reads the column names of the heading.
     """
     lines, places, rows = read_lines(path), list[int](), list[T]()
     for number, line in enumerate(lines, start=1):
@@ -109,7 +113,7 @@ def parsed_rows(
 
 
 def separator_of(lines: Sequence[str]) -> str:
-    """Character between a text file's cells: a comma, or a spreadsheet's semicolon or tab."""
+    """Character that separates a text file's cells: comma, semicolon or tab."""
     some = [line for line in lines if line.strip() and not line.lstrip().startswith("#")]
     first = some[0] if some else ""
     commas = first.count(",")
@@ -119,9 +123,9 @@ def separator_of(lines: Sequence[str]) -> str:
 
 
 def with_commas(lines: Sequence[str]) -> list[str]:
-    """Convert lines of a spreadsheet to commas between cells, and points in decimals.
+    """Convert a spreadsheet's lines to commas between cells and points in decimal numbers.
 
-    Spreadsheets of many countries write semicolons or tabs, and decimal commas.
+    Spreadsheets in many countries write semicolons or tabs, and decimal commas.
     """
     separator = separator_of(lines)
     if separator == ",":
@@ -144,7 +148,7 @@ def number_or_nan(cell: str) -> float:
 
 
 def whole(cell: str) -> int:
-    """Parse a whole number, which may be written ``3.0``; raises `ValueError`."""
+    """Parse a whole number, also if it is written as ``3.0``; raises `ValueError`."""
     value = finite(cell)
     if value != int(value):
         raise ValueError(f"{cell} is not a whole number")
@@ -162,7 +166,7 @@ def longitude(cell: str) -> float:
 
 
 def place_or_none(latitude_cell: str, longitude_cell: str) -> tuple[float, float] | None:
-    """Parse a position [deg]; None if a cell is empty or not a number.
+    """Parse a latitude and longitude [deg]; None if a cell is empty or not a number.
 
     Raises `ValueError` for a latitude beyond ±90° or a longitude beyond ±360°.
     """
@@ -170,9 +174,9 @@ def place_or_none(latitude_cell: str, longitude_cell: str) -> tuple[float, float
 
 
 def seconds_ns(cell: str) -> int:
-    """Convert seconds since 1970, as text, to nanoseconds without rounding.
+    """Convert a text with seconds since 1970 to nanoseconds without rounding.
 
-    A float of today's seconds resolves only 240 ns, so decimals are read as digits.
+    A float resolves present times only to 240 ns, so the decimals are read as digits.
     """
     before, point, after = cell.partition(".")
     if point and before.isdigit() and after.isdigit():

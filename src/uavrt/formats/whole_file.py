@@ -8,7 +8,7 @@ from uavrt.core.errors import FormatError, RecordingError, os_errors_as
 
 
 def write_whole(path: str | os.PathLike[str], content: str | bytes) -> None:
-    """Replace a file wholly or not at all, via a temporary file; raises `RecordingError`."""
+    """Replace a file completely or not at all, by a temporary file; raises `RecordingError`."""
     with os_errors_as(
         RecordingError, f"cannot write {path}", "Choose a writable directory with free space"
     ):
@@ -17,7 +17,7 @@ def write_whole(path: str | os.PathLike[str], content: str | bytes) -> None:
 
 
 def require_plain_name(name: str) -> None:
-    """Reject a file name that a CSV without quotes cannot hold; raises `FormatError`."""
+    """Raise `FormatError` for a file name that a CSV without quotes cannot contain."""
     if "," in name or "\n" in name:
         raise FormatError(
             f"the name {name!r} cannot be written in a CSV without quotes",

@@ -1,13 +1,14 @@
 """Receive the samples of a frequency band as UDP datagrams of any size.
 
-The thesis pipes ``airspy_rx | csdr fir_decimate_cc 8 … | netcat -u localhost 10000``. netcat
-sends the bytes of each of its reads, so a datagram often ends within a sample. The original
-reads 2039 samples of each datagram and drops the rest; here bytes are joined to complete
-samples.
+The setup in the original thesis pipes samples through ``airspy_rx | csdr fir_decimate_cc 8 … |
+netcat -u localhost 10000``. netcat sends one datagram for each of its reads, so a datagram
+often ends within a sample. The original program reads 2039 samples of each datagram and drops
+the rest. This module joins the bytes of successive datagrams to complete samples.
 
-Each datagram dropped by the system, as counted by SO_RXQ_OVFL, becomes a gap of the last
-datagram's size, which keeps the alignment of samples. Where the system does not count, a step
-in the arrival times shows a loss, and the exponents of the floats show the alignment.
+The system counts dropped datagrams (SO_RXQ_OVFL). Each of them becomes a gap of the last
+datagram's size, so that later samples still begin at the correct byte. If the system does not
+count, a step in the arrival times shows a loss, and the exponents of the floats show where
+samples begin.
 """
 
 import socket
@@ -25,7 +26,8 @@ from uavrt.radio.sample_stream import BLOCK_S
 SAMPLE_BYTES: Final = 8
 _LARGEST: Final = 65_536
 _SO_RXQ_OVFL: Final = 40
-"""Socket option that counts dropped datagrams (Linux, asm-generic/socket.h); not in Python."""
+"""Linux socket option that counts dropped datagrams (asm-generic/socket.h); Python's `socket`
+module does not define it."""
 _COUNT_SPACE: Final = socket.CMSG_SPACE(4)
 
 log = get_logger()
@@ -64,7 +66,10 @@ class BandDatagramSource(DatagramSource):
                 log.debug("the system does not count dropped datagrams")
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block of samples, short if the sender pauses; None after `timeout_s`."""
+        """Get the next block of samples; None if none arrive within `timeout_s`.
+
+        The block is shorter than usual if the sender pauses.
+        """
         deadline_s = None if timeout_s is None else monotonic_s() + timeout_s
         while True:
             before = self._joiner.filled
@@ -101,7 +106,7 @@ class BandDatagramSource(DatagramSource):
 
 
 class ByteJoiner:
-    """Joins received bytes to complex64 samples; stores the position of one gap."""
+    """Joins received bytes to complex64 samples and stores the position of one gap."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
@@ -116,11 +121,15 @@ class ByteJoiner:
 
     @property
     def has_gap(self) -> bool:
-        """True if a gap follows the stored bytes; then call `take` before the next `put`."""
+        """True if a gap follows the stored bytes; `take` must then be called before `put`."""
         return self._after is not None
 
     def put(self, payload: bytes, lost: int = 0) -> None:
-        """Add bytes after `lost` missing ones; raises `ValueError` while a gap is open."""
+        """Add a datagram's bytes.
+
+        `lost`: number of datagrams dropped just before this one. Raises `ValueError` if an
+        earlier gap has not been taken yet.
+        """
         if self.has_gap:
             raise ValueError("the samples before the gap must be read first")
         if lost:
@@ -174,11 +183,11 @@ class ByteJoiner:
 
 
 def misalignment(data: bytes) -> int:
-    """Number of bytes to skip to the next float, 0 to 3; 0 if it cannot be determined.
+    """Number of bytes to skip to reach the start of a float, 0 to 3; 0 if unknown.
 
-    The fourth byte of a little-endian float32 holds the sign and most of the exponent: 0x30 to
-    0x46 for radio samples of 1e-9 to 1e4, or zero. At any other alignment most values fall
-    outside.
+    The fourth byte of a little-endian float32 holds the sign and most of the exponent. Without
+    the sign bit it is 0x30 to 0x46 for radio samples of 1e-9 to 1e4. At any other alignment,
+    most values lie outside this range.
     """
     # 4096 floats are enough; fewer than 64 are too few.
     count = min(len(data) // 4 - 1, 4096)

@@ -1,4 +1,4 @@
-"""Check that the radio works as configured, by opening it as for a flight."""
+"""Check before a flight that the configured radio delivers samples."""
 
 from contextlib import closing
 from typing import Final
@@ -14,16 +14,19 @@ from uavrt.radio.sanity import SampleCheck
 
 _PATIENCE_S: Final = 4.0
 _MOST_LOST: Final = 0.02
-"""Maximum fraction of lost samples that a check of the radio does not report."""
+"""Fraction of lost samples above which the check of the radio reports a fault."""
 _DURATION_S: Final = 2.8
 """Duration of the check [s]; enough to measure the sample rate
 (`uavrt.radio.timing.arrival_rate`)."""
 _FREQUENCY_HZ: Final = 150e6
-"""Frequency to which a check tunes the radio if the settings leave it to the tuner [Hz]."""
+"""Frequency at which the radio is checked if the settings do not fix one [Hz]."""
 
 
 def check_device(settings: RadioSettings) -> str:
-    """Receive samples for three seconds; return a sentence with the results if all is well."""
+    """Receive samples for three seconds and return a sentence with the measured result.
+
+    Raises an error with a remedy if the radio does not work as configured.
+    """
     if (several := ambiguous_radios(settings)) is not None:
         raise RadioAmbiguous(several[0], remedy=several[1])
     row = RADIOS.get(settings.kind)

@@ -1,11 +1,12 @@
 """Convert complex samples of all formats to complex64, without allocating arrays.
 
-Full scale is 1.0 in every format, so cs16 and cf32 recordings of one radio give the same pulses
-and noise density.
+Full scale is 1.0 in every format, so cs16 and cf32 recordings of one radio give equal pulses
+and an equal noise density.
 
-On the reference machine, 87 ms blocks at 3 MS/s cost nothing for cf32 (read in place), 0.07 %
-of a core for cs16, and 0.11 % for cu8 and ci8. ``copyto`` followed by an in-place ``multiply``
-is 20 % cheaper than one mixed-type ``multiply``, and twice as fast as a look-up table.
+The cost was measured on the reference machine with 87 ms blocks at 3 MS/s: none for cf32, which
+is read in place; 0.07 % of a core for cs16; 0.11 % for cu8 and ci8. ``copyto`` followed by an
+in-place ``multiply`` costs 20 % less than one mixed-type ``multiply`` and half as much as a
+look-up table.
 """
 
 from dataclasses import dataclass
@@ -17,10 +18,9 @@ from numpy.typing import NDArray
 from uavrt.core.errors import FormatError
 
 _ABSURD_POWER = 1e20
-"""Mean square above which data are not float32 samples; 32-bit integers read as floats give
-5e18 and more."""
+"""Mean square of float32 values above which they cannot be radio samples."""
 _INVALID_SHARE = 0.01
-"""Fraction of non-finite values above which samples have another format than declared."""
+"""Fraction of non-finite values above which the samples have another format than declared."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +46,10 @@ class SampleFormat:
         return self.dtype == np.dtype("<f4") and self.zero == 0.0 and self.full_scale == 1.0
 
     def buffers(self, samples: int) -> tuple[NDArray[np.complex64], NDArray[np.uint8]]:
-        """Allocate memory for samples and for stored bytes; one buffer where possible."""
+        """Allocate memory for the samples and for the stored bytes.
+
+        One buffer serves for both if the stored bytes need no conversion.
+        """
         made = np.zeros(samples, np.complex64)
         if self.in_place:
             return made, made.view(np.uint8)
@@ -104,7 +107,10 @@ _SIGMF: dict[str, SampleFormat] = {
 
 
 def sample_format(name: str) -> SampleFormat:
-    """Find a format by name; raises `FormatError` with a list if unknown."""
+    """Find a sample format by name.
+
+    An unknown name raises a `FormatError` that lists the known formats.
+    """
     # rtl_sdr users write cs8, others sc16 or fc32; aliases for these.
     aliases = {"cs8": "ci8", "ci16": "cs16", "sc16": "cs16", "fc32": "cf32"}
     found = FORMATS.get(aliases.get(name.lower(), name.lower()))
@@ -117,7 +123,7 @@ def sample_format(name: str) -> SampleFormat:
 
 
 def sigmf_format(datatype: str) -> SampleFormat:
-    """Find the format of SigMF's ``core:datatype``; raises `FormatError` if unknown."""
+    """Sample format for a ``core:datatype`` of SigMF; raises `FormatError` if unknown."""
     found = _SIGMF.get(datatype)
     if found is not None:
         return found
@@ -132,11 +138,11 @@ def sigmf_format(datatype: str) -> SampleFormat:
 
 
 def look_like_floats(data: bytes) -> bool:
-    """True if bytes declared as integers are in fact float32 samples.
+    """True if bytes that were declared as integers are in fact float32 samples.
 
     The last byte of a little-endian float32 holds the sign and most of the exponent. It is 0x30
-    to 0x46 for values of 1e-9 to 1e4, and 0xb0 to 0xc6 for negative ones. The bytes of integers
-    also have other values.
+    to 0x46 for positive values of 1e-9 to 1e4, and 0xb0 to 0xc6 for negative ones. Bytes of
+    integer samples also take other values.
     """
     high = np.frombuffer(data, np.uint8)[3::4]
     if high.size < 1024:
@@ -147,11 +153,12 @@ def look_like_floats(data: bytes) -> bool:
 
 
 def clean(samples: NDArray[np.complex64], what: str) -> int:
-    """Replace non-finite samples by zero, in place; return the number of replaced values.
+    """Replace non-finite samples by zero in place; return the number of replaced values.
 
-    A single NaN would spoil a detector's noise level permanently. One dot product detects them:
-    for 87 ms at 3 MS/s 0.03 ms in a warm cache, 0.2 ms in a cold one. Raises `FormatError` if
-    there are too many, or values are too large for samples.
+    A single NaN would make a detector's noise estimate invalid for good. One dot product shows
+    whether there is any: for 87 ms at 3 MS/s it takes 0.03 ms in a warm cache and 0.2 ms in a
+    cold one. Raises `FormatError` if too many values are not finite, or if values are too large
+    for samples.
     """
     values = samples.view(np.float32)
     limit = _ABSURD_POWER * max(values.size, 1)

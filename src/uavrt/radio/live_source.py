@@ -1,4 +1,4 @@
-"""Base class of live sources: rate, frequency, and numbering of samples."""
+"""Base classes of live sources: sample rate, frequency, and numbering of samples."""
 
 import select
 from typing import ClassVar
@@ -8,18 +8,17 @@ from uavrt.radio.timing.sample_placing import Placer
 from uavrt.radio.udp_address import listen, parse_udp_address
 
 _MEGAHERTZ = (20.0, 10e3)
-"""Range of numbers that cannot be frequencies in hertz and were certainly typed in
-megahertz."""
+"""Range of entered frequencies that are taken as megahertz and refused; no radio tag transmits
+at so few hertz."""
 RADIO_RATE_REMEDY = (
     "Check the radio's cable and this computer's load, or set [radio] sample_rate_hz to a "
     "rate that the radio supports"
 )
-"""Remedy in errors about a wrong sample rate or steady losses: check cable, power and
-computer."""
+"""Remedy in the error for a radio that delivers samples at a wrong rate."""
 
 
 def check_rates(sample_rate_hz: float, center_frequency_hz: float) -> None:
-    """Raise `FormatError` unless rate and frequency are positive and plausible."""
+    """Raise `FormatError` if the sample rate or the radio frequency is impossible."""
     if not 0.0 < sample_rate_hz < 1e9:
         raise FormatError(
             f"sample rate {sample_rate_hz} Hz is not possible",
@@ -38,18 +37,18 @@ def check_rates(sample_rate_hz: float, center_frequency_hz: float) -> None:
 
 
 class LiveSource:
-    """Base class of sources without a known length.
+    """Base class of sources without a known end, such as radios, pipes and UDP ports.
 
-    `start_time_ns`: time of the first sample [ns, UTC]; times then follow from the nominal
-    rate. `start_moves`: correct the start time if the first arrivals were delayed. Raises
-    `FormatError` for an impossible rate.
+    `start_time_ns`: time of the first sample [ns, UTC]; all later times then follow from the
+    nominal rate. `start_moves`: correct the start time if the first arrivals were delayed.
+    Raises `FormatError` for an impossible rate.
     """
 
     MAY_BE_SLOW: ClassVar[bool] = False
-    """True if the sender may be slower than real time; samples that come late are then not
-    lost."""
+    """True if the sender may be slower than real time; late samples then do not mean that
+    samples were lost."""
     RATE_REMEDY: ClassVar[str] = "Set the sample rate to the one that the sender uses"
-    """Remedy in the error text when samples arrive at a wrong rate."""
+    """Remedy in the error for samples that arrive at a wrong rate."""
 
     def __init__(
         self,
@@ -72,17 +71,21 @@ class LiveSource:
 
     @property
     def samples_lost(self) -> int:
-        """Number of samples lost, by the radio's report or by arrival times."""
+        """Number of lost samples, as reported by the radio or found from arrival times."""
         return self._placer.lost
 
     @property
     def lost_withdrawn(self) -> int:
-        """Number of samples counted as lost before the source turned out to be slow."""
+        """Number of samples wrongly counted as lost, because the sender is not a live radio.
+
+        The sender proved to be slower or quicker than real time, so its arrival times show no
+        losses.
+        """
         return self._placer.withdrawn
 
     @property
     def samples_unsure(self) -> int:
-        """Number of samples counted as lost that a wrong clock rate may explain instead."""
+        """Number of samples counted as lost that may be due to a wrong clock rate instead."""
         return self._placer.unsure
 
     @property
@@ -112,7 +115,7 @@ class LiveSource:
 
 
 class DatagramSource(LiveSource):
-    """Base class of sources at a UDP port, ``udp://HOST:PORT``."""
+    """Base class of sources that receive datagrams at a UDP port, ``udp://HOST:PORT``."""
 
     def _listen(self, address: str) -> None:
         self.name = address
@@ -122,7 +125,7 @@ class DatagramSource(LiveSource):
             self._poll.register(sock, select.POLLIN)
 
     def close(self) -> None:
-        """Close the UDP port."""
+        """Close the sockets of the UDP port."""
         for sock in self._sockets:
             sock.close()
         self._sockets = []

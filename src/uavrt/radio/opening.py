@@ -31,8 +31,8 @@ RadioOpener = Callable[[RadioSettings, float, Clock | None], SampleSource]
 
 
 OPENERS: Registry[RadioOpener] = Registry(RADIO_GROUP, {"soapy": SoapySource})
-"""Functions that open a radio by a driver, uavrt's own or one of another package, by kind of
-radio. Arguments: the settings, the frequency to tune to [Hz] and the system's clock."""
+"""Functions that open a radio through a driver, by kind of radio; other packages can add
+entries. Arguments: settings, frequency to which the radio is tuned [Hz] and clock."""
 
 _SUFFIXES: dict[str, str] = {
     ".cf32": "cf32",
@@ -54,7 +54,7 @@ _SUFFIXES: dict[str, str] = {
 def open_radio(
     settings: RadioSettings, center_frequency_hz: float, *, clock: Clock | None = None
 ) -> SampleSource:
-    """Start the configured radio, tuned to a frequency [Hz]."""
+    """Start the configured radio, tuned to `center_frequency_hz`, and return its samples."""
     if settings.kind in OPENERS and settings.kind not in PROGRAMS:
         return OPENERS[settings.kind](settings, center_frequency_hz, clock)
     return ProgramSource(settings, center_frequency_hz, clock=clock)
@@ -69,7 +69,10 @@ def open_stream(
     start_time_ns: int | None = None,
     clock: Clock | None = None,
 ) -> StreamSource:
-    """Read live samples from a pipe; raises `FormatError` if rate or frequency is not given."""
+    """Read live samples from a pipe.
+
+    Raises `FormatError` if the sample rate or the radio frequency is not given.
+    """
     name = "cf32" if format_name is None else format_name.lower()
     if name in ("sigmf", "wav"):
         raise FormatError(
@@ -92,7 +95,7 @@ def open_stream(
 def open_channel(
     address: str, *, sample_rate_hz: float | None, center_frequency_hz: float | None
 ) -> ChannelDatagramSource:
-    """Receive one channel by UDP from the original channelizer, or from uavrt's."""
+    """Receive one channel by UDP, from the original channelizer or from uavrt."""
     return ChannelDatagramSource(
         address,
         sample_rate_hz=3750.0 if sample_rate_hz is None else sample_rate_hz,
@@ -108,14 +111,14 @@ def open_recording(
     center_frequency_hz: float | None = None,
     start_time_ns: int | None = None,
 ) -> RecordingSource:
-    """Open a recording; options are needed only for what the file does not contain.
+    """Open a recording; an option is needed only if the file does not state its value.
 
-    `path`: the file; for SigMF either file or their common name. `format_name`: ``cf32``,
-    ``cs16``, ``cu8``, ``ci8``, ``sigmf``, ``wav``; None: by the file name's extension.
-    `sample_rate_hz`, `center_frequency_hz`: for raw files whose name does not contain them. A
-    rate that contradicts the file is refused; a frequency replaces the file's. `start_time_ns`:
-    time of the first sample [ns, UTC]. Raises `FormatError` if the file is unreadable or of
-    another format.
+    `path`: the file; for SigMF either of its two files, or their common name. `format_name`:
+    ``cf32``, ``cs16``, ``cu8``, ``ci8``, ``sigmf`` or ``wav``; None: the file's name shows it.
+    `sample_rate_hz`, `center_frequency_hz`: needed for raw files whose name does not contain
+    them. A given rate must equal the rate in the file; a given frequency replaces that in the
+    file. `start_time_ns`: time of the first sample [ns, UTC]. Raises `FormatError` if the file
+    is unreadable or has another format.
     """
     layout = _layout(
         path,

@@ -1,9 +1,9 @@
 """Read samples from a pipe, as written by a radio's program.
 
-Measured on the reference machine: ``readv`` into a preallocated block of 87 ms from a pipe of 1
-MiB costs 0.5 % of a core at 24 MB/s; Python bytes, threads or asyncio cost up to three times
-that. With a pipe of 1 MiB, the reader may pause for 44 ms instead of 2.7 ms before the radio's
-program has to wait.
+Measured on the reference machine at 24 MB/s: reading blocks of 87 ms from a pipe of 1 MiB with
+``readv`` into existing memory costs 0.5 % of a core. Python bytes, threads or asyncio cost up
+to three times as much. With a pipe of 1 MiB, the reader may pause for 44 ms before the radio's
+program has to wait; with the default pipe of 64 KiB it is 2.7 ms.
 """
 
 import errno
@@ -22,10 +22,12 @@ from uavrt.radio.live_source import LiveSource
 from uavrt.radio.timing.sample_placing import HOLD_S
 
 BLOCK_S: Final = 0.0874
-"""Approximate length of a sample block [s]; longer ones add latency, shorter ones wake-ups."""
+"""Approximate length of a sample block [s]; longer blocks add latency, and shorter blocks wake
+the program more often."""
 _WRITE: Final = 16384
-"""Unit of the writes of radio programs [samples]; airspy_rx writes 65 536. A block that is a
-multiple of it needs no extra read: 262 144 at 3 MS/s."""
+"""Number of samples of which blocks are multiples, as are the writes of radio programs;
+airspy_rx writes 65 536 samples at once. So a block ends with a write and needs no extra
+read."""
 PIPE_BYTES: Final = 1 << 20
 """Size of the largest pipe that Linux allows without privileges [bytes]
 (/proc/sys/fs/pipe-max-size)."""
@@ -41,7 +43,7 @@ def block_length(sample_rate_hz: float, block_s: float = BLOCK_S) -> int:
 
 
 class StreamSource(LiveSource):
-    """Reads live samples from a file descriptor, which `close` leaves open."""
+    """Reads live samples from a file descriptor; `close` does not close the descriptor."""
 
     MAY_BE_SLOW = True
     RATE_REMEDY = "Check --sample-rate, and what slows the program before the pipe down"
@@ -80,7 +82,10 @@ class StreamSource(LiveSource):
         self._poll.register(descriptor, select.POLLIN)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block; None after `timeout_s`. A block ends before a possible loss."""
+        """Get the next block; None if it is not complete within `timeout_s`.
+
+        A block ends early before samples that may have been lost.
+        """
         deadline_s = None if timeout_s is None else monotonic_s() + timeout_s
         self._compact()
         if not self._waiting_since_ns:
@@ -116,7 +121,7 @@ class StreamSource(LiveSource):
             self._given = 0
 
     def _wants_more(self) -> bool:
-        """True if the sample block is not full, or if a possible loss is not decided yet."""
+        """True if the block is not full, or if samples may be lost and this is not decided."""
         if self._filled < self._wanted:
             return self._filled < len(self._bytes)
         if self._placer.settle() or self._placer.samples_before_cut:
@@ -130,10 +135,10 @@ class StreamSource(LiveSource):
         return self._filled < len(self._bytes)
 
     def _register(self, count: int) -> None:
-        """Register sample bytes that have arrived, also those in a pipe that is not full.
+        """Register the arrival of sample bytes, including those that wait in the pipe.
 
-        Bytes waiting in the pipe count as arrived, so that a slow reader does not look like a
-        late radio. A full pipe does not show the sender's rate, because the writer is waiting.
+        Bytes that wait in the pipe count as arrived; otherwise a slow reader would look like a
+        late radio. A full pipe does not show the sender's rate, because the sender has to wait.
         """
         size = self._format.bytes_per_sample
         lost = self._reported_lost()
@@ -146,7 +151,7 @@ class StreamSource(LiveSource):
         self._placer.arrived((self._filled + waiting) // size, self._clock.now_ns(), full=full)
 
     def close(self) -> None:
-        """Release the descriptor; the caller that opened it must close it."""
+        """Stop reading; the descriptor must be closed by the caller that opened it."""
         self._ended = True
         self._filled = self._given = 0
 
@@ -157,7 +162,7 @@ class StreamSource(LiveSource):
         return bool(self._poll.poll(timeout_s * 1000.0))
 
     def _reported_lost(self) -> int:
-        """Number of lost samples that the writer reported: 0, unless a subclass differs."""
+        """Number of newly lost samples reported by the writer; always 0 in this base class."""
         return 0
 
     def _check_end(self) -> None:
@@ -192,7 +197,7 @@ class StreamSource(LiveSource):
 
 
 def _enlarge_pipe(descriptor: int) -> int:
-    """Make a pipe as large as allowed; return its size [bytes], 0 if it is not a pipe."""
+    """Enlarge a pipe as far as allowed; return its size [bytes], or 0 if it is not a pipe."""
     import fcntl  # here: recordings are read where there is none
 
     with os_errors_as(RadioError, f"cannot read descriptor {descriptor}"):

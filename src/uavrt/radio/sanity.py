@@ -1,4 +1,4 @@
-"""Detect data that cannot be radio samples, as from a program that hangs or stutters."""
+"""Detect data that cannot be radio samples, such as absurd values or long runs of zeros."""
 
 import numpy as np
 
@@ -6,21 +6,23 @@ from uavrt.core.errors import RadioGarbled, RadioStalled
 from uavrt.core.messages import IQBlock
 
 FULL_SCALE_POWER = 4.0
-"""Mean power of a block above which the data are not a signal. Full scale is 1 in I and in Q,
-so a full-scale square wave has a power of 2; random bytes read as floats have 10⁷⁶."""
+"""Mean power of a block above which its data cannot be samples. Full scale is 1 in I and in Q,
+so a full-scale square wave has a power of 2. Random bytes that are read as floats have a power
+of about 10⁷⁶."""
 DEAD_S = 1.0
-"""Duration of exact zeros that shows a dead radio [s]; noise is at least one converter step."""
+"""Duration of samples that are exactly zero after which the radio counts as dead [s]; the noise
+of a working radio is at least one converter step."""
 
 
 class SampleCheck:
-    """Checks every block of the decimated band by its power: 20 µs for 87 ms of samples."""
+    """Checks the power of every block of the decimated band; this takes 20 µs per 87 ms."""
 
     def __init__(self, name: str) -> None:
         self._name = name
         self._dead_s = 0.0
 
     def check(self, block: IQBlock) -> None:
-        """Raise `RadioGarbled` if values are absurd, `RadioStalled` after 1 s of zeros."""
+        """Raise `RadioGarbled` if values are too large, `RadioStalled` after 1 s of zeros."""
         values = block.samples.view(np.float32)
         if values.size == 0:
             return

@@ -1,6 +1,6 @@
 """Interface of all sources of samples: real, replayed or simulated.
 
-Code that processes samples does not depend on the kind of source.
+Code that processes samples works with any of these sources without change.
 """
 
 from typing import Protocol
@@ -27,14 +27,14 @@ class SampleSource(Protocol):
         ...
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block, or None if none arrived within `timeout_s`.
+        """Get the next block, or None if none is ready within `timeout_s`.
 
         The block's samples stay valid until the next call. Raises `EOFError` at the end of a
-        recording, `RadioError` if the radio failed and must be reopened, `FormatError` for data
-        of another format.
+        recording, `RadioError` if the radio failed and must be reopened, `FormatError` if the
+        data have another format.
         """
         ...
 
     def close(self) -> None:
-        """Stop the radio's program or close the file; may be called repeatedly."""
+        """Stop the radio's program or close the file; repeated calls have no effect."""
         ...

@@ -1,4 +1,4 @@
-"""Parse UDP addresses as typed by the user, and open sockets with buffers for bursts."""
+"""Parse UDP addresses that the user enters, and open sockets with large buffers."""
 
 import errno
 import socket
@@ -7,8 +7,8 @@ from typing import Any, Final
 from uavrt.core.errors import ConfigError, RadioError, os_errors_as
 
 BUFFER_BYTES: Final = 4 * 1024 * 1024
-"""Buffer requested for each socket [bytes]: 1.4 s of a 375 kS/s band, minutes of one channel.
-The system limits it to /proc/sys/net/core/rmem_max."""
+"""Size of the buffer that is requested for each socket [bytes]: 1.4 s of a band of 375 kS/s, or
+minutes of one channel. The system limits it to /proc/sys/net/core/rmem_max."""
 
 _OTHER_PORT: Final = "End the other program that listens there, or choose another port"
 _REMEDIES: Final = {
@@ -24,7 +24,10 @@ def is_udp_address(text: str) -> bool:
 
 
 def parse_udp_address(text: str) -> tuple[str, int]:
-    """Split ``udp://HOST:PORT`` or ``HOST:PORT``, IPv6 in brackets; raises `ConfigError`."""
+    """Split ``udp://HOST:PORT`` or ``HOST:PORT`` into host and port.
+
+    An IPv6 address is written in brackets. Raises `ConfigError` for an invalid address.
+    """
     host, colon, port = text.removeprefix(_PREFIX).rstrip("/").rpartition(":")
     host = host.removeprefix("[").removesuffix("]")
     if not (colon and host and port.isascii() and port.isdigit() and 0 < int(port) < 65_536):
@@ -35,10 +38,10 @@ def parse_udp_address(text: str) -> tuple[str, int]:
 
 
 def listen(host: str, port: int) -> list[socket.socket]:
-    """Open a receiving socket for each address of a host name, such as both of localhost.
+    """Open a receiving socket for each address of a host name.
 
-    ``localhost`` may be ``::1`` for the sender (netcat) and 127.0.0.1 here; datagrams to the
-    other address would be lost.
+    ``localhost`` has two addresses: the sender (netcat) may use ``::1`` and this program
+    127.0.0.1. Datagrams to an address without a socket would be lost.
     """
     places = set(_host_addresses(host, port))
     if host == "localhost":
@@ -81,7 +84,7 @@ def listen(host: str, port: int) -> list[socket.socket]:
 
 
 def send_socket(host: str) -> socket.socket:
-    """Open a non-blocking sending socket; raises `RadioError` for an unknown name."""
+    """Open a non-blocking socket for sending; raises `RadioError` if the host is unknown."""
     sock = socket.socket(_host_addresses(host, 0)[0][0], socket.SOCK_DGRAM)
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
     sock.setblocking(False)

@@ -1,4 +1,4 @@
 """A simulated world: tags, antennas, a drone, a radio and an autopilot.
 
-For recordings import `uavrt.simulation.simulated_recording`.
+To write simulated recordings, import `uavrt.simulation.simulated_recording`.
 """

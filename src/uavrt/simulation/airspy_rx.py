@@ -3,9 +3,9 @@
 ``python -m uavrt.simulation.airspy_rx --world SCENARIO.toml -f 148.68 -r - -a 3000000 -t 0``
 
 Arguments, ranges, texts and the exit code 1 on any fault are those of airspy_rx v1.0.5 (Debian
-airspy 1.0.10), as observed. Like the radio it samples the simulated world at the present time,
-and a reader that falls behind by more than eight buffers loses samples. `loss_share`,
-`arrival_jitter_s` and `stall_share` of the scenario add silent losses and delays.
+airspy 1.0.10), as observed. Like a radio, the program samples the simulated world at the
+present time. A reader that falls behind by more than eight buffers loses samples. The
+scenario's `loss_share`, `arrival_jitter_s` and `stall_share` add silent losses and delays.
 """
 
 import getopt
@@ -29,13 +29,14 @@ from uavrt.simulation.scene.scenario_file import load_scenario
 from uavrt.simulation.synthesis import CHUNK_SAMPLES, IQSynthesizer, encode
 
 SAMPLE_RATES_HZ = (3_000_000, 6_000_000, 2_500_000, 10_000_000)
-"""Sample rates of the Airspy Mini, then of the R2 [Hz]; the first is the default. The rate of
-the scenario's radio is accepted, too."""
+"""Sample rates of the Airspy Mini, then of the R2 [Hz]; the first is the default. The sample
+rate of the scenario's radio is accepted as well."""
 BUFFERS = 8
 """Number of filled buffers that libairspy queues for a slow reader."""
 SERIAL = 0x644064DC2F5A5ECD
 LONGEST_S = 86_400.0
-"""Longest simulation from the world's start [s]; all pulses since then are counted."""
+"""Longest simulation from the world's start [s]; a limit is needed because all pulses since the
+start are counted."""
 PATH_KEPT_S = 10.0
 STALL_S = (0.05, 0.3)
 """Shortest and longest stall caused by `scenario.Radio.stall_share` [s]."""
@@ -90,7 +91,7 @@ class Arguments:
 
 
 def parse_arguments(arguments: Sequence[str]) -> Arguments:
-    """Read the command line as airspy_rx does; raises `ArgumentFault` where it would refuse."""
+    """Parse the command line as airspy_rx does; raises `ArgumentFault` for what it refuses."""
     try:
         pairs, rest = getopt.getopt(
             list(arguments),
@@ -181,7 +182,7 @@ def _gain(given: dict[str, str]) -> int:
 
 
 class Transmission:
-    """The stream of samples from the simulated radio to the program that reads it."""
+    """Delivers the samples of the simulated radio to the program that reads them."""
 
     def __init__(
         self,
@@ -205,11 +206,11 @@ class Transmission:
         self.failure: OSError | None = None
 
     def stop(self) -> None:
-        """End the stream soon; safe in a signal handler."""
+        """End the stream after the present buffer; may be called in a signal handler."""
         self._stop.set()
 
     def run(self, samples: int | None = None) -> None:
-        """Stream until stopped, until the reader has gone, or until `samples` are sent."""
+        """Send samples until stopped, until the reader is gone, or until `samples` are sent."""
         index = self._synthesizer.index_at(self._clock.now_ns())
         end = None if samples is None else index + samples
         writer = threading.Thread(target=self._drain, name="writer", daemon=True)
@@ -247,10 +248,10 @@ class Transmission:
         return index + lost
 
     def _enqueue(self, block: bytes) -> bool:
-        """Queue a buffer; False if the reader made no room in the time that the queue covers.
+        """Queue a buffer for the reader; False if the queue stays full for its whole duration.
 
-        So a pause of this program loses no samples: the buffers of a real radio would have been
-        read during the pause.
+        A pause of this program alone therefore loses no samples: a reader of a real radio would
+        have read the buffers during the pause.
         """
         try:
             self._buffers.put(block, timeout=self._buffers_s)
@@ -298,7 +299,10 @@ def _print(line: str) -> None:
 
 
 def main(command_line: Sequence[str]) -> int:
-    """Run the simulated radio program; 0 after SIGTERM, SIGINT or -n samples, else 1."""
+    """Run the simulated radio program; return its exit code.
+
+    The exit code is 0 after SIGTERM, SIGINT or the samples of ``-n``, otherwise 1.
+    """
     try:
         arguments = parse_arguments(command_line)
     except ArgumentFault as fault:

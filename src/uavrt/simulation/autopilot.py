@@ -1,4 +1,4 @@
-"""Command line of the simulated autopilot; a child process of ``uavrt demo``."""
+"""Command line of the simulated autopilot, which ``uavrt demo`` runs as a child process."""
 
 import argparse
 import asyncio
@@ -16,7 +16,7 @@ from uavrt.simulation.vehicle.fake_autopilot import AutopilotSettings, FakeAutop
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the autopilot until SIGTERM or SIGINT."""
+    """Run the simulated autopilot until SIGTERM or SIGINT."""
     options = _parser().parse_args(arguments)
     configure_logging("fake autopilot")
     clock = Clock.start() if options.clock_offset_ns is None else Clock(options.clock_offset_ns)

@@ -1,4 +1,4 @@
-"""Writes a scenario as files: SigMF recording, telemetry, truth and tag lists."""
+"""Write a scenario as files: SigMF recording, telemetry, true pulses and tag lists."""
 
 import csv
 import hashlib
@@ -24,7 +24,8 @@ _SIGMF_TYPES: dict[SampleFormat, str] = {"cf32": "cf32_le", "cs16": "ci16_le"}
 _SAMPLE_BYTES: dict[SampleFormat, int] = {"cf32": 8, "cs16": 4}
 _TELEMETRY_RATE_HZ = 50
 SWITCH_KEY = "uavrt:antenna_switch"
-"""Key of the antenna switch in the global SigMF metadata (docs/reference/scenario.md)."""
+"""Key of the antenna switch in the global metadata of a SigMF file
+(docs/reference/scenario.md)."""
 TELEMETRY_COLUMNS = (
     *("time_ns", "latitude_deg", "longitude_deg", "altitude_amsl_m", "altitude_relative_m"),
     *("qw", "qx", "qy", "qz"),
@@ -33,7 +34,7 @@ TELEMETRY_COLUMNS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedRecording:
-    """Paths of all files written for one simulated recording."""
+    """Paths of the files that were written for one simulated recording."""
 
     data: Path
     metadata: Path
@@ -47,7 +48,8 @@ class SimulatedRecording:
     outside: tuple[int, ...]
     """Ids of the tags with frequencies outside the recorded band."""
     cut: tuple[int, ...]
-    """Ids of tags that TagInfo.txt cannot fully describe: with a second interval, or coded."""
+    """Ids of tags that TagInfo.txt cannot describe completely: coded tags, and tags with two
+    intervals."""
 
 
 def simulate_to_directory(
@@ -59,9 +61,9 @@ def simulate_to_directory(
     sample_rate_hz: float | None = None,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> SimulatedRecording:
-    """Record a scenario from its start in a directory, which is created or empty.
+    """Record a scenario from its start; `directory` is created or must be empty.
 
-    `on_progress` gets the number of samples written and their total.
+    `on_progress` is called with the number of samples written and their total.
     """
     duration_s = scenario.duration_s if duration_s is None else duration_s
     scenario = replace(scenario, duration_s=duration_s)
@@ -176,7 +178,7 @@ def write_truth(path: Path, pulses: Sequence[TruePulse]) -> None:
 
 
 def telemetry(scenario: Scenario, end_time_ns: int) -> Iterator[Pose]:
-    """Poses of the vehicle, 50 a second, from the start to the first one after the end."""
+    """Poses of the vehicle, 50 a second, from the start until just after the end."""
     step_ns = 1_000_000_000 // _TELEMETRY_RATE_HZ
     steps = -(-(end_time_ns - scenario.start_time_ns) // step_ns)
     for step in range(steps + 1):

@@ -1,7 +1,7 @@
 """Compute the samples of the simulated radio: thermal noise, pulses, interferers and faults.
 
-Samples are created in chunks on a fixed grid of the absolute sample index, each with its own
-random generator. So any block at any time is reproducible bit by bit.
+Samples are computed in chunks on a fixed grid of the absolute sample index. Each chunk has its
+own random generator. So any block at any time can be reproduced bit by bit.
 """
 
 import math
@@ -26,7 +26,7 @@ SampleFormat = Literal["cf32", "cs16"]
 
 
 class IQSynthesizer:
-    """Computes the complex samples of a scenario, as a radio tuned to a frequency has them."""
+    """Computes the complex samples of a scenario for a radio that is tuned to a frequency."""
 
     def __init__(
         self,
@@ -65,7 +65,7 @@ class IQSynthesizer:
         self._chunk = np.empty(CHUNK_SAMPLES, dtype=np.complex64)
 
     def block(self, first_sample_index: int, count: int) -> NDArray[np.complex64]:
-        """Get `count` consecutive samples, counted from the scenario's start."""
+        """Get `count` consecutive samples; their index counts from the scenario's start."""
         result = np.empty(count, dtype=np.complex64)
         done = 0
         while done < count:
@@ -201,7 +201,7 @@ class IQSynthesizer:
 
 
 class _Carrier:
-    """A steady carrier, phase-continuous over all chunks."""
+    """A steady carrier whose phase continues from chunk to chunk."""
 
     def __init__(self, interferer: Interferer, radio: IQSynthesizer) -> None:
         frequency_hz = interferer.frequency_hz or 0.0
@@ -219,10 +219,10 @@ class _Carrier:
 def phasor(
     turns_per_sample: float, count: int, phase_rad: float, amplitude: float
 ) -> NDArray[np.complex64]:
-    """Complex tone (count,), as the outer product of a coarse and a fine phasor.
+    """Complex tone (count,), computed as the outer product of a coarse and a fine phasor.
 
-    This takes one complex multiplication per sample instead of a sine and a cosine: 1 ns
-    instead of 25 ns.
+    This needs one complex multiplication per sample in place of a sine and a cosine: 1 ns, not
+    25 ns.
     """
     fine = np.exp(2j * np.pi * turns_per_sample * np.arange(_PHASOR_STEP))
     starts = np.arange(0, count, _PHASOR_STEP)

@@ -21,16 +21,16 @@ from uavrt.flight.flight_order import flights_in_order
 from uavrt.flight.reading.quiet_noise import read_usual_noise_db
 
 LISTEN_NS = ns_from_s(30.0)
-"""Time for which the running system is observed [ns]; covers several intervals of any tag, and
-thirty noise reports."""
+"""Time for which the running system is observed [ns]; it contains several intervals of any tag
+and thirty noise reports."""
 ENOUGH_NS = ns_from_s(5.0)
-"""Time after which the observation ends if all is in order [ns]."""
+"""Time after which the observation may end early if all checks pass [ns]."""
 AUTOPILOT_RECEIVED = ("ready", "waiting for ground station")
 """States of the connection process in which the autopilot and its time have been received."""
 
 
 def bench_findings(settings: Settings) -> list[Finding]:
-    """Observe the running system, and check its reports."""
+    """Observe the running system, check its reports and return the findings."""
     try:
         reader = StatusReader(status_socket_path(settings))
     except (UavrtError, OSError):

@@ -25,7 +25,7 @@ service = App(
 
 ROOT = Path("/")
 SERVICE_USER = "uavrt"
-"""User account made by deploy/install.sh; it owns the flights and nothing else."""
+"""User account that deploy/install.sh creates for the service; it owns only the flights."""
 
 
 @service.command(help_epilogue=examples("service install"))
@@ -93,7 +93,7 @@ def remove(*, root: Path = ROOT) -> None:
 
 
 def _usual_user() -> str:
-    """Name of the account made for the service, else of the user who called sudo."""
+    """Name of the account created for the service, or else of the user who called sudo."""
     with suppress(KeyError):
         return pwd.getpwnam(SERVICE_USER).pw_name
     user = os.environ.get("SUDO_USER") or getpass.getuser()

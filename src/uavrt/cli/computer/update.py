@@ -158,9 +158,10 @@ def _watch(
 
 
 class _Reading:
-    """Reads the service's status records of one version, and reconnects after a restart.
+    """Reads the status records of one version of the service; reconnects after a restart.
 
-    Reports of another version are ignored: after a failed restart, the old one still runs.
+    Reports of other versions are ignored, because the old version still runs after a failed
+    restart.
     """
 
     def __init__(self, path: Path, version: Path) -> None:

@@ -25,9 +25,9 @@ def require_content(paths: Sequence[Path]) -> None:
 
 
 def refuse(given: dict[str, bool], sentence: str) -> None:
-    """Raise `ConfigError` for an option that is true in `given`.
+    """Raise `ConfigError` if one of the options in `given` is set.
 
-    `sentence`: its text, with `{}` for the option's name.
+    `sentence`: text of the error, with `{}` for the option's name.
     """
     for option, wrong in given.items():
         if wrong:

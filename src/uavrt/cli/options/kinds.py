@@ -13,7 +13,7 @@ from cyclopts import Parameter
 
 @dataclass(frozen=True, slots=True)
 class Between:
-    """Validator of finite numbers within limits; a number must be greater than `above`."""
+    """Check for option values: finite numbers within limits, greater than `above`."""
 
     least: float | None = None
     most: float | None = None
@@ -54,21 +54,22 @@ Count = Annotated[int, Parameter(validator=Between(least=1))]
 """Type of an option for a whole number of at least 1."""
 Counts = tuple[Count, ...]
 GroupPulses = Annotated[int, Parameter(validator=Between(least=1, most=100))]
-"""Type of an option for the number of pulses summed for one decision (K), with the limits of
-tag files. The detector has no thresholds for longer groups."""
+"""Type of an option for the number of pulses that are summed for one decision (K). The limits
+are those of tag files; the detector has no thresholds for longer groups."""
 Tally = Annotated[int, Parameter(validator=Between(least=0))]
 """Type of an option for a whole number of at least 0."""
 Seconds = Annotated[float, Parameter(validator=Between(above=0, unit="s"))]
 SecondsApart = Annotated[float, Parameter(validator=Between(least=-1e9, most=1e9, unit="s"))]
-"""Type of an option for a clock difference [s], at most 1e9: unset clocks begin in 1970."""
+"""Type of an option for a clock difference [s], at most 1e9, because an unset clock begins in
+1970."""
 Minutes = Annotated[float, Parameter(validator=Between(above=0, unit="min"))]
 Hertz = Annotated[float, Parameter(validator=Between(above=0, unit="Hz"))]
 TagFrequency = Annotated[float, Parameter(validator=Between(least=20e6, most=1e9, unit="Hz"))]
-"""Type of an option for a tag's frequency [Hz], with the limits of tag files; megahertz typed
-by mistake are rejected."""
+"""Type of an option for a tag's frequency [Hz], with the limits of tag files; a value typed in
+megahertz is rejected."""
 PulseWidth = Annotated[float, Parameter(validator=Between(least=1e-3, most=1, unit="s"))]
-"""Type of an option for a pulse width [s], with the limits of tag files; milliseconds typed by
-mistake are rejected."""
+"""Type of an option for a pulse width [s], with the limits of tag files; a value typed in
+milliseconds is rejected."""
 Interval = Annotated[float, Parameter(validator=Between(above=0, most=60, unit="s"))]
 """Type of an option for the interval between a tag's pulses [s], with the limits of tag
 files."""
@@ -91,6 +92,6 @@ NoiseFigure = Annotated[float, Parameter(validator=Between(least=0, most=60, uni
 """Type of an option for the receiver's noise above the thermal noise [dB]; zero is allowed."""
 MetresOfError = Annotated[float, Parameter(validator=Between(least=0, unit="m"))]
 TagIds = tuple[Annotated[int, Parameter(validator=Between(least=1, most=0xFFFF_FFFF))], ...]
-"""Type of an option for ids of tags, up to the four bytes that the radio protocol has for an
-id."""
+"""Type of an option for tag ids; an id must fit into the four bytes that the radio protocol has
+for it."""
 Share = Annotated[float, Parameter(validator=Between(least=0, most=1))]

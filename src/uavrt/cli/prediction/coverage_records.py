@@ -34,7 +34,7 @@ class CoverageOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MappedTag:
-    """Coverage map of one tag at one height, with derived values."""
+    """Coverage map of one tag at one height, with values computed from it."""
 
     tag: "Tag"
     height_m: float | None
@@ -49,8 +49,8 @@ class MappedTag:
     in_hindsight: bool = False
     """True if ``uavrt integrate`` found the tag in the whole flight."""
     silent: "SilentAround | None" = None
-    """Where an undetected tag would have been detected; None for a plan, or if it was
-    detected."""
+    """Area in which an undetected tag would have been detected; None for a plan, or if the tag
+    was detected."""
     noise: str | None = None
     files: tuple[Path, ...] = ()
 

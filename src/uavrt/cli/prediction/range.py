@@ -143,7 +143,10 @@ def _row(tag: "Tag", budget: "LinkBudget") -> dict[str, Any]:
 
 
 def _whole_flight_db(tag: "Tag", antenna: str, pulses: int) -> tuple[float, float]:
-    """Energy-to-noise ratio that the strongest pulse needs for Pd .5 and .9 [dB]."""
+    """Energy-to-noise ratio of the strongest pulse for detection [dB].
+
+    It is given for detection probabilities of 0.5 and 0.9.
+    """
     import numpy as np
 
     from uavrt.analysis.measure.antenna_files import antenna_named
@@ -180,7 +183,11 @@ def _median_db(noise: list[dict[str, Any]]) -> float:
 
 
 def _reach(needed: tuple[float, float], budget: "LinkBudget") -> dict[str, Any]:
-    """Required energy-to-noise ratio [dB] and distance [m] for Pd .5 and .9, and the budget."""
+    """Distance of detection and its link budget, for detection probabilities of 0.5 and 0.9.
+
+    Returns the required energy-to-noise ratio [dB] and the distance [m] for both, and the
+    budget.
+    """
     distances = [budget.distance_m(enr) for enr in needed]
     return {
         "enr50_db": round(needed[0], 2),

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 WIDE = 10_000
 _ROWS = 10_000
-"""Number of an archive's rows converted at once; the conversion takes some hundredths of a
+"""Number of rows of an archive that are converted at once, within some hundredths of a
 second."""
 _PLACES = ("latitude_deg", "longitude_deg")
 
@@ -163,7 +163,7 @@ def _in_microseconds(answer: "pa.Table") -> "pa.Table":
 
 
 def _rows(answer: "pa.Table") -> Iterator[dict[str, Any]]:
-    """Read rows in blocks, because Ctrl-C only acts once Arrow has converted a block."""
+    """Read rows in blocks, so that Ctrl-C takes effect after each block."""
     for batch in answer.to_batches(max_chunksize=_ROWS):
         yield from batch.to_pylist()
 

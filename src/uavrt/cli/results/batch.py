@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 Stretch = Annotated[float, Parameter(validator=Between(least=60, most=1e6, unit="s"))]
 _STOPPED = "stopped; the same command continues from here"
 _END_S = 0.5
-"""Time to end cleanly after Ctrl-C; after twice this time the process is ended [s]."""
+"""Time to end cleanly after Ctrl-C [s]; after twice this time the process is ended by force."""
 LeadIn = Annotated[float, Parameter(validator=Between(least=0, most=3600, unit="s"))]
 
 
@@ -203,7 +203,7 @@ def _print_row(row: "RecordingRow | FlightRow") -> None:
 
 
 def _print_skipped(found: "Found") -> None:
-    """Print the folders that cannot be read, and the endings of other skipped files."""
+    """Print the unreadable folders and the file name extensions of skipped files."""
     if found.kept_channels:
         files = counted(found.kept_channels, "file")
         notice(f"{files} of recorded channels skipped")

@@ -216,7 +216,7 @@ def _tracked(
     clock_offset: float | None,
     yaw_offset: float,
 ) -> "tuple[list[Flight], tuple[str, ...]]":
-    """Build a flight from a track; also returns remarks on missing data."""
+    """Create a flight from a recording and a track; also returns notes on missing data."""
     from uavrt.analysis.tracks.foreign_flight import flight_of_track
     from uavrt.analysis.tracks.recognised import read_track
 
@@ -367,7 +367,7 @@ def _judged(
 
 
 def _check_unused_options(opened: dict[str, Any]) -> None:
-    """Reject options that the recorded channels override; raises `ConfigError`."""
+    """Raise `ConfigError` for options that have no effect with the flight's own channels."""
     options = {
         "format_name": "--format",
         "sample_rate_hz": "--sample-rate",

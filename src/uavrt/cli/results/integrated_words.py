@@ -43,7 +43,7 @@ def sentence(one: "IntegratedTag", silent: "SilentMap | None" = None) -> str:
 
 
 def slots_in_words(one: "IntegratedTag") -> str:
-    """Sentence on the number of pulses expected in a train, and how many are significant."""
+    """Sentence on how many pulses of a train were expected and how many are significant."""
     from uavrt.analysis.integrated.hindsight import slots_of
 
     slots = slots_of(one)

@@ -1,4 +1,4 @@
-"""Lines for the user on stderr, apart from a command's output."""
+"""Print lines for the user on stderr, separately from a command's output."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Outputs of commands: JSON, and checks that protect input files."""
+"""Print results as JSON, and check output files so that no input is overwritten."""
 
 import os
 from collections.abc import Iterable
@@ -47,7 +47,10 @@ def check_place(output: Path, *, overwrite: bool = False) -> None:
 
 
 def make_directory(path: Path, option: str) -> None:
-    """Make an output directory before the work; raises `ConfigError`, naming `option`."""
+    """Create an output directory before the work starts.
+
+    Raises `ConfigError` with the name of the `option` if that fails.
+    """
     with os_errors_as(
         ConfigError, f"{path} cannot be made", f"Choose a writable directory for {option}"
     ):

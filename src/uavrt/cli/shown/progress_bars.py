@@ -7,14 +7,14 @@ from typing import Protocol
 
 
 class Advance(Protocol):
-    """Function that updates the progress of a task."""
+    """Interface of a function that updates the progress of a task."""
 
     def __call__(self, done: float, total: float | None = None, /) -> None:
-        """Set the progress bar's amount done, and its total if known by now."""
+        """Set the completed amount of the task, and its total if it is known now."""
 
 
 class AddBar(Protocol):
-    """Function that adds a progress bar."""
+    """Interface of a function that adds a progress bar."""
 
     def __call__(self, what: str, total: float | None = None, /) -> Advance:
         """Add a progress bar named `what`; its total may be set later."""

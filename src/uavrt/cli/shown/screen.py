@@ -1,4 +1,4 @@
-"""Checks whether this computer can show the page."""
+"""Check whether this computer can show the ground station's page."""
 
 import os
 import sys

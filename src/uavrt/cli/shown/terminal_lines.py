@@ -18,9 +18,9 @@ LAST_S = 1.0
 
 
 class TerminalLines:
-    """Prints lines in order, in a separate thread; drops and counts those beyond the limit.
+    """Prints lines in order in a separate thread; lines beyond the limit are counted only.
 
-    Printing stops when the reader has closed the pipe.
+    Printing ends when the reader has closed the pipe.
     """
 
     def __init__(self, stream: TextIO | None = None, *, most: int = MOST_WAITING) -> None:

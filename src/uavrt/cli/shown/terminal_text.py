@@ -1,4 +1,4 @@
-"""Make text from files safe to print: it may contain terminal commands."""
+"""Make text from files safe to print, because it may contain control commands."""
 
 import re
 import sys
@@ -17,7 +17,10 @@ def harmless(text: str) -> str:
 
 
 class TerminalText:
-    """Terminal `stream` that writes only harmless text; all other methods are the stream's."""
+    """Wraps the terminal `stream` so that it prints only harmless text.
+
+    All other methods are those of the stream.
+    """
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream

@@ -198,7 +198,10 @@ def _name(beeps: Sequence[Beep]) -> None:
 
 
 def _warn_of_cost(tags: Sequence[Tag], settings: DetectionSettings, *, live: bool) -> None:
-    """Warn of a search that exceeds a core: `live` samples get lost, a recording takes long."""
+    """Warn if a search needs more than one core.
+
+    A `live` stream then loses samples, and a recording takes long.
+    """
     warn_of_near_codes(tags, settings.frequency_window_hz)
     cores = search_cost(tags, cpu_s, settings=settings)
     if cores <= 1.0:
@@ -233,7 +236,7 @@ def _with_mode(known: TagSource, mode: OperatingModeName | None) -> TagSource:
 
 
 def _searched(known: TagSource, frequency_window_hz: float) -> DetectionSettings:
-    """Make detection settings with this search window and the tag file's operating mode."""
+    """Create detection settings from the search window and the tag file's operating mode."""
     settings = DetectionSettings(frequency_window_hz=frequency_window_hz)
     for mode in known.operating_modes.values():
         settings = replace(settings, operating_mode=mode.value)
@@ -247,7 +250,7 @@ def _listeners(
     udp_pulses: str | None,
     frequency_window_hz: float,
 ) -> "list[Listener]":
-    """Make the additional receivers of results; their faults appear before the work starts."""
+    """Create additional receivers of results, so that errors appear before the work starts."""
     if plot is None and udp_pulses is None:
         return []
     from uavrt.cli.signals.pulse_listeners import Plots, PulseDatagrams  # 4 MB
@@ -271,7 +274,7 @@ def _to_all(write: Write, listeners: "Sequence[Listener]") -> Write:
 
 @contextmanager
 def _finishing(listeners: "Sequence[Listener]", summary: DetectionSummary) -> Iterator[None]:
-    """Call `finish` of all receivers at the end, also after a fault in the samples."""
+    """Context that calls `finish` of all receivers at its end, even after an error."""
     try:
         yield
     except UavrtError:
@@ -337,7 +340,7 @@ def _pulse_output(name: str, *, bursts: bool) -> Iterator[Write]:
 
 @contextmanager
 def _naming_faults(name: str) -> Iterator[None]:
-    """Report which output could not be written; a closed pipe (``| head``) is not an error."""
+    """Report which output cannot be written; a closed pipe (``| head``) is not an error."""
     try:
         yield
     except BrokenPipeError:

@@ -20,7 +20,7 @@ HEARTBEAT_S = 1.0
 
 
 class Listener:
-    """Interface of a receiver of detection results; its methods do nothing."""
+    """Base class for receivers of detection results; its methods do nothing."""
 
     def channel(self, block: ChannelBlock) -> None:
         """Receive a block of a channel's samples."""
@@ -32,7 +32,7 @@ class Listener:
         """Receive reports of searches without a pulse, at least twice a second."""
 
     def finish(self) -> None:
-        """Called at the end, also after a fault of the sample source."""
+        """End the reception; this is called at the end, even after an error of the source."""
 
 
 class PulseDatagrams(Listener):
@@ -47,7 +47,7 @@ class PulseDatagrams(Listener):
         self._sender.send_pulses(pulses)
 
     def reports(self, reports: Sequence[SearchReport]) -> None:
-        """Send search reports, and the detectors' heartbeats."""
+        """Send the search reports as datagrams, and a heartbeat of each detector."""
         self._sender.send_reports(reports)
         self._sender.heartbeat(monotonic_s())
 

@@ -390,7 +390,7 @@ def _numbered(name: str | None, count: int) -> "list[str | None]":
 
 @contextmanager
 def _reporting(faults: list[UavrtError]) -> Iterator[None]:
-    """Print faults of the recording, even when another error ends the work."""
+    """Context that prints faults of the recording, even if another error ends the work."""
     try:
         yield
     except UavrtError:

@@ -130,7 +130,7 @@ def _search(
     *,
     json_summary: bool,
 ) -> None:
-    """Let one drone or several search by themselves; exit with 1 unless all are found."""
+    """Run a search with one or more simulated drones; exit with 1 unless all are found."""
     out = sys.stderr if json_summary else sys.stdout
     say = partial(print, file=out, flush=True)
     kind = partial(TogetherDemo, drones=drones) if drones > 1 else SearchDemo

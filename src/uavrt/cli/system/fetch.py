@@ -118,9 +118,9 @@ async def _list_samples(client: FileClient, flight: str) -> None:
 
 
 async def _wanted(client: FileClient, flight: str, left: tuple[str, ...]) -> list[RemoteEntry]:
-    """List the files of a flight, small ones first, without the kinds of samples in `left`.
+    """List the files of a flight, small files first, except the kinds of samples in `left`.
 
-    An empty flight name means the newest flight.
+    An empty flight name selects the newest flight.
     """
     path = PurePosixPath("/" + flight.strip("/"))
     if not flight:

@@ -224,7 +224,10 @@ def _places(action: str, numbers: tuple[float, ...], area: Path | None) -> Place
 
 
 def _keep_out(area: Path | None, keep_out: Path | None) -> tuple[KeepOut, ...]:
-    """Areas marked "keep out" in the area's file, and all areas of the keep-out file."""
+    """Areas that must not be flown over.
+
+    They are the areas marked "keep out" in the area's file and all areas in the keep-out file.
+    """
     marked = () if area is None else keep_out_in(_text_of(area), str(area))
     if keep_out is None:
         return marked
@@ -241,7 +244,7 @@ def _numbers(text: str | None) -> tuple[int, ...]:
 
 
 def _check_search(action: str, request: MotionRequest) -> None:
-    """Reject options of a search for other motions, and a search without exactly one area."""
+    """Raise `ConfigError` for search options with other motions, or not exactly one area."""
     if action != "search":
         if request.tags or request.radius_m is not None:
             raise ConfigError(
@@ -255,7 +258,7 @@ def _check_search(action: str, request: MotionRequest) -> None:
 
 
 def _survey(request: MotionRequest | None, use: str) -> Order:
-    """Order of the requested survey; raises `ConfigError` for any other motion."""
+    """Return the command for the requested survey; raises `ConfigError` for other motions."""
     if request is None or request.action != "survey":
         raise ConfigError(
             f"only a survey is {use}", remedy="uavrt fly survey --area FILE --height 60"
@@ -303,7 +306,7 @@ async def _upload(
 
 
 async def _fence(address: str, keys: LinkKeys, save: Path | None, *, json_lines: bool) -> int:
-    """Show the vehicle's fence, and write it to `save` if given; return the exit status 0."""
+    """Show the autopilot's fence, and write it to `save` if given; return exit status 0."""
     async with _connected(address, keys) as link:
         fence = await link.missions.fence()
     text = (

@@ -32,7 +32,8 @@ LAST_THREADS_S = 1.5
 """Longest wait for worker threads after everything else has ended [s]."""
 PASSWORD = "UAVRT_GROUND_PASSWORD"
 ACCESS_POINT = "UAVRT_ACCESS_POINT"
-"""Environment variable: text of the QR code by which a phone joins this computer's Wi-Fi."""
+"""Environment variable with the text of the QR code by which a phone joins this computer's
+Wi-Fi."""
 
 Flag = Annotated[bool, Parameter(negative="")]
 

@@ -39,7 +39,7 @@ LOSSES = (
 
 @dataclass(slots=True)
 class Heard:
-    """Pulses received from one tag in this flight."""
+    """Pulses of one tag that were received in this flight."""
 
     pulses: int = 0
     recorded_ns: int = 0
@@ -85,7 +85,7 @@ class MonitorView:
                     self._measure(process, record.time_ns)
 
     def take_recorded(self, heard: Mapping[int, ReceivedTag], now_s: float) -> None:
-        """Add the pulses that the flight recorded before the monitor started."""
+        """Add the pulses that were recorded in this flight before the monitor started."""
         assert self.status is not None
         for tag_id, one in heard.items():
             ago_s = (self.status.time_ns - one.last_ns) / NANOSECONDS_PER_SECOND

@@ -13,12 +13,12 @@ from uavrt.core.errors import ConfigError
 GROUND_STOP_S = 20.0
 OWN_COMPONENT = 192
 """MAVLink component id of the page on the drone's computer (MAV_COMP_ID_ONBOARD_COMPUTER2).
-With the usual 190, the drone side would confuse it with a ground station at the radio and
-answer only one."""
+With the usual id 190, the drone would confuse the page with a ground station on the radio link
+and answer only one of them."""
 
 
 def with_local_link(settings: Settings) -> tuple[Settings, str]:
-    """Add a loopback link to the drone side's settings; also returns the page's address."""
+    """Add a loopback link to the drone's settings; also return its address for the page."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]

@@ -1,4 +1,4 @@
-"""Starts and stops detection without a ground station, as on carts and benches."""
+"""Start and stop detection without a ground station, as in tests on a bench or cart."""
 
 import os
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from uavrt.core.messages import Command, CommandReply, Tag
 from uavrt.drone.status_reader import StatusReader
 
 REPLY_S = 15.0
-"""Longest wait for the drone side's reply [s]; choosing a frequency takes some seconds."""
+"""Longest wait for the drone's reply [s]; choosing a radio frequency takes some seconds."""
 
 
 def start_detection(

@@ -1,8 +1,8 @@
-"""Attitudes as unit quaternions (scalar first), and as yaw, pitch, roll in this order.
+"""Attitudes as unit quaternions (scalar first), or as yaw, pitch and roll in this order.
 
 A quaternion rotates vectors from the body frame (forward, right, down) to north, east, down.
-Tuples are faster than arrays for single attitudes; for many headings at once see
-`uavrt.localization.headings`. All values are double precision.
+Tuples are used because they are faster than arrays for single attitudes;
+`uavrt.localization.headings` handles many headings at once. All values are in double precision.
 """
 
 import math
@@ -18,7 +18,7 @@ IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 def normalised(q: Quaternion) -> Quaternion:
     """Scale a quaternion to length 1; raises `ValueError` if it is zero or not finite.
 
-    A vehicle with unknown attitude may send zeros.
+    A vehicle that does not know its attitude may send zeros.
     """
     length = math.hypot(*q)
     if not (1e-6 < length < math.inf):
@@ -77,10 +77,10 @@ def yaw_deg(q: Quaternion) -> float:
 
 
 def slerp(a: Quaternion, b: Quaternion, fraction: float) -> Quaternion:
-    """Interpolate between two attitudes along the shorter arc, at constant rate of turn.
+    """Interpolate between two attitudes along the shorter arc, at a constant turning rate.
 
-    `b` and `-b` are the same attitude; autopilots send either. `fraction` outside [0, 1]
-    continues the rotation. Shoemake, "Animating rotation with quaternion curves", 1985.
+    `b` and `-b` are one attitude, and autopilots send either of them. A `fraction` outside [0,
+    1] extrapolates the rotation. Shoemake, "Animating rotation with quaternion curves", 1985.
     """
     dot = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
     sign = 1.0 if dot >= 0.0 else -1.0

@@ -83,7 +83,7 @@ def utm(latitude_deg: float, longitude_deg: float, *, zone: int | None = None) -
 def moved(
     latitude_deg: float, longitude_deg: float, height_m: float, north_m: float, east_m: float
 ) -> tuple[float, float]:
-    """Latitude and longitude [°] of the point some metres north and east of a position."""
+    """Latitude and longitude [°] of a point that is some metres north and east of another."""
     latitude_rad = math.radians(latitude_deg)
     flattening = 1.0 - ECCENTRICITY2 * math.sin(latitude_rad) ** 2
     prime_vertical_m = SEMI_MAJOR_M / math.sqrt(flattening) + height_m

@@ -9,7 +9,7 @@ ARMED, LANDED = "autopilot_armed", "autopilot_landed"
 GROUND_STATION = "ground station"
 """Process name in the ground station's own health reports."""
 EVER_NS = 2**62
-"""Time used as the end of a stay on the ground that no later report has ended [ns]."""
+"""Time that marks the end of a stay on the ground if no later report ends it [ns]."""
 
 Reports = Iterable[tuple[int, bool]]
 """Pairs of a report's time [ns] and a state, armed or landed: True or False."""
@@ -18,8 +18,8 @@ Reports = Iterable[tuple[int, bool]]
 def spans_on_ground(armed: Reports, landed: Reports) -> tuple[tuple[int, int], ...]:
     """Start and end of each time span in which a vehicle was disarmed or landed [ns].
 
-    The result is empty if no report shows the vehicle flying, as in a test on a turntable. A
-    state is valid until the next report.
+    A reported state is valid until the next report. The result is empty if no report shows that
+    the vehicle flies, as in a test on a turntable.
     """
     reports = [(time, "armed", state) for time, state in armed]
     reports += [(time, "landed", state) for time, state in landed]
@@ -41,7 +41,10 @@ def spans_on_ground(armed: Reports, landed: Reports) -> tuple[tuple[int, int], .
 
 
 def ground_state(health: Health) -> tuple[float | None, float | None]:
-    """Armed and landed states in a health report (1: yes, 0: no); None where not reported."""
+    """Armed and landed states in a health report; None for a state that is not reported.
+
+    The report contains 1 for yes and 0 for no.
+    """
     return health.counters.get(ARMED), health.counters.get(LANDED)
 
 
@@ -52,7 +55,10 @@ class GroundStates:
         self._reports: list[tuple[int, bool | None, bool | None]] = []
 
     def add(self, time_ns: int, armed: float | None, landed: float | None) -> bool:
-        """Add a report of both states (0: no, None: not reported); True if one has changed."""
+        """Add a report of both states; return True if one of them has changed.
+
+        A state is None if it is not reported.
+        """
         now = (None if armed is None else bool(armed), None if landed is None else bool(landed))
         last = self._reports[-1][1:] if self._reports else (None, None)
         if now == last:

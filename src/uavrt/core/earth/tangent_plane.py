@@ -1,4 +1,4 @@
-"""Convert latitude and longitude to metres east and north of a point, and back (WGS 84)."""
+"""Convert between latitude and longitude and metres east and north of a point (WGS 84)."""
 
 from dataclasses import dataclass
 
@@ -20,8 +20,8 @@ _Floats = NDArray[np.float64]
 class TangentPlane:
     """Plane that touches the ellipsoid at a point, with axes east and north in metres.
 
-    Straight lines of sight are straight in it. At 10 km the earth's surface is 8 m below, which
-    does not affect bearings.
+    A straight line of sight is straight in this plane. At a distance of 10 km the earth's
+    surface is 8 m below the plane, which does not affect bearings.
     """
 
     latitude_deg: float
@@ -68,7 +68,7 @@ class TangentPlane:
 
 
 def plane_around(latitude_deg: _Floats, longitude_deg: _Floats) -> TangentPlane:
-    """Plane at the centre of some positions [°], also across the 180° meridian."""
+    """Tangent plane at the middle of some positions [°], even across the 180° meridian."""
     first = float(longitude_deg[0])
     turned = np.remainder(longitude_deg - first + 180.0, 360.0) - 180.0
     longitude = wrap_degrees_180(first + float(np.mean(turned)))

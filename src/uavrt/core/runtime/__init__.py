@@ -1,1 +1,1 @@
-"""Run Python and its libraries on a small computer: memory, threads, imports, kernels."""
+"""Support for Python and its libraries on a small computer: memory, threads, imports."""

@@ -1,10 +1,10 @@
 """Environment variables for NumPy's linear algebra, set before NumPy is imported.
 
-Sample blocks are small. A second thread saves no time, and while it waits for the next product
-it uses the processor: 161 % of a core instead of 99 %.
+The products of sample blocks are small, so a second thread saves no time. While it waits for
+the next product it uses the processor: 161 % of a core in place of 99 %.
 
-OpenBLAS runs its kernels for Haswell, with vectors of 256 bits, on AMD processors that have
-512. With the wider kernels, the products of detectors and decimator take half as long.
+On AMD processors with vectors of 512 bits, OpenBLAS uses its kernels for Haswell, with 256
+bits. With the wider kernels, the products of detectors and decimator take half as long.
 """
 
 import os

@@ -19,20 +19,20 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 MOST_JOBS = 32
-"""Largest number of jobs waiting for the disk thread; a download queues one or two."""
+"""Maximum number of jobs that wait for the disk thread; a download needs one or two."""
 SLOW_S = 2.0
 FINISH_S, FINISH_TURN_S = 0.5, 0.01
 
 
 class Disk(Protocol):
-    """Interface for disk jobs, with or without a thread."""
+    """Interface to run disk jobs, with or without a thread."""
 
     def __call__(self, job: Callable[[], T], then: Callable[[T], None]) -> bool:
         """Run `job`, then call `then` with its result; False if too many jobs wait."""
 
 
 def at_once(job: Callable[[], T], then: Callable[[T], None]) -> bool:
-    """Run a job at once in the calling thread; always True. For programs without a link."""
+    """Run a job at once in the calling thread and return True; for programs without a link."""
     then(job())
     return True
 
@@ -75,7 +75,10 @@ class DiskThread:
         return True
 
     async def run(self, function: Callable[..., T], *given: Any) -> T:
-        """Await a function's result from the thread; `RecordingError` if too many jobs wait."""
+        """Run a function in the thread and wait for its result.
+
+        Raises `RecordingError` if too many jobs wait.
+        """
         result: asyncio.Future[T] = asyncio.get_running_loop().create_future()
 
         def job() -> Callable[[], None]:
@@ -151,7 +154,7 @@ class DiskBatches(Generic[T, R]):
         self.write()
 
     def write(self) -> None:
-        """Submit the waiting items, or none, when the batch being written has ended."""
+        """Write the waiting items as a batch, after the present batch; there may be none."""
         self._again = self.handed_s is not None
         if self._again:
             return

@@ -6,16 +6,16 @@ import os
 from collections.abc import Callable
 
 TRIM_PERIOD_S = 20.0
-"""Time between two trims of the heap [s]. A trim takes 0.1 to 2 ms, and memory used again must
-be mapped again. A garbage collection takes 1 to 3 ms in a process of the flight, because
-objects from its start are frozen (gc.freeze)."""
+"""Time between two trims of the heap [s]. A trim takes 0.1 to 2 ms, and memory that is used
+again must be mapped again. The garbage collection that precedes it takes 1 to 3 ms in a process
+of the flight, because objects from its start are frozen (gc.freeze)."""
 
 _POOL_BYTES, _STEP_BYTES, _LARGEST_BYTES = 16_384, 16, 512
 """Pool size, size step and largest size of Python's own allocator [bytes]. Objects of one size
 share a pool; larger ones use malloc (``Objects/obmalloc.c`` of CPython 3.11 and later; with
 other values less is filled)."""
 _MOST_BLOCKS = 40_000
-"""Maximum number of objects used to fill gaps in memory pools; after a flight's imports, 4000
+"""Maximum number of objects that fill gaps in memory pools; after the imports of a flight, 4000
 are usual."""
 
 

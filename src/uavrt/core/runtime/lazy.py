@@ -1,7 +1,7 @@
 """Import names of the documented API when they are first used (PEP 562).
 
-Otherwise each process of the drone would load the whole package. Modules of uavrt import from
-the module that defines a name.
+Without this, each process of the drone would load the whole package. Modules inside uavrt
+import a name directly from the module that defines it.
 """
 
 import sys

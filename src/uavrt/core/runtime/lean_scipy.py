@@ -1,8 +1,8 @@
-"""Import scipy.fft and scipy.special without unneeded parts of NumPy.
+"""Import scipy.fft and scipy.special without loading unused parts of NumPy.
 
-On import SciPy 1.17 copies all of NumPy's names, which loads numpy.f2py and numpy.testing: 6 MB
+On import, SciPy 1.17 copies all names of NumPy, which loads numpy.f2py and numpy.testing: 6 MB
 and 0.05 s in a process of the drone that needs neither. Empty modules replace these two during
-the import; a later use loads the real ones.
+the import; a later use loads the real modules.
 """
 
 import importlib

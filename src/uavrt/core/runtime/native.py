@@ -1,7 +1,7 @@
 """Optional compiled kernels for operations that are several times slower in NumPy.
 
-They come from ``native/kernels.c``. A wheel without them, or ``UAVRT_PURE=1`` in the
-environment, uses NumPy code that gives the same pulses (docs/decisions/0166).
+They are compiled from ``native/kernels.c``. Without them, or with ``UAVRT_PURE=1`` in the
+environment, NumPy code is used, which gives equal pulses (docs/decisions/0166).
 """
 
 import importlib
@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from typing import Any
 
 INTERFACE = 7
-"""Version of the interface to the compiled kernels; those of another version are not used."""
+"""Version of the interface to the compiled kernels; kernels of another version are not used."""
 
 
 def _load() -> tuple[Any, str]:
@@ -33,12 +33,12 @@ _kernels, _said = _load()
 
 
 def kernels() -> Any:
-    """Module of compiled kernels; None if NumPy is used."""
+    """Module with the compiled kernels; None if NumPy code is used."""
     return _kernels
 
 
 def description() -> str:
-    """Text that says which kernels are in use: compiled or NumPy."""
+    """Text that says whether compiled kernels or NumPy code is in use."""
     return _said
 
 

@@ -11,7 +11,7 @@ from uavrt.dsp.plan import fast_length
 
 
 class BandSpectrogram:
-    """Spectrogram with Hann windows, between two frequencies relative to the band's centre."""
+    """Computes a spectrogram with Hann windows for a range of frequencies in a band."""
 
     def __init__(self, *, sample_rate_hz: float, low_hz: float, high_hz: float) -> None:
         self.length = max(16, round(POINTS.window_s * sample_rate_hz))

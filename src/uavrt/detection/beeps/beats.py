@@ -1,10 +1,11 @@
-"""Find the intervals in a set of pulse times, and the pulses that follow each interval.
+"""Find the intervals in a set of pulse times, and the pulses sent at each interval.
 
-Each pair of pulses votes for the time between them. A tag with interval T causes votes at T, 2
-T, 3 T …; the first strong one is its interval. A chain of pulses at one interval may also
-contain pulses sent at the tag's other interval, since 1333 ms meets every second pulse of 2000
-ms; the chain is cut there. Explained pulses are removed. Those left may contain another chain:
-the tag's second rate, or another tag.
+The time between any two pulses counts as a vote for that interval. A tag with interval T causes
+votes at T, 2 T, 3 T …; the first strong one is its interval. A chain of pulses at one interval
+may also contain pulses that were sent at the tag's other interval, because steps of 1333 ms
+meet every second pulse of a 2000 ms interval. Such a chain is cut where the interval changes.
+Explained pulses are removed. The remaining pulses may contain another chain: the tag's second
+rate, or another tag.
 """
 
 from collections.abc import Iterable
@@ -21,7 +22,7 @@ from uavrt.detection.beeps.tuning import INTERVALS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundBeat:
-    """Interval found in pulse times, and the pulses sent at this interval."""
+    """Interval that was found in pulse times, and the pulses sent at this interval."""
 
     beat: Beat
     members: NDArray[np.intp]
@@ -29,7 +30,7 @@ class FoundBeat:
 
 
 def find_beats(times_s: NDArray[np.float64], span_s: float, most: int = 3) -> list[FoundBeat]:
-    """Find intervals in ascending pulse times (n,) in `span_s`, the most frequent first."""
+    """Find intervals in ascending pulse times (n,) that cover `span_s`, most frequent first."""
     left = np.arange(times_s.size)
     found: list[FoundBeat] = []
     while len(found) < most and left.size >= INTERVALS.fewest_pulses:
@@ -92,7 +93,7 @@ def _at_one_rate(
 def _without_strays(
     times_s: NDArray[np.float64], members: NDArray[np.intp], interval_s: float
 ) -> NDArray[np.intp]:
-    """Remove end pulses of a chain after a gap in which there are other pulses.
+    """Remove end pulses of a chain after a gap that contains other pulses.
 
     Such end pulses were sent at another rate: if the first pulse after a change of rate is
     lost, the chain meets a later one by chance.
@@ -136,8 +137,9 @@ def _jitter_s(beat: Beat) -> float:
 
 
 def _merit(beat: Beat) -> float:
-    """Number of a beat's pulses minus half the missing ones, so that half the interval scores
-    less.
+    """Number of pulses at an interval, minus half the number of missing pulses.
+
+    Without this deduction, half of the true interval would score as much.
     """
     steps = int(beat.numbers[-1]) + 1
     return beat.numbers.size - 0.5 * max(0, steps - beat.numbers.size)
@@ -173,11 +175,11 @@ def _candidates(times_s: NDArray[np.float64]) -> list[float]:
 
 
 def _chance(beat: Beat, bursts: int, span_s: float) -> float:
-    """Expected number of chains as good as this one among `bursts` random pulse times.
+    """Expected number of equally good chains of pulses among `bursts` random pulse times.
 
-    Two pulses set the interval; each later expected time has a pulse with the probability
-    density × tolerance. This is multiplied by the number of ways to choose the first two pulses
-    and the missing ones.
+    The first two pulses of a chain set its interval. Each later expected time has a pulse with
+    the probability density × tolerance. This is multiplied by the number of ways to choose the
+    first two pulses and the missing pulses.
     """
     density = bursts / max(span_s, 1e-9)
     hit = min(1.0, 2.0 * tolerance_s(beat.interval_s) * density)

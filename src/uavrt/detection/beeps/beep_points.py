@@ -1,9 +1,9 @@
 """Find strong pulses at any frequency in a band, without a list of tags.
 
-A cell of the spectrogram counts as a pulse (point) if its power exceeds three levels. The level
-at the same frequency and other times excludes carriers. The level at other frequencies and the
-same time excludes impulses and voice. The level 0.6 to 1.1 kHz away excludes the wide spectrum
-of a strong pulse's edges.
+A cell of the spectrogram counts as a pulse (point) if its power exceeds three reference levels.
+The level at this frequency at other times excludes carriers. The level at other frequencies at
+this time excludes impulses and voice. The level 0.6 to 1.1 kHz away excludes the wide spectrum
+at the edges of a strong pulse.
 """
 
 from dataclasses import dataclass
@@ -56,11 +56,12 @@ NO_POINTS: Final = Points(*np.zeros((4, 0)))
 class _Levels:
     """Levels of spectrogram cells: power relative to the usual power at their frequency.
 
-    Only the few levels that are read are computed.
+    Levels are computed only when they are read.
     """
 
     power: NDArray[np.float32]
-    """(frames, bins) power of the spectrogram, not divided by the usual power of each bin."""
+    """(frames, bins) power of the spectrogram, before division by the usual power of each
+    bin."""
     scale: NDArray[np.float32]
     """(bins,) inverse of the usual power in each frequency bin."""
 
@@ -144,14 +145,14 @@ class PointSearch:
         self._held_samples = rest.size
 
     def finish(self) -> Points:
-        """Examine the remaining samples, and return all detected pulses."""
+        """Search the remaining samples and return all detected pulses."""
         self._take_frames(1)
         if self._filled > self._from:
             self._search(self._filled)
         return self.found()
 
     def found(self, since_s: float = 0.0) -> Points:
-        """Return the pulses found since `since_s` [s]; earlier ones are deleted."""
+        """Return the pulses found since time `since_s` [s]; older pulses are deleted."""
         rows = np.concatenate(self._found) if self._found else np.zeros((0, 4))
         rows = rows[rows[:, 0] >= since_s]
         self._found = [rows]

@@ -1,7 +1,8 @@
-"""Find unlisted senders in a stream while the listed tags are detected.
+"""Search a stream for unlisted senders while the listed tags are being detected.
 
-A tag's crystal may be kilohertz off its label, the list may have a wrong digit or lack a rate,
-or the animal may be of another study. Then the detector finds nothing and reports no reason.
+A tag's crystal may be kilohertz off its label, the list may contain a wrong digit or lack a
+rate, or the animal may belong to another study. The detector then finds nothing, and only this
+search shows the reason.
 """
 
 from collections.abc import Sequence
@@ -22,7 +23,8 @@ from uavrt.dsp.block_times import BlockTimes
 class _Band:
     """Searches a band of frequencies for senders during a part of each period.
 
-    `turns` [s]: time searched when the stream begins, time searched per period, the period.
+    `turns` [s]: time searched at the start of the stream, time searched in each period, and
+    length of the period.
     """
 
     def __init__(self, turns: tuple[float, float, float], *, live: bool) -> None:
@@ -149,7 +151,7 @@ class BeepSearch:
         return [one for one in found if keep_beep(self._known, one)]
 
     def news(self, now_ns: int) -> list[Beep]:
-        """Return senders that are new, or have twice as many pulses as when last reported."""
+        """Return senders that are new or have twice as many pulses as when last reported."""
         if self._next_ns is None:
             self._next_ns = now_ns + ns_from_s(LISTENING.report_every_s)
         received = (self._near.received, self._whole.received)

@@ -1,8 +1,8 @@
-"""Sort detected pulses (points) into trains, each of one sender.
+"""Sort detected pulses (points) into trains; a train consists of the pulses of one sender.
 
-Points of one frequency vote with their time differences for an interval (`beats`). A train is
-refused if its pulses do not agree in frequency, since chance and voice make such trains. It is
-doubtful if most of the points at its frequency are not explained by any train.
+The times between points of one frequency show the intervals (`beats`). A train is refused if
+its pulses do not agree in frequency, because voice and chance form such trains. A train is
+doubtful if most points at its frequency belong to no train.
 """
 
 from collections.abc import Sequence
@@ -24,17 +24,17 @@ class Train:
 
     points: Points
     beats: tuple[FoundBeat, ...]
-    """An interval for each stretch of the train; the members of each are indices of pulses in
-    `points`."""
+    """Interval of each part of the train; its `members` are indices of pulses in `points`."""
     frequency_hz: float
     level_db: float
     doubt: str | None = None
     """Reason why the train may not be from a tag; None if there is none."""
     image_of_hz: float | None = None
-    """Frequency of the stronger train with simultaneous pulses [Hz]; None: not an image."""
+    """Frequency of a stronger train with simultaneous pulses, whose image this train is [Hz];
+    None if it is not an image."""
     together: int = 1
-    """Number of frequencies, including this train's, with equally strong simultaneous
-    pulses."""
+    """Number of frequencies with simultaneous pulses of equal strength, including that of this
+    train."""
 
     def moved(self, center_hz: float) -> "Train":
         """Copy of the train at absolute frequencies."""
@@ -48,7 +48,7 @@ class Train:
 
     @property
     def interval_s(self) -> float:
-        """Interval of the stretch with the most pulses [s]."""
+        """Interval of the part of the train that has the most pulses [s]."""
         return self._longest.beat.interval_s
 
     @property
@@ -69,7 +69,7 @@ class Train:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Searched:
-    """Search result for one frequency of a live stream, valid until enough pulses follow."""
+    """Search result for one frequency of a live stream, used until enough new pulses follow."""
 
     frequency_hz: float
     until_s: float
@@ -78,14 +78,14 @@ class Searched:
     """Number of pulses at this frequency that were searched for trains."""
     trains: list[Train]
     burst: tuple[float, float] | None
-    """Share of the pulses at this frequency that are in bursts, and the bursts' frequency [Hz];
-    None: no bursts."""
+    """Share of the pulses at this frequency that are in bursts, and frequency of these bursts
+    [Hz]; None if there are no bursts."""
 
     def holds(self, times_s: NDArray[np.float64]) -> bool:
-        """True if the present pulses at this frequency, `times_s`, need no new search.
+        """True if the pulses at this frequency, with times `times_s`, need no new search.
 
-        New pulses that continue known trains require a search only when they are several times
-        as many as the old pulses. A few pulses outside the trains require one at once.
+        New pulses that continue known trains require a search only if they are several times as
+        many as the old pulses. A few pulses outside the known trains require a search at once.
         """
         new_s = times_s[times_s > self.until_s].tolist()
         ends_s = [
@@ -242,7 +242,7 @@ def _with_doubt(trains: list[Train], here: Points, used: NDArray[np.bool_]) -> l
 
 
 def _with_images(trains: list[Train], receiver: Receiver) -> list[Train]:
-    """Mark images of stronger simultaneous trains; drop those near the original signal."""
+    """Mark trains that are images of stronger trains; drop those close to their original."""
     kept: list[Train] = []
     for train in trains:
         others = [one for one in kept if one.image_of_hz is None]
@@ -285,7 +285,7 @@ def _coincide(train: Train, other: Train) -> bool:
 
 
 def _of_one_sender(beats: Sequence[FoundBeat], here: Points) -> list[list[FoundBeat]]:
-    """Group intervals by sender: those of one sender do not overlap in time."""
+    """Group intervals by sender: intervals of one sender do not overlap in time."""
     groups: list[list[FoundBeat]] = []
     for beat in beats:
         times_s = here.times_s[beat.members]

@@ -22,15 +22,15 @@ def longest_chain(times_s: NDArray[np.float64], interval_s: float) -> NDArray[np
 def chain_with_switches(
     times_s: NDArray[np.float64], first_s: float, second_s: float
 ) -> tuple[float, list[tuple[int, NDArray[np.intp]]]]:
-    """Follow a tag that switches between two intervals.
+    """Find the best chain of pulses of a tag that switches between two intervals.
 
-    A chain at one interval can continue among pulses sent at another: 1333 ms meets every
-    second pulse of 2000 ms. With both intervals known, the chain switches between them where
-    that explains more pulses.
+    A chain at one interval can continue among pulses sent at another: steps of 1333 ms meet
+    every second pulse of a 2000 ms interval. If both intervals are known, the chain switches
+    between them where this explains more pulses.
 
-    `times_s` (n,): pulses, ascending. Returns (merit, stretches): number of pulses less the
-    cost of missing ones and switches; the interval (0 or 1) and the pulses of each stretch, in
-    order of time. A pulse at a switch is in both stretches.
+    `times_s` (n,): pulse times, ascending. Returns (merit, stretches). `merit`: number of
+    pulses minus the cost of missing pulses and switches. `stretches`: the interval (0 or 1) and
+    the pulses of each part, in order of time; a pulse at a switch is in both parts.
     """
     members, rates = _best_chain(times_s, (first_s, second_s), INTERVALS.missing_or_switch_cost)
     cuts = np.flatnonzero(np.diff(rates)) + 1

@@ -1,4 +1,4 @@
-"""Recognise tags by pulses that come early by varying amounts, because samples are missing."""
+"""Recognise tags in a stream with missing samples, whose pulses come early by varying times."""
 
 from collections.abc import Sequence
 
@@ -13,9 +13,10 @@ from uavrt.detection.beeps.tuning import NAMING
 def gapped_tags(
     points: Points, tags: Sequence[Tag], frequency_window_hz: float, start_ns: int
 ) -> list[Beep]:
-    """Find tags by strong pulses that come early by varying times, as when samples are lost.
+    """Find tags whose strong pulses come early by varying times, as if samples are missing.
 
-    `points`: at absolute frequencies, in order of time. `tags`: those without a train.
+    `points`: pulses at absolute frequencies, in order of time. `tags`: tags without a train of
+    pulses.
     """
     found = []
     strong = points.take(points.levels_db >= NAMING.gap_level_db)

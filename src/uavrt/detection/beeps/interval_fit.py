@@ -17,9 +17,9 @@ class Beat:
     """Standard deviation of the measured interval [s]; infinite for two pulses."""
     first_s: float
     numbers: NDArray[np.int64]
-    """(n,) number of each pulse in the train, from 0, counting missing ones."""
+    """(n,) number of each pulse in the train, from 0; missing pulses are counted."""
     residuals_s: NDArray[np.float64]
-    """(n,) delay of each pulse after its time on the line [s]."""
+    """(n,) time of each pulse minus its time on the fitted line [s]."""
 
     @property
     def scatter_s(self) -> float:

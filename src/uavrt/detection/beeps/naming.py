@@ -1,4 +1,4 @@
-"""Identify the detected trains by comparing them with the listed tags."""
+"""Compare the detected trains of pulses with the listed tags to identify their senders."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -115,10 +115,10 @@ def _with_mirrored(
 ) -> list[Beep]:
     """Recognise tags at the mirror frequency about the radio's centre (I and Q swapped).
 
-    I and Q are not swapped if a tag is received at its own frequency, or if several tags are
-    off by the same error of the receiver, unless those trains may also be of mirrored tags. Nor
-    are they if many tags are off their labels, since some mirror frequencies then fit by
-    chance. If a train may also be of a tag off its label, or at another rate, a second mirrored
+    I and Q are not swapped if a tag is received at its own frequency, or if a common error of
+    the receiver explains why several tags are off frequency. If many tags are off their listed
+    frequencies, mirror frequencies prove nothing, because some then fit by chance. If a train
+    may also belong to a tag that is off its label or sends at another rate, a second mirrored
     train is required.
     """
     there = [
@@ -196,7 +196,7 @@ def _fits(interval_s: float, tag: Tag, train: Train, ratios: Sequence[float] = (
 
 
 def _rates(train: Train) -> Iterator[float]:
-    """Reliably measured pulse intervals of a train [s]; that of most pulses comes first."""
+    """Reliably measured pulse intervals of a train [s], beginning with that of most pulses."""
     yield train.interval_s
     for one in train.beats:
         places = int(one.beat.numbers[-1]) + 1

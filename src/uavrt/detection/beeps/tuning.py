@@ -8,7 +8,8 @@ class PointTuning:
     """Constants for finding single pulses in a band."""
 
     window_s: float = 0.016
-    """Length of the Hann window [s]; with it, pulses of 2.5, 20 and 30 ms lose 3 to 5 dB."""
+    """Length of the Hann window [s]; it detects pulses of 2.5, 20 and 30 ms with a loss of 3 to
+    5 dB."""
     hop_s: float = 0.008
     """Time from the start of one window of the spectrogram to the next [s]."""
     batch_s: float = 2.0
@@ -17,7 +18,7 @@ class PointTuning:
     most_cells: int = 12_500_000
     """Maximum number of spectrogram cells searched at once: 48 MiB, 2 s at 3 MS/s."""
     false_per_s: float = 3.0
-    """Number of noise cells that may be accepted as pulses per second, in bands of up to
+    """Number of noise cells per second that may be accepted as pulses, in a band of up to
     `false_band_hz`; in wider bands it grows with the width."""
     false_band_hz: float = 100e3
     """Bandwidth above which the accepted number of noise cells grows with the width [Hz]."""
@@ -30,13 +31,15 @@ class PointTuning:
     flank_ratio: float = 10.0
     """Minimum ratio of a pulse's peak power to the mean power at `flank_bins`."""
     around_frames: int = 13
-    """Number of spectrogram frames before and after a pulse used for its length: 104 ms."""
+    """Number of spectrogram frames before and after a pulse from which its length is measured:
+    104 ms."""
     longest_s: float = 0.1
     """Maximum duration of a detected pulse [s]; longer signals are transmissions."""
     least_frames: int = 16
     """Minimum number of spectrogram frames that are transformed together."""
     most_candidates: int = 200_000
-    """Maximum number of spectrogram cells examined in a batch: the strongest ones."""
+    """Maximum number of spectrogram cells that are examined in a batch; the strongest are
+    chosen."""
     strong_db: float = 32.0
     """Level of a pulse over noise above which its edges may appear as separate pulses [dB]."""
     edge_s: float = 0.03
@@ -53,26 +56,30 @@ class IntervalTuning:
     fewest_pulses: int = 5
     """Minimum number of pulses with one interval for that interval to be accepted."""
     fewest_at_other_rate: int = 6
-    """Minimum number of pulses at a second interval for a chain of pulses to be cut there."""
+    """Minimum number of pulses at a second interval from which a chain of pulses is cut
+    there."""
     most_bends: int = 6
     """Maximum degree of the polynomial that models the drift of a tag's interval with
     temperature."""
     most_false: float = 1e-4
-    """Maximum expected number of equally good pulse chains from noise in the recording."""
+    """Maximum expected number of equally good chains of pulses that noise forms in the
+    recording."""
     tolerance_s: float = 0.022
-    """Maximum deviation of a pulse from its due time [s]: 20 ms jitter and 2 ms error."""
+    """Maximum deviation of a pulse from its expected time [s]: 20 ms of jitter and 2 ms of
+    error."""
     most_missing: int = 6
     """Maximum number of consecutive missing pulses within a chain of a tag's pulses."""
     # Costs in a chain, relative to the value of a pulse. At `switch_cost` a stretch with every
     # second pulse missing counts as another rate from five or six pulses on at an end of the
     # recording, and from eight or nine in its middle.
     missing_cost: float = 0.3
-    """Cost of a missing pulse in a chain, in received pulses, if the tag has one rate."""
+    """Number of received pulses that one missing pulse cancels in the score of a chain, if the
+    tag has one rate."""
     missing_or_switch_cost: float = 0.5
-    """Cost of a missing pulse in a chain, in received pulses, if the tag may have changed its
-    rate."""
+    """Number of received pulses that one missing pulse cancels in the score of a chain, if the
+    tag may have changed its rate."""
     switch_cost: float = 2.0
-    """Cost of a change of interval in a chain of a tag's pulses, in received pulses."""
+    """Number of received pulses that one change of interval cancels in the score of a chain."""
     recent_pulses: int = 40
     """Number of recent pulses of a train over which its interval is averaged."""
 
@@ -86,16 +93,17 @@ class TrainTuning:
     step_hz: float = 25.0
     """Width of the frequency steps in which pulses are counted to find trains [Hz]."""
     fewest_held: int = 30
-    """Minimum number of pulses for a live train to be kept while new pulses continue it."""
+    """Minimum number of pulses from which a train in a live stream is kept while new pulses
+    continue it."""
     renewing_ratio: float = 3.0
-    """Minimum ratio of new to old pulses at one frequency for it to be searched again."""
+    """Ratio of new to old pulses at one frequency from which it is searched again."""
     renewing_share: float = 0.125
     """Maximum number of new pulses outside the known trains, as a share of the old pulses, with
     which the known trains are kept."""
     most_intervals: int = 8
     """Maximum number of intervals found among the pulses of one frequency."""
     strays: int = 2
-    """Maximum number of pulses at one interval while the same sender sends at another
+    """Maximum number of pulses at one interval while their sender also sends at another
     interval."""
     most_scatter_hz: float = 30.0
     """Maximum scatter of a train's frequencies about a line [Hz]; unrelated pulses have
@@ -108,11 +116,11 @@ class TrainTuning:
     image_share: float = 0.8
     """Minimum share of an image's pulses that coincide with those of a stronger train."""
     image_db: float = 3.0
-    """Minimum level of a signal over its image, at a frequency where the receiver makes images
-    [dB]."""
+    """Minimum level difference between a signal and its image, at frequencies where receivers
+    produce images [dB]."""
     anywhere_db: float = 25.0
-    """Minimum level of a signal over a simultaneous weaker train, for that train to be an image
-    at a frequency where the receiver is not known to make images [dB]."""
+    """Minimum level difference between a signal and a simultaneous weaker train that counts as
+    its image, at other frequencies [dB]."""
     one_device_db: float = 10.0
     """Maximum level difference between trains sent by one device, such as a data transmitter
     [dB]."""
@@ -137,27 +145,26 @@ class NamingTuning:
     """Constants for comparing trains with the listed tags."""
 
     reach_ppm: float = 70.0
-    """Maximum frequency error of a radio dongle without temperature-compensated crystal
-    [ppm]."""
+    """Maximum frequency error of a radio without temperature-compensated crystal [ppm]."""
     edge_hz: float = 30.0
     """Tolerance for a train's frequency at the edge of a tag's search window [Hz]."""
     code_hz: float = 1000.0
     """Maximum distance of a coded tag's pulses from its nominal frequency [Hz]."""
     mirror_share: float = 0.25
-    """Maximum distance of a mirrored tag from its mirror frequency, as a share of the distance
-    from its label; drift and an uncertain label are a few hundred hertz."""
+    """Maximum distance of a tag from its mirror frequency, as a share of its distance from the
+    listed frequency. Drift and an inaccurate label account for a few hundred hertz."""
     least_mirrored: float = 0.75
     """Minimum share of mirrored tags among all tags received off their label's frequency."""
     interval_ratios: tuple[float, ...] = (2.0, 1 / 2, 1 / 3)
-    """Possible ratios of the listed to the measured interval: twice, if a mortality signal has
-    double rate; a half or a third, if every second pulse or two of three are missed."""
+    """Accepted ratios of the listed to the measured interval: two for a mortality signal at
+    double rate; a half or a third if every second pulse, or two of three, are missed."""
     timing_s: float = 0.001
     """Error of a measured pulse interval due to the errors of the pulses' times [s]."""
     least_pulses: int = 8
     """Minimum number of pulses in a part of a train for it to have its own interval."""
     least_present: float = 0.7
-    """Minimum share of the expected pulses that are received in a part of a train; with fewer,
-    the part has another rate."""
+    """Minimum share of the expected pulses that are received in a part of a train; a smaller
+    share means that the part has another rate."""
     most_names: int = 3
     """Maximum number of listed tags reported as possible senders of a train."""
     gap_level_db: float = 12.0
@@ -165,13 +172,13 @@ class NamingTuning:
     gap_pulses: int = 10
     """Minimum number of pulses for missing samples to be detected."""
     gap_share: float = 0.7
-    """Minimum share of times from pulse to pulse that are shorter than the interval, for
-    samples to be missing."""
+    """Minimum share of pulse-to-pulse times that are shorter than the tag's interval, from
+    which samples count as missing."""
     most_missing_share: float = 0.4
     """Maximum share of a pulse interval that may be missing samples."""
     least_gap_spread_s: float = 0.02
-    """Minimum scatter of the shortened times from pulse to pulse [s]; with less, the pulses are
-    a separate train."""
+    """Minimum scatter of the shortened pulse-to-pulse times [s]; with less scatter, the pulses
+    belong to another train."""
     late_s: float = 0.025
     """Maximum delay of a pulse after its expected time, if samples are missing [s]."""
 
@@ -181,11 +188,11 @@ class ListeningTuning:
     """Times and limits for searching a stream for unlisted senders."""
 
     tags_band_s: tuple[float, float, float] = (60.0, 20.0, 90.0)
-    """Time for which a recording's tag band is searched: at the start, and in each period; and
-    the length of the period [s]."""
+    """Search of the tags' band in a recording: time searched at the start, time searched in
+    each period, and length of the period [s]."""
     tags_band_live_s: tuple[float, float, float] = (60.0, 90.0, 90.0)
-    """Time for which a live stream's tag band is searched: at the start, and in each period;
-    and the length of the period [s]."""
+    """Search of the tags' band in a live stream: time searched at the start, time searched in
+    each period, and length of the period [s]."""
     wide_hz: float = 800e3
     """Sample rate above which searching the tags' band all the time would cost too much
     [Hz]."""
@@ -193,18 +200,20 @@ class ListeningTuning:
     """Maximum time searched per period in the tags' band, if its sample rate is above `wide_hz`
     [s]."""
     whole_band_s: tuple[float, float, float] = (20.0, 20.0, 300.0)
-    """Time for which the radio's whole band is searched in a recording: at the start, and in
-    each period; and the length of the period [s]."""
+    """Search of the radio's whole band in a recording: time searched at the start, time
+    searched in each period, and length of the period [s]."""
     whole_band_live_s: tuple[float, float, float] = (40.0, 20.0, 540.0)
-    """Time for which the radio's whole band is searched in a live stream: at the start, and in
-    each period; and the length of the period [s]. In 40 s of pulses of 15 dB every 2 s, at
-    least `live_pulses` are found."""
+    """Search of the radio's whole band in a live stream: time searched at the start, time
+    searched in each period, and length of the period [s]. In 40 s with pulses of 15 dB every 2
+    s, at least `live_pulses` pulses are found."""
     live_cells: int = 4_000_000
-    """Maximum spectrogram cells searched at once in flight: 0.7 s at 3 MS/s, in 15 MiB."""
+    """Maximum number of spectrogram cells that are searched at once in flight: 0.7 s at 3 MS/s,
+    in 15 MiB."""
     recent_s: float = 300.0
     """Duration of the newest part of a live stream that is searched for trains [s]."""
     most_points: int = 6000
-    """Maximum number of pulses searched for trains in a live stream: the strongest ones."""
+    """Maximum number of pulses in a live stream that are searched for trains; the strongest are
+    chosen."""
     report_every_s: float = 5.0
     """Time between two searches for trains of a live stream [s]."""
     live_pulses: int = 8

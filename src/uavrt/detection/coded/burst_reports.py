@@ -1,4 +1,4 @@
-"""Measure time, frequency and strength of a coded burst, and make its record."""
+"""Measure time, frequency and strength of a coded burst, and create its record."""
 
 from collections.abc import Callable, Mapping
 
@@ -17,7 +17,7 @@ from uavrt.detection.signal.sample_buffer import Counters
 
 
 class BurstReporter:
-    """Makes one record for each burst of a coded tag; adds confirmed bursts to `tracks`."""
+    """Creates one record for each burst of a coded tag; adds confirmed bursts to `tracks`."""
 
     def __init__(
         self,
@@ -94,7 +94,7 @@ class BurstReporter:
         )
 
     def searched(self, now_ns: int, cells: Cells) -> None:
-        """Make a search report of each tag once a second, less often with many codes."""
+        """Create a search report for each tag once a second, or less often with many codes."""
         if now_ns - self._reported_ns < ns_from_s(report_every_s(len(self._tracks.tags))):
             return
         self._reported_ns = now_ns
@@ -149,10 +149,10 @@ def sighting_of(
 
 
 def _offsets(cells: Cells, row: int, columns: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Time from the column of a pulse's largest cell to the pulse's true peak [columns].
+    """Distance from the column with a pulse's largest cell to the pulse's true peak [columns].
 
     The filter's response to a rectangular pulse falls linearly on both sides of the peak, so
-    the amplitudes on both sides give the offset.
+    the amplitudes on both sides give the distance.
     """
     at = columns - cells.recent_from
     reach = max(1, cells.pulse // 3)

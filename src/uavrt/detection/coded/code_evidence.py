@@ -1,8 +1,8 @@
-"""Compute the evidence that the pulses at the positions of a listed code are that code's.
+"""Compute the evidence that pulses at the positions of a listed code are a burst of that code.
 
-The pulses of a burst are equally strong. The listed code is compared with noise. It is also
-compared with an unlisted code, which has a pulse at each of these positions with a small
-probability, but never at all of them. The listed code must have a pulse at every position.
+The pulses of a burst are equally strong. Two alternatives are tested. One is noise. The other
+is an unlisted code: each of its pulses lies at a position of the listed code with a small
+probability, and never do all of them.
 """
 
 import math
@@ -16,20 +16,22 @@ from uavrt.detection.coded.tuning import LIKELIHOOD
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """Log-likelihood ratios of the listed code to other explanations of the pulses."""
+    """Log-likelihood ratios of a listed code to other explanations of the received pulses."""
 
     over_noise: NDArray[np.float64]
     """(n,) log-likelihood ratio of the code's pulses to noise."""
     over_unlisted: NDArray[np.float64]
     """(n,) log-likelihood ratio of the listed code to unlisted codes."""
     alone: NDArray[np.float64]
-    """(n, pulses) log-likelihood ratio of each pulse to noise or another burst's pulse."""
+    """(n, pulses) log-likelihood ratio of each pulse to noise or to a pulse of another
+    burst."""
     own: NDArray[np.bool_]
-    """(n, pulses) True where the code's pulse is received rather than a stronger signal."""
+    """(n, pulses) True where the pulse of the code itself is received, and not a stronger
+    signal."""
 
 
 def required_evidence(foreign_per_hour: float, false_per_hour: float) -> float:
-    """Log-likelihood ratio required of a listed code's burst, for a rate of errors [1/h]."""
+    """Log-likelihood ratio required to accept a listed code, for a given error rate [1/h]."""
     return math.log(LIKELIHOOD.alignments * foreign_per_hour / false_per_hour)
 
 
@@ -87,9 +89,7 @@ def evidence(
 
 
 def evidence_in_step(alone: NDArray[np.float64], usable: NDArray[np.bool_]) -> float:
-    """Log-likelihood ratio of a listed to an unlisted code, for bursts at the burst
-    interval.
-    """
+    """Log-likelihood ratio of listed to unlisted codes, for bursts at the tag's interval."""
     places = alone.sum(axis=0)[usable.any(axis=0)]
     return float(places.min()) - (len(places) - 1) * math.log(LIKELIHOOD.coincidence)
 
@@ -97,9 +97,10 @@ def evidence_in_step(alone: NDArray[np.float64], usable: NDArray[np.bool_]) -> f
 def evidence_of_sums(
     energies: NDArray[np.float64], *, foreign_per_hour: float, in_step: float
 ) -> NDArray[np.float64]:
-    """Log-likelihood ratio to unlisted codes, for bursts detected only by their sum.
+    """Log-likelihood ratio to unlisted codes, for bursts that only their sum detects.
 
-    `energies` (n, bursts, pulses). `in_step`: chance that bursts have the tag's interval.
+    `energies` (n, bursts, pulses). `in_step`: probability that bursts have the tag's interval
+    by chance.
     """
     # Either one unlisted tag is in step by chance, or pulses of several tags are.
     by_one, by_several = (

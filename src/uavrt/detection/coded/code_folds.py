@@ -1,8 +1,8 @@
-"""Sum several bursts of a code, to find bursts too weak to be found one by one.
+"""Sum several bursts of a code, to detect bursts that are too weak one by one.
 
-A seed is a single burst slightly above the noise. It waits until the following bursts have
-arrived. Then the best sums of three bursts, and of K bursts, that include the seed are
-examined.
+A seed is a single burst slightly above the noise. It is stored until the following bursts have
+arrived. Then the largest sums of three bursts, and of K bursts, that include the seed are
+tested.
 """
 
 import math
@@ -22,9 +22,10 @@ from uavrt.detection.coded.tuning import SUMS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
-    """Several bursts of one code with a sum that exceeds noise.
+    """Several bursts of one code whose sum is above the noise.
 
-    `score`: sum of amplitudes over the required sum. `also_possible`: ids of other senders.
+    `score`: sum of amplitudes divided by the required sum. `also_possible`: ids of other tags
+    that may have sent the bursts.
     """
 
     tag: Tag
@@ -35,12 +36,16 @@ class Found:
     total: float
     interval: float
     unlisted: float
-    """Log-likelihood ratio of the listed code to unlisted ones with its interval by chance."""
+    """Log-likelihood ratio of the listed code to an unlisted code that has its interval by
+    chance."""
     also_possible: tuple[int, ...] = ()
 
 
 class Waiting:
-    """Weak bursts (seeds) that wait until their sums can be computed, grouped by due time."""
+    """Weak bursts (seeds) that are stored until their sums can be computed.
+
+    They are grouped by the time at which this is possible.
+    """
 
     def __init__(self) -> None:
         self._boxes: dict[int, list[NDArray[np.int32]]] = {}
@@ -213,7 +218,7 @@ class Folds:
         return bool(limited.sum() >= 0.965 * sums.sum() / max(one.score, 1.0))
 
     def _apart(self, hits: list[Found]) -> list[Found]:
-        """Of sums that share pulses, keep the best; note the tags of nearly equal ones."""
+        """Choose the best of sums that share pulses; note the tags of nearly equal sums."""
         chosen: list[Found] = []
         for one in sorted(hits, key=lambda hit: -hit.score):
             shared = [

@@ -1,9 +1,9 @@
-"""Decide if a sum of cells is a burst, and which of several codes sent it.
+"""Decide whether a sum of cells is a burst, and which of several codes sent it.
 
-All pulses of a burst come from one tag within a quarter of a second. So they must be equally
-strong (`evidence`), and each must be as short as a pulse and at the maximum of its signal. A
-stronger burst explains all signals during its pulses. Pulses that two codes do not share
-distinguish the codes.
+A burst lasts a quarter of a second and comes from one tag. So its pulses must be equally strong
+(`evidence`), and each must be as short as a pulse and at the maximum of its signal. A stronger
+burst explains all signals during its pulses. Pulses that only one of two codes has distinguish
+the codes.
 """
 
 from dataclasses import dataclass, field, replace
@@ -23,10 +23,10 @@ from uavrt.detection.coded.tuning import LIKELIHOOD, SHAPE
 class Burst:
     """A possible burst of one code.
 
-    `column`: approximate column of the first pulse. `offsets` (pulses,): columns of the pulses
-    after it, by the code. `columns` (pulses,): columns in which the pulses' cells are largest.
-    `good` (pulses,): True for pulses that are undisturbed and equally strong. `likelihood`:
-    log-likelihood ratio of the burst to noise.
+    `column`: approximate column of the first pulse. `offsets` (pulses,): columns from the first
+    pulse to each pulse, by the code. `columns` (pulses,): columns with the largest cell of each
+    pulse. `good` (pulses,): True for pulses that are undisturbed and equally strong.
+    `likelihood`: log-likelihood ratio of the burst to noise.
     """
 
     book: CodeBook
@@ -44,7 +44,7 @@ class Burst:
     alone: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     """(pulses,) log-likelihood ratio of each pulse to noise or to a pulse of another burst."""
     prior: float = 0.0
-    """Log odds that the tag sends a burst at this time, relative to any other time."""
+    """Log odds that the tag sends a burst at this time and not at any other time."""
     score: float = 0.0
     """Ratio of the summed energy of the burst's pulses to the sum required for a detection."""
     also_possible: list[int] = field(default_factory=list)
@@ -67,7 +67,7 @@ def measure(
     *,
     prior: float = 0.0,
 ) -> list[Burst]:
-    """Measure possible bursts (seeds) in the recent cells; drop those that are not bursts."""
+    """Measure possible bursts (seeds) in the recent cells and drop what is not a burst."""
     if not len(seeds):
         return []
     seeds = _centred(cells, book, seeds)
@@ -137,7 +137,7 @@ def measure(
 
 
 def _centred(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Move each strong possible burst to the start and stretch of gaps with the largest sum."""
+    """Move each strong possible burst to the start and gap stretch with the largest sum."""
     offsets = book.offsets[seeds[:, 0]]
     last = cells.recent.shape[1] - 1
     at = seeds[:, 3] - cells.recent_from
@@ -180,7 +180,7 @@ def _finely(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[n
 def _off_place(
     cells: Cells, rows: NDArray[np.int32], at: NDArray[np.intp]
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
-    """(n, pulses) True for pulses shifted against the others of their burst; and energies.
+    """(n, pulses) True for pulses that are displaced in their burst; and the pulses' energies.
 
     An energy is the maximum within a pulse width and over adjacent frequencies, because only
     the strongest row shows the true position.
@@ -226,7 +226,7 @@ def _median(values: NDArray[np.floating[Any]], of: NDArray[np.bool_]) -> NDArray
 def weigh(
     bursts: list[Burst], limits: dict[int, float], foreign_per_hour: float
 ) -> list[Burst]:
-    """Score bursts with equal numbers of pulses; drop those of too small sum or evidence."""
+    """Compute scores of bursts with equal numbers of pulses; drop those that are too weak."""
     if not bursts:
         return []
     energies = np.stack([one.energies for one in bursts])
@@ -269,7 +269,7 @@ def may_suffice(energies: NDArray[np.float32], limits: dict[int, float]) -> NDAr
 
 
 class AcceptedBursts:
-    """Accepted bursts of a channel; signals during their pulses count as explained."""
+    """Bursts of a channel that were accepted; they explain the signals during their pulses."""
 
     def __init__(self, cells: Cells) -> None:
         self.guard = cells.pulse + round(SHAPE.guard_s / cells.column_s)
@@ -283,7 +283,7 @@ class AcceptedBursts:
 
 
 class Overlaps:
-    """Overlap of possible bursts with accepted ones, and the remaining pulses."""
+    """Finds pulses of possible bursts that accepted bursts overlap, and those that remain."""
 
     def __init__(self, claims: list[Burst], guard: int) -> None:
         shape = len(claims), max((len(one.columns) for one in claims), default=0)
@@ -353,11 +353,11 @@ def decide(
     before: int,
     foreign_per_hour: float,
 ) -> tuple[list[Burst], int]:
-    """Choose the bursts that together explain the pulses best; count those lost by overlap.
+    """Choose the bursts that together explain the pulses best; count bursts lost by overlap.
 
-    The likeliest burst is accepted first. Then each accepted burst is removed on trial, to see
-    if others explain more: a third code may share pulses with two interleaved bursts. Only
-    losses before column `before` are counted.
+    The likeliest burst is accepted first. Then each accepted burst is removed as a test, to see
+    whether others explain more pulses: a third code may share pulses with two interleaved
+    bursts. Only losses before column `before` are counted.
     """
     without: frozenset[int] = frozenset()
     best, lost = _greedy(claims, accepted_bursts, limits, before, foreign_per_hour, without)

@@ -1,4 +1,4 @@
-"""Predict the next burst of an identified tag."""
+"""Predict the next burst of a coded tag that has been identified."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from uavrt.detection.coded.tuning import IDENTITY
 
 @dataclass(slots=True)
 class BurstTrack:
-    """Prediction of an identified tag's bursts; `row`: its frequency, as a row of the cells."""
+    """Prediction of the bursts of an identified tag; `row`: frequency row of its cells."""
 
     tag: Tag
     time_ns: int

@@ -1,6 +1,6 @@
-"""Detect coded tags: samples of a channel in, one record for each burst out.
+"""Detect coded tags in the samples of a channel; the result is one record for each burst.
 
-Handles all codes of a channel together (docs/explanation/coded-tags.md).
+All codes of a channel are searched together (docs/explanation/coded-tags.md).
 """
 
 import bisect

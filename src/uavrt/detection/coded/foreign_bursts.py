@@ -1,4 +1,4 @@
-"""Count the bursts on a channel that no listed code explains, as foreign bursts."""
+"""Count bursts on a channel that no listed code explains (foreign bursts)."""
 
 import math
 from collections.abc import Sequence
@@ -59,7 +59,7 @@ class Foreign:
         return int((near & (np.abs(self._rows - row) <= FOREIGN.rows)).sum()) >= 3
 
     def about(self, burst: Burst) -> float:
-        """Rate of foreign bursts near a burst [1/h]; above average if one overlaps it."""
+        """Rate of foreign bursts near a burst [1/h]; higher if a foreign burst overlaps it."""
         near = self._columns >= burst.columns[0] - self._span
         near &= self._columns <= burst.columns[-1] + self._span
         near &= np.abs(self._rows - burst.row) <= self._cells.rows_of_a_bin

@@ -1,8 +1,8 @@
 """Identify the sender of a burst from the bursts before and after it.
 
-A code and a burst interval define a tag; tags with the same code are distinguished by their
-intervals alone. A burst that may be of an unlisted code is the listed tag's if other bursts lie
-whole burst intervals away and the joint evidence suffices.
+A code and a burst interval define a tag. Tags with an identical code differ only in their
+intervals. A burst that may come from an unlisted code is assigned to the listed tag if other
+bursts lie whole burst intervals away and the joint evidence suffices.
 """
 
 import math
@@ -18,7 +18,8 @@ from uavrt.detection.coded.code_evidence import evidence_in_step
 from uavrt.detection.coded.tuning import IDENTITY
 
 _TRIED = math.log(IDENTITY.steps)
-"""Log of the number of compared time ranges; it is subtracted from the best log-likelihood."""
+"""Log of the number of time ranges that are compared; it is subtracted from the best
+log-likelihood, because the best of several is chosen."""
 
 
 def in_step(
@@ -53,7 +54,7 @@ def likeliest(
     searched_s: tuple[float, float],
     timing_s: float,
 ) -> list[int]:
-    """Indices of the tags with a burst interval that fits a burst at `at_s`, best first."""
+    """Indices of the tags whose burst interval fits a burst at `at_s`, the best first."""
     scores = []
     for tag, times_s in zip(tags, others_s, strict=True):
         expected_s, gains, _ = in_step(at_s, times_s, tag, timing_s)
@@ -84,7 +85,7 @@ class MeasuredBurst:
 
 @dataclass(slots=True, kw_only=True)
 class Sighting(MeasuredBurst):
-    """A burst detected by itself, not by a sum of bursts, with the evidence for its sender."""
+    """A burst that was detected by itself, not by a sum, with the evidence for its sender."""
 
     tags: tuple[Tag, ...]
     """Tags that may have sent the burst, the likeliest first."""
@@ -125,10 +126,10 @@ class Sightings:
     def identify(
         self, new: Sequence[Sighting], now_ns: int, *, last: bool
     ) -> list[tuple[Sighting, Tag, tuple[int, ...]]]:
-        """Add new bursts; return those to be reported, with sender and other possible ids.
+        """Add new bursts; return the bursts to report, with their senders.
 
-        Each comes with the ids of other possible tags; `Sighting.tag_id` is set if it is
-        confirmed.
+        Each comes with the ids of other possible tags; `Sighting.tag_id` is set if the sender
+        is confirmed.
         """
         self._begun_ns = self._begun_ns or now_ns
         concerned = self._waiting

@@ -1,8 +1,8 @@
 """Compute the sums required for a given number of false identifications per hour and code.
 
-The sum of n cells of noise has Erlang's distribution. Only some of the sums tried in an hour
-are independent; their number was measured (docs/explanation/coded-tags.md). Several bursts are
-tested by the sum of their Rayleigh amplitudes; the tail of its distribution is computed by
+The sum of n noise cells has an Erlang distribution. Only some of the sums that are tried in an
+hour are independent; their number was measured (docs/explanation/coded-tags.md). Several bursts
+are tested by the sum of their Rayleigh amplitudes, whose distribution is computed as by
 Lugannani and Rice (1980).
 """
 
@@ -40,7 +40,7 @@ def sum_limit(
 def amplitude_limit(
     tag: Tag, *, bandwidth_hz: float, bursts: int, pulses: int, false_per_hour: float
 ) -> float:
-    """Minimum sum of amplitudes of several refined bursts; parameters as for `sum_limit`."""
+    """Minimum sum of amplitudes for several refined bursts; parameters as in `sum_limit`."""
     share = _share(bursts)
     tests = tests_per_hour(tag, bandwidth_hz=bandwidth_hz, bursts=bursts)
     return rayleigh_limit(
@@ -55,7 +55,7 @@ def _share(bursts: int) -> float:
 
 @lru_cache(maxsize=256)
 def rayleigh_limit(count: int, chance: float) -> float:
-    """Sum of noise amplitudes that is exceeded with a given probability."""
+    """Sum of amplitudes that noise exceeds with a given probability."""
     low, high = 0.02, 8.0
     for _ in range(50):
         middle = 0.5 * (low + high)

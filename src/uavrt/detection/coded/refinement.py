@@ -1,8 +1,8 @@
-"""Refine sums of bursts that nearly suffice, on the samples instead of the cells.
+"""Compute sums of bursts more accurately, from the samples instead of the stored cells.
 
-Cells are 0.27 ms and 125 Hz apart, and a sum of ten bursts loses 0.4 dB between them. Finer
-cells would have to be computed for all codes; a refinement is needed only for sums that nearly
-suffice.
+Cells are 0.27 ms and 125 Hz apart, so a sum of ten bursts between them loses 0.4 dB. Finer
+cells would have to be computed for all codes. Only sums that nearly suffice need this
+refinement.
 """
 
 from dataclasses import dataclass

@@ -1,7 +1,7 @@
 """Compute the pulse energy at every instant and frequency of a channel, relative to the noise.
 
-The matched filter of a rectangular pulse is a sum over its samples, at several frequencies; all
-codes share it. Past cells are stored in one byte each.
+The matched filter of a rectangular pulse is a sum over its samples, computed at several
+frequencies. All codes use its output. Past cells are stored in one byte each.
 """
 
 import math
@@ -18,7 +18,7 @@ CLIP = 63
 NEUTRAL = round(1.0 / STEP)
 """Stored value of a spectrogram cell with the mean energy of noise [`STEP`]."""
 UNIT = 16.0
-"""Amplitude of the noise in samples stored as integers; these are limited to ±127."""
+"""Amplitude of the noise in samples that are stored as integers in a range of ±127."""
 
 
 class Cells:
@@ -53,7 +53,7 @@ class Cells:
         self.restart()
 
     def restart(self) -> None:
-        """Clear all cells; columns count from zero again."""
+        """Delete all stored cells; columns are counted from zero again."""
         rows = len(self.offsets_hz)
         self.base = 0
         """Number of the first stored spectrogram column, counted from the stream's start."""

@@ -1,9 +1,9 @@
 """Add the cells of pulses at the gaps of many codes, to search for all codes of a channel.
 
-A burst is found by the sum of the energies of its pulses, at the gaps of its code. An error of
-the tag's crystal stretches all gaps by the same factor, so a few factors are tried. Sums of
-several bursts are computed around a seed, at multiples of the burst interval. A seed is a burst
-whose own sum is above usual noise, as that of one burst in three nearly always is.
+A burst is found by the sum of its pulses' energies at the gaps of its code. An error of the
+tag's crystal stretches all gaps by one factor, so a few factors are tried. Sums of several
+bursts are computed around a seed, at multiples of the burst interval. A seed is a burst whose
+own sum is above usual noise; among three bursts there is nearly always one.
 """
 
 from dataclasses import dataclass
@@ -47,7 +47,7 @@ class CodeBook:
 
 
 def make_code_book(tags: tuple[Tag, ...], column_s: float) -> CodeBook:
-    """Make the code book of tags that have codes with equal numbers of gaps."""
+    """Create the code book of tags whose codes have equal numbers of gaps."""
     gaps_s = np.array([tag.gaps_s for tag in tags])
     starts_s = np.concatenate((np.zeros((len(tags), 1)), np.cumsum(gaps_s, axis=1)), axis=1)
     stretches = np.add.outer(np.array(SUMS.stretches), (-0.25, 0.0, 0.25))
@@ -122,7 +122,7 @@ def fold(
     steps: int,
     clip: int,
 ) -> NDArray[np.int32]:
-    """Largest sums of bursts around seeds: (n, 3) sum, interval step, place of first burst."""
+    """Largest sums of bursts around seeds: (n, 3) sum, interval step, index of first burst."""
     own = np.ascontiguousarray(seeds, np.int32).copy()
     own[:, 3] -= cells.base
     out = np.zeros((len(own), 3), np.int32)

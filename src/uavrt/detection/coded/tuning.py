@@ -27,9 +27,10 @@ class CellTuning:
     """Duration of the samples collected before the search for bursts continues [s]."""
     # Limits for cells that are excluded from sums of several bursts.
     tall: float = 25.0
-    """Maximum energy of a cell that may be part of a sum of several bursts [noise energies]."""
+    """Energy of a cell above which it is not used in sums of several bursts [noise
+    energies]."""
     echoing: float = 200.0
-    """Energy above which a cell is followed by an echo of the filters [noise energies]."""
+    """Energy of a cell above which the filters produce an echo of it [noise energies]."""
     echo_widths: int = 5
     """Duration of an echo of the filters [pulse widths]."""
 
@@ -39,7 +40,8 @@ class SumTuning:
     """Constants for summing cells at the gaps of the codes, and over several bursts."""
 
     stretches: tuple[float, ...] = (0.0, -0.5, 0.5, -1.0, 1.0)
-    """Tried stretches of the gaps in a burst, as shares of the gaps' common tolerance."""
+    """Stretches of the gaps in a burst that are tried, as shares of the gaps' common
+    tolerance."""
     apart_columns: int = 4
     """Distance within which only the largest sum of a code and frequency is kept [columns]."""
     most_cell: float = 10.0
@@ -55,8 +57,8 @@ class SumTuning:
     examined_share: float = 0.88
     """Ratio of a sum of bursts to the required sum above which the sum is refined."""
     clear_lead: float = 20.0
-    """Lead of a code's sum at which another code with the same pulses is excluded [noise
-    energies]."""
+    """Difference between the sums of two codes with common pulses above which the smaller is
+    excluded [noise energies]."""
     box_columns: int = 2048
     """Length of the time ranges in which waiting possible bursts are grouped [columns]."""
     same_columns: int = 10
@@ -70,11 +72,12 @@ class RefineTuning:
     turns_hz: tuple[float, ...] = (-42.0, 0.0, 42.0)
     """Offsets tried from the spectrogram row's frequency [Hz]: a third of the row spacing."""
     stretches: tuple[float, ...] = (-0.25, 0.0, 0.25)
-    """Tried further stretches of a burst's gaps, as shares of the gaps' tolerance."""
+    """Further stretches of a burst's gaps that are tried, as shares of the gaps' tolerance."""
     shifts: tuple[float, ...] = (-1.0, -0.5, 0.0, 0.5, 1.0)
-    """Tried shifts in time of all bursts of a sum together [columns]."""
+    """Shifts in time that are tried for all bursts of a sum together [columns]."""
     drifts: tuple[float, ...] = (-1.0, 0.0, 1.0)
-    """Tried shifts in time of the last burst of a sum against the first [columns]."""
+    """Shifts in time that are tried for the last burst of a sum relative to the first
+    [columns]."""
     near_columns: int = 3
     """Distance from cells replaced by noise at which a pulse counts as hidden [columns]."""
     hidden_energy: float = 0.25 * math.pi
@@ -105,7 +108,8 @@ class LimitTuning:
     """Probability that noise is accepted as a known tag's burst, in a cell where a burst is
     due."""
     expected_log: float = 6.0
-    """Log odds of an identified tag's burst at its expected time against any other time."""
+    """Log odds that an identified tag sends a burst at the expected time and not at any other
+    time."""
     least_energy: float = 0.25
     """Minimum mean energy of a reported burst's pulses over the noise [noise energies]."""
 
@@ -115,17 +119,20 @@ class LikelihoodTuning:
     """Assumptions for the evidence that pulses are those of a listed code."""
 
     fading: float = 0.12
-    """Relative standard deviation of pulse amplitudes within a burst, without noise."""
+    """Relative standard deviation of the pulse amplitudes in a burst without noise; an
+    assumption."""
     coincidence: float = 0.05
-    """Probability that another code's pulse lies where one is due: 3 ms of a gap of 57 ms."""
+    """Assumed probability that a pulse of another code lies where a pulse is expected: 3 ms of
+    a gap of 57 ms."""
     least_hit: float = 1e-3
-    """Minimum probability that a pulse of any sender lies where a code's pulse is due."""
+    """Minimum probability that a pulse of any sender lies where the code's pulse is
+    expected."""
     hiding_amplitude: float = 0.5
     """Minimum amplitude of a signal that hides a pulse, relative to the pulse."""
     place_s: float = 1e-3
     """Maximum deviation of a pulse from its expected time in the burst [s]."""
     sums_tried: float = 20.0
-    """Number of independent sums of several bursts that are tried; the best is used."""
+    """Number of independent sums of several bursts that are tried; the largest is used."""
     strengths_log: float = 5.0
     """Log of the ratio of the largest to the smallest amplitude that a pulse may have."""
     alignments: float = 16.0
@@ -141,13 +148,13 @@ class ShapeTuning:
     pool_columns: int = 1
     """Distance from a pulse's expected column within which its peak counts [columns]."""
     leak_amplitude: float = 0.35
-    """Maximum amplitude of a signal that may be leakage, relative to the strongest simultaneous
-    signal."""
+    """Amplitude, relative to the strongest simultaneous signal, up to which a signal may be
+    leakage of it."""
     loud_energy: float = 20.0
     """Minimum energy of a signal for its leakage to be considered [noise energies]."""
     rounded: float = 1.0 - 1e-6
-    """Share of the required sum below which a possible burst is dropped; just below 1, so that
-    a rounding error drops none."""
+    """Share of the required sum below which a possible burst is dropped; it is slightly below 1
+    to allow for rounding errors."""
     least_amplitude: float = 0.33
     """Minimum amplitude of a pulse relative to another of the same burst."""
     hit_amplitude: float = 0.5
@@ -158,10 +165,10 @@ class ShapeTuning:
     beside_amplitude: float = 0.6
     """Maximum amplitude just outside a pulse, relative to the pulse, without noise."""
     end_widths: tuple[float, float] = (1.2, 3.2)
-    """Two distances from a pulse; its energy must have ended at one of them [pulse widths]."""
+    """Two distances from a pulse [pulse widths]; at one of them the energy must have fallen."""
     aside_s: float = 0.75e-3
-    """Maximum deviation of a strong pulse from its expected time in the burst [s]. At 20 dB,
-    the flanks of one code's pulses would otherwise match a code with gaps that differ by 4.5
+    """Maximum deviation of a strong pulse from its expected time in the burst [s]. With a
+    greater value, the flanks of 20 dB pulses would match another code whose gaps differ by 4.5
     ms in total."""
     aside_noise_s: float = 3e-3
     """Deviation that noise adds to `aside_s` at a pulse amplitude of 1 [s]; it falls with the
@@ -180,7 +187,7 @@ class ShapeTuning:
     sure_energy: float = 12.0
     """Minimum pulse energy of a burst reported without identification [noise energies]."""
     nowhere: int = -(2**40)
-    """Column number that stands for a missing pulse."""
+    """Column number that stands for a pulse that is missing."""
     saturated_energy: float = 12.0
     """Energy at which stored cells no longer show a pulse's maximum [noise energies]."""
 
@@ -192,17 +199,19 @@ class IdentityTuning:
     steps: int = 8
     """Number of burst intervals, before and after, over which bursts are compared."""
     missed_log: float = 1.0
-    """Log-likelihood lost by a tag's burst interval where a burst is missing; most bursts are
+    """Log-likelihood that a tag loses where a burst is missing at its interval; most bursts are
     detected."""
     clear_log: float = 3.0
-    """Minimum log-likelihood lead of one tag's burst interval over the others'."""
+    """Minimum lead in log-likelihood of one tag's burst interval over the intervals of other
+    tags."""
     timing_s: float = 1e-3
     """Error of the measured start of a burst [s]."""
     wait_intervals: float = 2.2
-    """Time for which an ambiguous burst waits for later ones [burst intervals]."""
+    """Time for which an ambiguous burst waits for later bursts to identify it [burst
+    intervals]."""
     doubt_log: float = math.log(100.0)
-    """Maximum shortfall of the log-likelihood ratio at which a burst is still reported, as
-    unconfirmed."""
+    """Maximum amount by which the log-likelihood ratio may be too small for a burst to be
+    reported as unconfirmed."""
     rows: int = 1
     """Maximum frequency difference between bursts of one tag [frequency rows]."""
     most_missed: int = 8
@@ -223,8 +232,8 @@ class ForeignTuning:
     memory_s: float = 300.0
     """Time over which the rate of unknown senders' bursts is averaged [s]."""
     start_s: float = 10.0
-    """Time added to the time since the start [s], so that one early burst does not give a high
-    rate."""
+    """Time that is added to the time since the start [s], so that one early burst does not
+    cause a high rate."""
     weakest_energy: float = 10.0
     """Minimum energy of each of three pulses of an unknown sender's burst [noise energies]."""
     sure_energy: float = 14.0

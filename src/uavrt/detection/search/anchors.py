@@ -1,4 +1,4 @@
-"""Search for groups from anchors: cells strong enough to be a pulse of a group.
+"""Search for groups of pulses that contain an anchor: a cell strong enough to be a pulse.
 
 Several tags are searched together, with their cells and hypotheses in one long array, because a
 call of NumPy takes longer than its work for a single tag.
@@ -21,7 +21,7 @@ from uavrt.detection.search.tuning import GROUPS
 
 
 class AnchorSearch(RateSearch):
-    """Search of one rate for groups of up to eight pulses; parameters as for `RateSearch`."""
+    """Search at one rate for groups of up to eight pulses; parameters as for `RateSearch`."""
 
     def __init__(self, **parameters: Any) -> None:
         super().__init__(**parameters)
@@ -58,7 +58,7 @@ class AnchorSearch(RateSearch):
         """(K,) number of strong cells tested as each of a group's K pulses."""
 
     def count_null(self, expected_per_column: float, interval: float) -> None:
-        """Count groups at intervals that no tag has; many of them raise the threshold."""
+        """Count groups at intervals that no tag has; a large number raises the threshold."""
         if self.k > 1:
             self.null = NullLattices(
                 lows=self.lows,
@@ -84,11 +84,11 @@ class AnchorSearch(RateSearch):
         return search_together([self], power[np.newaxis], noise[np.newaxis])[0]
 
     def open_anchors(self) -> Anchors:
-        """Return the anchors with hypotheses that are still to be tested."""
+        """Return the anchors (strong cells) whose groups are still to be tested."""
         return self.anchor_columns, self.anchor_rows, self.anchor_powers
 
     def kind(self) -> tuple[int, ...]:
-        """Settings that searches must share to be run in one call of `search_together`."""
+        """Settings that must be equal for searches in one call of `search_together`."""
         return self.rows, self.k, self.reach, len(self.intervals)
 
     @property
@@ -131,11 +131,11 @@ class AnchorSearch(RateSearch):
 
     @property
     def fresh(self) -> int:
-        """Number of new columns in which no anchors were searched yet."""
+        """Number of new columns that have not yet been searched for anchors (strong cells)."""
         return max(0, self.pushed - self.reach - self.columns)
 
     def advance(self, fresh: int) -> int:
-        """Count columns as searched; return the position of the first in the ring buffer."""
+        """Count columns as searched; return the ring buffer position of the first one."""
         first = self.columns % self.length
         self.columns += fresh
         if self.columns > self._first_columns:
@@ -174,7 +174,7 @@ class AnchorSearch(RateSearch):
     def collect(
         self, tested: "_Tested", part: slice, least: float, shorter: int = 0
     ) -> list[Candidate]:
-        """Make candidates of the tested anchors in `part` with a sum of at least `least`."""
+        """Create candidates from the tested anchors in `part` whose sum is at least `least`."""
         best, level = tested.best[part], tested.level[part]
         cells, power = tested.cells[part], tested.power[part]
         hits = np.flatnonzero(best >= least)
@@ -196,7 +196,7 @@ class AnchorSearch(RateSearch):
     def candidates(
         self, due: "_Due", hits: list[tuple[int, float, float, int]], shorter: int = 0
     ) -> list[Candidate]:
-        """Make candidates of the anchors that the compiled kernel found above the threshold."""
+        """Create candidates from anchors that the compiled kernel found above the threshold."""
         hits = sorted(hits, key=lambda hit: -hit[2])[: GROUPS.candidates_at_once]
         which, score, strength, interval = zip(*hits, strict=True)
         place = np.array([due.places[index] for index in which])
@@ -262,7 +262,10 @@ class _Tested:
 def search_together(
     searches: Sequence[AnchorSearch], power: NDArray[np.float32], noise: NDArray[np.float32]
 ) -> list[list[Candidate]]:
-    """Add columns to searches of equal settings; return the candidates of each, best first."""
+    """Add columns to several searches with equal settings; return each one's candidates.
+
+    The best candidate comes first.
+    """
     if kernels() is not None:
         return [
             _search_by_kernel(search, columns, level)

@@ -201,7 +201,7 @@ class Spectrogram:
         return (self.consumed - len(self.band)) * self.grid.decimation // self.grid.hop
 
     def needed(self) -> int:
-        """Index of the first channel sample needed by the next call; may be negative."""
+        """Index of the first channel sample that the next call needs; may be negative."""
         return self.consumed * self.grid.decimation - self.grid.reach
 
     def push(self, samples: NDArray[np.complex64]) -> NDArray[np.float32]:
@@ -263,7 +263,7 @@ class Spectrogram:
 def make_grid(
     *, sample_rate_hz: float, pulse_width_s: float, offset_hz: float, half_width_hz: float
 ) -> Grid:
-    """Make the grid around one tag; an infinite `half_width_hz` is the whole channel."""
+    """Create the grid around one tag; an infinite `half_width_hz` means the whole channel."""
     nyquist_hz = sample_rate_hz / 2.0
     samples = pulse_width_s * sample_rate_hz
     circular = half_width_hz >= nyquist_hz

@@ -1,11 +1,11 @@
 """Compute the likelihood ratio of a candidate group, summed over its unknown parameters.
 
-For speed the search takes the best cell for each pulse, but the best cells do not give the best
-sum. In noise of known power a cell of power P is exp(-E) I0(2 sqrt(E P)) times as likely with a
-pulse of ENR E as without. The product over K pulses is averaged over each pulse's time and
-summed over the lattices (evenly spaced pulse times) and frequencies around a candidate: a Bayes
-factor. In noise its mean is the number of lattices summed, so the chance of exceeding a bound
-falls as the bound's inverse.
+For speed, the search takes the best cell for each pulse, which does not give the best sum. In
+noise of known power, a cell of power P is exp(-E) I0(2 sqrt(E P)) times as likely with a pulse
+of ENR E as without. The product over K pulses is averaged over each pulse's time. It is summed
+over the lattices (series of evenly spaced pulse times) and frequencies around a candidate. The
+result is a Bayes factor. In noise its mean is the number of lattices, so the probability that
+it exceeds a bound is inversely proportional to the bound.
 """
 
 import math
@@ -56,7 +56,7 @@ class Evidence:
     def suffices(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> bool:
-        """True if noise makes such a candidate less often than the false-alarm rate allows."""
+        """True if noise makes such candidates less often than the false-alarm rate allows."""
         if candidate.score >= EVIDENCE.sure_score:
             return True
         steady, first = self._bounds[candidate.rate - 1]
@@ -70,7 +70,7 @@ class Evidence:
         return self.weigh(starts, offset, level, strength) >= bound
 
     def _bounds_of(self, rate: int) -> tuple[float, float]:
-        """Minimum log-likelihood ratios of a group: at later decisions, and at the first."""
+        """Minimum log-likelihood ratios of a group: for later decisions, and for the first."""
         tag, grid = self._tag, self._grid
         width_s = tag.pulse_width_s
         usual_s = decision_interval_s(tag, rate)

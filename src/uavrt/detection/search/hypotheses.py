@@ -1,10 +1,11 @@
 """Search for K pulses of one rate in the power of the grid's cells.
 
-A hypothesis is a row, an anchor cell, the anchor's number among the K pulses, and an interval.
-Its statistic is the anchor's power plus, for each other pulse, the largest power within the
-jitter around its expected time. All powers are relative to the row's noise and limited. If a
-sum of K terms reaches T, one term reaches T/K. So only cells above T/K need be anchors: at K =
-3 a few in a second of noise. The work is linear in K.
+A hypothesis consists of a frequency row, a strong cell (anchor), the anchor's number among the
+K pulses, and an interval. Its statistic is the anchor's power plus, for each other pulse, the
+largest power within the jitter around the expected time. All powers are relative to the row's
+noise and limited. If a sum of K terms reaches T, one of the terms reaches T/K. So only cells
+above T/K need to be anchors: for K = 3 there are a few per second of noise. The work is
+proportional to K.
 """
 
 import math
@@ -44,10 +45,10 @@ def best_first(found: list[Candidate]) -> list[Candidate]:
 
 
 class RateSearch(ABC):
-    """Base class of searches for groups of one rate, in spectrogram columns as they arrive.
+    """Base class of searches for groups of one pulse rate, in columns as they arrive.
 
     In the first `first_columns`, the threshold is `first_threshold`. It may be lower than the
-    later one, because few groups begin there.
+    later threshold, because few groups begin there.
     """
 
     def __init__(
@@ -140,11 +141,11 @@ class RateSearch(ABC):
 
 
 def jitter_reach(jitter_s: float, hop_s: float) -> int:
-    """Number of columns searched on either side of a pulse: 0.7 of the jitter's bound.
+    """Number of columns searched on either side of a pulse: 0.7 times the maximum jitter.
 
-    Two pulses that both deviate by the full bound are rare, and a pulse slightly outside the
-    searched columns is still seen by its flank. So less sensitivity is lost than a smaller
-    search gains.
+    Two pulses that both deviate by the maximum are rare, and the flank of a pulse just outside
+    the searched columns is still detected. So the smaller search gains more sensitivity than it
+    loses.
     """
     return max(1, math.ceil(0.7 * jitter_s / hop_s - 0.25))
 

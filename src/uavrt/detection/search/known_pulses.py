@@ -1,4 +1,4 @@
-"""Find the candidates of the search that are explained by pulses already known."""
+"""Recognise candidates of the search that pulses of known tracks and groups explain."""
 
 import math
 
@@ -11,7 +11,7 @@ from uavrt.detection.search.tuning import GROUPS
 
 
 class KnownPulses:
-    """Pulses of confirmed tracks and of new groups, and the candidates they explain."""
+    """Pulses of confirmed tracks and new groups, to recognise candidates that they explain."""
 
     def __init__(self, grid: Grid, pulses: list[Measured]) -> None:
         self._grid = grid

@@ -22,7 +22,7 @@ from uavrt.detection.search.grid import HOPS_PER_PULSE, ROWS_PER_BIN
 from uavrt.detection.search.tuning import LEVEL
 
 SLOT = HOPS_PER_PULSE // 2
-"""Number of spectrogram columns in a slot, the time step of the noise level."""
+"""Number of spectrogram columns in a slot; a slot is the time step of the noise level."""
 _MEAN = 1.0 - math.exp(-LEVEL.most_power)
 """Mean power of noise cells after each is limited to `LEVEL.most_power`; without the limit it
 is 1."""
@@ -35,17 +35,19 @@ class _Stretch:
     first: int
     common: NDArray[np.float32]
     bands: NDArray[np.float32] | None
-    """(bands, slots) noise level of each band over the common one; None if all are equal."""
+    """(bands, slots) ratio of each band's noise level to the common level; None if all are
+    equal."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Followed:
-    """Noise levels that change with time: one that divides cells, one for measuring pulses."""
+    """Noise levels that change with time: one divides cells, one is for measuring pulses."""
 
     divisor: NDArray[np.float32]
     """(new slots,) common noise level that divides cells, raised by its possible error."""
     bands: NDArray[np.float32] | None
-    """(bands, new slots) noise level of each band over `divisor`; None if all are equal."""
+    """(bands, new slots) ratio of each band's noise level to `divisor`; None if all are
+    equal."""
     measured: NDArray[np.float32]
     """(slots,) noise level common to all bands, used to measure the power of pulses."""
     measured_bands: NDArray[np.float32] | None
@@ -59,7 +61,8 @@ class _Levels:
     margin: NDArray[np.float32]
     """(slots,) factor on `common` in the search, to allow for the error of the noise level."""
     bands: NDArray[np.float32] | None
-    """(bands, new slots) noise level of each band over `common`; None if all are equal."""
+    """(bands, new slots) ratio of each band's noise level to `common`; None if all are
+    equal."""
 
 
 class _LevelRecord:
@@ -91,7 +94,7 @@ class _LevelRecord:
             del self._stretches[0]
 
     def correct(self, measured: NDArray[np.float32], past: int) -> None:
-        """Replace the noise levels of slots that may have held a pulse by later estimates."""
+        """Replace the noise levels of slots that may contain a pulse by later estimates."""
         if self._stretches:
             before = self._stretches[-1].common
             upto = min(LEVEL.beside_slots[1], past, len(before))
@@ -99,10 +102,11 @@ class _LevelRecord:
 
 
 class Leveller:
-    """Tracks the noise level shared by the rows of one search.
+    """Tracks the noise level that the rows of one search have in common.
 
     `keep`: number of columns for which levels are stored. `steepness`: threshold of the search
-    over K; sets the margin for a level's error. `circular`: the last row is next to the first.
+    divided by K, which determines the margin for a level's error. `circular`: True if the last
+    row is next to the first.
     """
 
     def __init__(
@@ -212,7 +216,7 @@ class Leveller:
         self._average()
 
     def _nearly_steady(self, both: NDArray[np.float32]) -> bool:
-        """True if noise levels are so near the newest one that cells need no new limits."""
+        """True if all noise levels are close to the newest, so cells need no new limits."""
         pieces = both.shape[1] // LEVEL.piece_slots
         some = both[:, both.shape[1] - pieces * LEVEL.piece_slots :]
         common = self._common(some).reshape(pieces, LEVEL.piece_slots).mean(axis=1)
@@ -303,7 +307,7 @@ class Leveller:
         weights: NDArray[np.float32],
         past: int,
     ) -> _Levels:
-        """Noise level of each time slot; from slot `past` on, also of each frequency band."""
+        """Noise level of each time slot, and from slot `past` on of each frequency band."""
         scale = math.sqrt(LEVEL.slot_variance / self._bins)
         back, begin, least = _longest(common, weights, scale)
         ahead, end, _ = _longest(common[::-1], weights[::-1], scale)

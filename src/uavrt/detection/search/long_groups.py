@@ -1,8 +1,8 @@
 """Search for groups of nine pulses or more: try every cell as the last pulse.
 
-With such K one cell in ten exceeds T/K, so anchors would not narrow the search. The maximum
-over the jitter is computed once for all cells. Only past columns that may contain a pulse are
-read, which takes 0.3 of the time for K = 40.
+For such K, one cell in ten exceeds T/K (threshold over number of pulses), so a search from
+strong cells would save nothing. The maximum over the jitter is computed once for all cells.
+Only past columns that may contain a pulse are read, which takes 0.3 of the time for K = 40.
 """
 
 import math
@@ -17,7 +17,7 @@ from uavrt.detection.search.tuning import GROUPS, THRESHOLDS
 
 
 class LongSearch(RateSearch):
-    """Search of one rate for groups of nine pulses or more; parameters as for `RateSearch`."""
+    """Search at one rate for groups of nine pulses or more; parameters as for `RateSearch`."""
 
     def __init__(self, **parameters: Any) -> None:
         super().__init__(**parameters)

@@ -1,8 +1,8 @@
-"""Estimate the noise power of each row from the same statistic that is searched.
+"""Estimate the noise power of each row from the statistic that is searched.
 
 The original detector estimates noise in whole bins and interpolates to the half bins. A carrier
-on a whole bin then raises the half bins but not their threshold: a false alarm in each segment.
-Here each row is estimated separately.
+on a whole bin then raises the power in the half bins but not their threshold, which gives a
+false alarm in each segment. Here the noise of each row is estimated separately.
 """
 
 import math
@@ -17,18 +17,20 @@ from uavrt.detection.search.tuning import NOISE
 from uavrt.dsp.sliding_medians import medians
 
 _KEPT = 1.0 - math.exp(-NOISE.excluded_ratio)
-"""Share of noise cells below `NOISE.excluded_ratio` times the mean noise power."""
+"""Share of noise cells whose power is below `NOISE.excluded_ratio` times the mean noise
+power."""
 _KAPPA = 1.0 - NOISE.excluded_ratio * math.exp(-NOISE.excluded_ratio) / _KEPT
 """Mean power of the noise cells below `NOISE.excluded_ratio`, as a share of the noise power:
 0.925."""
 _RISEN = math.exp(-NOISE.excluded_ratio / NOISE.rise_ratio)
-"""Share of noise cells above `NOISE.excluded_ratio` after a rise by `NOISE.rise_ratio`."""
+"""Share of noise cells above `NOISE.excluded_ratio` after the noise has risen by
+`NOISE.rise_ratio`."""
 
 
 def _truncated(
     power: NDArray[np.float32], noise: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """One iteration of the noise power as a truncated mean; and the share of cells included."""
+    """One iteration of the noise power as a truncated mean; and the share of cells used."""
     kept = (power < (np.float32(NOISE.excluded_ratio) * noise)[..., np.newaxis, :]).astype(
         np.float32
     )
@@ -181,7 +183,7 @@ class RowNoise:
 
     @property
     def _mode(self) -> Literal["wrap", "reflect"]:
-        """Padding mode beyond band ends: rows of the other end (circular), or mirrored ones."""
+        """Padding mode beyond the ends of the band: rows of the other end, or mirrored rows."""
         return "wrap" if self._circular else "reflect"
 
     @property

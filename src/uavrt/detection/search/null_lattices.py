@@ -1,9 +1,9 @@
 """Count groups at intervals that no tag has, to adapt the threshold to the present noise.
 
 Thresholds are computed for white noise. Other noise (mains bursts, a keyed transmitter, hum)
-makes more groups. Their excess is counted at intervals that are shorter than the tag's by more
-than the interval's uncertainty. The only assumption is that the noise is not related to the
-tag's interval.
+forms more groups. Their excess is counted at intervals that are shorter than the tag's by more
+than the interval's uncertainty. The only assumption is that the noise is unrelated to the tag's
+interval.
 """
 
 import math
@@ -16,8 +16,8 @@ from uavrt.detection.search.tuning import GROUPS, NULL
 
 _WHITE_K = np.log(NULL.ks)
 Test = Callable[[NDArray[np.intp], int], bool]
-"""Function that tests if the present strong cells form a group at an interval shorter than the
-tag's. Arguments: `lows`, the first columns of the ranges of the group's other pulses, and
+"""Function that tests whether the present strong cells form a group at an interval shorter than
+the tag's. Arguments: `lows`, the first columns of the ranges of the group's other pulses, and
 the reduction of the interval [columns]."""
 
 
@@ -71,7 +71,7 @@ class NullLattices:
         self._more = min(max(0.0, more), self._most + NULL.by_chance)
 
     def factor(self, threshold: float) -> float:
-        """Factor on a threshold with which the noise makes as many groups as white noise."""
+        """Factor on a threshold with which the noise forms as many groups as white noise."""
         return 1.0 + max(0.0, self._more - NULL.by_chance) / threshold
 
     def least(self, threshold: float) -> float:

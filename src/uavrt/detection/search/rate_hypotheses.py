@@ -21,7 +21,7 @@ from uavrt.detection.search.tuning import GROUPS, NULL, THRESHOLDS
 
 
 def make_searches(tag: Tag, grid: Grid, frequency_window_hz: float) -> list[RateSearch]:
-    """Make one search for each of the tag's rates, with its thresholds."""
+    """Create one search for each of the tag's pulse rates, with its thresholds."""
     bandwidth = min(2.0 * frequency_window_hz, grid.sample_rate_hz)
     searches: list[RateSearch] = []
     kind = LongSearch if tag.k >= GROUPS.long_from_k else AnchorSearch

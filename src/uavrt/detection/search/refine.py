@@ -1,9 +1,9 @@
 """Measure time, frequency and energy of single pulses, by local maximum likelihood.
 
-For a rectangular pulse of unknown phase in white noise the likelihood is the squared magnitude
-of the matched filter. It is evaluated at every sample and, around the best, at a continuous
-frequency (Newton). The Cramér–Rao bound of the frequency's standard deviation is 1.95 Hz for a
-pulse of 20 ms at 20 dB.
+For a rectangular pulse of unknown phase in white noise, the likelihood depends on the squared
+magnitude of the matched filter. It is evaluated at every sample and, near the best sample, at a
+continuous frequency (Newton's method). By the Cramér–Rao bound, the standard deviation of the
+frequency is at least 1.95 Hz for a pulse of 20 ms at 20 dB.
 """
 
 import math
@@ -186,7 +186,7 @@ class Refiner:
         )
 
     def loses(self, start: float) -> bool:
-        """True if samples near a pulse were lost."""
+        """True if samples near a pulse are lost."""
         near = MEASURE.losing_s * self._grid.sample_rate_hz
         return self._buffer.loses(start - near, start + near)
 
@@ -327,7 +327,7 @@ class Refiner:
         return pulse.power / max(mean, 0.05)
 
     def is_impulse(self, pulse: Measured, floor: float) -> bool:
-        """True if a quarter of a pulse's window has most energy, or many rows have some."""
+        """True for an impulse: most energy is in a quarter of a pulse, or in many rows."""
         if not self._looks_like_impulse(pulse, floor):
             return False
         around = self._floor_around(pulse)

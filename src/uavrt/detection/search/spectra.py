@@ -16,7 +16,7 @@ from uavrt.detection.search.tuning import GRID
 
 
 class Workspace:
-    """Reusable arrays; to allocate a new array of this size costs a page fault per 4 kB."""
+    """Arrays that are reused, because allocating a large array costs a page fault per 4 kB."""
 
     def __init__(self) -> None:
         self._arrays: dict[str, NDArray[np.float32]] = {}

@@ -1,8 +1,9 @@
 """Compute thresholds by a formula with one calibrated factor, valid from the first sample on.
 
-The expected number of false groups in a decision interval is the number of effective hypotheses
-times the chance that one of them passes. The chance is the tail of a sum of one exponential
-(the anchor) and K - 1 maxima over the jitter, each limited.
+The expected number of false groups in a decision interval is the number of effective
+hypotheses, multiplied by the probability that one of them passes. This probability is the tail
+of a sum of one exponential variable (the anchor) and K - 1 maxima over the jitter; each term is
+limited.
 """
 
 import math
@@ -15,10 +16,10 @@ from uavrt.detection.search.tuning import GROUPS, THRESHOLDS
 
 
 def decision_interval_s(tag: Tag, rate: int = 1) -> float:
-    """Time between decisions of the original detector [s]; false-alarm rates refer to it.
+    """Time between decisions of the original detector [s], to which false-alarm rates refer.
 
-    With hops of half a pulse at 3750 S/s a segment has K (N + M) + J + 1 columns, of which
-    2 (K M + J) are used again. For the thesis's tag the interval is 3.567 s at K = 3.
+    With hops of half a pulse at 3750 S/s, a segment has K (N + M) + J + 1 columns, of which 2
+    (K M + J) are used again. For the thesis's tag the interval is 3.567 s at K = 3.
     """
     k = tag.k
     window = math.ceil(tag.pulse_width_s * THRESHOLDS.original_rate_hz - 1e-9)
@@ -44,8 +45,9 @@ def decision_span_s(tag: Tag, rate: int = 1) -> float:
 def begun_within_s(tag: Tag, rate: int = 1) -> float:
     """Duration in which a group of the first decision can begin [s].
 
-    The original detector's steps are whole columns. For tags with small uncertainties, this
-    rounding takes up to a millisecond per pulse; for K of 60 or more, no time would be left.
+    The original detector's steps are whole columns. If the tag's uncertainties are small, this
+    rounding shortens the duration by up to a millisecond per pulse. Without the minimum used
+    here, no time would be left for K of 60 or more.
     """
     interval_s = tag.pulse_intervals_s[rate - 1]
     begun_s = decision_span_s(tag, rate) - (tag.k - 1) * interval_s
@@ -115,13 +117,13 @@ def effective_hypotheses(
 
 
 def spread(*, reach_s: float, pulse_width_s: float) -> float:
-    """Number of independent exponential variables like a maximum over the jitter."""
+    """Number of independent exponential variables whose maximum is like one over the jitter."""
     return 1.0 + 2.5 * 2.0 * reach_s / pulse_width_s
 
 
 @lru_cache(maxsize=1024)
 def threshold(*, k: int, hypotheses: float, spread: float, expected_false: float) -> float:
-    """Threshold of the sum of K cells [noise powers]."""
+    """Threshold for the sum of the powers of K cells [noise powers]."""
     low, high = 0.1, 400.0
     for _ in range(50):
         middle = 0.5 * (low + high)
@@ -144,9 +146,9 @@ def young_margin(threshold: float, noise_error: float) -> float:
 
 
 def weakest_enr_db(k: int, threshold: float) -> float:
-    """ENR of K equal pulses with a sum that reaches a threshold in nine groups of ten [dB].
+    """ENR of K equal pulses whose sum reaches a threshold in nine of ten groups [dB].
 
-    A pulse's cell has mean 1 + E and variance 1 + 2 E; their sum is approximated as normal.
+    A pulse's cell has mean 1 + E and variance 1 + 2 E; the sum is approximated as normal.
     """
     # With x = 1 + 2 E: K (x + 1) / 2 - z sqrt(K x) = threshold, a square equation in sqrt(x).
     half = THRESHOLDS.nine_of_ten / math.sqrt(k)

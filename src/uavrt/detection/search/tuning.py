@@ -48,22 +48,24 @@ class NoiseTuning:
     """Number of rows averaged on each side at first; an error of 5 % doubles the false
     alarms."""
     reach: int = 8
-    """Number of rows on each side, two bins, used to estimate a row's broadband noise."""
+    """Number of rows on each side from which a row's broadband noise is estimated: two bins."""
     flat_ratio: float = 1.2
-    """Ratio of the noise medians' spread to their error up to which a spectrum counts as flat.
-    A tilt of 0.4 dB over the band may be missed, no more than the error of the medians."""
+    """Ratio of the spread of the noise medians to their error, up to which a spectrum counts as
+    flat. A tilt of 0.4 dB over the band may be missed, which is within the error of the
+    medians."""
     steep_errors: float = 4.0
-    """Difference of the noise medians on both sides of a row that marks an edge [standard
-    errors]. If all rows lie on a line there is no edge: the median is correct there."""
+    """Difference between the noise medians on both sides of a row above which the row is at an
+    edge of the spectrum [standard errors]. If all rows lie on a line there is no edge, and the
+    median is correct."""
     least_steep: float = 0.15
     """Minimum relative difference of the noise medians on both sides of an edge: 0.7 dB."""
     edge_flat_ratio: float = 1.5
     """Ratio of the spread of the noise levels on one side of an edge to their error, up to
     which that side counts as flat."""
     hum_sigmas: float = 0.5
-    """Excess over the median above which a row's own noise estimate is used, as between lines
-    of hum [standard deviations]. It makes the noise 3 to 5 % larger; with the median there
-    were 3.4 times the false groups."""
+    """Excess over the median [standard deviations] above which a row's own noise estimate is
+    used, as between lines of hum. It raises the noise by 3 to 5 %. With the median there were
+    3.4 times the nominal false groups."""
     usual_threshold: float = 25.0
     """Typical threshold of a group's sum, used to compute the effect of uncertain noise [noise
     powers]."""
@@ -95,7 +97,8 @@ class NoiseLevelTuning:
     piece_slots: int = 11
     """Number of slots (half pulses) in a piece compared with the mean noise level."""
     pulse_ratio: float = 1.7
-    """Minimum power ratio of a half-pulse slot to those on both sides, for a strong pulse."""
+    """Minimum ratio of the power of a half-pulse slot to that of the slots on both sides, for a
+    strong pulse."""
     pulse_sigmas: float = 2.6
     """Excess of three half-pulse slots that marks a weak pulse [standard deviations]."""
     beside_slots: tuple[int, int] = (4, 8)
@@ -112,9 +115,10 @@ class NoiseLevelTuning:
     most_averaged: int = 40
     """Maximum number of updates over which an unchanged noise level is averaged."""
     learnt_slots: int = 40
-    """Number of slots (half pulses) of noise level 1 assumed before the first slot."""
+    """Number of slots (half pulses) with noise level 1 that are assumed before the first
+    slot."""
     steady_ratio: float = 0.5
-    """Minimum ratio of lowest to highest noise level that needs no new limits on cells."""
+    """Ratio of the lowest to the highest noise level from which cells need no new limits."""
     least_level: float = 1e-9
     """Minimum noise level [noise powers]; avoids division by zero if samples are zero."""
 
@@ -134,16 +138,18 @@ class GroupTuning:
     """Number of columns, half a pulse width, that must follow the last pulse of a group. The
     flank of a strong pulse reaches the cell limit before the pulse's maximum."""
     score_digits: int = 4
-    """Number of decimal places of a candidate's score that count. Strong groups share one score
-    because cells are limited before the sum; rounding must not choose between them."""
+    """Number of decimal places to which candidates' scores are compared. Strong groups have
+    equal scores because cells are limited before the sum; rounding errors must not choose
+    between them."""
     anchors_at_once: int = 96
     """Number of strong cells (anchors) tested by one call of NumPy."""
     candidates_at_once: int = 24
-    """Maximum number of candidate groups measured at once; the strongest are taken. The flanks
-    of a neighbour 10 dB above the tag fill eight of these; 36 pulses were once missed next
-    to it."""
+    """Maximum number of candidate groups that are measured at once; the strongest are chosen.
+    The flanks of a neighbour 10 dB above the tag fill eight of these places; 36 pulses were
+    once missed next to it."""
     long_from_k: int = 9
-    """Minimum K for trying every cell as a group's last pulse, not only strong cells."""
+    """Smallest K (number of pulses in a group) for which every cell is tried as the last pulse,
+    and not only strong cells."""
     long_candidates_at_once: int = 8
     """Maximum number of candidates for long groups measured at once; each takes up to 10 ms."""
     same_bins: float = 1.5
@@ -169,7 +175,8 @@ class ThresholdTuning:
     """Minimum time in which a group may begin [decision intervals]; for K up to 40 it is
     longer."""
     first_share: float = 0.8
-    """Calibrated share of groups that lie within the samples of the first decision."""
+    """Calibrated share of groups that lie completely within the samples of the first
+    decision."""
     noise_error: float = 0.033
     """Relative error of the noise estimate after 2.5 s, with which the threshold tables were
     calibrated."""
@@ -187,8 +194,9 @@ class NullTuning:
 
     counted_share: float = 0.93
     """Share of the threshold above which groups of noise are counted. They are then frequent
-    enough to count within ten seconds, and close to those that reach the threshold. At 0.85,
-    varying sparks made 1.5 times the nominal false groups, because their tail falls slowly."""
+    enough to be counted within ten seconds, and similar to those that reach the threshold. At
+    0.85, varying sparks caused 1.5 times the nominal false groups, because their tail falls
+    slowly."""
     cell_share: float = 0.15
     """Share c in a cell's limit in a counted group, which is c + (1 - c) / K of the threshold.
     With the higher limit of the search, each pulse of a weak tag formed groups with noise, and
@@ -213,13 +221,15 @@ class NullTuning:
     """Rise of the threshold that counts in white noise make by chance [noise powers]; it is
     subtracted."""
     most_share: float = 0.85
-    """Maximum of the raised threshold, as a share of the largest possible sum of K cells.
-    Strong pulses of other transmitters are counted, too, and must not hide a strong tag."""
+    """Maximum of the raised threshold, as a share of the largest possible sum of K cells. It is
+    limited because strong pulses of other transmitters are counted as well, and they must not
+    hide a strong tag."""
     tolerated_ratio: float = 1.3
-    """Ratio of counted groups to those of white noise up to which the threshold stays."""
+    """Ratio of the number of counted groups to that in white noise, up to which the threshold
+    is not raised."""
     tolerated_coloured_ratio: float = 1.0
-    """Ratio of counted groups to those of white noise up to which the threshold stays, while
-    noise is coloured."""
+    """Ratio of the number of counted groups to that in white noise, up to which the threshold
+    is not raised while noise is coloured."""
     ks: tuple[float, ...] = (2.0, 3.0, 5.0, 8.0)
     """Numbers of pulses K for which `white_ratios` are given."""
     white_ratios: tuple[float, ...] = (0.92, 1.25, 1.75, 1.56)
@@ -248,13 +258,13 @@ class EvidenceTuning:
     """Minimum score of a candidate for its likelihood to be tested, as a share of the
     threshold."""
     sure_score: float = 1.2
-    """Score above which the likelihood is not tested: two cells at the limit and one above the
-    noise."""
+    """Score above which a candidate is accepted without a test of its likelihood: that of two
+    cells at the limit and one above the noise."""
     tested_k: int = 3
     """Number of pulses K in the groups that are tested by their likelihood."""
     most_jitter_widths: float = 6.0
-    """Largest jitter of a tag for its groups to be tested by their likelihood [pulse widths];
-    at this limit 45 000 lattices are summed in a millisecond."""
+    """Largest jitter of a tag whose groups are tested by their likelihood [pulse widths]; at
+    this limit 45 000 lattices (series of pulse times) are summed in a millisecond."""
     factor_log: float = -3.7
     """Constant of the minimum log-likelihood ratio, from noise groups counted at K = 3."""
     slope: float = 1.2
@@ -285,7 +295,7 @@ class MeasureTuning:
     break_places: tuple[float, ...] = (0.25, 0.5, 0.75)
     """Positions in a pulse at which its phase may break, as shares of its width."""
     break_gain: float = 3.5
-    """Power that noise gains if the position of the phase break is chosen freely [noise
+    """Power that noise gains because the best position of a phase break is chosen [noise
     powers]; it is subtracted."""
     losing_s: float = 0.3
     """Time from lost samples within which a pulse may have a break of phase [s]."""

@@ -1,4 +1,4 @@
-"""Put the blocks of a stream in order: late, early and duplicate ones, and those after gaps."""
+"""Put the blocks of a stream in order, even if they are late, early, missing or duplicate."""
 
 import math
 from typing import Literal
@@ -34,7 +34,7 @@ class LongestBlock:
 
 
 class Intake:
-    """Sorts the blocks of one detector into its buffer, by their times."""
+    """Sorts the sample blocks of one detector into its buffer, by their times."""
 
     def __init__(self, tag: Tag, *, sample_rate_hz: float, counters: Counters) -> None:
         longest = max(tag.pulse_intervals_s) + tag.interval_uncertainty_s
@@ -57,7 +57,7 @@ class Intake:
         """Number of consecutive sample blocks that began before the buffer's end."""
 
     def clear(self) -> None:
-        """Clear the buffer, as before the first block."""
+        """Delete all stored samples, so that the next block is treated as the first."""
         self.buffer.clear()
         self.stale_blocks = 0
 

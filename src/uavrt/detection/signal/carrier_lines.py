@@ -1,8 +1,8 @@
 """Remove carriers from the samples before the search.
 
-In windows one pulse long, the side lobes of a carrier of 60 dB hide a tag 100 Hz away. Carriers
+In windows one pulse long, the side lobes of a 60 dB carrier hide a tag 100 Hz away. Carriers
 are found in a transform 25 times as long. They are subtracted with slowly varying amplitudes,
-fitted jointly by least squares. A tag exactly on a carrier loses a part of its energy.
+which are fitted jointly by least squares. A tag exactly on a carrier loses part of its energy.
 """
 
 import math
@@ -33,16 +33,16 @@ class LineCanceller:
 
     @property
     def idle(self) -> bool:
-        """True if there is no carrier to subtract, now or in the last samples."""
+        """True if no carrier has to be subtracted from the present or the last samples."""
         return not self.frequencies_hz.size and self._past is None
 
     @property
     def needed(self) -> int:
-        """Number of samples before the new ones that `find` and `subtract` need."""
+        """Number of earlier samples that `find` and `subtract` need with the new samples."""
         return max(self._length, round(CARRIERS.fit_s * self._rate))
 
     def find(self, before: NDArray[np.complex64], samples: NDArray[np.complex64]) -> None:
-        """Find carriers in the newest samples and in `before`, the stored ones before them."""
+        """Find carriers in the newest samples and in `before`, the samples before them."""
         past = before if self._past is None else self._past
         newest = np.concatenate((past, samples))[-self._length :]
         if len(newest) < self._length:
@@ -123,7 +123,7 @@ class LineCanceller:
         return np.asarray(np.median(powers, axis=0) > 0.3 * powers.mean(axis=0))
 
     def subtract(self, before: NDArray[np.complex64], samples: NDArray[np.complex64]) -> None:
-        """Remove carriers in place from new samples (n,), which follow those `before`."""
+        """Remove carriers, in place, from new samples (n,) that follow the samples `before`."""
         if not self.frequencies_hz.size:
             self._past = None
             return
@@ -215,7 +215,7 @@ def _window(length: int) -> NDArray[np.float32]:
 
 @lru_cache(maxsize=8)
 def _polynomials(count: int, degree: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Make orthonormal polynomials over blocks: values and slopes (count, degree + 1)."""
+    """Create orthonormal polynomials over blocks: values and slopes (count, degree + 1)."""
     at = (2.0 * np.arange(count) + 1.0) / count - 1.0
     legendre = np.polynomial.legendre
     values, mixed = np.linalg.qr(legendre.legvander(at, degree))

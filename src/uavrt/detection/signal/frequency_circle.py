@@ -1,7 +1,8 @@
 """Compare frequencies of a sampled channel, which are periodic in the sample rate.
 
-A signal beyond one edge of a channel appears at the other, and pulses of a tag at an edge
-scatter across it. They are reported at the frequency nearest to that of their track.
+A signal beyond one edge of a channel appears at the other edge, and the measured pulses of a
+tag at an edge scatter across it. They are reported at the alias nearest to the frequency of
+their track.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Store unfiltered samples for filters that replace samples and need their neighbours."""
+"""Store unfiltered samples for filters that overwrite samples but need those around them."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ class Surroundings:
         return np.concatenate((past, samples, np.concatenate((after, zeros))[:reach]))
 
     def filtered(self, whole: Samples, reach: int) -> None:
-        """Store the end of `whole`, which is unfiltered, for the next call of `of`."""
+        """Store the end of `whole`, the unfiltered samples, for the next call of `of`."""
         self._past = whole[-2 * reach : -reach].copy()
 
     def unfiltered(self) -> None:

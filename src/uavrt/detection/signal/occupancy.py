@@ -1,7 +1,7 @@
 """Measure the share of time in which a tag's frequency is free of other signals.
 
-An instant is occupied if it is stronger than the quiet instants of the same frequency. Because
-a steady transmitter leaves no quiet instant, every instant is also compared with the quietest
+An instant is occupied if its power exceeds that of the quiet instants at this frequency. A
+steady transmitter leaves no quiet instant, so every instant is also compared with the quietest
 frequencies of the channel.
 """
 

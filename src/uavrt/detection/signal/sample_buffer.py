@@ -22,7 +22,7 @@ from uavrt.dsp.zero_runs import zero_runs
 
 @dataclass(slots=True)
 class Counters:
-    """Counters of a detector since its start, one for each kind of loss or refusal."""
+    """Counters of a detector since its start, one for each kind of lost or refused data."""
 
     samples: int = 0
     samples_lost: int = 0
@@ -45,10 +45,10 @@ class Counters:
 
 
 class SampleBuffer:
-    """The recent samples of a channel, addressed by their index since the start.
+    """Stores the recent samples of a channel; an index counts from the start of the stream.
 
     `keep`: number of newest samples that are stored. `tolerance_s`: deviation of a block's time
-    below which the clock is slow and nothing is lost [s].
+    up to which the clock counts as slow and no samples as lost [s].
     """
 
     def __init__(self, *, sample_rate_hz: float, keep: int, tolerance_s: float) -> None:
@@ -114,9 +114,9 @@ class SampleBuffer:
         return self._data[first - self.start : last - self.start]
 
     def extend(self, blocks: Sequence[tuple[NDArray[np.complex64], int]]) -> int:
-        """Add blocks while each continues the last; return the number of blocks added.
+        """Add blocks as long as each continues the previous block; return the number added.
 
-        With a hundred tags nearly all of a thousand blocks a second are added here.
+        With a hundred tags, nearly all of a thousand blocks a second are added here.
         """
         if not self._stamp_index:
             return 0
@@ -191,7 +191,7 @@ class SampleBuffer:
         self.examined = max(upto, self.examined)
 
     def silence(self, first: int, last: int) -> None:
-        """Set the lost samples of [first, last) to zero again, after a filter."""
+        """Set the lost samples of [first, last) to zero again after a filter changed them."""
         for low, high in self.lost:
             if low < last and first < high:
                 self.view(max(low, first), min(high, last))[:] = 0.0

@@ -1,8 +1,8 @@
-"""Divide the samples by the noise level at their time if the noise comes in bursts.
+"""Divide the samples by the momentary noise level if the noise comes in bursts.
 
-Power lines spark at twice the mains frequency: noise for one to five milliseconds of each ten.
-This noise makes several times the false groups of steady noise. In noise of varying power, a
-matched filter must weight each sample by the inverse of its noise power.
+Power lines spark at twice the mains frequency: they emit noise for one to five milliseconds in
+each ten. This noise forms several times as many false groups as steady noise. In noise of
+varying power, a matched filter must weight each sample by the inverse of its noise power.
 
 The noise level at an instant is the harmonic mean of the levels on both sides of the searched
 band. So neither a tag's pulse nor a neighbour on one side counts as a burst.
@@ -16,7 +16,7 @@ from uavrt.detection.signal.tuning import SPARKS
 
 
 class SparkLimiter:
-    """Equalises noise that comes in bursts shorter than a pulse, in the searched band."""
+    """Equalises noise in the searched band that comes in bursts shorter than a pulse."""
 
     def __init__(
         self, *, sample_rate_hz: float, offset_hz: float, half_width_hz: float

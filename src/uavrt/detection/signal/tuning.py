@@ -16,7 +16,7 @@ class ChannelTuning:
     """Number of recent sample blocks; the longest of them is the expected length of the next
     one."""
     restart_blocks: int = 3
-    """Number of consecutive sample blocks with times in the past after which the stream
+    """Number of consecutive blocks with earlier times than expected after which the stream
     restarts."""
     # Shortest run of zeros that counts as lost samples; coarse samples contain shorter ones.
     shortest_loss_s: float = 0.0005
@@ -29,8 +29,9 @@ class ChannelTuning:
     usual_error_hz: float = 500.0
     """Maximum usual error of a tag's frequency [Hz]."""
     edge_hz: float = 2.0
-    """Distance beyond a channel's edge at which a track moves to the other edge [Hz]: more than
-    twice the scatter of a track of 16 dB. A tag 5 Hz inside keeps its frequency."""
+    """Distance beyond a channel's edge at which a track's frequency changes to the other edge
+    [Hz]. It is more than twice the scatter of a track of 16 dB, so that a tag 5 Hz inside keeps
+    its frequency."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,8 +41,8 @@ class CarrierTuning:
     transform_s: float = 0.55
     """Length of the spectrum that finds steady carriers [s]: bins of 1.8 Hz."""
     search_every_s: float = 2.4
-    """Interval between two searches for carriers while none is subtracted [s]. The fit of an
-    amplitude cannot follow a drift of 2 Hz/s over 2.5 s."""
+    """Interval between two searches for carriers while none is subtracted [s]. It is short
+    because the fit of an amplitude cannot follow a drift of 2 Hz/s over 2.5 s."""
     fit_s: float = 0.3
     """Duration of earlier samples in the fit of a carrier's amplitude [s]."""
     block_s: float = 0.004
@@ -50,26 +51,33 @@ class CarrierTuning:
     """Degree of the polynomial of a carrier's amplitude. A carrier of 60 dB with 30 % of
     modulation at 1.3 Hz leaves 20 dB at degree 4, and 0.5 dB at degree 6."""
     threshold_ratio: float = 40.0
-    """Ratio of a carrier's bin to the median of the bins around it. Noise reaches this in one
-    of 10^12 bins, and pulses, 50 Hz wide, reach 4. A carrier of 0 dB in 50 Hz reaches it."""
+    """Ratio of a bin's power to the median of the bins around it, above which it is a carrier.
+    Noise reaches this in one of 10¹² bins; pulses, which are 50 Hz wide, reach a ratio of 4. A
+    carrier of 0 dB in 50 Hz reaches the threshold."""
     group_bins: int = 16
     """Number of neighbouring frequency bins used to estimate their noise power."""
     floor_rank: int = 4
-    """Rank, by power, of the bin that represents the noise of a group. The frame of 60 ms of an
-    idle transmitter has a line every 16.7 Hz, which takes half of the bins."""
+    """Rank, by power, of the bin that represents the noise of a group of bins. It is low
+    because an idle transmitter with frames of 60 ms has a line every 16.7 Hz, which occupies
+    half of the bins."""
     floor_scale: float = 2.0
-    """Ratio of the median power of a group of noise bins to that of its bin of `floor_rank`."""
+    """Ratio of the median power of a group of noise bins to the power of the bin with the rank
+    `floor_rank`."""
     most_lines: int = 240
-    """Maximum number of carriers removed: frames of 60 ms have one every 16.7 Hz."""
+    """Maximum number of carriers that are removed; a transmitter with frames of 60 ms has one
+    every 16.7 Hz."""
     few_lines: int = 6
     """Maximum number of carriers that are all fitted with polynomials of full degree."""
     many_lines: int = 100
-    """Number of carriers above which weak ones get `degree_of_most`."""
+    """Number of carriers above which weak carriers are fitted with polynomials of
+    `degree_of_most`."""
     degree_of_many: int = 3
-    """Polynomial degree for weak carriers above `few_lines`: 37 polynomials of degree 7 take a
-    tenth of the noise, mostly at the newest samples. Degree 3 follows a line 1.5 Hz wide."""
+    """Polynomial degree for weak carriers if there are more than `few_lines`. 37 polynomials of
+    degree 7 would remove a tenth of the noise, mostly from the newest samples. Degree 3 follows
+    a line 1.5 Hz wide."""
     degree_of_most: int = 1
-    """Polynomial degree for weak carriers above `many_lines`, as of an idle transmitter."""
+    """Polynomial degree for weak carriers if there are more than `many_lines`, as from an idle
+    transmitter."""
     most_fit_steps: int = 10
     """Maximum number of conjugate-gradient steps in the common fit of all carriers."""
     residual_share: float = 0.02
@@ -78,9 +86,10 @@ class CarrierTuning:
     """Minimum ratio of a strong carrier's bin to the median of the bins around it. A carrier
     of 24 dB in 50 Hz reaches it."""
     held_searches: int = 40
-    """Number of searches, one each 0.44 s or less, for which a carrier is subtracted after it
-    was last found. A line of hum fades for seconds, and its return gave 17 times the nominal
-    false groups; with this number it gives 1.2 times (49 groups in 841 decisions at 5 %)."""
+    """Number of searches, at most 0.44 s apart, for which a carrier is still subtracted after
+    it was last found. A line of hum can fade for seconds. Its return caused 17 times the
+    nominal false groups; with this number it causes 1.2 times (49 groups in 841 decisions at 5
+    %)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,27 +103,32 @@ class WhiteningTuning:
     memory_s: float = 10.0
     """Duration over which the noise density is averaged [s]."""
     most_weight: float = 6.0
-    """Limit on a window's power in the average [noise densities]; it may hold a pulse."""
+    """Maximum power with which a window counts in the average noise density [noise densities];
+    a window may contain a pulse."""
     rise_ratio: float = 2.2
-    """Ratio of newest median to average noise density above which the average restarts."""
+    """Ratio of the newest median to the average noise density, above which averaging starts
+    again."""
     suppressed_ratio: float = 10.0
-    """Ratio of a noise density to that of the tag's band above which the filter divides by the
-    square root of the excess only. A neighbour at this ratio has the inverse ratio after the
-    filter."""
+    """Ratio of a noise density to that in the tag's band, above which the filter divides only
+    by the square root of the excess. After the filter, a neighbour at this ratio has the
+    inverse ratio."""
     smoothed_bins: int = 5
     """Number of frequency bins over which the noise density is averaged."""
     coloured_ratio: float = 3.0
-    """Ratio of the highest noise density to the tag band's above which filtering begins."""
+    """Ratio of the highest noise density to that in the tag's band, above which filtering
+    begins."""
     plain_ratio: float = 2.0
-    """Ratio of the highest noise density to the tag band's below which filtering ends."""
+    """Ratio of the highest noise density to that in the tag's band, below which filtering
+    ends."""
     young_s: float = 2.0
-    """Duration at the start in which the noise density is uncertain by a third [s]."""
+    """Duration at the start in which the measured noise density has an error of a third [s]."""
     young_coloured_ratio: float = 6.0
-    """Ratio of highest noise density to the tag band's that starts filtering in `young_s`."""
+    """Ratio of the highest noise density to that in the tag's band, above which filtering
+    begins during `young_s`."""
     check_every: int = 4
     """Number of search steps between checks for white noise, or between new filters."""
     fewest_windows: int = 12
-    """Minimum number of windows required to see a rise of the noise density in their median."""
+    """Minimum number of windows from whose median a rise of the noise density is detected."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,22 +143,25 @@ class SparkTuning:
     guard_hz: float = 50.0
     """Distance of the noise filters' bands from the searched band, on both sides [Hz]."""
     least_width_hz: float = 300.0
-    """Minimum width of noise filters' bands [Hz]; a millisecond resolves no narrower one."""
+    """Minimum width of the noise filters' bands [Hz]; a filter of a millisecond cannot be
+    narrower."""
     quiet_quantile: float = 0.2
     """Quantile of the noise levels that represents the time between bursts of noise."""
     mean_ratio: float = 1.8
     """Ratio of the mean level of steady noise to its quiet quantile: 1.79, with a margin."""
     high_ratio: float = 5.0
-    """Ratio of a burst's level to the quiet quantile. Steady noise exceeds it in 0.8 % of the
-    time, edges of 60 dB pulses in 1.3 %, and sparks of 3 dB mean power in 16 % or more."""
+    """Ratio of the noise level to its quiet quantile, above which it counts as high. Steady
+    noise exceeds it in 0.8 % of the time, edges of 60 dB pulses in 1.3 %, and sparks with a
+    mean power of 3 dB in 16 % or more."""
     sparking_share: float = 0.135
-    """Share of high noise levels at which limiting of the samples begins; ten bursts of 5 ms a
-    second give 0.1."""
+    """Share of high noise levels above which the samples are divided by the noise level; ten
+    bursts of 5 ms a second give 0.1."""
     steady_share: float = 0.11
-    """Share of high noise levels below which limiting of the samples ends."""
+    """Share of high noise levels below which the samples are no longer divided by the noise
+    level."""
     check_every: int = 8
     """Number of steps between checks for bursts while the noise is steady; a check takes a
-    third of a step."""
+    third of the time of a step."""
     share_gain: float = 0.2
     """Weight of the newest share of high noise levels in its running average."""
 
@@ -162,8 +179,8 @@ class OccupancyTuning:
     occupied. The lowest quartile of a minute is about 0.3 of the mean noise, which hardly
     ever reaches this."""
     above_channel: float = 4.0
-    """Maximum ratio of the quiet level of a tag's frequency to that of the channel's quietest
-    frequencies, where noise is lower. A higher ratio means a steady signal."""
+    """Ratio of the quiet level of a tag's frequency to that of the channel's quietest
+    frequencies, up to which it may be noise. A higher ratio shows a steady signal."""
     channel_every: int = 4
     """Number of updates between two measurements of the channel's quietest frequencies."""
     group_bins: int = 8

@@ -104,7 +104,7 @@ class Whitener:
         self._taps = self._filter(lags)
 
     def _filter(self, lags: NDArray[np.complex128]) -> NDArray[np.complex64]:
-        """Make the filter from an autocorrelation: the predictor, correlated with itself."""
+        """Create the filter from an autocorrelation: the predictor, correlated with itself."""
         order = self.reach
         order = min(order, len(lags) // 2 - 1)
         index = np.arange(order)
@@ -128,7 +128,7 @@ class Whitener:
         samples[:] = np.convolve(whole, self._taps, "valid")
 
     def preview(self, before: Samples, samples: Samples, after: Samples) -> Samples:
-        """Return the filtered new samples without changing them; lost ones stay zero."""
+        """Return the filtered new samples without changing them; lost samples remain zero."""
         assert self._taps is not None
         side = (len(self._taps) - 1) // 2
         whole = self._surroundings.of(before, samples, after, side)

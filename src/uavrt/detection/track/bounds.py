@@ -91,7 +91,7 @@ class Bounds:
         return abs(interval_s - own_s) > most_s + BOUNDS.line_sigmas * error_s
 
     def leaves_open(self, track: Track) -> bool:
-        """True if a long group's interval is so uncertain that it may be another train's.
+        """True if a long group's interval is uncertain, so that it may be another train's.
 
         The last pulses of a train that began before the stream may fit an interval that is 2 ms
         off.

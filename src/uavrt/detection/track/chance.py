@@ -1,9 +1,9 @@
 """Compute log-likelihood ratios for a track: pulses of a tag against bursts that fit by chance.
 
-A track of bursts is one of many that could have begun, and at each expected pulse a burst was
-received by chance. The product of the likelihood ratios exceeds A with a probability of at most
-1/A (Ville's inequality; J. Ville, Étude critique de la notion de collectif, 1939). The bound is
-therefore the number of expected tracks over the number of false ones allowed.
+Bursts can begin many tracks; in each, a burst must by chance lie at every expected pulse. The
+product of the likelihood ratios exceeds A with a probability of at most 1/A (Ville's
+inequality; J. Ville, Étude critique de la notion de collectif, 1939). The bound A is therefore
+the number of expected tracks divided by the number of false tracks allowed.
 """
 
 import math

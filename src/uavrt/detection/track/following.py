@@ -24,7 +24,7 @@ from uavrt.detection.track.two_rates import change_rate, decide_rate, lags, star
 
 
 def _quiet(_track: Track, _found: Measured) -> BurstRates:
-    """Return burst rates of zero; a function of the module, because detectors are pickled."""
+    """Return burst rates of zero; a module-level function, so that detectors can be pickled."""
     return QUIET
 
 
@@ -78,7 +78,8 @@ class Follower:
     def carried(self, tracks: list[Track]) -> tuple[Track, ...]:
         """Confirmed tracks that continue after a jump of the clock.
 
-        They must be confirmed again. If samples are missing, they receive no pulse and end.
+        They must be confirmed again. If samples are missing, no pulse fits these tracks, and
+        they end.
         """
         end_s = self.seconds(self._buffer.end)
         kept = tuple(track for track in tracks if track.confirmed and not track.held)

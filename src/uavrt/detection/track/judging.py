@@ -1,8 +1,9 @@
-"""Measure a candidate on the samples, and decide if it is a group of the tag.
+"""Measure a candidate in the samples, and decide whether it is a group of the tag.
 
-If the energy in a pulse's window is six standard deviations above the noise, one row must have
-0.35 of it, from the pulse or a stronger signal. Otherwise the candidate is an impulse. Blanking
-longer bursts in the samples instead would also blank pulses, and miss pairs of impulses.
+If the energy in a pulse's window is six standard deviations above the noise, one frequency row
+must contain 0.35 of it, from the pulse or a stronger signal. Otherwise the candidate is an
+impulse. It would be worse to blank longer bursts in the samples: this would also blank pulses,
+and pairs of impulses would be missed.
 """
 
 import math
@@ -44,11 +45,11 @@ class Judge:
     def suffices(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> bool:
-        """True if noise makes such a candidate less often than the false-alarm rate allows."""
+        """True if noise makes such candidates less often than the false-alarm rate allows."""
         return self._evidence is None or self._evidence.suffices(candidate, search, noise)
 
     def known(self, tracks: list[Track]) -> KnownPulses | None:
-        """Pulses of confirmed tracks, which need not be found again; None if there are none."""
+        """Pulses of confirmed tracks, which need not be detected again; None if none."""
         pulses = [slot.measured for t in tracks if t.confirmed for slot in t.slots]
         return KnownPulses(self._grid, pulses) if pulses else None
 
@@ -123,10 +124,10 @@ class Judge:
         noise: NDArray[np.float32],
         floor: float,
     ) -> tuple[list[tuple[int, Measured]], str | None]:
-        """Pulses of a group that are the tag's; or none, and the reason for its rejection.
+        """Pulses of a group that are the tag's; or no pulses, and the reason for the rejection.
 
-        In a long group of weak pulses, there is always one near which noise, an impulse or
-        another signal is stronger. That pulse is excluded, and the others must suffice.
+        In a long group of weak pulses, there is always a pulse near which noise, an impulse or
+        another signal is stronger. Such a pulse is excluded, and the others must suffice.
         """
         reason = self._other_train(places, candidate, search, noise)
         if reason is not None:
@@ -181,10 +182,10 @@ class Judge:
         return None
 
     def _stronger_cause(self, pulse: Measured, floor: float) -> tuple[str | None, float]:
-        """Name of a stronger signal that explains a pulse, or None; and its excess power.
+        """Name of a stronger signal that explains a pulse, or None; and the excess power.
 
-        The excess is the power above that allowed near the pulse [noise powers], and 0 without
-        such power.
+        The excess is the power above that allowed near the pulse [noise powers]; it is 0 if
+        there is no such power.
         """
         rate_hz = self._grid.sample_rate_hz
         bin_hz = rate_hz / self._grid.window
@@ -276,5 +277,5 @@ def _has_gaps(places: list[tuple[int, Measured]]) -> bool:
 
 
 def share_a_pulse(one: list[Measured], two: list[Measured], window: int) -> bool:
-    """True if two groups have a pulse at the same time, at any frequency (leakage)."""
+    """True if two groups have simultaneous pulses, at any frequency (a pulse leaks)."""
     return any(abs(a.start - b.start) < 0.75 * window for a in one for b in two)

@@ -1,4 +1,4 @@
-"""Make records of tracks: find the track that is the tag's, and report each pulse once."""
+"""Create records of pulses: find the track that is the tag's, and report each pulse once."""
 
 import math
 
@@ -19,7 +19,7 @@ _REPORT_EVERY_NS = NANOSECONDS_PER_SECOND
 
 
 class Reporter:
-    """Makes the pulse records and search reports of one detector."""
+    """Creates the pulse records and search reports of one detector."""
 
     def __init__(
         self, tag: Tag, *, center_frequency_hz: float, sample_rate_hz: float, counters: Counters
@@ -80,7 +80,7 @@ class Reporter:
                 self.report(track)
 
     def report(self, track: Track, *, last: bool = False) -> None:
-        """Make records of a track's accepted pulses, also of weak ones as unconfirmed."""
+        """Create records of a track's accepted pulses; weak pulses become unconfirmed ones."""
         if self.doubts(track, last=last) or track.held:
             return
         oldest_open = track.number - self._tag.k + 1
@@ -101,9 +101,9 @@ class Reporter:
                     slot.state = "missed"
 
     def doubts(self, track: Track, *, last: bool = False) -> bool:
-        """True if chance bursts make such tracks more often than the false-alarm rate allows.
+        """True if chance bursts form such tracks more often than the false-alarm rate allows.
 
-        The pulses of a track in doubt are reported only when the track is confirmed.
+        The pulses of a doubtful track are reported only when the track is confirmed.
         """
         if track.confirmed:
             return False
@@ -115,7 +115,7 @@ class Reporter:
     def searched(
         self, time_ns: int, band: SearchBand, occupancy: Occupancy | None = None
     ) -> None:
-        """Record what a band has searched; makes a search report about once a second."""
+        """Record what a band has searched, and create a search report about once a second."""
         if self._reported_ns is None:
             self._reported_ns = time_ns
         if time_ns - self._reported_ns < _REPORT_EVERY_NS:

@@ -25,7 +25,8 @@ from uavrt.detection.track.other_signals.other_bursts import Bursts, Known
 from uavrt.detection.track.tuning import BAND
 
 NOISE_STRIDE = SLOT
-"""Step between the columns used to estimate the noise [columns]; a pulse has eight columns."""
+"""Step between the columns from which the noise is estimated [columns]; a pulse covers eight
+columns."""
 
 
 class _LostColumns:
@@ -43,7 +44,7 @@ class _LostColumns:
         return self._buffer.weights(first, self._grid.window)
 
     def weigh(self, power: NDArray[np.float32], begin: int) -> None:
-        """Scale columns with lost samples to the noise of complete ones, in place."""
+        """Scale columns with lost samples, in place, to the noise of complete columns."""
         weights = self._weights(begin, len(power)) if self._buffer.lost else None
         if weights is not None:
             power *= weights.astype(np.float32)[:, np.newaxis]
@@ -166,7 +167,7 @@ class SearchBand:
         return results
 
     def batch_key(self, upto: int) -> tuple[int, ...] | None:
-        """Properties that bands must share to be run in one call of `advance_together`.
+        """Properties that must be equal for bands to be run in one call of `advance_together`.
 
         None: the band is searched alone.
         """
@@ -246,7 +247,7 @@ class SearchBand:
         return power
 
     def _from_the_start(self, upto: int, *, last: bool) -> Iterator[NDArray[np.float32]]:
-        """Compute all spectrogram columns from stored samples, once the noise can be known.
+        """Compute all spectrogram columns from stored samples once the noise can be estimated.
 
         Until then no columns are stored, which saves 0.3 MB.
         """

@@ -23,7 +23,7 @@ from uavrt.detection.track.unlocked import drop_old, join_group
 
 
 class SearchWindow:
-    """Search around one frequency: its band, the test of candidates, and the tracks in it."""
+    """Search around one frequency: its band, the test of candidates, and its tracks."""
 
     def __init__(self, bounds: Bounds, buffer: SampleBuffer, batch_s: float) -> None:
         self.bounds, self._buffer, self._batch_s = bounds, buffer, batch_s

@@ -1,7 +1,7 @@
-"""Track a tag from pulse to pulse, also through missed pulses.
+"""Track a tag from pulse to pulse, even if pulses are missed.
 
 A track estimates the phase and the interval of the pulses by a Kalman filter, and their
-frequency. The next pulse is expected within narrow limits of time and frequency, so its
+frequency. The next pulse is expected within narrow limits of time and frequency. So its
 threshold is lower than that of the search, by 1.3 dB or more at K = 3.
 """
 
@@ -53,7 +53,7 @@ class Slot:
 
 @dataclass(slots=True)
 class Track:
-    """A tag followed at one rate and frequency; times are seconds from the detector's epoch."""
+    """A tag followed at one rate and frequency; times are from the detector's epoch [s]."""
 
     tag: Tag
     rate: int
@@ -78,8 +78,8 @@ class Track:
     of longer intervals."""
     confirmed: bool = False
     held: bool = False
-    """True if pulses are not reported before confirmation, because another track is the
-    tag's."""
+    """True if pulses are not reported before the track is confirmed, because another track is
+    the tag's."""
     clashing: bool = False
     """True if the track began with a pulse that belongs to another track."""
     alternatives: tuple[int, ...] = ()
@@ -87,7 +87,7 @@ class Track:
     confirmed_at_assignment: bool = False
     """True if the track was confirmed when it was last assigned to a tag."""
     ghost_of: int | None = None
-    """Id of the stronger tag if the track is a false image of it (ghosts.py); None
+    """Id of the stronger tag if the track is a spurious signal of it (ghosts.py); None
     otherwise."""
     dead: bool = False
     since_accepted: int = 0
@@ -95,28 +95,32 @@ class Track:
     """Number of expected pulses tested after the group of pulses that began the track."""
     gained: float = 0.0
     sequences: dict[int, int] = field(default_factory=dict)
-    """Sequence number of each reported group, by the group's place in the track (pulse number
-    divided by K)."""
+    """Sequence number of each reported group of K pulses, by its place in the track (pulse
+    number divided by K)."""
     last_accepted_s: float = 0.0
     odds: float = 0.0
     """Log odds that the track is a tag and not a chance series of bursts."""
     best_odds: float = 0.0
     in_doubt: bool = False
-    """True if the track was ever more likely made of chance bursts than reporting allows."""
+    """True if it was ever too likely that chance bursts formed the track for its pulses to be
+    reported."""
     stands_out: bool = False
     """True if noise alone is unlikely to be the cause of the track's pulses."""
     interval_open: bool = False
     """True if the pulses are too few to distinguish the interval from another train's."""
     trust: float = FOLLOW.most_trust
-    """Log odds that a confirmed track is a tag; raised by pulses, lowered by missing ones."""
+    """Log odds that a confirmed track is a tag; received pulses raise it, missed pulses lower
+    it."""
     at_other_rate: "list[Track]" = field(default_factory=list)
     """Tracks of the transmitter at the tag's other rate, if it has switched (two_rates.py)."""
     settled_s: float = -math.inf
     """Time of the last pulse up to which the tag's rate is decided [s]."""
     halves: list[float] = field(default_factory=lambda: [0.0, 0.0])
-    """Log odds that the tag sends at even, and at odd, pulse numbers; old evidence decays."""
+    """Log odds that the tag sends at even, and at odd, pulse numbers; the weight of old pulses
+    decays."""
     certain_s: float = math.inf
-    """Time until which the tag's rate is certain [s]; later pulses are not reported yet."""
+    """Time until which it is certain at which rate the tag sends [s]; later pulses are not
+    reported yet."""
 
     def begin(
         self, pulses: list[tuple[int, float, int, Measured]], around: Around = lambda *_: QUIET
@@ -269,7 +273,7 @@ class Track:
             self.dead = True
 
     def doubt(self, since_s: float) -> None:
-        """Require a new confirmation; `since_s` becomes the zero of the track's times."""
+        """Require the track to be confirmed again; `since_s` becomes the zero of its times."""
         self.confirmed = False
         self.tested = self.since_accepted = 0
         self.gained, self.trust = 0.0, FOLLOW.most_trust

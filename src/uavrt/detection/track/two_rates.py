@@ -30,7 +30,7 @@ def log_evidence(power: float, strength: float) -> float:
 
 
 def start_other_rate(track: Track) -> None:
-    """Start a track at the other rate from each received pulse that has no such track."""
+    """Start a track at the other rate from each received pulse that has none yet."""
     since_s = max((other.settled_s for other in track.at_other_rate), default=-math.inf)
     since_s = max(since_s, track.settled_s) + track.tag.pulse_width_s
     for slot in track.received:
@@ -52,7 +52,7 @@ def _at_other_rate(track: Track, start: Slot) -> Track:
 
 
 def lags(track: Track, other: Track) -> bool:
-    """True if a track at the other rate has not been evaluated as far as this track has."""
+    """True if a track at the other rate has not been evaluated as far as this track."""
     return other.expected()[0] < track.time_s + _margin_s(track)
 
 
@@ -102,7 +102,7 @@ def _mark_disputed(track: Track, winner: Track, starts_s: list[float]) -> None:
 
 
 def change_rate(track: Track, other: Track) -> None:
-    """Continue a track at the rate of another track of the same tag."""
+    """Continue a track at another rate, with the values of the tag's track at that rate."""
     track.rate = other.rate
     track.time_s, track.interval_s = other.time_s, other.interval_s
     track.variance, track.number = other.variance, other.number

@@ -1,9 +1,9 @@
-"""Detect in the mode that never locks: every group is found independently.
+"""Detect in the mode that never locks: every group of pulses is found independently.
 
-No track predicts the next pulse; each reported pulse is in a group that reached the threshold
-of the search. Groups with common pulses are joined. As in the other modes, K consecutive
-expected pulses, counted from the first, are numbered as one group. A group that continues the
-previous one in time and frequency confirms it, as in the original detector.
+No track predicts the next pulse; each reported pulse belongs to a group that reached the
+threshold of the search. Groups with common pulses are joined. As in the other modes, K
+consecutive expected pulses, counted from the first one, are numbered as one group. A group that
+continues the previous group in time and frequency confirms it, as in the original detector.
 """
 
 import math
@@ -64,7 +64,7 @@ def _continued(
 
 
 def drop_old(tracks: list[Track], now_s: float) -> None:
-    """Drop the groups that no new group can continue, in place."""
+    """Delete groups, in place, that a new group can no longer continue."""
     tracks[:] = [
         t
         for t in tracks

@@ -1,7 +1,7 @@
-"""Describe a record's fields for tables and files, from its dataclass.
+"""Describe the fields of a record for tables and files, as derived from its dataclass.
 
-A new field of `uavrt.core.messages.Pulse` becomes a column of the flight's database, of the
-files of ``uavrt detect`` and of the page's records.
+A new field of `uavrt.core.messages.Pulse` thus becomes a column of the flight's database, of
+the files of ``uavrt detect`` and of the records on the web page.
 """
 
 import json
@@ -21,7 +21,8 @@ Row = tuple[Any, ...]
 Kind = Literal["whole", "real", "switch", "word", "wholes", "reals", "named"]
 
 IN_NO_TABLE = "in no table"
-"""Key in the metadata of a dataclass field that gets no column, because its value is nested."""
+"""Key in the metadata of a dataclass field that gets no column in tables, because its value is
+nested."""
 _KINDS: dict[Any, Kind] = {int: "whole", float: "real", bool: "switch", str: "word"}
 SQL_TYPES: dict[Kind, str] = {
     "whole": "INTEGER",
@@ -43,13 +44,13 @@ class RecordField:
     optional: bool
     """True if the field's value may be None."""
     defaulted: bool
-    """True if the field may be missing, as in older files."""
+    """True if the field has a default, so that files of older versions may lack it."""
     length: int | None = None
     """Required number of values, if the field is a tuple of numbers; None: any number."""
 
 
 def fields_of(record: type) -> tuple[RecordField, ...]:
-    """Describe a dataclass's fields; raises `TypeError` unless all are plain values."""
+    """Describe a dataclass's fields; raises `TypeError` for a field that no column can hold."""
     hints = get_type_hints(record)
     return tuple(
         _field(item.name, hints[item.name], defaulted=item.default is not MISSING)
@@ -81,8 +82,9 @@ def _field(name: str, hint: Any, *, defaulted: bool) -> RecordField:
 class Columns(Generic[R]):
     """Columns of a table of records, and the conversion of a record to a row and back.
 
-    A list of numbers is stored as text, with spaces or (`lists_as_json`) as JSON; numbers by
-    name as JSON; NaN as NULL. The numbers of a field in `spread` have a column each.
+    A list of numbers is stored as text: separated by spaces, or as JSON with `lists_as_json`. A
+    dictionary of numbers is stored as JSON, and NaN as NULL. For a field in `spread`, each
+    number has its own column.
     """
 
     def __init__(
@@ -144,18 +146,18 @@ class Columns(Generic[R]):
         return dict(zip(self._names, values, strict=True))
 
     def record(self, row: Row) -> R:
-        """Make a record from a row; raises `ValueError` or `TypeError` for invalid values."""
+        """Create a record from a row; raises `ValueError` or `TypeError` for invalid values."""
         return msgspec.convert(self.values(row), self._kind)  # faster than its constructor
 
 
 _from_json = lru_cache(maxsize=256)(json.loads)
-"""Parse a JSON list of numbers, cached because thousands of tags share few intervals."""
+"""Parse a JSON list of numbers; results are cached, as thousands of tags share few lists."""
 
 
 def _text_codec(
     kind: Kind, *, as_json: bool
 ) -> tuple[Callable[[Any], str | None], Callable[[Any], Any]]:
-    """Functions that convert numbers to a text and back; an empty list is NULL."""
+    """Two functions: one converts numbers to text, one reverses this; an empty list is NULL."""
     if kind == "named":
         return json.dumps, json.loads
     number = int if kind == "wholes" else float

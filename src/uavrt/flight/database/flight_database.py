@@ -1,4 +1,4 @@
-"""The SQLite file of a flight in progress, which may be damaged, removed or replaced."""
+"""SQLite database of a flight in progress; its file may get damaged, removed or replaced."""
 
 import sqlite3
 from collections.abc import Callable, Iterable
@@ -13,14 +13,16 @@ from uavrt.flight.database.fields import Row
 from uavrt.flight.flight_layout import FlightLayout
 
 CHECKPOINT_S = 2.0
-"""Time between checkpoints if commits are not durable [s]; a power cut loses at most this."""
+"""Time between checkpoints if commits do not wait for the disk [s]; a power cut loses at most
+this time."""
 
 WAL_BYTES = 4_000_000
-"""Size at which the write-ahead log is checkpointed [bytes], after about ten minutes. A page
-rewritten in this time is copied only once. Reading the log takes 10 ms."""
+"""Size at which the write-ahead log is checkpointed [bytes], reached after about ten minutes. A
+page that changes several times until then is copied only once. Reading the log takes 10 ms."""
 
 PAGE_BYTES = 512
-"""Database page size [bytes], below SQLite's 4096: a commit writes ten partly filled pages."""
+"""Size of a database page [bytes]. It is smaller than SQLite's default of 4096, because a
+commit writes ten pages that are only partly filled."""
 
 _POISON = (sqlite3.IntegrityError, sqlite3.DataError, sqlite3.InterfaceError, OverflowError)
 # Python 3.11 raises InterfaceError or ProgrammingError for a type SQLite does not know.
@@ -28,7 +30,7 @@ _UNWRITABLE = (*_POISON, sqlite3.ProgrammingError, UnicodeEncodeError)
 
 Statement = tuple[str, Row]
 CACHE_KIB = 256
-"""Size of SQLite's page cache [KiB]; small, since rows are only appended."""
+"""Size of SQLite's page cache [KiB]; a small cache suffices because rows are only appended."""
 
 
 class FlightDatabase:
@@ -89,7 +91,7 @@ class FlightDatabase:
                 self._open = None
 
     def is_gone(self) -> bool:
-        """True if the open file was removed or replaced, so that readers no longer see it."""
+        """True if the open database file was removed or replaced, so readers cannot see it."""
         return self._open is not None and _identity(self._layout.database) != self._file
 
     def write_again(self) -> None:
@@ -112,7 +114,7 @@ class FlightDatabase:
         copy.replace(self._layout.database)
 
     def move_aside(self) -> str:
-        """Rename the file at the database's path, and return its new name."""
+        """Rename the database file and return its new name."""
         database = self._layout.database
         number = 1
         while (aside := database.with_name(f"{database.name}.damaged-{number}")).exists():
@@ -126,7 +128,7 @@ class FlightDatabase:
     def insert(
         self, pulses: Iterable[Pulse | PulsePose], *others: Iterable[Statement]
     ) -> list[PulsePose]:
-        """Insert all rows in one transaction; return the pulses that had no pose row yet."""
+        """Insert all rows in one transaction; return the pulses that still have no pose."""
         database = self.connected()
         new: list[PulsePose] = []
         counts = {"pulses": 0, "repeated": 0, "refused": 0}
@@ -150,7 +152,10 @@ class FlightDatabase:
         return new
 
     def checkpoint(self, first: Callable[[], None]) -> bool:
-        """If it is due, call `first` and checkpoint the write-ahead log; False on failure."""
+        """Checkpoint the write-ahead log if it is due; False on failure.
+
+        `first` is called before the checkpoint.
+        """
         if self._durable:
             with suppress(OSError):
                 if self._layout.write_ahead_log.stat().st_size > WAL_BYTES:
@@ -179,7 +184,7 @@ class FlightDatabase:
             self.syncs += 1
 
     def without_pose(self, most: int) -> list[Pulse]:
-        """Oldest recorded pulses without a pose row, at most `most`; empty on a disk fault."""
+        """Oldest recorded pulses without a pose, at most `most`; empty if the disk fails."""
         with suppress(sqlite3.Error, OSError, ValueError, TypeError):
             rows = self.connected().execute(schema.SELECT_PULSES_WITHOUT_POSE, (most,))
             return [schema.pulse_from_row(row) for row in rows]

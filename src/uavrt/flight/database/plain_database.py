@@ -1,7 +1,8 @@
-"""Open flight databases of unknown origin; a malicious or damaged one cannot block the program.
+"""Open flight databases of unknown origin without the risk that they block the program.
 
-A view in place of a table may compute endlessly, SQLite waits for a pipe in place of its log
-file, and a running query ignores Ctrl-C.
+In a malicious or damaged database, a view in place of a table may compute endlessly. If the log
+file is a pipe, SQLite waits for it forever. A running query ignores Ctrl-C. This module
+prevents all three.
 """
 
 import os
@@ -14,26 +15,30 @@ from functools import lru_cache
 from pathlib import Path
 
 STEPS = 50_000
-"""Number of steps of SQLite's virtual machine between two checks of the time limit; they take
-some ms."""
+"""Number of steps of SQLite's virtual machine between two checks of the time limit; these steps
+take some milliseconds."""
 LONGEST_VALUE_BYTES = 16_000_000
-"""Largest size of one value [bytes]; a flight's settings have about 10 kB."""
+"""Maximum size of one value in a database [bytes]; the settings of a flight have about 10
+kB."""
 LONGEST_S = 120.0
-"""Largest CPU time for queries on one opened database [s]; 100 000 pulses take one second."""
+"""Maximum CPU time of all queries on one open database [s]; reading 100 000 pulses takes one
+second."""
 _SUFFIXES = ("", "-wal", "-shm", "-journal")
 LONGEST_DEFINITION = 20_000
-"""Largest number of characters in a table's definition, which may contain a default value."""
+"""Maximum length of a table's SQL definition [characters], which may contain long default
+values."""
 _COMPUTED = re.compile(r"(?<![a-z_])as(?![a-z_])", re.IGNORECASE)
-"""Pattern that every definition of a table with a generated column contains."""
+"""Pattern that matches every SQL definition of a table with a generated column."""
 
 queries_ended = threading.Event()
-"""Set when the program ends, which interrupts all queries."""
+"""Event that is set when the program ends; it interrupts all queries."""
 
 
 def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
-    """Open a database for reading with a time limit; refuse views and computed columns.
+    """Open a database for reading, with a time limit; views and computed columns are refused.
 
-    With `mode` ``"rw"``, SQLite may checkpoint the write-ahead log; use it only for a copy.
+    With `mode` ``"rw"``, SQLite may checkpoint the write-ahead log; use this mode only for a
+    copy.
     """
     require_plain_files(path)
     address = f"{path.absolute().as_uri()}?mode={mode}"
@@ -53,7 +58,7 @@ def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
 
 
 def _odd_name(database: sqlite3.Connection) -> str | None:
-    """Name of a view, generated column or long default in a database; None if there is none."""
+    """Name of a view, a generated column or a long default in a database; else None."""
     made = "SELECT name, type, sql FROM sqlite_master WHERE sql IS NOT NULL"
     hidden = "SELECT 1 FROM pragma_table_xinfo(?) WHERE hidden > 1"
     for name, kind, text in database.execute(made):
@@ -69,7 +74,7 @@ def _odd_name(database: sqlite3.Connection) -> str | None:
 
 @lru_cache(maxsize=64)
 def _may_compute(definition: str) -> bool:
-    """True if a table's definition may have a generated column; cached for all databases."""
+    """True if a table with this SQL definition may have a generated column; cached."""
     return _COMPUTED.search(definition) is not None
 
 
@@ -85,9 +90,10 @@ def require_plain_files(path: Path) -> None:
 
 
 def limit_queries(database: sqlite3.Connection, longest_s: float = LONGEST_S) -> None:
-    """End queries after a limit of CPU time, at the end of the program, and on Ctrl-C.
+    """End queries at a limit of CPU time, at the end of the program, and on Ctrl-C.
 
-    The limit counts this thread's CPU time, so a busy computer ends no query early.
+    The limit applies to the CPU time of this thread, so queries do not end early on a busy
+    computer.
     """
     until_s = time.thread_time() + longest_s
     database.set_progress_handler(

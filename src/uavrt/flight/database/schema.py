@@ -1,8 +1,8 @@
 """Define the tables of ``flight.sqlite``, and convert records to rows and back.
 
-Times are nanoseconds UTC, units are in the names, and missing values are NULL. Columns that may
-be NaN allow NULL, because SQLite stores NaN as NULL, and because one invalid record must not
-block others.
+Times are nanoseconds UTC, names contain the units, and missing values are NULL. SQLite stores
+NaN as NULL, so columns that may be NaN allow NULL. This also lets a record with one invalid
+value be stored.
 """
 
 import json
@@ -31,8 +31,9 @@ from uavrt.core.messages import (
 from uavrt.flight.database.fields import Columns, Row
 
 VERSION = 6
-"""Version number of a flight's tables. Version 2 added doubts about pulses; 3: searches; 4:
-coded tags; 5: usable share of time and weakest tag in search reports; 6: beeping senders."""
+"""Version number of a flight's tables. Version 2 added pulses with doubtful origin, 3 searches,
+4 coded tags, 5 the usable share of time and the weakest tag in search reports, 6 unlisted
+beeping senders."""
 SEARCHED = Columns(
     SearchReport,
     (
@@ -57,9 +58,9 @@ _COLUMNS = {
     "tags": {"gaps_s": "TEXT"},
     "search_reports": {"usable_share": "REAL", "weakest_enr_db": "REAL"},
 }
-"""SQL types, by table, of columns that flights of older versions may lack."""
+"""SQL types of columns that flights of older versions may lack, by table."""
 PULSE_COLUMNS = PULSES.names
-"""Column names of a pulse; a column that an older flight does not have is read as NULL."""
+"""Column names of a pulse for queries; a column that an older flight lacks is read as NULL."""
 PULSE_POSE_COLUMNS = ", ".join(
     [
         *(f"pulses.{name}" for name in PULSES.types),
@@ -105,7 +106,7 @@ CREATE TABLE IF NOT EXISTS notes (time_ns INTEGER, text TEXT);
 
 
 def insertion(table: str, columns: str) -> str:
-    """SQL statement that adds a row, unless the row exists already."""
+    """SQL statement that adds a row unless a row with equal key exists."""
     marks = ", ".join("?" * len(columns.split(",")))
     return f"INSERT OR IGNORE INTO {table} ({columns}) VALUES ({marks})"
 
@@ -118,7 +119,7 @@ INSERT_COMMAND = insertion(
     "commands", "time_ns, request_id, name, source, detail, accepted, message"
 )
 SEARCH_NOTE_COLUMNS = "time_ns, order_id, event, text, reason, detail"
-"""Column names for queries on search notes; the whole record is in ``detail``."""
+"""Columns of search notes that queries use; the column ``detail`` contains the whole record."""
 INSERT_DELIVERY = (
     "INSERT OR IGNORE INTO deliveries (pulse_id, store, time_ns) "
     "SELECT pulse_id, ?, ? FROM pulses WHERE tag_id = ? AND start_time_ns = ?"
@@ -137,7 +138,7 @@ SELECT_POSES = f"SELECT {POSES.names} FROM poses WHERE time_ns BETWEEN ? AND ? O
 
 
 def bring_up_to_date(database: sqlite3.Connection) -> None:
-    """Make the tables of a flight, or add missing columns; raises `sqlite3.Error`."""
+    """Create the tables of a flight, or add missing columns; raises `sqlite3.Error`."""
     database.executescript(TABLES)
     for table, columns in _lacking(database).items():
         for column in columns:
@@ -156,7 +157,7 @@ def read_older(database: sqlite3.Connection) -> None:
 
 
 def _lacking(database: sqlite3.Connection) -> dict[str, list[str]]:
-    """Columns missing from a database's tables; none for a missing table."""
+    """Columns that a database's tables lack; missing tables are not considered."""
     names = " UNION ALL ".join(
         f"SELECT '{table}', name FROM pragma_table_info('{table}', 'main')"
         for table in _COLUMNS
@@ -178,9 +179,10 @@ def inside_row(burst: BurstInside) -> Row:
 
 
 def pulse_from_row(row: Row) -> Pulse:
-    """Make a pulse from a row; raises `ValueError` or `TypeError` for wrong values.
+    """Create a pulse from a row; raises `ValueError` or `TypeError` for invalid values.
 
-    NULL in a real column is NaN; a status of a newer version is kept.
+    NULL in a column of real numbers becomes NaN. A status that only a newer version knows is
+    preserved.
     """
     try:
         return PULSES.record(row)
@@ -192,23 +194,26 @@ def pulse_from_row(row: Row) -> Pulse:
 
 
 def pose_row(pose: Pose | None) -> Row:
-    """Values of a pose in the order of `POSES`; all NULL without a pose."""
+    """Values of a pose in the order of the columns `POSES`; without a pose, all are NULL."""
     return (None,) * len(POSES.types) if pose is None else POSES.row(pose)
 
 
 def pose_from_row(row: Row) -> Pose | None:
-    """Make a pose from a row; None if all values are NULL. Raises `ValueError` if wrong."""
+    """Create a pose from a row; None if all values are NULL.
+
+    Raises `ValueError` for invalid values.
+    """
     return None if row[0] is None else POSES.record(row)
 
 
 def pulse_pose_from_row(row: Row) -> PulsePose:
-    """Make a pulse with pose from a row of `PULSE_POSE_COLUMNS`."""
+    """Create a pulse with its pose from a row of `PULSE_POSE_COLUMNS`."""
     width = len(PULSES.types)
     return PulsePose(pulse=pulse_from_row(row[:width]), pose=pose_from_row(row[width:]))
 
 
 def tag_from_row(row: Row) -> Tag:
-    """Make a tag from a row; raises `ValueError` or `TypeError` for wrong values."""
+    """Create a tag from a row; raises `ValueError` or `TypeError` for invalid values."""
     try:
         tag = TAGS.record(row)
     except msgspec.ValidationError as error:
@@ -229,7 +234,7 @@ def search_note_row(note: SearchNote) -> Row:
 
 
 def search_note_from_row(row: Row) -> SearchNote:
-    """Make a search note from a row."""
+    """Create a search note from a row of the table of search notes."""
     return msgspec.json.decode(row[5], type=SearchNote)
 
 
@@ -262,5 +267,5 @@ WRITTEN: dict[type, tuple[str, Callable[[Any], Row]]] = {
     SearchReport: (insertion("search_reports", SEARCHED.names), SEARCHED.row),
     Tag: (INSERT_TAG.replace("OR IGNORE", "OR REPLACE"), TAGS.row),
 }
-"""SQL statement that stores a record, and function that converts the record to its row, by type
-of record."""
+"""For each type of record: the SQL statement that stores a record, and the function that
+converts the record to a row."""

@@ -1,6 +1,6 @@
-"""Query the flight in progress: received tags, and pulses that a ground station lacks.
+"""Query a flight in progress: received tags, and pulses that a ground station lacks.
 
-Each row of the table of deliveries links a pulse to a ground station that received it.
+Each row of the delivery table links a pulse to a ground station that received it.
 """
 
 import sqlite3
@@ -24,9 +24,9 @@ _UNDELIVERED = (
 
 
 def received_tags(directory: str | Path) -> dict[int, tuple[int, int]]:
-    """Number of confirmed pulses, and end time of the newest one [ns, UTC], by tag id.
+    """Number of confirmed pulses and end of the newest pulse [ns, UTC], by tag id.
 
-    Tags without pulses are left out.
+    Tags without confirmed pulses are left out.
     """
     with _opened(directory) as database:
         # The recorder makes the tables after the file: there are no pulses yet.
@@ -38,10 +38,11 @@ def received_tags(directory: str | Path) -> dict[int, tuple[int, int]]:
 def undelivered(
     directory: str | Path, store: int, limit: int, without: Collection[tuple[int, int]] = ()
 ) -> tuple[list[PulsePose], bool]:
-    """Recorded pulses that a ground station lacks, the newest first; True if there are more.
+    """Recorded pulses that a ground station lacks, newest first, and whether there are more.
 
-    `store`: the ground station's number; 0, for stations that acknowledge nothing, gives pulses
-    not sent to any. `without`: tag id and start time [ns] of pulses to leave out.
+    `store`: id of the ground station's database; 0: pulses that were not sent to any station,
+    for stations that send no receipts. `without`: tag id and start time [ns] of pulses to leave
+    out.
     """
     with _opened(directory) as database:
         schema.read_older(database)
@@ -52,7 +53,7 @@ def undelivered(
 
 
 def note_deliveries(directory: str | Path, delivered: Delivered) -> None:
-    """Record deliveries in a closed flight; raises `RecordingError` if it cannot be written."""
+    """Record deliveries in a flight that is closed; raises `RecordingError` if that fails."""
     rows = [
         (delivered.store, delivered.time_ns, tag_id, start_time_ns)
         for tag_id, start_time_ns in delivered.pulses

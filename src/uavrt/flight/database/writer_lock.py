@@ -10,10 +10,10 @@ POLL_S = 0.05
 
 
 class WriterLock:
-    """Lock on a flight's directory, held by the one recorder that may write it.
+    """Lock on a flight's directory for the one recorder that may write there.
 
-    A new recorder waits for the lock while that of a killed supervisor still writes its last
-    pulses.
+    A killed supervisor may still be writing its last pulses; a new recorder then waits for the
+    lock.
     """
 
     def __init__(self) -> None:

@@ -1,1 +1,1 @@
-"""Text files of a flight: pulses, poses, processes, detectors."""
+"""Text files of a flight: pulses, poses, output of processes, configurations of detectors."""

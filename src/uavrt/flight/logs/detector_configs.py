@@ -1,8 +1,8 @@
 """Read and write ``detectorConfig.txt``, the original detector's description of a tag.
 
-The file has a ``##`` line, then ``key:<TAB>value`` lines without a blank line, which would
-crash the original. The last record of a file counts, and unknown keys are ignored. With this
-file, the original's detectors can use the UDP channels that uavrt optionally sends.
+The file has a ``##`` line, then ``key:<TAB>value`` lines. A blank line would crash the original
+detector. The last record in a file counts, and unknown keys are ignored. With this file, the
+original detectors can use the UDP channels that uavrt optionally sends.
 """
 
 import math
@@ -43,7 +43,7 @@ _BOUNDS = {
     "K": (1, MAX_K, "pulses"),
     "portData": (0, 65_535, "a port"),
 }
-"""Smallest and largest value, and unit, of each key of ``detectorConfig.txt`` with a number."""
+"""Smallest value, largest value and unit of each numeric key in ``detectorConfig.txt``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,9 +69,10 @@ def detector_config(
     ports: Literal["current", "thesis"] = "thesis",
     operating_mode: str = "freqSearchSoftLock",
 ) -> DetectorConfig:
-    """Describe a tag for the original's detectors: 100 channels around the radio frequency.
+    """Describe a tag for the original detectors, with 100 channels around the radio frequency.
 
-    A tag outside that plan (another radio, no channelizer) gets its own channel and port 0.
+    A tag that these channels do not cover (another radio, no channelizer) gets its own channel
+    and port 0.
     """
     steps = round((tag.frequency_hz - center_frequency_hz) / CHANNEL_RATE_HZ)
     inside = -CHANNELS // 2 <= steps < CHANNELS // 2
@@ -88,7 +89,10 @@ def detector_config(
 
 
 def write_detector_config(path: Path, config: DetectorConfig, time_ns: int) -> None:
-    """Write a detectorConfig.txt with the time `time_ns`; raises `RecordingError`."""
+    """Write a detectorConfig.txt; raises `RecordingError` on failure.
+
+    `time_ns`: time that is written into the file [ns, UTC].
+    """
     tag = config.tag
     second = tag.pulse_intervals_s[1:2]
     pairs: list[tuple[str, object]] = [
@@ -126,7 +130,7 @@ def write_detector_config(path: Path, config: DetectorConfig, time_ns: int) -> N
 
 
 def read_detector_config(path: str | os.PathLike[str]) -> DetectorConfig:
-    """Read the last record of a detectorConfig.txt; raises `FormatError`."""
+    """Read the last record of a detectorConfig.txt; raises `FormatError` for invalid values."""
     name = os.fspath(path)
     with os_errors_as(FormatError, f"cannot read {name}", "Check the name"):
         text = read_file(path, SETTINGS).decode("utf-8", "replace")
@@ -176,7 +180,7 @@ def read_detector_config(path: str | os.PathLike[str]) -> DetectorConfig:
 
 
 def _check(values: dict[str, str]) -> None:
-    """Reject values that a detector cannot use; raises `ValueError` with the key's name."""
+    """Raise `ValueError` with the key's name for a value that a detector cannot use."""
     for key, (low, high, unit) in _BOUNDS.items():
         if key in values and not low <= float(values[key]) <= high:
             raise ValueError(
@@ -200,9 +204,9 @@ def _check(values: dict[str, str]) -> None:
 
 
 def _stretches(text: str) -> tuple[tuple[float, float], ...]:
-    """Parse MATLAB ranges of frequencies ``[lo, hi; …]`` [Hz]; ``[Inf, -Inf]`` means none.
+    """Parse frequency ranges in MATLAB's form ``[lo, hi; …]`` [Hz]; ``[Inf, -Inf]`` means none.
 
-    Raises `ValueError` for other texts.
+    Raises `ValueError` for any other text.
     """
     found = []
     for row in text.strip().removeprefix("[").removesuffix("]").split(";"):

@@ -1,17 +1,18 @@
-"""Log the output of a process to a file that cannot fill the disk."""
+"""Write the output of a process to a log file of limited size."""
 
 from pathlib import Path
 
 MAX_BYTES = 2_000_000
 KEPT_FILES = 3
-"""Number of full log files kept per process, ``name.log.1`` the newest; at most 8 MB in all."""
+"""Number of full log files that are preserved for each process; ``name.log.1`` is the newest.
+All files together have at most 8 MB."""
 
 
 class ProcessLog:
-    """A text log that is rotated by size; a line that cannot be written is counted.
+    """Text log of a process that is rotated by size; lines that cannot be written are counted.
 
-    At `max_bytes` the file is renamed, and `kept_files` older ones are kept. A missing
-    directory of `path` is made.
+    At `max_bytes` the file is renamed, and `kept_files` older files are preserved. The
+    directory of `path` is created if it is missing.
     """
 
     def __init__(
@@ -24,7 +25,7 @@ class ProcessLog:
         """Number of log lines that could not be written."""
 
     def write(self, text: str) -> None:
-        """Append a text and, if missing, a newline."""
+        """Append a text; a newline is added if the text does not end with one."""
         content = text.encode("utf-8", "replace")
         if not content.endswith(b"\n"):
             content += b"\n"

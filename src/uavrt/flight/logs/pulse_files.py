@@ -32,19 +32,19 @@ _POSE = {
 PULSE_FIELDS = tuple(name for name, one in _PULSE.items() if not one.defaulted)
 POSE_FIELDS = tuple(_POSE)
 BURST_FIELDS = ("burst_starts_ns", "burst_snrs_db")
-"""Fields of coded tags' bursts; a file without coded tags has no such columns."""
+"""Fields of a coded tag's burst; a file without coded tags has no columns for them."""
 _INSIDE = fields_of(BurstInside)
 DOUBT_FIELDS = tuple(
     name for name, one in _PULSE.items() if one.defaulted and name not in BURST_FIELDS
 )
-"""Fields of `Pulse` that older files lack. They are the last columns, because programs read
+"""Fields of `Pulse` that older files lack. Their columns come last, because programs read
 columns by position."""
 FIELDS = PULSE_FIELDS + POSE_FIELDS + DOUBT_FIELDS
 _KINDS = {name: one.kind for name, one in (_PULSE | _POSE).items()}
 
 
 def pulse_record(pulse_pose: PulsePose) -> dict[str, Any]:
-    """Fields of a pulse by name, with values for JSON."""
+    """Values of a pulse by field name, as they can be written in JSON."""
     pulse, pose = pulse_pose.pulse, pulse_pose.pose
     record: dict[str, Any] = {name: _known(getattr(pulse, name)) for name in PULSE_FIELDS}
     for name in POSE_FIELDS:
@@ -58,12 +58,15 @@ def pulse_record(pulse_pose: PulsePose) -> dict[str, Any]:
 
 
 def inside_record(burst: BurstInside) -> dict[str, Any]:
-    """Fields by name of a burst's single pulses, for a separate JSON line."""
+    """Values of a burst's single pulses by field name, for a JSON line of their own."""
     return {one.name: getattr(burst, one.name) for one in _INSIDE}
 
 
 def pulse_from_record(record: dict[str, Any]) -> PulsePose:
-    """Make a pulse with pose; raises `ValueError`, `KeyError`, `TypeError` for wrong fields."""
+    """Create a pulse with its pose from values by field name.
+
+    Raises `ValueError`, `KeyError` or `TypeError` for invalid values.
+    """
     pulse = _converted(record, Pulse, _PULSE.values())
     time_ns = (pulse.start_time_ns + pulse.end_time_ns) // 2
     return PulsePose(pulse=pulse, pose=_pose_from_record(record, time_ns))
@@ -83,9 +86,9 @@ def _pose_from_record(record: dict[str, Any], time_ns: int) -> Pose | None:
 def _converted(
     record: dict[str, Any], kind: type[R], described: Iterable[RecordField], **more: Any
 ) -> R:
-    """Make a record of class `kind` from a line of a file; unknown numbers become NaN.
+    """Create a record of class `kind` from a line of a file; unknown numbers become NaN.
 
-    Fields that the line lacks get their defaults.
+    Fields that the line lacks get their default values.
     """
     values = {
         one.name: _finite_or_nan(record[one.name]) if one.kind == "real" else record[one.name]
@@ -101,10 +104,10 @@ def _finite_or_nan(value: Any) -> float:
 
 
 class PulseWriter:
-    """Writes pulses to a text stream line by line, so that a reader can follow.
+    """Writes pulses to a text stream line by line, so that another program can follow.
 
-    The caller opens and closes `stream` (open files with ``newline=""``). With `bursts` a CSV
-    gets columns for the single pulses of coded tags' bursts.
+    The caller opens and closes `stream` (files must be opened with ``newline=""``). With
+    `bursts`, a CSV has columns for the single pulses of coded tags' bursts.
     """
 
     def __init__(self, stream: TextIO, form: PulseFormat, *, bursts: bool = False) -> None:
@@ -130,13 +133,16 @@ class PulseWriter:
         self.written += 1
 
     def write_inside(self, burst: BurstInside) -> None:
-        """Write the single pulses of a burst already written; only in JSON lines."""
+        """Write the single pulses of a burst written before; a CSV file leaves them out."""
         self._stream.write(json.dumps(inside_record(burst), allow_nan=False) + "\n")
         self._stream.flush()
 
 
 def pulse_format(name: str) -> PulseFormat:
-    """Format given by a file's name: CSV for ``.csv``, else JSON lines (also for ``-``)."""
+    """Format of a pulse file according to its name: CSV for ``.csv``, otherwise JSON lines.
+
+    For ``-`` (standard output) it is JSON lines.
+    """
     return "csv" if name.lower().endswith(".csv") else "jsonl"
 
 
@@ -145,7 +151,7 @@ def read_pulse_file(
 ) -> tuple[PulsePose, ...]:
     """Read pulses that `PulseWriter` wrote; damaged lines are skipped and reported.
 
-    An unfinished last line and a byte order mark are ignored.
+    An incomplete last line and a byte order mark are ignored.
     """
     name = os.fspath(path)
     with os_errors_as(FormatError, f"cannot read {name}", "Check the name"):

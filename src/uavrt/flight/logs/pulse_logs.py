@@ -1,4 +1,4 @@
-"""Write the text logs of a flight, with the same pulses as its database."""
+"""Write the text logs of a flight, which contain the pulses of its database."""
 
 import contextlib
 import sqlite3
@@ -11,7 +11,7 @@ from uavrt.flight.flight_layout import FlightLayout
 from uavrt.flight.logs.pulse_pose_log import PulsePoseLog, format_line
 
 _RETRY_S = 5.0
-"""Time until a log that could not be written is completed from the database [s]."""
+"""Time after a failed write until the log is completed from the database [s]."""
 
 AT_ONCE = 500
 _TEMPORARY_KIB = 512
@@ -33,7 +33,10 @@ _MISSING = SELECT_PULSE_POSES.format(join="").replace(
 
 
 class PulseLogs:
-    """Text logs of the flight and of each tag; completed from the database after a failure."""
+    """Text logs of the whole flight and of each tag.
+
+    After a failed write they are completed from the database.
+    """
 
     def __init__(self, layout: FlightLayout) -> None:
         self._layout = layout
@@ -42,16 +45,16 @@ class PulseLogs:
         self._retry_at_s = 0.0
 
     def add(self, pulse_poses: list[PulsePose]) -> None:
-        """Add pulses that were just committed, for the next `write`."""
+        """Add committed pulses, which the next `write` appends to the logs."""
         self._new.extend(pulse_poses)
 
     def compare_first(self) -> None:
-        """Make the next `write` leave out pulses already in a log, compared by tag and time."""
+        """Make the next `write` append only pulses that the logs lack, by tag and time."""
         self._behind = True
         self._retry_at_s = 0.0
 
     def write(self, database: sqlite3.Connection) -> None:
-        """Append the added pulses; after a failure, complete the logs from `database` later."""
+        """Append the added pulses to the logs; after a failure, repair them from `database`."""
         if not self._new and not self._behind:
             return
         if self._behind:
@@ -68,12 +71,12 @@ class PulseLogs:
             self._retry_at_s = monotonic_s() + _RETRY_S
 
     def sync(self) -> None:
-        """Sync the flight's log to the disk; a tag's own log can be made again from it."""
+        """Write the flight's log to the disk (fsync); tags' logs can be restored from it."""
         with contextlib.suppress(OSError):
             PulsePoseLog(self._layout.pulse_pose_log).sync()
 
     def complete_from(self, database: sqlite3.Connection) -> None:
-        """Cut off unfinished lines, and append the database's pulses that a log lacks."""
+        """Remove incomplete lines from the logs and append the database's missing pulses."""
         self._retry_at_s = monotonic_s() + _RETRY_S
         self._complete(database, PulsePoseLog(self._layout.pulse_pose_log), None)
         for (tag_id,) in database.execute("SELECT DISTINCT tag_id FROM pulses").fetchall():
@@ -94,9 +97,10 @@ class PulseLogs:
     def _complete(
         self, database: sqlite3.Connection, log: PulsePoseLog, tag_id: int | None
     ) -> None:
-        """Append to a log its missing pulses, of one tag or of all, compared by SQLite.
+        """Append the pulses that a log lacks, of one tag or of all tags.
 
-        SQLite compares in a temporary file, so memory does not grow with the flight.
+        SQLite compares log and database in a temporary file, so memory does not grow with the
+        flight.
         """
         log.repair()
         with _keys_of(log, database):

@@ -1,7 +1,7 @@
-"""The thesis's ``pulse_pose_log.txt``: one pulse a line, 23 columns, now at full precision.
+"""The thesis's ``pulse_pose_log.txt``: 23 columns, one pulse per line, with full precision.
 
 docs/reference/flight-directory.md lists the columns. Unknown values are ``nan``, never zero.
-The original printed six digits (11 m in latitude), and 4294967295 in half of column 10.
+The original system writes six digits (11 m in latitude), and 4294967295 in half of column 10.
 """
 
 import contextlib
@@ -52,13 +52,16 @@ def format_line(pulse_pose: PulsePose) -> str:
 
 
 class _Groups:
-    """Numbers the groups of each tag; a group begins when the pulse index does not increase."""
+    """Numbers the pulse groups of each tag, as a log does not contain these numbers.
+
+    A new group begins when the index of the pulse in its group does not increase.
+    """
 
     def __init__(self) -> None:
         self._last: dict[int, tuple[int, int]] = {}
 
     def numbered(self, found: PulsePose) -> PulsePose:
-        """Copy the next pulse of a log, with a group number, which the log does not contain."""
+        """Copy the next pulse of a log and set the number of its group."""
         pulse = found.pulse
         count, before = self._last.get(pulse.tag_id, (0, 1 << 30))
         count += pulse.group_index <= before
@@ -67,10 +70,10 @@ class _Groups:
 
 
 def parse_line(line: str, *, group_sequence: int = 0) -> PulsePose:
-    """Parse one line, uavrt's or the thesis's; raises `ValueError` for others.
+    """Parse one line of a log of uavrt or of the thesis; raises `ValueError` for other lines.
 
-    The 23 columns lack some fields: `group_sequence` is given by the caller, the rate is 1,
-    noise and relative altitude are NaN.
+    Some fields of a pulse are not among the 23 columns: the caller gives `group_sequence`, the
+    rate is 1, and noise and relative altitude are NaN.
     """
     fields = [field.strip() for field in line.split(",")]
     while len(fields) > COLUMNS and not fields[-1]:
@@ -109,7 +112,7 @@ def parse_line(line: str, *, group_sequence: int = 0) -> PulsePose:
 def read_pulse_pose_log(
     path: str | os.PathLike[str], warn: Callable[[str], None] | None = None
 ) -> tuple[PulsePose, ...]:
-    """Read a whole log; damaged lines and an unfinished last line are skipped."""
+    """Read a whole log; damaged lines and an incomplete last line are skipped."""
     with os_errors_as(FormatError, f"cannot read {os.fspath(path)}", "Check the name"):
         text = read_file(path, TEXT_LOG).decode("utf-8-sig", "replace")
     lines = text.split("\n")
@@ -133,13 +136,13 @@ def read_pulse_pose_log(
 
 
 class PulsePoseLog:
-    """Appends lines to the log at `path`, which is made with the first line."""
+    """Appends lines to the log at `path`; the first line creates the file."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
 
     def append(self, lines: Iterable[str]) -> None:
-        """Append lines; restore the file's former length if that fails, and raise `OSError`."""
+        """Append lines; if this fails, remove what was written and raise `OSError`."""
         content = memoryview("".join(lines).encode())
         file = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
         try:
@@ -191,14 +194,14 @@ class PulsePoseLog:
                 yield key
 
     def pulse_poses(self) -> Iterator[PulsePose]:
-        """Yield every pulse, with its group numbered; raises `OSError`."""
+        """Yield every pulse of the log, with the number of its group; raises `OSError`."""
         groups = _Groups()
         for line in self._lines():
             with contextlib.suppress(ValueError, OverflowError):
                 yield groups.numbered(parse_line(line.decode("utf-8", "replace")))
 
     def _lines(self) -> Iterator[bytes]:
-        """Yield the log's lines; an overlong one is split into pieces that cannot be parsed."""
+        """Yield the log's lines; a line that is too long is split and then does not parse."""
         if not self._path.exists():
             return
         with self._path.open("rb") as file:

@@ -1,1 +1,1 @@
-"""Read flights and pulse logs: complete, damaged or of another system."""
+"""Read flights and pulse logs: complete, damaged, or written by other systems."""

@@ -9,7 +9,7 @@ T = TypeVar("T")
 
 
 class FlightCache(Generic[T]):
-    """Values read from flights, each valid until the flight's files change."""
+    """Cache of a value for each flight, which is valid until the flight's files change."""
 
     def __init__(
         self, read: Callable[[str], T], kept: Mapping[str, tuple[Stamp, T]] | None = None
@@ -18,7 +18,10 @@ class FlightCache(Generic[T]):
         self.kept = dict(kept or {})
 
     def get(self, directory: str) -> T:
-        """Value of a flight, read only if its files changed; raises the errors of `read`."""
+        """Value of a flight; it is read again only if the flight's files have changed.
+
+        Raises the errors of the function `read`.
+        """
         stamp = stamp_of(directory)
         found = self.kept.get(directory)
         if found is None or found[0] != stamp:

@@ -37,12 +37,13 @@ R = TypeVar("R")
 _SPANS = "min(start_time_ns), max(start_time_ns), min(end_time_ns), max(end_time_ns)"
 _LATER_TABLES = ("search_notes", "beeps")
 LATEST_NS = 2**62
-"""Latest time accepted in a flight [ns since 1970]; sums and differences fit in 64 bits."""
+"""Latest time accepted in a flight [ns since 1970]; sums and differences of such times fit in
+64 bits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flight:
-    """All records of a flight, each kind in the order of time."""
+    """All records of a flight; records of one kind are in order of time."""
 
     info: FlightInfo
     """General data of the flight; `info.directory` is the directory that was read."""
@@ -57,11 +58,14 @@ class Flight:
     """Notes on the flight, each with its time [ns, UTC]."""
     on_ground_ns: tuple[tuple[int, int], ...] = ()
     """First and last time of each stay on the ground, as reported by the autopilot [ns]; empty
-    if it reported none."""
+    if it reported nothing."""
 
 
 def read_flight(directory: str | os.PathLike[str]) -> Flight:
-    """Read a flight, even in progress, without health records; raises `FormatError`."""
+    """Read a flight, complete or in progress; health records are left out.
+
+    Raises `FormatError` if the flight cannot be read.
+    """
     with flight_database(Path(directory)) as database:
         return Flight(
             info=flight_info(database, Path(directory)),
@@ -146,7 +150,7 @@ def _records(
     of_row: Callable[[Row], R],
     order: str = "time_ns, rowid",
 ) -> tuple[R, ...]:
-    """Records of a table in the order of time; none if an older flight lacks the table."""
+    """Records of a table in order of time; empty if an older flight lacks the table."""
     with flight_database(Path(directory)) as database:
         tables = "SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = ?"
         if source in _LATER_TABLES and not database.execute(tables, (source,)).fetchone():
@@ -184,7 +188,7 @@ def flight_database(directory: Path) -> Iterator[sqlite3.Connection]:
 
 
 def _open(path: Path, stack: ExitStack) -> sqlite3.Connection:
-    """Open a database read-only; open a copy if the medium allows no lock files."""
+    """Open a database read-only, or a copy of it if the disk allows no lock files."""
     try:
         return open_plain(path)
     except sqlite3.OperationalError:
@@ -197,7 +201,7 @@ def _open(path: Path, stack: ExitStack) -> sqlite3.Connection:
 
 
 def flight_info(database: sqlite3.Connection, directory: Path) -> FlightInfo:
-    """Read the flight's general data; raises `ValueError` if the flight never began."""
+    """Read the general data of a flight; raises `ValueError` if there are none."""
     columns = "start_time_ns, clock_offset_ns, center_frequency_hz, sample_rate_hz"
     row = database.execute(f"SELECT {columns} FROM flight").fetchone()
     if row is None:

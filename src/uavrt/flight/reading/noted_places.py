@@ -1,6 +1,6 @@
 """Write and read positions in a flight's notes: take-off, and marks of the operator.
 
-Positions are ordinary notes, so that every reader of a flight shows them::
+Positions are stored as ordinary notes, so that every reader of a flight shows them::
 
     home at 35.1782410, -111.6565870
     mark at 35.1790000, -111.6560000: nest seen
@@ -19,7 +19,7 @@ _VEHICLE = re.compile(r"vehicle \d{1,3}(?:, .{1,60})?", re.DOTALL)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mark:
-    """Position that the operator marked, with a remark."""
+    """Position that the operator marked, with a comment."""
 
     time_ns: int
     latitude_deg: float
@@ -29,10 +29,10 @@ class Mark:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Places:
-    """Take-off and marks found in a flight's notes."""
+    """Take-off position and marks that are in a flight's notes."""
 
     home: tuple[float, float] | None
-    """Latitude and longitude of the last noted take-off [deg]; None if none is noted."""
+    """Latitude and longitude of the last take-off in the notes [deg]; None if there is none."""
     marks: tuple[Mark, ...]
 
 
@@ -48,7 +48,7 @@ def vehicle_note(system_id: int, name: str = "") -> str:
 
 
 def vehicle_of(notes: Iterable[tuple[int, str]]) -> str | None:
-    """Number and name of the vehicle from a flight's notes; None if they have none."""
+    """Number and name of the vehicle according to a flight's notes; None if not in them."""
     found = [text for _, text in notes if _VEHICLE.fullmatch(text)]
     return found[-1].removeprefix("vehicle ") if found else None
 
@@ -60,7 +60,7 @@ def mark_note(latitude_deg: float, longitude_deg: float, text: str = "") -> str:
 
 
 def places_of(notes: Iterable[tuple[int, str]]) -> Places:
-    """Find the positions in notes of (time [ns], text)."""
+    """Find take-off and marks in a flight's notes, which are pairs of time [ns] and text."""
     home, marks = None, []
     for time_ns, text in notes:
         found = _PLACE.fullmatch(text)

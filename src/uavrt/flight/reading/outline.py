@@ -1,4 +1,4 @@
-"""Read summaries of flights for long lists, without making an object for each pulse."""
+"""Read summaries of flights for long lists, without creating an object for each pulse."""
 
 import os
 import re
@@ -18,8 +18,8 @@ _HEARD = (
     f" max(start_time_ns) FILTER (WHERE {_COUNTED}), max(end_time_ns), count(*)"
     " FROM pulses GROUP BY tag_id"
 )
-"""SQL query by tag: number and times of confirmed pulses; end of the last pulse and number of
-all pulses."""
+"""SQL query that returns for each tag the number and times of confirmed pulses, and for all
+tags the end of the last pulse and the number of pulses."""
 _LEVELS = (
     "SELECT tag_id, start_time_ns, snr_db FROM pulses WHERE detection_status = 'confirmed'"
 )
@@ -43,7 +43,7 @@ class FlightOutline:
     """Time of the flight's last record [ns]."""
     heard: dict[int, ReceivedTag]
     all_pulses: int
-    """Number of pulses of any status, including artefacts made by the receiver."""
+    """Number of pulses of any status, including spurious pulses that the receiver produced."""
     of_ground: bool
     """True if a ground station recorded the flight, False if the drone did."""
     vehicle: str | None
@@ -53,7 +53,7 @@ class FlightOutline:
 
     @property
     def pulses(self) -> int:
-        """Number of confirmed pulses of all tags."""
+        """Total number of confirmed pulses of all tags."""
         return sum(one.pulses for one in self.heard.values())
 
     @property
@@ -95,10 +95,10 @@ def read_outline(directory: str | os.PathLike[str]) -> FlightOutline:
 
 
 def read_pulse_levels(directory: Path) -> dict[tuple[int, int], float]:
-    """Level of each confirmed pulse [dB], by tag and start time [ns]; identifies copies.
+    """Level of each confirmed pulse [dB], by tag and start time [ns]; used to recognise copies.
 
-    Levels agree to the last digit in copies of a flight, but differ between two drones that
-    receive the same pulse. A start time received over the link is rounded, without nanoseconds.
+    In copies of a flight the levels agree to the last digit, but two drones that receive the
+    same pulse record different levels. A start time that was sent over the link is rounded.
     """
     with flight_database(directory) as database:
         found = database.execute(_LEVELS)

@@ -1,7 +1,8 @@
 """Measure the noise of a receiver at rest in past flights, as a reference for present noise.
 
-Receivers are not calibrated in watts, and normal levels differ between drones. So the reference
-is the noise before take-off, with the motors off, or else the lowest tenth of a flight.
+Receivers are not calibrated in watts, and usual levels differ between drones. So the reference
+is the noise before take-off, with the motors off. If that is missing, the reference is the
+level that a tenth of a flight's noise values are below.
 """
 
 import os
@@ -15,10 +16,11 @@ from uavrt.core.errors import FormatError
 from uavrt.flight.reading.flight_reader import flight_database
 
 MOST_FLIGHTS = 10
-"""Number of newest flights in the median noise; few, as receivers and gains change."""
+"""Number of recent flights from which the median noise is computed; it is small because
+receivers and gains change."""
 _IN_THE_AIR_M = 2.0
 _LEAST = 3
-"""Smallest number of noise values before take-off for which their median is used."""
+"""Number of noise values before take-off from which their median is used."""
 _NOISE = (
     "SELECT tag_id, time_ns, noise_psd FROM search_reports WHERE noise_psd > 0 UNION ALL"
     " SELECT tag_id, start_time_ns, noise_psd FROM pulses WHERE noise_psd > 0"
@@ -42,13 +44,16 @@ def read_quiet_noise_db(directory: str | os.PathLike[str]) -> float | None:
 
 
 def usual_noise_db(levels_db: Iterable[float | None]) -> float | None:
-    """Median noise level of the first 10 flights that have one [dB]; None if none has one."""
+    """Median of the first 10 known noise levels of flights [dB]; None if none is known."""
     known = list(islice((one for one in levels_db if one is not None), MOST_FLIGHTS))
     return median(known) if known else None
 
 
 def read_usual_noise_db(directories: Iterable[Path]) -> float | None:
-    """Read the median noise of past flights, the newest first; damaged ones are skipped."""
+    """Read the median noise of past flights [dB], given with the newest first.
+
+    Damaged flights are skipped. The result is None if no flight has a noise level.
+    """
     return usual_noise_db(_levels_db(directories))
 
 

@@ -1,8 +1,8 @@
 """Read a pulse log of any system; the format is recognised by its content.
 
-Three layouts have 20 columns, headings are missing or wrong, and files get renamed. So neither
-the file's name nor an option is used. TagTracker's variants with 20 columns are distinguished
-by their values: one variant has a quaternion of length 1 in every row.
+Neither the file's name nor an option selects the format: three formats have 20 columns,
+headings are missing or wrong, and files get renamed. TagTracker's variants with 20 columns are
+distinguished by their values: one variant has a quaternion of length 1 in every row.
 """
 
 import json
@@ -61,7 +61,10 @@ def read_pulses(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
 
 
 def read_pulse_log(path: str | os.PathLike[str]) -> PulseLog:
-    """Read a flight or a log of any known format, with warnings; raises `FormatError`."""
+    """Read a flight or a log of any known format, and warnings about its contents.
+
+    Raises `FormatError` if it cannot be read.
+    """
     place = Path(path)
     if place.name == "flight.sqlite":
         place = place.parent
@@ -99,7 +102,7 @@ def pulse_logs_in(path: str | os.PathLike[str]) -> tuple[Path, ...]:
 
 
 def _none_in(directory: Path) -> FormatError:
-    """Make the error for a folder without pulses, naming its recordings of samples."""
+    """Create the error for a folder without pulses; it names recordings of samples there."""
     samples = next(iter(sorted(directory.glob("*.sigmf-meta"))), None)
     tags = next((one for one in (directory / "tags.toml",) if one.is_file()), "TAGS")
     return FormatError(
@@ -122,7 +125,7 @@ def _logs_below(directory: Path) -> Iterator[Path]:
 
 
 def _is_log(path: Path) -> bool:
-    """True if a file logs received pulses: not empty, nor a simulation's list of pulses."""
+    """True if a file is a log of received pulses, not an empty file or a simulation's list."""
     if path.name == "truth.csv":
         return False
     try:
@@ -137,7 +140,7 @@ def _holds_a_log(directory: Path) -> bool:
 
 
 def recognised(path: str | os.PathLike[str]) -> LogKind:
-    """Find a file's format by its first line; raises `FormatError` if unknown."""
+    """Recognise a file's format by its first line; raises `FormatError` if it is unknown."""
     lines = read_lines(path)
     first = next((line for line in lines if line.strip()), "")
     cells = cells_of(first)
@@ -173,7 +176,7 @@ def recognised(path: str | os.PathLike[str]) -> LogKind:
 
 
 def _is_tag_list(path: str | os.PathLike[str], cells: Sequence[str]) -> bool:
-    """True if a file is the tag list of a folder of flights and recordings."""
+    """True if a file is a tag list that lies in a folder of flights and recordings."""
     heading = [cell.lower() for cell in cells[:2]]
     return Path(path).name.lower() == "taginfo.txt" or (
         heading[0].strip("# ") == "id" and heading[1:] == ["freq_hz"]
@@ -181,14 +184,17 @@ def _is_tag_list(path: str | os.PathLike[str], cells: Sequence[str]) -> bool:
 
 
 def _is_tagtracker(lines: Sequence[str]) -> bool:
-    """True if a file has TagTracker's rows, also with a spreadsheet's semicolons or tabs."""
+    """True if a file has the rows of a TagTracker log.
+
+    The cells may be separated by commas, semicolons or tabs, as spreadsheets write them.
+    """
     rows = (cells_of(line) for line in with_commas(lines[:_FIRST_LINES]) if line.strip())
     first = next(rows, [])
     return len(first) > 3 and (is_heading(first) or row_kind(first[0]) in _TRACKERS)
 
 
 def _is_jsonl(lines: Sequence[str]) -> bool:
-    """True if one of the first lines with content is a pulse in JSON, complete or cut off."""
+    """True if one of the first non-empty lines is a pulse in JSON, complete or truncated."""
     some = [line.strip() for line in lines if line.strip()][:_FIRST_LINES]
     return any(map(_is_record, some))
 
@@ -232,7 +238,7 @@ def _directory(directory: Path) -> PulseLog:
 
 
 def _merged(logs: Iterable[PulseLog]) -> PulseLog:
-    """Join several logs in the order of time; each warning and each pulse appears once."""
+    """Merge several logs in order of time, without duplicate pulses or warnings."""
     everything = list(logs)
     if len(everything) == 1:
         return everything[0]

@@ -1,7 +1,8 @@
-"""Names of a flight's tags, taken from the ground station's tag list.
+"""Read the names of a flight's tags from the ground station's tag list.
 
-The thesis's tag message has no name, so a drone's flight records tags by id and frequency. The
-ground station keeps the operator's list, ``tags.toml``, in its directory.
+The thesis's tag message contains no name, so the drone's flight records only ids and
+frequencies of tags. The ground station stores the operator's list, ``tags.toml``, in its
+directory.
 """
 
 import os
@@ -14,11 +15,11 @@ from uavrt.core.errors import UavrtError
 from uavrt.core.messages import Tag
 
 _SAME_HZ = 500.0
-"""Largest difference of recorded and listed frequency for the same tag [Hz]."""
+"""Maximum difference between the recorded and the listed frequency of one tag [Hz]."""
 
 
 def tags_with_names(tags: Iterable[Tag], directory: Path) -> tuple[Tag, ...]:
-    """Name unnamed tags by ``tags.toml`` or ``ground/tags.toml`` next to the flight."""
+    """Name unnamed tags according to ``tags.toml`` or ``ground/tags.toml`` next to a flight."""
     listed = tuple(tags)
     if all(tag.name for tag in listed):
         return listed

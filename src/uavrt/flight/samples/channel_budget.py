@@ -1,4 +1,4 @@
-"""Disk budget for the recorded channels of all flights; the oldest files are removed first."""
+"""Limit the disk space for recorded channels of all flights; the oldest files are removed."""
 
 from collections import deque
 from pathlib import Path
@@ -13,7 +13,8 @@ log = get_logger()
 class ChannelBudget:
     """Recorded channel files on the disk, oldest first, and their total size.
 
-    Files of other flights that the user has starred (protected) are not counted nor removed.
+    Files of other flights that the user has starred (protected) are neither counted nor
+    removed.
     """
 
     def __init__(self, flight: Path, most_bytes: float) -> None:
@@ -49,11 +50,11 @@ class ChannelBudget:
         return found
 
     def closed(self, path: Path, size: int) -> None:
-        """Mark a channel file as removable; the file's size is already counted."""
+        """Mark a complete channel file as removable; its size is already in the total."""
         self._pieces.append((path, size))
 
     def make_room(self, more: int) -> bool:
-        """Remove the oldest files until `more` bytes fit, then reserve them; else False."""
+        """Remove the oldest files until `more` bytes fit, and reserve them; else False."""
         while self.bytes + more > self._most_bytes and self._pieces:
             self._remove(*self._pieces.popleft())
         if self.bytes + more > self._most_bytes:

@@ -2,14 +2,15 @@
 
 `put` only queues blocks. A thread writes each channel to a series of files, so that the oldest
 can be removed (`uavrt.flight.samples.channel_budget`). Samples that a slow or full disk cannot
-take are dropped, counted and marked as a gap.
+accept are dropped, counted and marked as a gap.
 
-The scale of a file is chosen by the noise at its start. In an 8-bit file the noise has at least
-3 quantization steps, so rounding adds 0.02 to 0.04 dB of noise. Signals of up to 26 dB above
-the noise fit, which is 48 dB in the energy of a pulse of 20 ms. A stronger signal begins a new
-file of 16 bits, in which the noise has 20 to 40 steps and signals of 58 dB fit; for a still
-stronger one the scale is wider. So nothing is clipped, and rounding adds less than 0.05 dB for
-signals of up to 73 dB. A new 8-bit file begins before falling noise reaches 2 steps.
+The noise at the start of a file determines its scale. In an 8-bit file the noise has at least 3
+quantization steps, so rounding adds 0.02 to 0.04 dB of noise. Signals of up to 26 dB above the
+noise fit, which is 48 dB in the energy of a pulse of 20 ms. A stronger signal begins a new file
+of 16 bits, in which the noise has 20 to 40 steps and signals of 58 dB fit. For a still stronger
+signal the scale is widened. So nothing is clipped, and rounding adds less than 0.05 dB for
+signals of up to 73 dB. If the noise falls, a new 8-bit file begins before the noise has fewer
+than 2 steps.
 """
 
 import math
@@ -34,35 +35,38 @@ from uavrt.flight.samples.sigmf_metadata import FULL_SCALE
 log = get_logger()
 
 FLUSH_S = 2.0
-"""Time between two writes of samples to the disk [s]; a power cut loses at most this."""
+"""Time between two writes of samples to the disk [s]; a power cut loses at most this time."""
 MOST_WAITING_BYTES = 16 * 1024 * 1024
-"""Largest size of the samples waiting for the disk [bytes]: 280 s of one channel."""
+"""Maximum size of the samples that wait for the disk [bytes]: 280 s of one channel."""
 SLOW_S, REST_S = 1.0, 10.0
 """Duration of a write above which writing pauses, and length of the pause [s]."""
 PIECE_S, SHORTEST_PIECE_S = 300.0, 5.0
 PIECES_OF_BUDGET = 8
-"""Smallest number of files into which each channel's share of the budget is divided."""
+"""Minimum number of files into which the disk space of each channel is divided."""
 FREE_SPACE_FACTOR = 1.2
-"""Ratio of the free disk space that channel files need to that of other recordings: channels
-stop first, so that they never cause flights to be removed."""
+"""Ratio of the free disk space that channel recording requires to that which other recording
+requires. Channel recording stops first, so that it never causes flights to be removed."""
 NOISE_STEPS = {8: 3.0, 16: 20.0}
-"""Minimum rms of the noise's I and Q at a file's start [quantizer steps], by bits per value."""
+"""Minimum rms of the noise's I and Q at the start of a file [quantizer steps], for each number
+of bits per value."""
 FINER = math.sqrt(0.5)
-"""Ratio of the noise amplitude to that at the file's start below which an 8-bit file ends."""
+"""Fraction to which the noise amplitude must fall from its value at the file's start before an
+8-bit file ends."""
 WINDOW = 128
 HEADROOM = 1.25
-"""Smallest ratio of a file's full scale to the peak of a strong signal that widened it."""
+"""Minimum ratio of a file's full scale to the peak of the strong signal for which the scale was
+widened."""
 WIDER_S = 20.0
-"""Shortest duration of a file with a full scale that was widened for a strong signal [s]."""
+"""Minimum duration of a 16-bit file [s] before a smaller scale may be used again."""
 TIME_STEP_NS = 500_000
-"""Clock step above which the metadata begin a new stretch of samples [ns]."""
+"""Clock step above which a new stretch of samples begins in the metadata [ns]."""
 GAP_S = 0.05
-"""Shortest run of zero samples, which replace lost ones, that is stored as a gap [s]."""
+"""Shortest run of zero samples that is stored as a gap [s]; zeros replace lost samples."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Batch:
-    """Channel samples of one block of the radio, with a common start time."""
+    """Samples of all recorded channels from one block of the radio, with their start time."""
 
     channels: tuple[tuple[int, float], ...]
     """Number and centre frequency [Hz] of each channel."""
@@ -89,7 +93,7 @@ class _Batch:
 
 @dataclass(slots=True)
 class _Channel:
-    """A recorded radio channel, and the state of the file to which it is written."""
+    """A recorded radio channel and the file to which it is being written."""
 
     center_frequency_hz: float
     sample_rate_hz: float
@@ -102,7 +106,7 @@ class _Channel:
 class ChannelRecorder:
     """Writes channels to files ``channel_148124375_Hz_0001.sigmf-data`` and ``-meta``.
 
-    Nothing is written while the disk's free space is below `FREE_SPACE_FACTOR` times
+    Nothing is written while the disk has less free space than `FREE_SPACE_FACTOR` times
     `minimum_free_mb`.
     """
 
@@ -150,10 +154,10 @@ class ChannelRecorder:
         return self._budget.bytes / 1e6
 
     def put(self, blocks: list[ChannelBlock]) -> None:
-        """Queue a copy of a radio block's channels, and return at once; drops if full.
+        """Queue a copy of a radio block's channels without waiting; a full queue drops it.
 
         After an overflow, blocks are dropped until half of the queue is written. This causes
-        few long gaps instead of many short ones.
+        few long gaps and not many short ones.
         """
         first = blocks[0]
         batch = _Batch(
@@ -179,7 +183,7 @@ class ChannelRecorder:
                 self._condition.notify()
 
     def close(self, timeout_s: float = 5.0) -> None:
-        """Write the queue, for at most `timeout_s`, and stop; may be called again."""
+        """Write the queued blocks for at most `timeout_s`, and stop; may be called again."""
         with self._condition:
             self._closing = True
             self._condition.notify()
@@ -273,7 +277,7 @@ class ChannelRecorder:
             self._drop(left - written, fault)
 
     def _bytes(self, number: int) -> int:
-        """Number of bytes per complex sample in the channel's file; 2 before its first file."""
+        """Bytes per complex sample in the channel's present file; 2 before its first file."""
         channel = self._channels.get(number)
         if channel is None or channel.file is None:
             return BYTES_PER_SAMPLE // 2
@@ -292,7 +296,7 @@ class ChannelRecorder:
     def _file_for(
         self, channel: _Channel, samples: NDArray[np.complex64], peak: float
     ) -> SampleFile:
-        """File for the next samples; a new one if the last is too old or its scale unfit."""
+        """File for the next samples; a new one if the present file is long or badly scaled."""
         if channel.file is not None and self._is_over(channel, channel.file, samples, peak):
             self._end_piece(channel)
         if channel.file is None:
@@ -312,7 +316,7 @@ class ChannelRecorder:
     def _is_over(
         self, channel: _Channel, file: SampleFile, samples: NDArray[np.complex64], peak: float
     ) -> bool:
-        """True if the channel's file must end, so that the next samples need a new one."""
+        """True if the channel's file must end and the next samples need a new file."""
         length_s = file.written_samples / channel.sample_rate_hz
         if _needed(peak, file.bits) > file.full_scale or length_s >= self._piece_s:
             return True
@@ -325,12 +329,12 @@ class ChannelRecorder:
         return bits == 8 or (channel.widened and file.full_scale > 4.0 * scale)
 
     def _length_of_pieces(self, rate_hz: float) -> float:
-        """Duration of one file [s]; several files of each channel fit into the budget."""
+        """Duration of one file [s], such that several files of each channel fit the budget."""
         share_s = self._budget_bytes / (rate_hz * BYTES_PER_SAMPLE) / PIECES_OF_BUDGET
         return min(PIECE_S, max(SHORTEST_PIECE_S, share_s))
 
     def _next_name(self, channel: _Channel) -> Path:
-        """File name that follows all existing ones, so that a restarted receiver continues."""
+        """Name of a new file, with a number above all existing ones, also after a restart."""
         name = f"channel_{channel.center_frequency_hz:.0f}_Hz_"
         if channel.number == 0:
             there = self._directory.glob(f"{name}*.sigmf-data")
@@ -353,7 +357,7 @@ def _append(
     first: _Batch,
     stretches: list[tuple[int, int]],
 ) -> int:
-    """Write consecutive stretches of a channel; returns the number of samples."""
+    """Write samples of a channel as consecutive stretches; return the number of samples."""
     for begin, end in stretches:
         later_ns = round(begin / first.sample_rate_hz * NANOSECONDS_PER_SECOND)
         file.append(samples[begin:end], first.sample_index + begin, first.time_ns + later_ns)
@@ -386,7 +390,10 @@ def _needed(peak: float, bits: int) -> float:
 
 
 def _scale_of_piece(samples: NDArray[np.complex64], peak: float) -> tuple[int, float, bool]:
-    """Bits per value, full scale, and True if a strong signal widened it, for a new file."""
+    """Choose the scale of a new file: bits per value, full scale, and whether it was widened.
+
+    It is widened for a strong signal.
+    """
     fitting = _scale_by_noise(samples, 8)
     if 0.0 < _needed(peak, 8) <= fitting:
         return 8, fitting, False

@@ -1,4 +1,4 @@
-"""Record samples as SigMF in a thread that never delays detection.
+"""Record samples as SigMF in a thread, so that detection never waits for the disk.
 
 `put` only queues blocks; the thread converts and writes them. While the disk is slow or full,
 blocks are dropped, counted and marked as a gap.
@@ -14,20 +14,22 @@ from uavrt.core.messages import IQBlock
 from uavrt.flight.samples.sample_file import FreeSpace, SampleFile
 
 QUEUE_S = 2.0
-"""Longest queue of samples for the disk [s]: 6 MB at 375 kS/s. An SD card pauses for 1 s."""
+"""Longest queue of samples that wait for the disk [s]: 6 MB at 375 kS/s. An SD card may pause
+for 1 s."""
 
 WAKE_S = 0.2
-"""Duration of samples written at a time [s]; waking the thread costs more than the writing."""
+"""Duration of the samples that are written at a time [s]; waking the thread costs more than the
+writing."""
 
 SETTLED_AFTER_S = 12.0
-"""Time during which the clock of a radio's samples is corrected fast [s]
+"""Time from the start of the radio in which its sample times may still be corrected quickly [s]
 (`uavrt.radio.timing.sample_times`)."""
 
 
 class IQRecorder:
-    """Writes blocks as SigMF (cs16), valid at any moment, while enough disk space is free.
+    """Writes blocks as SigMF (cs16) while the disk has enough free space.
 
-    The metadata describes all samples of the data file at any moment, also after a power cut.
+    The metadata describe all samples in the data file at any moment, even after a power cut.
     Nothing is written while the disk has less than `minimum_free_mb` free.
     """
 
@@ -85,10 +87,10 @@ class IQRecorder:
         return self.file.written_samples
 
     def put(self, block: IQBlock) -> bool:
-        """Queue a copy of a block, and return at once; false if it was dropped.
+        """Queue a copy of a block without waiting; False if it was dropped.
 
         After an overflow, blocks are dropped until the queue is half empty. This causes few
-        long gaps instead of many short ones.
+        long gaps and not many short ones.
         """
         size = len(block.samples)
         with self._condition:
@@ -106,7 +108,7 @@ class IQRecorder:
             return True
 
     def close(self, timeout_s: float = 5.0) -> None:
-        """Write the queue, for at most `timeout_s`, and stop; may be called again."""
+        """Write the queued blocks for at most `timeout_s`, and stop; may be called again."""
         with self._condition:
             self._closing = True
             self._condition.notify()
@@ -123,7 +125,7 @@ class IQRecorder:
             self.file.close()
 
     def _next_blocks(self) -> list[IQBlock]:
-        """Wait until enough blocks are queued and return them; an empty list means the end."""
+        """Wait until enough blocks are queued and return them; an empty list shows the end."""
         with self._condition:
             while self._waiting_samples < self._worth_waking and not self._closing:
                 self._condition.wait()

@@ -1,4 +1,4 @@
-"""Write a SigMF recording with metadata that are valid at any moment."""
+"""Write a SigMF recording whose metadata are valid at any moment."""
 
 import json
 import os
@@ -17,15 +17,16 @@ from uavrt.flight.samples.sigmf_metadata import FULL_SCALE, Stretch, sigmf_metad
 BYTES_PER_SAMPLE = 4
 _FREE_SPACE_PERIOD_S = 1.0
 _LEAST_MOVE_NS = 1_000_000
-"""Smallest correction of a stretch's start time that is written to the metadata [ns]."""
+"""Smallest correction of the start time of consecutive samples that is written to the metadata
+[ns]."""
 
 
 class SampleFile:
-    """Writes ``NAME.sigmf-data`` (cs16, or ci8) and ``NAME.sigmf-meta``, valid at any moment.
+    """Writes ``NAME.sigmf-data`` (cs16 or ci8) and ``NAME.sigmf-meta``, valid at any moment.
 
-    An input of `full_scale` is stored as 32 768 for 16 `bits`, and as 128 for 8 bits. A new
-    radio's clock is corrected during `settled_after_s`. Afterwards, or when a stretch ends,
-    the stretch's time is corrected.
+    An input of `full_scale` is stored as 32 768 with 16 `bits`, and as 128 with 8 bits. Sample
+    times from a new radio are still corrected during `settled_after_s`. After that, or when a
+    stretch of samples ends, the start time of the stretch is corrected in the metadata.
     """
 
     def __init__(
@@ -68,14 +69,14 @@ class SampleFile:
 
     @property
     def gaps(self) -> int:
-        """Number of gaps in the recording, each between two stretches of samples."""
+        """Number of gaps in the recording, between stretches of consecutive samples."""
         return max(0, len(self._stretches) - 1)
 
     def append(self, samples: NDArray[np.complex64], sample_index: int, time_ns: int) -> None:
         """Scale and write samples, completely or not at all.
 
-        `sample_index` and `time_ns` are the first sample's number in the radio's stream and its
-        time [ns, UTC]; a jump begins a new stretch.
+        `sample_index`: number of the first sample in the radio's stream. `time_ns`: its time
+        [ns, UTC]. A jump of either begins a new stretch.
         """
         values = self._scaled(samples)
         try:
@@ -91,7 +92,7 @@ class SampleFile:
         self._next_index = sample_index + len(samples)
 
     def break_off(self) -> None:
-        """End the present stretch of gapless samples; the next samples begin a new one."""
+        """End the present stretch of consecutive samples; the next samples begin another."""
         self._next_index = None
 
     def close(self) -> None:
@@ -102,7 +103,7 @@ class SampleFile:
         os.close(self._file)
 
     def _follow_clock(self, sample_index: int, time_ns: int) -> None:
-        """Track the clock's correction, and correct the stretch's time once it has settled."""
+        """Store how far the clock was corrected; once it is settled, correct the stretch."""
         last = self._stretches[-1]
         lasts_s = (sample_index - last.global_index) / self._sample_rate_hz
         self._moved_ns = time_ns - last.time_ns - ns_from_s(lasts_s)
@@ -110,7 +111,7 @@ class SampleFile:
             self._write_metadata()
 
     def _place_stretch(self) -> bool:
-        """Correct the last stretch's time by its newest samples; True if its start moved."""
+        """Correct the last stretch's start time by its newest samples; True if it changed."""
         moved_ns, self._moved_ns = self._moved_ns, None
         if moved_ns is None or abs(moved_ns) < _LEAST_MOVE_NS:
             return False
@@ -119,9 +120,10 @@ class SampleFile:
         return True
 
     def _begin_stretch(self, sample_index: int, time_ns: int) -> None:
-        """Write a stretch's entry to the metadata before its samples are written.
+        """Write the metadata of a stretch before its samples are written.
 
-        So a power cut leaves at worst a capture without samples, never samples at a wrong time.
+        After a power cut, the file may thus have a capture without samples, but no samples at a
+        wrong time.
         """
         stretch = Stretch(
             sample_start=self.written_samples, global_index=sample_index, time_ns=time_ns

@@ -1,8 +1,8 @@
-"""Make SigMF metadata for a recording with gaps.
+"""Create SigMF metadata for a recording with gaps.
 
-Each stretch of samples without a gap is one entry of ``captures`` with its time and, in
-``core:global_index``, its position in the radio's stream. Each gap is also an annotation, which
-viewers display (SigMF 1.2, https://sigmf.org).
+Each stretch of samples without a gap is an entry of ``captures`` with its time and its position
+in the radio's stream (``core:global_index``). Each gap is also an annotation, which viewers
+display (SigMF 1.2, https://sigmf.org).
 """
 
 import itertools
@@ -14,7 +14,7 @@ from uavrt.core.clock import iso_utc
 from uavrt.core.units import NANOSECONDS_PER_SECOND, SIGMF_FULL_SCALE
 
 FULL_SCALE = {8: 128.0, 16: 32_768.0}
-"""Stored value of an input of 1.0, by bits per value; readers divide by it."""
+"""Stored value for an input of 1.0, by bits per value; readers divide stored values by it."""
 _DATATYPES = {8: "ci8", 16: "ci16_le"}
 
 
@@ -25,8 +25,7 @@ class Stretch:
     sample_start: int
     """Index in the file of the stretch's first sample."""
     global_index: int
-    """Index of the stretch's first sample in the radio's stream, in which lost samples
-    count."""
+    """Index of the stretch's first sample in the radio's stream; lost samples are counted."""
     time_ns: int
 
 
@@ -40,7 +39,7 @@ def sigmf_metadata(
     full_scale: float = 1.0,
     bits: int = 16,
 ) -> dict[str, Any]:
-    """Make the metadata of a ``ci16_le`` recording, or with 8 bits of a ``ci8`` one."""
+    """Create the metadata of a recording in ``ci16_le``, or in ``ci8`` with 8 `bits`."""
     annotations = []
     for before, after in itertools.pairwise(stretches):
         recorded = after.sample_start - before.sample_start
@@ -81,7 +80,7 @@ def sigmf_metadata(
 
 
 def _own_scale(full_scale: float) -> dict[str, Any]:
-    """Metadata entries for a full scale other than the default."""
+    """Metadata entries for a full scale that differs from the default."""
     if full_scale == 1.0:
         return {}
     extension = {"name": "uavrt", "version": "1.0.0", "optional": True}

@@ -1,4 +1,4 @@
-"""A pulse log in memory, as returned by the reader of any format."""
+"""Pulses of a log in memory, as the readers of all formats return them."""
 
 import math
 from dataclasses import dataclass
@@ -19,15 +19,16 @@ LogKind = Literal[
 ]
 
 WITHOUT_HEADINGS = frozenset({"ucsd", "sensorgnome", "detections"})
-"""Kinds of logs without compass headings: bearings are impossible, and a whip antenna is
-assumed unless one is named."""
+"""Kinds of logs that contain no compass headings. They give no bearings, and a whip antenna is
+assumed unless another antenna is named."""
 NUMBERED_BY_FREQUENCY = frozenset({"ucsd", "pyradiotracking", "sensorgnome"})
-"""Kinds of pulse logs without tag list: a number can mean different tags in two logs."""
+"""Kinds of pulse logs that have no tag list; in two such logs, a number can mean different
+tags."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RotationMark:
-    """Position where the original system's ground station started or stopped a rotation."""
+    """Position at which the original system's ground station started or stopped a rotation."""
 
     kind: Literal["start", "stop"]
     latitude_deg: float
@@ -45,9 +46,9 @@ class PulseLog:
     pulse_poses: tuple[PulsePose, ...]
     marks: tuple[RotationMark, ...] = ()
     warnings: tuple[str, ...] = ()
-    """Sentences on limitations of the log's pulses, to be shown to the user."""
+    """Sentences for the user about limitations of the pulses in this log."""
     passed_over: int = 0
-    """Number of log rows without a pulse: rotation slices without a detection."""
+    """Number of rows without a pulse; each is a rotation slice without a detection."""
 
 
 def ungrouped_pulse(
@@ -60,7 +61,7 @@ def ungrouped_pulse(
     noise_db: float = math.nan,
     confirmed: bool = False,
 ) -> Pulse:
-    """Make a pulse from a log without pulse groups; `noise_db` is the noise density."""
+    """Create a pulse for a log that has no pulse groups; `noise_db` is the noise density."""
     return Pulse(
         tag_id=tag_id,
         frequency_hz=frequency_hz,

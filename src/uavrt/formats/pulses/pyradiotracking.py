@@ -1,8 +1,9 @@
 """Read the signal CSV of pyradiotracking: one row per signal, semicolons between the cells.
 
-Times are ISO 8601 or seconds since 1970; durations are seconds, or ``0:00:00.020``. Stations
-are fixed and report no position, so the pulses have no pose. That system's SNR is average power
-over noise power in its FFT bin, and is not converted. Tags are numbered by frequency.
+Times are ISO 8601 or seconds since 1970; durations are seconds, or ``0:00:00.020``. Stations do
+not move and report no position, so the pulses have no pose. The SNR in the file is average
+power over noise power in an FFT bin of pyradiotracking; it is not converted. Tags are numbered
+by frequency.
 """
 
 import os
@@ -29,7 +30,7 @@ _REMEDY = "Its heading is Device;Time;Frequency;Duration;max;avg;std;noise;snr"
 
 
 def read_pyradiotracking(path: str | os.PathLike[str]) -> PulseLog:
-    """Read a signal CSV; raises `FormatError` if unreadable, with the number of a bad row."""
+    """Read a signal CSV; raises `FormatError` with the number of the first bad row."""
     heard = parsed_rows(
         path,
         NAMES,
@@ -57,7 +58,7 @@ def read_pyradiotracking(path: str | os.PathLike[str]) -> PulseLog:
 
 
 def column_names(cells: Sequence[str]) -> list[str]:
-    """Column names of a heading without their units: ``"max (dBW)"`` is ``"max"``."""
+    """Column names in a heading without their units: ``"max (dBW)"`` becomes ``"max"``."""
     plain = [cell.lower().split("(")[0].strip(' "') for cell in cells]
     return [_OTHER_NAMES.get(name, name) for name in plain]
 

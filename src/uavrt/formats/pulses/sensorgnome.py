@@ -44,7 +44,8 @@ _PULSE_NS = ns_from_s(0.0025)
 _TUNED = ("-m", "frequency", "freq")
 _NOMINAL = ("tagfreq", "nomfreq", "mfgfreq")
 _LONGEST_NS = ns_from_s(60.0)
-"""Maximum age of a position that is used [ns]; a SensorGnome records one in five minutes."""
+"""Maximum time between a pulse and a position that is used for it [ns]; a SensorGnome records a
+position every five minutes."""
 _REMEDY = "A pulse line is p1,time,kHz,signal,noise; a detection has ts, id, sig"
 NO_HEADINGS = (
     "This log has no headings: positions follow from strength alone, as with a monopole. "
@@ -60,7 +61,7 @@ Place = tuple[int, float, float, float]
 
 
 def is_pulse_file(lines: Sequence[str]) -> bool:
-    """True if the first lines with content are those of a SensorGnome's pulse file."""
+    """True if the first non-empty lines are those of a SensorGnome's pulse file."""
     some = [cells_of(line) for line in lines[:200]]
     known = [cells for cells in some if cells and _kind(cells[0])]
     content = [cells for cells in some if cells]
@@ -162,7 +163,7 @@ def _posed(pulses: list[tuple[Pulse, int]], places: list[Place]) -> tuple[PulseP
 def _between(
     time_ns: int, places: list[Place], times_ns: list[int], base_m: float
 ) -> Pose | None:
-    """Pose without heading at a time, from positions less than a minute away; or None."""
+    """Pose without heading at a time, interpolated between positions; None if too far away."""
     after = bisect_left(times_ns, time_ns)
     near = [
         place
@@ -189,7 +190,10 @@ def _pose(time_ns: int, lat: float, lon: float, alt: float, base_m: float) -> Po
 
 
 def read_detections(path: str | os.PathLike[str]) -> PulseLog:
-    """Read detections, one burst per row; raises `FormatError` with the number of a bad row."""
+    """Read the detections of find_tags, one burst per row.
+
+    Raises `FormatError` with the number of a bad row.
+    """
     names: list[str] | None = None
     found: list[PulsePose] = []
     lines = read_lines(path)

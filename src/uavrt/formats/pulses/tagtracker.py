@@ -59,26 +59,26 @@ PLACEHOLDER_DB = -9999.0
 STATUSES: tuple[DetectionStatus, ...] = get_args(DetectionStatus)
 """Detection statuses by their number in TagTracker's log; 3, integrated, is uavrt's own."""
 _NORM_TOLERANCE = 2e-3
-"""Maximum deviation of a quaternion's length from 1. Six decimals keep it to 1e-6, but
-TagTracker computed in single precision."""
+"""Maximum deviation of a quaternion's length from 1. Six decimals would allow 1e-6, but
+TagTracker computes in single precision."""
 _MARKS = {"10": "start", "11": "stop"}
 _REMEDY = "Rows of a TagTracker pulse CSV begin with 7, 10, 11 or 20"
 
 
 @dataclass(frozen=True, slots=True)
 class _Layout:
-    """Order of the cells in rows of kind 7; the offset may follow the attitude."""
+    """Order of the cells in rows of kind 7; a cell with the antenna's offset may come last."""
 
     noise: bool
     quaternion: bool
 
     @property
     def least_columns(self) -> int:
-        """Number of columns up to the end of the attitude."""
+        """Minimum number of columns: up to the last cell of the attitude."""
         return 15 + self.noise + (4 if self.quaternion else 3)
 
     def fits(self, cells: Sequence[str]) -> bool | None:
-        """True if a row fits this layout; None if its attitude is unknown."""
+        """True if a row fits this layout; None if its attitude is missing, so it is unknown."""
         try:
             states = [finite(cell) for cell in cells[10 + self.noise : 12 + self.noise]]
             attitude = self.attitude(cells)
@@ -157,10 +157,10 @@ def read_tagtracker(path: str | os.PathLike[str]) -> PulseLog:
 
 
 def write_tagtracker(stream: TextIO, pulse_poses: Iterable[PulsePose]) -> None:
-    """Write a pulse CSV as TagTracker does, kind 7, without pulses that have no pose.
+    """Write a pulse CSV as TagTracker does, with rows of kind 7.
 
-    Pulses without a pose are left out: the format has no value for "unknown", and zero is a
-    place in the Atlantic.
+    Pulses without a pose are left out: the format has no value for "unknown", and zeros would
+    be a place in the Atlantic.
     """
     stream.write(HEADER + "\n")
     for one in pulse_poses:
@@ -190,7 +190,7 @@ def _line(pulse: Pulse, pose: Pose) -> str:
 
 
 def _zero_for_nan(value: float) -> float:
-    """Replace NaN by 0, TagTracker's value for an unknown frequency, noise or height."""
+    """Replace NaN by 0, which TagTracker writes for an unknown frequency, noise or height."""
     return 0.0 if math.isnan(value) else value
 
 
@@ -199,12 +199,12 @@ def _six(value: float) -> str:
 
 
 def is_heading(cells: Sequence[str]) -> bool:
-    """True if a row of a TagTracker log has the column names, with or without ``#``."""
+    """True if a row of a TagTracker log contains column names, with or without ``#``."""
     return cells[0][:1] == "#" or ("tag_id" in cells[1:] and not cells[0].isdigit())
 
 
 def row_kind(cell: str) -> str:
-    """Command number of a TagTracker row, such as ``7``, also if written as ``7.000000``."""
+    """Command number at the start of a TagTracker row: ``7``, or written as ``7.000000``."""
     try:
         number = float(cell)
     except ValueError:
@@ -290,7 +290,7 @@ def _pulse_20(cells: Sequence[str]) -> PulsePose | None:
 
 
 def _pulse(tag: Sequence[str], start_ns: int, snr: str, states: Sequence[str]) -> Pulse:
-    """Make a pulse from a tag's number and frequency, and the row's status numbers."""
+    """Create a pulse from tag number, frequency and status numbers of a TagTracker row."""
     confirmed = whole(states[1]) != 0
     frequency_hz = number_or_nan(tag[1]) or math.nan
     pulse = ungrouped_pulse(whole(tag[0]), frequency_hz, start_ns, start_ns, _snr(snr))
@@ -300,7 +300,10 @@ def _pulse(tag: Sequence[str], start_ns: int, snr: str, states: Sequence[str]) -
 def _pose(
     cells: Sequence[str], time_ns: int, vehicle: Quaternion | None, offset_deg: float
 ) -> Pose | None:
-    """Antenna pose from latitude, longitude and height; None if all are zero (no telemetry)."""
+    """Antenna pose from latitude, longitude and height; None if all are zero.
+
+    TagTracker writes zeros if it has no telemetry.
+    """
     place = place_or_none(cells[0], cells[1])
     if place is None or place == (0.0, 0.0) or vehicle is None:
         return None
@@ -322,7 +325,10 @@ def _attitude(roll_pitch_yaw_deg: Sequence[float]) -> Quaternion | None:
 
 
 def _snr(cell: str) -> float:
-    """SNR [dB] of a cell: minus infinity if the power equals the noise; NaN if unknown."""
+    """SNR [dB] in a cell; NaN if it is unknown.
+
+    Minus infinity means that the power equals the noise.
+    """
     value = float(cell)
     return math.nan if value in (PLACEHOLDER_DB, math.inf) else value
 

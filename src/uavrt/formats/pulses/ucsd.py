@@ -1,8 +1,8 @@
 """Read CSV files of UCSD's Radio Telemetry Tracker, with one ping or one estimate per row.
 
-Timestamps are seconds since 1970, or ISO 8601. The amplitude is a level in decibels over an
-unknown reference, so only its differences have a meaning: they equal differences of SNR. A
-target is identified by its frequency; targets are numbered 1, 2 … in order of frequency.
+Timestamps are seconds since 1970, or ISO 8601. The amplitude is in decibels over an unknown
+reference; only differences of amplitude have a meaning, and they equal differences of SNR. A
+target is identified by its frequency, and targets are numbered 1, 2 … in order of frequency.
 """
 
 import math
@@ -22,7 +22,8 @@ PING_COLUMNS = (
 )
 ESTIMATE_COLUMNS = ("run", "timestamp", "frequency", "easting", "northing", "epsg code")
 SAME_TARGET_HZ = 500.0
-"""Maximum difference between the frequencies of one target [Hz]; crystals drift by less."""
+"""Maximum difference between frequencies that belong to one target [Hz]; crystals drift by
+less."""
 _REMEDY = "A ping CSV has the columns Run, Timestamp, Frequency, Amplitude, Easting, …"
 
 
@@ -57,7 +58,7 @@ def read_ucsd_estimates(path: str | os.PathLike[str]) -> tuple[TargetEstimate, .
 
 
 def tag_numbers(frequencies_hz: Sequence[float], same_hz: float = SAME_TARGET_HZ) -> list[int]:
-    """Number tags by frequency from 1; a step of more than `same_hz` begins another tag."""
+    """Number tags from 1 by frequency; a step of more than `same_hz` begins another tag."""
     numbers = [0] * len(frequencies_hz)
     number, last = 0, -math.inf
     for index in sorted(range(len(numbers)), key=lambda i: frequencies_hz[i]):

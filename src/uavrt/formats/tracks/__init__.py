@@ -1,4 +1,5 @@
-"""Autopilot logs and receiver tracks, each read into one record (`track`).
+"""Read autopilot logs and receiver tracks; each reader returns a `VehicleTrack`.
 
-`dataflash` reads ArduPilot's logs, `ulog` PX4's, `gps_tracks` GPX and NMEA.
+`dataflash` reads ArduPilot's logs, `ulog` reads PX4's logs, and `gps_tracks` reads GPX and
+NMEA.
 """

@@ -56,7 +56,7 @@ _Row = dict[str, float]
 
 
 def read_dataflash(path: Path) -> VehicleTrack:
-    """Read a DataFlash log; raises `FormatError` without time, attitude or position."""
+    """Read a DataFlash log; raises `FormatError` if time, attitude or position is missing."""
     with os_errors_as(FormatError, f"cannot read {path}"):
         content = read_file(path, TRACK)
     rows: dict[str, list[_Row]] = {name: [] for name in _WANTED}
@@ -127,7 +127,7 @@ def _values(body: bytes, code: str, columns: list[str]) -> _Row:
 
 
 def _utc_of_boot_ns(rows: list[_Row]) -> int | None:
-    """UTC at boot [ns]: the smallest difference of GPS time and boot time in any message."""
+    """UTC at boot [ns]: the smallest difference between GPS time and boot time in the log."""
     found = [
         round(
             (_GPS_EPOCH_S + row["GWk"] * 604_800 - _LEAP_S) * NANOSECONDS_PER_SECOND

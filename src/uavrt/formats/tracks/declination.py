@@ -1,8 +1,8 @@
-"""Compute magnetic declination, for the few logs with magnetic headings.
+"""Compute magnetic declination for the few logs that contain magnetic headings.
 
-Autopilots report true headings: PX4 and ArduPilot add the declination themselves. NMEA's HDG
-and HDM are compass headings. The package pygeomag has the World Magnetic Model for 2010 to
-2029.
+Most logs contain true headings, because PX4 and ArduPilot add the declination themselves. The
+sentences HDG and HDM of NMEA contain compass headings. The package pygeomag contains the World
+Magnetic Model for 2010 to 2029.
 """
 
 from datetime import UTC, datetime
@@ -16,10 +16,10 @@ _DAY_NS = 86_400_000_000_000
 def declination_deg(
     latitude_deg: float, longitude_deg: float, altitude_amsl_m: float, time_ns: int
 ) -> float:
-    """Angle from true to magnetic north [deg], east positive, accurate to some 0.01°.
+    """Angle from true to magnetic north [deg], positive to the east, accurate to some 0.01°.
 
     Declination changes by 0.01° over a kilometre or a month. So positions are rounded to 0.01°,
-    heights to a kilometre, times to a day.
+    heights to a kilometre and times to a day.
     """
     return _declination_deg(
         round(latitude_deg, 2),

@@ -1,7 +1,7 @@
-"""Read tracks of points: NMEA 0183 sentences, and GPX.
+"""Read tracks of points from NMEA 0183 sentences or GPX files.
 
 NMEA: RMC (date, time, position), GGA (time, position, altitude), HDT (true heading), HDG and
-HDM (magnetic heading, converted to true); checksums are verified if present. GPX 1.0 and 1.1:
+HDM (magnetic heading, converted to true). Checksums are verified if present. GPX 1.0 and 1.1:
 ``trkpt`` with time and elevation.
 """
 
@@ -39,7 +39,10 @@ _DAY_NS = 86_400_000_000_000
 
 
 def read_nmea(path: Path) -> VehicleTrack:
-    """Read NMEA sentences, except damaged ones; raises `FormatError` without a dated fix."""
+    """Read NMEA sentences and skip damaged ones.
+
+    Raises `FormatError` if no position has a date.
+    """
     day_ns: int | None = None
     time_ns: int | None = None
     places: dict[int, PositionSample] = {}
@@ -77,7 +80,7 @@ def read_nmea(path: Path) -> VehicleTrack:
 
 
 def _true_heading_deg(fields: list[str], place: PositionSample) -> float:
-    """Convert an HDG or HDM heading to true [°], by the sentence's variation or the model's."""
+    """Convert a magnetic heading to true [°], by the sentence's or the model's declination."""
     heading = float(fields[1])
     if fields[0].endswith("HDG") and len(fields) > 5:
         heading += _eastward(fields[2], fields[3])
@@ -93,7 +96,7 @@ def _eastward(angle: str, direction: str) -> float:
 
 
 def read_gpx(path: Path) -> VehicleTrack:
-    """Read a GPX file's tracks; raises `FormatError` for another file, or one without times."""
+    """Read the tracks of a GPX file; raises `FormatError` if it has no points with times."""
     text = "\n".join(read_lines(path))
     places: list[PositionSample] = []
     astray: list[tuple[int, OffEarthError]] = []

@@ -1,4 +1,4 @@
-"""A vehicle's track from another program, timed by that program's clock."""
+"""Track of a vehicle as another program logged it, with the times of that program's clock."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -23,7 +23,7 @@ S = TypeVar("S", AttitudeSample, PositionSample)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleTrack:
-    """Attitudes and positions of a vehicle, in order of time [ns, UTC of the logger]."""
+    """Attitudes and positions of a vehicle in order of time [ns, UTC of the logger]."""
 
     kind: str
     attitudes: tuple[AttitudeSample, ...]
@@ -42,14 +42,14 @@ class VehicleTrack:
         )
 
     def on_ground(self, time_ns: int) -> bool:
-        """True if the vehicle was on the ground at a time, by the log."""
+        """True if the log shows that the vehicle was on the ground at a time."""
         return any(first <= time_ns <= last for first, last in self.on_ground_ns)
 
 
 def attitude(
     time_ns: int, quaternion_wxyz: tuple[float, float, float, float]
 ) -> AttitudeSample | None:
-    """Make an attitude sample; None for an invalid rotation."""
+    """Create an attitude sample; None if the rotation is invalid."""
     try:
         return AttitudeSample(time_ns=time_ns, quaternion_wxyz=normalised(quaternion_wxyz))
     except ValueError:
@@ -59,7 +59,7 @@ def attitude(
 def position(
     time_ns: int, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float
 ) -> PositionSample | None:
-    """Make a position sample with unknown relative altitude; None for invalid coordinates."""
+    """Create a position sample without relative altitude; None for invalid coordinates."""
     if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0):
         return None
     if latitude_deg == 0.0 and longitude_deg == 0.0:  # before the first fix
@@ -75,7 +75,7 @@ def position(
 
 
 def over_the_first(positions: Iterable[PositionSample]) -> tuple[PositionSample, ...]:
-    """Sort positions by time; unknown relative altitudes are computed from the first one."""
+    """Sort positions by time; unknown relative altitudes count from the first position."""
     ordered = in_order(positions)
     base_m = ordered[0].altitude_amsl_m if ordered else 0.0
     return tuple(
@@ -87,13 +87,13 @@ def over_the_first(positions: Iterable[PositionSample]) -> tuple[PositionSample,
 
 
 def in_order(samples: Iterable[S]) -> tuple[S, ...]:
-    """Sort samples by time; of samples with equal times only the last is used."""
+    """Sort samples by time; of several samples with equal times, only the last one is used."""
     by_time = {one.time_ns: one for one in samples}
     return tuple(by_time[time] for time in sorted(by_time))
 
 
 def headings_of_course(positions: Sequence[PositionSample]) -> list[AttitudeSample]:
-    """Attitudes for a track without any: level, with the course over ground as heading."""
+    """Assumed attitudes for a track without attitudes: level, with the course as heading."""
     found: list[AttitudeSample] = []
     heading = None
     for before, after in pairwise(positions):
@@ -111,7 +111,7 @@ def headings_of_course(positions: Sequence[PositionSample]) -> list[AttitudeSamp
 
 
 def filled(track: VehicleTrack) -> VehicleTrack:
-    """Add samples in gaps of up to 15 s, since poses are interpolated over 2 s at most."""
+    """Add samples in gaps of up to 15 s, because poses are interpolated over 2 s at most."""
     return replace(
         track,
         attitudes=tuple(_filled(track.attitudes, _between_attitudes)),

@@ -31,8 +31,8 @@ _DEFINING = frozenset(bytes((letter,)) for letter in b"FIMPBQ")
 _FIELD = re.compile(r"(\w+)(?:\[(\d{1,9})\d*\])? +\w+;")
 _MOST_DEFINITIONS, _MOST_FIELDS, _MOST_DEPTH = 50_000, 2_000, 4
 _MOST_STEPS = 300_000
-"""Maximum number of damaged bytes, or of pieces of 512 bytes, that are skipped before the file
-counts as ended."""
+"""Maximum number of damaged bytes, or of pieces of 512 bytes, that are skipped; after that the
+file counts as ended."""
 _ARMED = 2
 _SANE_UNIX_US = 1_400_000_000_000_000
 
@@ -95,8 +95,8 @@ def read_ulog(path: Path) -> VehicleTrack:
 class _Damaged:
     """A log file that reports its end after too many damaged bytes.
 
-    Without it, pyulog skips unknown data byte by byte, which takes hours for gigabytes of
-    zeros.
+    Without this limit, pyulog skips unknown data byte by byte, which takes hours for gigabytes
+    of zeros.
     """
 
     def __init__(self, file: BinaryIO) -> None:
@@ -121,10 +121,10 @@ class _Damaged:
 
 
 def _check_formats(file: BinaryIO) -> None:
-    """Reject records with more fields than memory can hold; raises `ValueError`.
+    """Raise `ValueError` for records with more fields than memory can hold.
 
-    The definitions precede the data: ``F`` is ``name:type field;type[9] field;…``, and a type
-    may be another definition.
+    Definitions precede the data: ``F`` is ``name:type field;type[9] field;…``, and a type may
+    be the name of another definition.
     """
     fields: dict[str, list[tuple[str, int]]] = {}
     file.seek(_HEADER_BYTES)
@@ -158,7 +158,7 @@ def _check_formats(file: BinaryIO) -> None:
 def _states(
     data: Mapping[str, Sequence[Any]] | None, name: str, yes: int, offset_us: int
 ) -> list[tuple[int, bool]]:
-    """Times [ns] of a topic, each with True if field `name` was `yes`; empty if not logged."""
+    """Times [ns] of a topic, each with True if field `name` is `yes`; empty if not logged."""
     if data is None or name not in data:
         return []
     pairs = zip(data["timestamp"], data[name], strict=True)
@@ -166,7 +166,7 @@ def _states(
 
 
 def _utc_of_boot_us(topics: dict[str, Any]) -> int | None:
-    """UTC at boot [µs]: the smallest difference of GPS time and boot time in any message."""
+    """UTC at boot [µs]: the smallest difference between GPS time and boot time in the log."""
     for name in _GPS:
         data = topics.get(name)
         if data is not None and "time_utc_usec" in data:

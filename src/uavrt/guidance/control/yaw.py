@@ -166,9 +166,9 @@ class YawWatch:
             self._aligned = time_s - self._aligned_since_s >= SAFETY.aligned_s
 
     def _pass_aim(self, time_s: float, side_deg: float, step_deg: float) -> None:
-        """Allow a setpoint that passes its moving aim to turn as far as it needs to stop.
+        """Let a setpoint that overtook its moving aim turn as far beyond it as it must to stop.
 
-        A setpoint that begins to turn at its aim does not pass the aim.
+        A setpoint that begins to turn exactly at its aim does not count as overtaking.
         """
         before_deg, self._side_deg = self._side_deg, side_deg
         turned_deg, self._step_deg = self._step_deg, step_deg

@@ -56,7 +56,7 @@ _HIGH_RANGE: Final = (100_000.0, 300_000.0)
 def encode_channel_datagram(
     samples: NDArray[np.complex64], time_ns: int, style: StampStyle = "seconds"
 ) -> bytes:
-    """Encode a frame; raises `ValueError` for a time that the stamp cannot represent."""
+    """Encode a frame of samples; raises `ValueError` if the time stamp cannot hold its time."""
     try:
         if style == "seconds":
             stamp = _SECONDS.pack(*divmod(time_ns, NANOSECONDS_PER_SECOND))
@@ -70,7 +70,7 @@ def encode_channel_datagram(
 def decode_channel_datagram(
     payload: bytes, style: StampStyle | None = None
 ) -> tuple[int, NDArray[np.complex64]]:
-    """Decode a frame: time of the first sample [ns, UTC], and a copy of the samples, (n,)."""
+    """Decode a frame: time of the first sample [ns, UTC] and a copy of the samples, (n,)."""
     if len(payload) < 16 or len(payload) % 8:
         raise FormatError(
             f"a datagram of {len(payload)} bytes is not a timestamp and complex64 samples",
@@ -97,9 +97,10 @@ def decode_channel_datagram(
 def stamp_style(payload: bytes) -> StampStyle:
     """Detect the format of a frame's time stamp.
 
-    Milliseconds of 1 or more are floats; their bits, read as an integer, exceed 10⁹, which
-    nanoseconds never do. At 0 ms the other half of the stamp decides; this is wrong only at a
-    full second in 2007 to 2009.
+    The fraction of a `milliseconds` stamp is a float. If it is 1 ms or more, its bits, read as
+    an integer, exceed 10⁹, which nanoseconds never do. If the fraction is 0, the other half of
+    the stamp decides. This can be wrong only for stamps at a full second in the years 2007 to
+    2009.
     """
     _, nanoseconds = _SECONDS.unpack_from(payload)
     high, _ = _MILLISECONDS.unpack_from(payload)
@@ -110,7 +111,7 @@ def stamp_style(payload: bytes) -> StampStyle:
 
 
 def channel_port(channel: int, scheme: PortScheme = "current", *, second: bool = False) -> int:
-    """UDP port of a channel; `channel`: number, 0 at the radio's centre."""
+    """UDP port of a channel; `channel` is counted from 0, the channel at the radio's centre."""
     if second and scheme == "thesis":
         raise ValueError("the thesis's layout has no second port for a channel")
     port = FIRST_PORT + (channel if scheme == "thesis" else 2 * channel + second)

@@ -1,8 +1,9 @@
-"""Send the tags' channels also to the detectors of the original system.
+"""Send the channels of the tags to detectors of the original system.
 
-uavrt's channels are oversampled by two. The original's detectors need 3750 samples a second and
-the original's channel numbers. So the decimated band is channelized again in compatible mode.
-This takes 0.2 % of a core for one channel, 0.3 % for ten, and 1.3 % for all hundred (measured).
+uavrt's own channels are oversampled by two. The original detectors need 3750 samples a second
+and the original channel numbers. So the decimated band is channelized a second time, in the
+compatible mode. This takes 0.2 % of a core for one channel, 0.3 % for ten channels and 1.3 %
+for all 100 channels (measured).
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,7 +16,7 @@ from uavrt.radio.channels.channel_sender import ChannelDatagramSender
 
 
 class ChannelOutput:
-    """Channelizes a band for the original system's detectors, and sends the tags' channels."""
+    """Channelizes a band for detectors of the original system and sends the tags' channels."""
 
     def __init__(
         self,
@@ -60,16 +61,16 @@ class ChannelOutput:
                 self._sender.send(channel)
 
     def reset(self) -> None:
-        """Reset the filters after the radio has failed."""
+        """Reset the channelizer's filters after a failure of the radio."""
         self._front_end.reset()
 
     def counters(self) -> dict[str, float]:
-        """Numbers of datagrams sent, refused and dropped, for the health report."""
+        """Numbers of datagrams sent and dropped, for the health report."""
         return {
             "udp_channel_datagrams": self._sender.datagrams,
             "udp_channel_datagrams_dropped": self._sender.dropped,
         }
 
     def close(self) -> None:
-        """Close the sending sockets."""
+        """Close the sockets that send the channels."""
         self._sender.close()

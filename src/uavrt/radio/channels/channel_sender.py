@@ -23,9 +23,9 @@ class _Frame:
 
 
 class ChannelDatagramSender:
-    """Cuts channels into frames of 1024 samples and sends each to the channel's ports.
+    """Cuts channels into frames of 1024 samples and sends each frame to its channel's ports.
 
-    Sending never waits; frames are dropped and counted if the system's buffer is full.
+    Sending never blocks: if the system's buffer is full, the frame is dropped and counted.
     """
 
     def __init__(
@@ -53,10 +53,10 @@ class ChannelDatagramSender:
         """Number of UDP datagrams dropped because the system's buffer was full."""
 
     def send(self, block: ChannelBlock) -> None:
-        """Add the next block of a channel, and send the frames that it completes.
+        """Add the next block of a channel and send the frames that are then complete.
 
-        A gap within a frame is filled with zeros to the frame's end; the next frame begins
-        where samples continue.
+        If samples are missing, the rest of the frame is filled with zeros, at most as many as
+        are missing. A new frame begins with the first sample after the zeros.
         """
         frame = self._frames.get(block.channel)
         if frame is None:

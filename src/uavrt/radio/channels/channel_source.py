@@ -1,7 +1,7 @@
-"""Receive one channel as datagrams, from the original channelizer or uavrt's.
+"""Receive one channel as datagrams, from the original channelizer or from uavrt.
 
-Frames are ordered by their time stamps. A missing frame is waited for briefly, then becomes a
-gap; a late frame is dropped.
+Frames are sorted by their time stamps. The receiver waits briefly for a missing frame, then
+reports a gap. A frame that arrives after that is dropped.
 """
 
 from typing import Final
@@ -22,29 +22,31 @@ from uavrt.radio.channels.channel_datagram import (
 from uavrt.radio.live_source import DatagramSource
 
 TOLERANCE_S: Final = 0.005
-"""Maximum error of a time stamp for a frame to count as the next one [s]. The thesis's stamps
-are truncated to 1 ms; the newer channelizer's step by 5.4 ms when its count restarts."""
+"""Maximum difference between a frame's time stamp and the expected time, for the frame to count
+as the next one [s]. The stamps of the thesis's channelizer are truncated to 1 ms; those of the
+newer channelizer step by 5.4 ms when its count restarts."""
 HELD_FRAMES: Final = 4
-"""Number of later frames of samples that ends the wait for a missing one: 1.1 s."""
+"""Number of later frames that are stored while a missing frame may still arrive: 1.1 s of
+samples."""
 SILENCE_S: Final = 1.5
 """Time without datagrams after which stored frames are released despite gaps [s]."""
 RESTART_FRAMES: Final = 3
-"""Number of consecutive time stamps, all earlier than expected, that show that the sender's
-clock was set back."""
+"""Number of consecutive frames with time stamps earlier than expected that shows that the
+sender's clock was set back."""
 _LARGEST: Final = 65_536
 LONGEST_GAP_S: Final = 3600.0
-"""Longest forward jump of time stamps that counts as lost samples [s]; a longer one is a change
-of the sender's clock."""
+"""Longest forward jump of the time stamps that counts as lost samples [s]; a longer jump means
+that the sender's clock was changed."""
 
 log = get_logger()
 
 
 class ChannelDatagramSource(DatagramSource):
-    """Receives a channel's samples at a UDP port; a `SampleSource`.
+    """Receives the samples of one channel at a UDP port; a `SampleSource`.
 
-    `address`: ``udp://127.0.0.1:20000``. `sample_rate_hz`: sample rate of the channel; 3750 for
-    the original. Raises `RadioError` if the port is in use, `ConfigError` or `FormatError` for
-    an invalid address or rate.
+    `address`: for example ``udp://127.0.0.1:20000``. `sample_rate_hz`: sample rate of the
+    channel; 3750 with the original channelizer. Raises `RadioError` if the port is in use,
+    `ConfigError` or `FormatError` for an invalid address or rate.
     """
 
     def __init__(
@@ -65,7 +67,7 @@ class ChannelDatagramSource(DatagramSource):
         self._listen(address)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next frame in order of time; None after `timeout_s` without one."""
+        """Get the next frame in order of time; None if none is ready within `timeout_s`."""
         deadline_s = None if timeout_s is None else monotonic_s() + timeout_s
         while True:
             self._receive()
@@ -119,7 +121,7 @@ class ChannelDatagramSource(DatagramSource):
 
 
 class FrameOrder:
-    """Puts frames with time stamps in order."""
+    """Sorts the frames of a channel by time and finds missing frames."""
 
     def __init__(self, sample_rate_hz: float) -> None:
         self._rate_hz = sample_rate_hz
@@ -132,7 +134,7 @@ class FrameOrder:
 
     @property
     def waiting(self) -> int:
-        """Number of frames added and not yet taken."""
+        """Number of frames that were added but not yet taken."""
         return len(self._held)
 
     def put(self, time_ns: int, samples: NDArray[np.complex64]) -> None:
@@ -150,8 +152,8 @@ class FrameOrder:
     def take(self, *, wait: bool = True) -> tuple[int, NDArray[np.complex64], int] | None:
         """Get the next frame: time [ns], samples, and the number of samples lost before it.
 
-        None if there is no frame, or, with `wait`, while a missing earlier frame may still
-        arrive.
+        Returns None if there is no frame. With `wait`, it also returns None while an earlier
+        frame is missing and may still arrive.
         """
         if not self._held:
             return None
@@ -166,7 +168,7 @@ class FrameOrder:
         return time_ns, samples, lost
 
     def _put_early(self, time_ns: int, samples: NDArray[np.complex64]) -> None:
-        """Add a sample frame older than expected; several mean that the sender restarted."""
+        """Store a frame that is older than expected; several show that the sender restarted."""
         self.late += 1
         if self._early:
             last_ns, last = self._early[-1]

@@ -1,9 +1,10 @@
 """Read radio frequency, sample rate and start time from a recording's file name.
 
-Default names of programs: SDR# ``SDRSharp_20150804_204121Z_145000000Hz_IQ``, HDSDR
-``HDSDR_20130105_123456Z_14100kHz_RF``, gqrx ``gqrx_20200101_123456_145000000_1800000_fc`` in
-UTC; SDR++ ``baseband_145000000Hz_12-34-56_01-02-2023`` in local time. airspy_rx and
-hackrf_transfer (``-w``) use local time with a Z, too. The names of rtl_433
+The default names of these programs are recognized: SDR#
+``SDRSharp_20150804_204121Z_145000000Hz_IQ``, HDSDR ``HDSDR_20130105_123456Z_14100kHz_RF`` and
+gqrx ``gqrx_20200101_123456_145000000_1800000_fc``, with the time in UTC; SDR++
+``baseband_145000000Hz_12-34-56_01-02-2023``, with the local time. airspy_rx and hackrf_transfer
+(``-w``) write the local time although their names end it with Z. The names of rtl_433
 (``g001_433.92M_250k``) have no time.
 """
 
@@ -28,11 +29,13 @@ class NameFacts:
     program: str
     center_frequency_hz: float | None = None
     frequency_step_hz: float | None = None
-    """Step to which a file name rounds the radio's frequency [Hz]; None for 1 Hz or less."""
+    """Step to which the file name rounds the radio's frequency [Hz]; None if that is 1 Hz or
+    less."""
     sample_rate_hz: float | None = None
     start_time_ns: int | None = None
     local_time: bool = False
-    """True if a file name's time is local time; this computer's time zone is assumed."""
+    """True if the file name gives a local time; it is read in the time zone of this
+    computer."""
     format_name: str | None = None
 
 
@@ -77,7 +80,7 @@ _FACTORS: Final = {"": 1.0, "k": 1e3, "M": 1e6}
 
 
 def read_name(path: PurePath | str) -> NameFacts | None:
-    """Read a file name without directory; None if it is not in a known program's style."""
+    """Read the values in a file name; None if no known program writes names of this form."""
     name = PurePath(path).name
     for form in _FORMS:
         if found := form.pattern.match(name):
@@ -104,9 +107,9 @@ def _facts(form: _Form, parts: dict[str, str | None]) -> NameFacts:
 
 
 def _frequency_step_hz(form: _Form, number: str, factor: float) -> float | None:
-    """Value of the last digit of a name's frequency [Hz]; None for 1 Hz or less.
+    """Value of the last digit of the frequency in a file name [Hz]; None for 1 Hz or less.
 
-    rtl_433 writes six digits in all and omits zeros at the end (C's ``%g``).
+    rtl_433 writes six digits and omits zeros at the end (format ``%g`` of C).
     """
     whole, _, decimals = number.partition(".")
     places = max(0, 6 - len(whole)) if form.program == "rtl_433" else len(decimals)

@@ -1,4 +1,4 @@
-"""Read several recordings of one channel as one, in order of time."""
+"""Read several recordings of one channel as one recording, in order of time."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,11 +11,12 @@ from uavrt.radio.files.recording_source import Layout, RecordingSource
 from uavrt.radio.files.sigmf import sigmf_layout
 
 _NO_GAP_S = 0.001
-"""Maximum time between two recordings that is not a gap [s]; their times are rounded."""
+"""Maximum time between two recordings that does not count as a gap [s]; the times in the files
+are rounded."""
 
 
 class JoinedRecording:
-    """Samples of several SigMF recordings of one channel, with the gaps between them."""
+    """Reads several SigMF recordings of one channel as one stream with gaps between them."""
 
     def __init__(self, paths: Sequence[Path]) -> None:
         layouts: list[Layout] = []
@@ -57,7 +58,7 @@ class JoinedRecording:
         return sum(segment.count for one in self._layouts for segment in one.segments)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block at once; raises `EOFError` at the end of the last recording."""
+        """Get the next block without waiting; raises `EOFError` after the last recording."""
         del timeout_s
         while True:
             if self._source is None:
@@ -76,7 +77,7 @@ class JoinedRecording:
             return self._placed(block)
 
     def close(self) -> None:
-        """Close the open recording."""
+        """Close the recording that is being read."""
         if self._source is not None:
             self.invalid_values += self._source.invalid_values
             self._source.close()

@@ -1,7 +1,8 @@
 """Read samples from a file: raw, SigMF or WAV.
 
-Readers of the three kinds (`raw_layout`, `uavrt.radio.files.sigmf`, `uavrt.radio.files.wav`)
-describe a file as a `Layout`; `RecordingSource` reads any layout.
+A function for each of the three kinds (`raw_layout`, and those in `uavrt.radio.files.sigmf` and
+`uavrt.radio.files.wav`) describes the file as a `Layout`. `RecordingSource` reads the samples
+of any `Layout`.
 """
 
 import os
@@ -29,13 +30,14 @@ _MAX_BLOCK: Final = 262_144
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Segment:
-    """Consecutive samples in a file."""
+    """Part of a recording without gaps: consecutive samples in a file."""
 
     first: int
     """Position of the segment's first sample in the file [samples]."""
     count: int
     sample_index: int
-    """Index of the segment's first sample since the recording's start, lost ones included."""
+    """Index of the segment's first sample, counted from the start of the recording; lost
+    samples count as well."""
     time_ns: int
     lost_before: int = 0
 
@@ -54,18 +56,18 @@ class Layout:
     start_from: str = GIVEN_BY_USER
     first_byte: int = 0
     fault_at_end: str | None = None
-    """Reason why the recording is incomplete; raised as an error after its last complete
-    sample."""
+    """Reason why the recording is incomplete; None if it is complete. It is raised as an error
+    after the last complete sample has been read."""
 
 
 class SampleBytes(Protocol):
-    """A file that can be read at any position."""
+    """Interface of a file whose bytes can be read from any position."""
 
     def read_at(self, view: memoryview, offset: int) -> int:
-        """Fill memory from a position on; return the number of bytes, 0 at the end."""
+        """Read bytes from a position into `view`; return their number, 0 at the file's end."""
 
     def close(self) -> None:
-        """Close the file with the samples."""
+        """Close the file that contains the samples."""
 
 
 class _FileBytes:
@@ -83,7 +85,7 @@ class _FileBytes:
 
 
 class RecordingSource:
-    """Samples of a recording, as fast as they can be read; raises `FormatError`."""
+    """Reads a recording's samples as quickly as the disk allows; raises `FormatError`."""
 
     def __init__(self, layout: Layout, stored: SampleBytes | None = None) -> None:
         check_rates(layout.sample_rate_hz, layout.center_frequency_hz)
@@ -120,7 +122,7 @@ class RecordingSource:
 
     @property
     def total_samples(self) -> int | None:
-        """Number of samples in the file."""
+        """Number of samples in the recording."""
         return self._total
 
     @property
@@ -130,16 +132,19 @@ class RecordingSource:
 
     @property
     def layout(self) -> Layout:
-        """The recording's layout: position of its samples, rate, frequency and times."""
+        """Description of the file: positions of its samples, rate, frequency and times."""
         return self._layout
 
     @property
     def segments(self) -> tuple[Segment, ...]:
-        """Parts of the recording, each with consecutive samples, between its gaps."""
+        """Parts of the recording between its gaps; the samples of each part are consecutive."""
         return self._layout.segments
 
     def skip_to(self, place: int) -> None:
-        """Continue reading at a sample, by its number in the file, without lost samples."""
+        """Continue reading at a sample; `place`: its position in the file, counted from 0.
+
+        Samples that the recording lost are not counted in `place`.
+        """
         held = [one for one in self._layout.segments if one.count]
         for number, segment in enumerate(held):
             if place < segment.count or number == len(held) - 1:
@@ -152,12 +157,15 @@ class RecordingSource:
 
     @property
     def dated_by_file(self) -> bool:
-        """True if the start time is known only from the file's modification date."""
+        """True if the start time was derived from the file's modification date."""
         return self._layout.start_from == FILE_DATE
 
     @property
     def origin(self) -> str:
-        """Text on the sources of rate, frequency and start time; empty if all were given."""
+        """Text that says where rate, frequency and start time come from.
+
+        Values that the user gave are left out; the text is empty if the user gave all three.
+        """
         layout = self._layout
         origins = (
             (f"{layout.center_frequency_hz / 1e6:.6f} MHz", layout.frequency_from),
@@ -167,7 +175,7 @@ class RecordingSource:
         return "; ".join(f"{what} by {who}" for what, who in origins if who != GIVEN_BY_USER)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block at once; raises `EOFError` at the end of the recording."""
+        """Get the next block without waiting; raises `EOFError` at the end of the recording."""
         del timeout_s
         if self._done == self._segment.count:
             self._next_segment()
@@ -224,7 +232,10 @@ class RecordingSource:
 
 
 def name_note(facts: NameFacts, about: Literal["rate", "frequency", "time"]) -> str:
-    """Text that gives a file's name as the source of a value, with rounding or time zone."""
+    """Text that names the file's name as the source of a value.
+
+    It also states the time zone of a time and the rounding of a frequency.
+    """
     said = f"the file's name (as {facts.program} gives)"
     if about == "time" and facts.local_time:
         said += ", the local time of the computer that recorded, taken to be this one's zone"
@@ -236,7 +247,7 @@ def name_note(facts: NameFacts, about: Literal["rate", "frequency", "time"]) -> 
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Context for reading a file; converts `OSError` to `FormatError`."""
+    """Context manager that raises `FormatError` with a remedy if a file cannot be read."""
     try:
         yield
     except OSError as error:
@@ -246,7 +257,7 @@ def reading(path: Path) -> Iterator[None]:
 
 
 def file_size(path: Path) -> int:
-    """Size of a regular file [bytes]; raises `FormatError` for anything else."""
+    """Size of a file [bytes]; raises `FormatError` if it is missing or not a regular file."""
     with reading(path):
         if path.is_dir():
             raise FormatError(f"{path} is a directory", remedy="Name a recording in it")
@@ -255,7 +266,7 @@ def file_size(path: Path) -> int:
 
 
 def file_start_ns(path: Path, samples: int, sample_rate_hz: float) -> int:
-    """Estimated start of a recording: file modification time minus duration [ns, UTC]."""
+    """Estimate a recording's start: file modification time minus duration [ns, UTC]."""
     return path.stat().st_mtime_ns - NominalTimes(0, sample_rate_hz).time_ns(samples)
 
 
@@ -270,7 +281,11 @@ def raw_layout(
     rate_from: str = GIVEN_BY_USER,
     start_from: str = GIVEN_BY_USER,
 ) -> Layout:
-    """Describe a file of raw samples; the arguments `…_from` name the sources of the values."""
+    """Describe a file of raw samples.
+
+    The arguments `frequency_from`, `rate_from` and `start_from` say where each value comes
+    from.
+    """
     check_rates(sample_rate_hz, center_frequency_hz)
     size = file_size(path)
     if sample_format.dtype.kind != "f":

@@ -1,8 +1,8 @@
 """Read SigMF recordings: a JSON description and a file of samples.
 
-The fields are those of the SigMF specification 1.2 (core namespace). The standard library reads
-the metadata: the ``sigmf`` package reads samples five times slower than ``readv`` and needs a
-JSON-schema validator.
+The fields are those of the SigMF specification 1.2 (core namespace). The description is read
+with the standard library. The ``sigmf`` package is not used because it reads samples five times
+slower than ``readv`` and needs a JSON-schema validator.
 """
 
 import sys
@@ -33,7 +33,10 @@ from uavrt.radio.timing.sample_times import NominalTimes
 def sigmf_layout(
     path: Path, *, center_frequency_hz: float | None = None, start_time_ns: int | None = None
 ) -> Layout:
-    """Describe a SigMF recording and the gaps between its captures; `path`: either file."""
+    """Describe a SigMF recording and the gaps between its captures.
+
+    `path`: the file with the metadata, or the file with the samples.
+    """
     meta_path, data_path = _paths(path)
     meta = _load(meta_path)
     about = _table(meta, "global", meta_path)
@@ -89,13 +92,17 @@ def sigmf_layout(
 
 
 def sigmf_global(path: Path, key: str) -> object:
-    """Value of a key in a recording's global metadata, or None; raises `FormatError`."""
+    """Value of a key in a recording's global metadata; None if the key is missing.
+
+    Raises `FormatError` if the metadata cannot be read.
+    """
     meta_path, _ = _paths(path)
     return _table(_load(meta_path), "global", meta_path).get(key)
 
 
 MOST_GAP_S = 30 * 86_400.0
-"""Longest gap between captures of a recording [s]; more means a wrong index or time."""
+"""Longest accepted gap between captures of a recording [s]; a longer gap means that an index or
+a time is wrong."""
 LAST_NS = 2**62
 """Latest time accepted in a recording, in 2116 [ns since 1970]."""
 
@@ -143,9 +150,10 @@ def _segments(
 
 
 def _lost(previous: _Capture, capture: _Capture, rate_hz: float) -> int:
-    """Number of samples missing between two captures, by their indices or else their times.
+    """Number of samples lost between two captures of a recording.
 
-    A smaller index than before means that the radio was opened again.
+    It follows from the captures' global indices, or from their times if there are no indices. A
+    smaller index than before means that the radio was opened again.
     """
     kept = capture.first - previous.first
     if previous.global_index is not None and capture.global_index is not None:

@@ -1,10 +1,11 @@
 """Read WAV recordings with I and Q as left and right channel, as SDR programs write them.
 
-Chunks are read as in Microsoft's "Multiple Channel Audio Data and WAVE Files", and RF64 and
-BW64 (files over 4 GiB) as in EBU Tech 3306. Plain files of that size, in which the size field
-has overflowed, are also read. The ``auxi`` chunk (start time, radio frequency) is read as
-written by SDR#, HDSDR and ``airspy_rx -w``, or in XML by SDR Console. Python's ``wave`` module
-refuses float samples, RF64, and files whose writer was killed before it could set the size.
+Chunks are read according to Microsoft's "Multiple Channel Audio Data and WAVE Files"; RF64 and
+BW64 (files over 4 GiB) according to EBU Tech 3306. WAV files over 4 GiB whose size field has
+overflowed are read as well. The ``auxi`` chunk (start time, radio frequency) is read in the
+binary form of SDR#, HDSDR and ``airspy_rx -w``, and in the XML form of SDR Console. Python's
+``wave`` module is not used because it refuses float samples, RF64, and files whose writer was
+killed before it wrote the size.
 """
 
 import re
@@ -36,25 +37,26 @@ from uavrt.radio.live_source import check_rates
 
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _UNKNOWN_SIZE = (0, 0xFFFFFFFF, 0x7FFFFFFF)
-"""Sizes in a WAV file's data chunk that mean "unknown": the writer streamed or was killed."""
+"""Sizes in the data chunk of a WAV file that mean "unknown": the program streamed the file or
+was killed."""
 
 _MOST_READ = 1 << 16
-"""Maximum size of a WAV chunk that is read [bytes]; the longest kind, XML, has a few
-thousand."""
+"""Maximum number of bytes that are read from a chunk of a WAV file; the longest chunk that is
+used, XML text, has a few thousand bytes."""
 _MOST_CHUNKS = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Packed24(SampleFormat):
-    """24-bit integers of three bytes each; numpy has no such type."""
+    """Sample format with 24-bit integers in three bytes each; numpy has no such type."""
 
     @property
     def bytes_per_sample(self) -> int:
-        """Size of one complex sample: three bytes for I, three for Q."""
+        """Size of one complex sample [bytes]: three for I and three for Q."""
         return 6
 
     def convert(self, raw: NDArray[np.uint8], samples: NDArray[np.complex64]) -> None:
-        """Convert stored bytes (n * 6,) into `samples` (n,), by way of int32."""
+        """Convert stored bytes `raw` (n * 6,) into complex `samples` (n,)."""
         wide = np.zeros((2 * len(samples), 4), np.uint8)
         wide[:, 1:] = raw.reshape(-1, 3)
         values: NDArray[Any] = wide.view("<i4")[:, 0]
@@ -87,7 +89,11 @@ class _Header:
 def wav_layout(
     path: Path, *, center_frequency_hz: float | None = None, start_time_ns: int | None = None
 ) -> Layout:
-    """Describe a two-channel WAV file; defaults are from its ``auxi`` chunk, name or date."""
+    """Describe a two-channel WAV file.
+
+    A frequency or start time that is not given is read from the ``auxi`` chunk or from the
+    file's name; the start time can also follow from the file's date.
+    """
     size = file_size(path)
     with reading(path), path.open("rb") as file:
         header = _read_chunks(file, path, size)
@@ -178,11 +184,12 @@ def _chunk_at(file: BinaryIO, at: int) -> tuple[bytes, int]:
 
 
 def _data_size(file: BinaryIO, first: int, length: int, header: _Header, size: int) -> int:
-    """Size of the samples [bytes]: the header's, if the file's structure confirms it.
+    """Size of the samples in a WAV file [bytes].
 
-    Programs without RF64 let the size overflow at 4 GiB, and some write the size only at the
-    start. So it is used only if the end of the file, or further chunks up to the end, follow
-    the samples. Otherwise the samples extend to the end of the file.
+    The size in the header can be wrong: programs without RF64 let it overflow at 4 GiB, and
+    some programs write it only at the start. So it is used only if the file ends there, or if
+    complete chunks fill the rest of the file. Otherwise the samples extend to the end of the
+    file.
     """
     if length == _UNKNOWN_SIZE[1] and header.long_data_size is not None:
         length = header.long_data_size
@@ -229,7 +236,7 @@ def _read_chunk(name: bytes, body: bytes, header: _Header, path: Path) -> None:
 
 
 def _xml(body: bytes) -> str | None:
-    """Read a WAV file's ``auxi`` chunk in XML (SDR Console); None if it is another kind."""
+    """Text of a WAV file's ``auxi`` chunk if it is XML (SDR Console); None otherwise."""
     body = body.removeprefix(b"\xff\xfe").removeprefix(b"\xef\xbb\xbf")
     if body[:1] != b"<":
         return None
@@ -243,7 +250,7 @@ def _number(text: str, name: str, unit: int) -> int | None:
 
 
 def _system_time_ns(fields: tuple[int, ...]) -> int | None:
-    """Convert a Windows SYSTEMTIME (year to ms) to UTC [ns]; None if invalid."""
+    """Convert a Windows SYSTEMTIME (year to ms) to UTC [ns]; None if it is not a valid date."""
     year, month, _, day, hour, minute, second, millisecond = fields
     try:
         stamp = datetime(year, month, day, hour, minute, second, tzinfo=UTC)

@@ -1,1 +1,1 @@
-"""Operate radios: their programs, drivers, USB devices and error messages."""
+"""Operate radios: run their programs and drivers, list USB radios, explain errors."""

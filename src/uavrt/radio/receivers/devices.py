@@ -1,7 +1,8 @@
 """List the radios that are plugged in, as reported by the kernel (sysfs-bus-usb).
 
-With two radios of one kind, a program opens the first one found, which may have no antenna. So
-two radios are an error, and `[radio] serial` chooses one.
+With two radios of one kind, a radio program opens the first one that it finds, which may have
+no antenna. So two radios of the configured kind are an error until `[radio] serial` selects
+one.
 """
 
 from collections.abc import Iterator
@@ -18,7 +19,7 @@ NODES = Path("/dev/bus/usb")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UsbRadio:
-    """A radio on the USB bus."""
+    """A radio that is plugged into a USB port."""
 
     kind: str
     serial: str
@@ -32,7 +33,7 @@ def usb_radios() -> list[UsbRadio]:
 
 
 def ambiguous_radios(settings: RadioSettings) -> tuple[str, str] | None:
-    """Text and remedy if several radios match the settings; otherwise None."""
+    """Error text and remedy if the settings match several radios; otherwise None."""
     if settings.program or settings.serial or settings.kind not in RADIOS:
         return None
     row = RADIOS[settings.kind]

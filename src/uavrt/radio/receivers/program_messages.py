@@ -1,8 +1,9 @@
-"""Translate error messages of radio programs into cause and remedy.
+"""Find cause and remedy for the error messages of radio programs.
 
-Collected from the programs of Debian 12 (airspy 1.0.10, airspyhf 1.6.8, rtl-sdr 0.6.0, hackrf
-2022.09.1) and SoapySDR 0.8.1. The libraries also report "not found" for a radio that another
-program uses or that may not be opened; the list of USB devices distinguishes these cases.
+The messages were collected from the programs of Debian 12 (airspy 1.0.10, airspyhf 1.6.8,
+rtl-sdr 0.6.0, hackrf 2022.09.1) and SoapySDR 0.8.1. The libraries report "not found" even for a
+radio that another program uses or that this user may not open; the list of USB devices
+distinguishes these cases.
 """
 
 import os
@@ -19,7 +20,8 @@ class Cause(Enum):
     """Reasons why a radio delivers no samples."""
 
     ABSENT = auto()
-    """The radio is absent, busy or forbidden; the program does not distinguish these."""
+    """The radio is missing, in use, or access to it is denied; the program's message is the
+    same for all three."""
     FORBIDDEN = auto()
     BUSY = auto()
     RATE = auto()
@@ -67,8 +69,8 @@ ANSWERS: tuple[tuple[str, str, Cause], ...] = (
     ("SoapySDR", "sample rate", Cause.RATE),
     ("SoapySDR", "frequency", Cause.FREQUENCY),
 )
-"""Texts in the output of radio programs: program, text, and the cause that the text shows. The
-first match counts."""
+"""Known messages of radio programs: program, part of its output, and the cause that this shows.
+The first entry that matches counts."""
 
 
 _NOT_LISTED = (
@@ -78,7 +80,7 @@ _NOT_LISTED = (
 
 
 def cause_of(row: RadioRow, words: str) -> Cause | None:
-    """Find the cause in a radio program's output; None if the table has no match."""
+    """Cause of a failure according to a radio program's output; None if it is not known."""
     program = row.receive or row.title
     means = (one for name, text, one in ANSWERS if name == program and text in words)
     return next(means, None)
@@ -95,9 +97,10 @@ def exit_error(
 ) -> RadioError:
     """Create the error for a radio program that has ended, with cause and remedy.
 
-    `code`: exit code; negative for a signal. `words`: the program's first and last lines on
-    stderr; the cause is in the first ones. `seen`: the radio was among the USB devices when it
-    was opened; if it is missing now, it was unplugged.
+    `code`: exit code; negative for a signal. `said`: phrase on how the program ended. `words`:
+    first and last lines of the program on stderr; the first ones show the cause. `own_rates`:
+    returns the sample rates that the radio reports. `seen`: True if the radio was plugged in at
+    the start of the program; if it is missing now, it was unplugged.
     """
     row = RADIOS[settings.kind]
     cause = cause_of(row, words)
@@ -134,7 +137,7 @@ def exit_error(
 
 
 def stalled(title: str) -> RadioStalled:
-    """Create the error for a radio that was opened and sends no samples."""
+    """Create the error for a radio that was opened but delivers no samples."""
     return RadioStalled(
         f"{title}: no samples arrive",
         remedy="Unplug the radio and plug it in again; try another cable or port",
@@ -142,7 +145,7 @@ def stalled(title: str) -> RadioStalled:
 
 
 def serial_error(settings: RadioSettings, serials: Iterable[str]) -> RadioMissing:
-    """Create the error for a serial number in the settings that no plugged-in radio has."""
+    """Create the error for a configured serial number that no plugged-in radio has."""
     why, remedy = _other_serial(settings, serials)
     return RadioMissing(f"{RADIOS[settings.kind].title}: {why}", remedy=remedy)
 
@@ -158,7 +161,7 @@ def _other_serial(settings: RadioSettings, serials: Iterable[str]) -> tuple[str,
 def _missing(
     settings: RadioSettings, row: RadioRow, there: list[UsbRadio], cause: Cause
 ) -> tuple[str, str]:
-    """Find out why no radio could be opened; return the cause and the remedy."""
+    """Find out why no radio could be opened; return cause and remedy as texts."""
     # Programs take hexadecimal digits of either case, hackrf_transfer also the last ones alone.
     wanted = (settings.serial or "").casefold().removeprefix("0x")
     chosen = [one for one in there if one.serial.casefold().endswith(wanted)]

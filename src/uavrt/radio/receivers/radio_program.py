@@ -1,4 +1,4 @@
-"""Run a radio's program as a child process: its samples, messages and exit."""
+"""Run a radio's program as a child process and read its samples, messages and exit code."""
 
 import os
 import re
@@ -32,24 +32,28 @@ from uavrt.radio.receivers.radio_programs import PROGRAMS, commands_before, rece
 from uavrt.radio.sample_stream import StreamSource
 
 _STARTUP_S: Final = 10.0
-"""Maximum time for the start of a radio's program [s]: opening, loading firmware."""
+"""Maximum time from the start of a radio's program to its first sample [s]; it opens the radio
+and may load firmware."""
 _STALL_S: Final = 1.0
-"""Time without samples that counts as a stall [s]; radios deliver every few milliseconds."""
+"""Time without samples after which the radio counts as stalled [s]; radios deliver samples
+every few milliseconds."""
 _TERMINATE_S: Final = 2.0
-"""Time from SIGTERM to SIGKILL [s]; airspy_rx stops in 0.1 s if its USB transfers end."""
+"""Time from SIGTERM to SIGKILL for a radio's program [s]; airspy_rx stops within 0.1 s unless
+its USB transfers hang."""
 _FIRST_LINES: Final = 4
-"""Number of lines stored from the start of a program's stderr; a long usage may follow."""
+"""Number of lines stored from the start of a program's error output, where the cause of a
+failure stands; a long help text may follow."""
 _LINES: Final = 8
 _PROGRESS: Final = ("Streaming at", "MiB / ", "Stop with Ctrl-C", "call hackrf_")
-"""Parts of the progress lines that some radio programs print every second; such lines are
-ignored."""
+"""Parts of progress lines that some radio programs print every second; lines that contain one
+of them are ignored."""
 
 _LOST_SAMPLES: Final = re.compile(r"\b(\d+) samples (?:lost|dropped)\b")
-"""Pattern of messages with a count of lost samples; losses of other programs show in arrival
-times."""
+"""Pattern of a radio program's message with the number of lost samples. Programs without such a
+message are monitored by the arrival times of samples."""
 _OVERRUNS: Final = re.compile(r"\b(\d+) overruns, longest (\d+) bytes\b")
-"""Pattern of the message by which hackrf_transfer -B counts buffer overruns; it does not state
-how many samples were lost."""
+"""Pattern of the message in which hackrf_transfer -B reports the number of buffer overruns; the
+number of lost samples is not in it."""
 _RATE: Final = re.compile(r"(\d+(?:\.\d+)?) ?(MSPS|kS/s)")
 """Pattern of a sample rate as printed by airspy_info and airspyhf_info."""
 
@@ -57,10 +61,10 @@ log = get_logger()
 
 
 class ProgramSource(StreamSource):
-    """Reads samples from a radio's program, a child process in its own process group."""
+    """Reads samples from a radio's program, which runs as a child in its own process group."""
 
     MAY_BE_SLOW = False
-    """Always False: a radio keeps its rate, so missing samples are lost."""
+    """Always False: a radio keeps its sample rate, so samples that do not arrive are lost."""
     RATE_REMEDY = RADIO_RATE_REMEDY
 
     def __init__(
@@ -111,12 +115,12 @@ class ProgramSource(StreamSource):
 
     @property
     def pid(self) -> int:
-        """Process id of the radio's program, also that of its group."""
+        """Process id of the radio's program; its process group has an equal id."""
         return self._child.pid
 
     @property
     def last_lines(self) -> tuple[str, ...]:
-        """First and last lines the program wrote to stderr, without progress lines."""
+        """First and last lines that the program wrote to stderr, without progress lines."""
         return (*self._first, *self._lines)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
@@ -126,7 +130,7 @@ class ProgramSource(StreamSource):
         return super().read(timeout_s)
 
     def close(self) -> None:
-        """End the program and its process group: SIGTERM, then SIGKILL."""
+        """End the program and its process group with SIGTERM, then with SIGKILL."""
         if self._closed:
             return
         self._closed = True
@@ -241,7 +245,11 @@ class ProgramSource(StreamSource):
         return " or ".join(f"{rate:.0f}" for rate in sorted(rates))
 
     def _store_line(self, line: str) -> None:
-        """Store a line of stderr if it is among the first or last ones, or shows a cause."""
+        """Store a line of stderr for error texts.
+
+        The first lines and lines that show a cause stay stored; of the other lines, the newest
+        stay.
+        """
         most = _LINES if cause_of(self._program, line) is not None else _FIRST_LINES
         (self._first if len(self._first) < most else self._lines).append(line)
 
@@ -253,7 +261,7 @@ class ProgramSource(StreamSource):
 
 
 _INFORMATION_S: Final = 4.0
-"""Time limit for programs that list a radio's serial numbers and rates [s]."""
+"""Time limit for a program that lists the serial numbers or sample rates of radios [s]."""
 
 
 def _run(
@@ -277,15 +285,16 @@ def _run(
 
 
 _DEVICE_LINE = re.compile(r"^ *(\d+): .*SN: (\S+) *$", re.M)
-"""Pattern of a device listed by librtlsdr: ``  0:  Realtek, RTL2838UHIDIR, SN: 00000001``."""
+"""Pattern of a line in librtlsdr's list of devices: `` 0: Realtek, RTL2838UHIDIR, SN:
+00000001``."""
 _MOST_PLACES = 16
 
 
 def _by_place(settings: RadioSettings, until_s: float) -> RadioSettings:
-    """Replace a numeric serial number by the device's index in its program's list.
+    """Replace a numeric serial number by the radio's index in the list of its program.
 
-    rtl_sdr and rtl_biast would take 00000001 for the second device, and switch on its bias
-    voltage.
+    rtl_sdr and rtl_biast read a serial number such as 00000001 as the index of the second
+    radio. They would open that radio and could switch on its bias voltage.
     """
     wanted, program = settings.serial, PROGRAMS.get(settings.kind)
     if program is None or settings.program or not program.lists:
@@ -309,7 +318,7 @@ def _by_place(settings: RadioSettings, until_s: float) -> RadioSettings:
 
 
 def _overrun_arguments(program: RadioRow, settings: RadioSettings, until_s: float) -> list[str]:
-    """Arguments that make the radio's program report overruns; empty if its version cannot."""
+    """Arguments that make a radio's program report overruns; empty if it cannot."""
     if settings.program or not program.overruns_option:
         return []
     finished = _run((program.receive, "-h"), program.package, until_s)
@@ -336,10 +345,10 @@ def _start(command: Sequence[str], package: str) -> "subprocess.Popen[bytes]":
 
 
 def _end_with_parent() -> list[str]:
-    """Command prefix that makes the kernel end the program when this process ends.
+    """Command prefix that makes the kernel kill a program when this process ends.
 
-    When its pipe closes, a radio program that is writing ends, but one that hangs would keep
-    the radio busy. ``setpriv`` is part of util-linux, which every Debian has.
+    A program that is writing ends when its pipe closes, but a program that hangs would keep the
+    radio busy. ``setpriv`` is part of util-linux, which is on every Debian system.
     """
     setpriv = shutil.which("setpriv")
     return [setpriv, "--pdeathsig", "KILL", "--"] if setpriv else []

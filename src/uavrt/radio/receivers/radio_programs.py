@@ -1,6 +1,6 @@
-"""Build command lines of radio programs; the table of radios is in `uavrt.config.radios`.
+"""Build the command lines of radio programs; `uavrt.config.radios` is the table of radios.
 
-The programs are run as separate processes; none is linked.
+The programs run as separate processes; uavrt is not linked to their libraries.
 """
 
 from collections.abc import Callable
@@ -11,11 +11,14 @@ from uavrt.config.settings import RadioSettings
 from uavrt.core.errors import ConfigError
 
 PROGRAMS: dict[str, RadioRow] = {kind: row for kind, row in RADIOS.items() if row.receive}
-"""Radios that are read by a program made for them, by kind."""
+"""Radios that have their own program for reading samples, by kind of radio."""
 
 
 def receive_command(settings: RadioSettings, center_frequency_hz: float) -> list[str]:
-    """Command that writes the radio's samples to stdout; raises `ConfigError`."""
+    """Command line of the program that writes the radio's samples to stdout.
+
+    Raises `ConfigError` for a setting that the radio does not support.
+    """
     program = PROGRAMS[_known(settings.kind)]
     gain = (program.default_gain or 0) if settings.gain is None else settings.gain
     lowest, highest = program.gains
@@ -37,7 +40,10 @@ def receive_command(settings: RadioSettings, center_frequency_hz: float) -> list
 
 
 def commands_before(settings: RadioSettings) -> list[list[str]]:
-    """Commands to run before the radio's program: rtl_sdr needs another to set its bias tee."""
+    """Commands to run before the radio's program; empty for most radios.
+
+    An RTL-SDR needs rtl_biast to switch its bias tee, because rtl_sdr has no option for this.
+    """
     if settings.program or settings.kind != "rtlsdr":
         return []
     # Set in any case: the bias tee stays on from an earlier flight.
@@ -87,7 +93,7 @@ def _rtlsdr(settings: RadioSettings, frequency_hz: float, gain: int) -> list[str
 
 
 def _hackrf(settings: RadioSettings, frequency_hz: float, gain: int) -> list[str]:
-    """Arguments of hackrf_transfer; the gain is divided between its two amplifiers."""
+    """Arguments of hackrf_transfer; the gain is divided between the radio's two amplifiers."""
     lna = min(40, 8 * round(gain / 16))
     vga = min(62, 2 * ((gain - lna) // 2))
     return [
@@ -107,10 +113,10 @@ ARGUMENTS: dict[str, Callable[[RadioSettings, float, int], list[str]]] = {
 
 
 def _corrected(settings: RadioSettings, frequency_hz: float) -> float:
-    """Rate or frequency to request from a radio with a wrong clock to get the wanted one [Hz].
+    """Frequency to request [Hz], so that a radio with a wrong clock is tuned correctly.
 
-    The programs have no option for a clock error; hackrf_transfer has ``-C``, but reads its
-    value as unsigned.
+    Most radio programs have no option for a clock error. hackrf_transfer has ``-C``, but it
+    reads the value as unsigned.
     """
     return frequency_hz / (1.0 + settings.frequency_correction_ppm * 1e-6)
 

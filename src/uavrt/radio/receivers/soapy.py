@@ -1,7 +1,7 @@
-"""Read any radio with a SoapySDR driver, if SoapySDR's Python module is installed.
+"""Read any radio that has a SoapySDR driver, through SoapySDR's Python module.
 
-The module comes from the system (Debian ``python3-soapysdr``) or from the driver's maker, not
-from PyPI, so it is imported on demand.
+The module is a system package (Debian ``python3-soapysdr``) or comes from the maker of the
+driver, but is not on PyPI. So it is imported only when such a radio is opened.
 """
 
 import importlib
@@ -27,16 +27,20 @@ _TIMEOUT: Final = -1
 _OVERFLOW: Final = -4
 _HAS_TIME: Final = 1 << 2
 _ROUNDING_S: Final = 1e-4
-"""Maximum step of drivers' time stamps that counts as rounding and not as a gap [s]."""
+"""Maximum difference between a driver's time stamp and the expected time that counts as
+rounding and not as a gap [s]."""
 _SAME: Final = 1e-4
 _SAME_HZ: Final = 1000.0
-"""Maximum difference between requested and actual radio frequency that is accepted [Hz]."""
+"""Maximum accepted difference between the requested and the actual radio frequency [Hz]."""
 
 log = get_logger()
 
 
 class SoapySource(LiveSource):
-    """Reads samples by a SoapySDR driver; `serial` may be a device string (``driver=lime``)."""
+    """Reads samples through a SoapySDR driver.
+
+    The setting `serial` is a serial number or a device string such as ``driver=lime``.
+    """
 
     RATE_REMEDY = RADIO_RATE_REMEDY
 
@@ -76,7 +80,10 @@ class SoapySource(LiveSource):
             raise self._error(str(error)) from error
 
     def _set(self, center_frequency_hz: float) -> None:
-        """Set up the radio; check the values in effect, as drivers choose the nearest ones."""
+        """Configure the radio and check the values in effect.
+
+        Drivers may select the nearest supported value in place of the requested one.
+        """
         device, settings = self._device, self._settings
         device.setSampleRate(_RX, 0, self._rate_hz)
         if abs(device.getSampleRate(_RX, 0) / self._rate_hz - 1.0) > _SAME:
@@ -121,7 +128,7 @@ class SoapySource(LiveSource):
         return self._block()
 
     def close(self) -> None:
-        """Stop the stream and release the device."""
+        """Stop the sample stream of the radio."""
         if self._stream is not None:
             self._device.deactivateStream(self._stream)
             self._device.closeStream(self._stream)

@@ -1,5 +1,6 @@
-"""Determine times of a live stream's samples, and find and count lost samples.
+"""Determine the times of a live stream's samples, and find and count lost samples.
 
-`losses` infers losses from arrivals, `sample_times` gives each sample its time. Reported and
-inferred losses are counted in `sample_placing`; `arrival_rate` checks the sample rate.
+`losses` finds losses from arrival times. `sample_times` gives each sample its time.
+`sample_placing` counts the losses that the radio reports and those that arrival times show.
+`arrival_rate` checks the sample rate.
 """

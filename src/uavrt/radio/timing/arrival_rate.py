@@ -1,7 +1,8 @@
 """Compare the measured rate of samples with the requested rate.
 
-A radio that streams at another rate seems to work, but no tag is found. The smallest delay in
-each 0.5 s shows the rate: a stall does not delay all arrivals, and a loss is a single step.
+A radio that streams at a wrong rate seems to work, but no tag is found. The rate follows from
+the smallest delay in each period of 0.5 s, because a stall does not delay all arrivals of a
+period, and a loss of samples is a single step.
 """
 
 import math
@@ -10,23 +11,23 @@ from itertools import pairwise
 from typing import Final
 
 _PERIOD_S: Final = 0.5
-"""Period over which the smallest delay of sample arrivals is taken [s]."""
+"""Length of the periods in which the smallest delay of sample arrivals is measured [s]."""
 _PERIODS: Final = 5
-"""Number of periods needed to detect a wrong sample rate: 2.5 s in all."""
+"""Number of periods after which a wrong sample rate can be detected: 2.5 s in total."""
 _TOLERANCE: Final = 0.02
-"""Maximum sample rate error that is not reported, as a fraction of the requested rate."""
+"""Relative error of the sample rate above which it is reported as wrong."""
 _SETTLED: Final = 0.01
-"""Relative error below which a sample rate that was reported as wrong counts as correct
+"""Relative error of the sample rate below which a rate reported as wrong counts as correct
 again."""
 _CAUGHT_UP_S: Final = 0.03
-"""Excess delay after a pause below which the sender has caught up [s]. It is smaller than the
-change over `_PERIODS` that is reported."""
+"""Delay in excess of that before a pause, below which the sender has caught up [s]. It is
+smaller than the change of the delay over `_PERIODS` that is reported."""
 _CHANGE_SHARE: Final = 0.1
-"""Relative change of a wrong sample rate above which it is reported again."""
+"""Relative change of a wrong sample rate above which the rate is reported once more."""
 
 
 class ArrivalRate:
-    """Measures the rate of one stream of samples."""
+    """Measures the sample rate of one stream and detects a wrong rate."""
 
     def __init__(self, rate_hz: float) -> None:
         self.wrong_hz: float | None = None
@@ -40,7 +41,10 @@ class ArrivalRate:
         """Delay of arrivals before the last pause [s]; infinite once the sender caught up."""
 
     def arrived(self, received: int, now_ns: int, *, full: bool = False) -> None:
-        """Add the number of samples received up to a time; a `full` buffer hides their rate."""
+        """Add the number of samples that were received up to a time.
+
+        `full`: the buffer was full, so the sender had to wait; such arrivals are not used.
+        """
         if full:
             return
         if self._first_ns is None:

@@ -1,8 +1,8 @@
 """Detect silently lost samples from the arrival times of the other samples.
 
-A loss makes all later samples late, permanently and by the same amount. A computer that is
-briefly busy makes a few arrivals late; then the buffered samples arrive at once. Jitter delays
-single arrivals. The pattern of later arrivals distinguishes the three::
+A loss makes all later samples late, permanently and by one amount. A computer that is briefly
+busy makes a few arrivals late (a stall); then the buffered samples arrive at once. Jitter
+delays single arrivals. The pattern of later arrivals distinguishes these three causes::
 
     late |            : :  :.: : :    a loss: late by one amount, at the pace of the samples
          |        :
@@ -10,9 +10,9 @@ single arrivals. The pattern of later arrivals distinguishes the three::
          |__:_.__:_._:_:___________
 
 Arrivals are grouped in periods of 20 ms (cells), each with its smallest lateness. Consecutive
-cells that are equally late count as a loss once they are too many for the present jitter. With
-exponential jitter of mean u, n cells are all later than c with probability exp(-n c / u). After
-a loss, half of that evidence is enough.
+cells that are equally late count as a loss if the present jitter is unlikely to cause as many.
+With exponential jitter of mean u, n cells are all later than c with the probability
+exp(-n c / u). For 10 s after a loss, half of the evidence shows a further loss.
 
 A lateness that rises evenly, faster than any clock error, shows that the source is slower than
 real time: a slow disk, network or computer before the pipe. Then nothing is lost, and arrival
@@ -27,74 +27,84 @@ from typing import Final
 import numpy as np
 
 CELL_S: Final = 0.020
-"""Minimum length of the periods (cells) for which a lateness of arrivals is stored [s]; USB
-transfers last 5 to 65 ms."""
+"""Minimum length of a cell [s]: a period for which the smallest lateness of arrivals is stored.
+USB transfers last 5 to 65 ms."""
 SLOWEST_RATE: Final = 75e-6
-"""Maximum relative error of a radio's clock rate; a greater drift means small losses."""
+"""Greatest relative amount by which the clock of a radio may be slow; arrivals that become
+later more quickly than this show lost samples."""
 _UNSEEN_S: Final = 0.010
 HALVED_S: Final = 0.036
-"""Longest loss at a transfer's edge that is placed half before and half after the edge [s]. No
-sample's time is then wrong by more than half of the loss."""
+"""Longest loss at the edge of a transfer that is placed half before and half after the edge
+[s], so that no sample's time is wrong by more than half of the loss."""
 _CELLS: Final = 100
-"""Number of stored cells (lateness values of arrivals): two seconds."""
+"""Number of stored cells (periods of 20 ms, each with its smallest lateness of arrivals): two
+seconds."""
 _WINDOW_S: Final = 1.0
-"""Longest period of late arrivals that is examined [s]. If the writes of the radio's program
-are long, `_WINDOW_CELLS` cells are examined; rtl_sdr writes half a second at once at 250
-kS/s."""
+"""Longest period of late arrivals that is examined for a loss [s]. The period is extended to
+`_WINDOW_CELLS` cells if the radio's program writes long blocks at once; by default rtl_sdr
+writes half a second at 250 kS/s."""
 _WINDOW_CELLS: Final = 6
 _LEAST_CELLS: Final = 3
-"""Minimum number of late cells (20 ms or more) that show a loss; two stalls make fewer."""
+"""Minimum number of late cells (periods of 20 ms or more) that shows a loss; two stalls make
+fewer cells late."""
 _NEWEST: Final = 4
-"""Number of newest cells (20 ms or more) that give the present lateness of arrivals."""
+"""Number of newest cells (periods of 20 ms or more) that determine the present lateness of
+arrivals."""
 _QUIET_S: Final = 1.0
-"""Time after a loss in which arrivals may still show a further part of that loss [s]."""
+"""Time after a loss in which the usual lateness is not updated, because arrivals may still show
+a further part of the loss [s]."""
 _EVIDENCE: Final = 14.0
-"""Log odds of a loss needed to rule out jitter: 1 in 10⁶, for 40 mostly dependent tests a
-second."""
+"""Log odds above which late arrivals count as a loss and not as jitter: a false alarm in one of
+10⁶ tests. There are 40 mostly dependent tests a second."""
 _EVIDENCE_KNOWN: Final = 7.0
-"""Log-odds of a loss needed to rule out jitter within `_KNOWN_S` of a known loss."""
+"""Log odds above which late arrivals count as a loss and not as jitter within `_KNOWN_S` after
+a known loss."""
 _KNOWN_S: Final = 10.0
 _FLOOR_S: Final = 0.002
-"""Minimum lateness of arrivals above jitter that shows a loss [s]; clock drift is smaller."""
+"""Minimum lateness of arrivals above jitter that shows a loss [s]; a drift of the clock causes
+less."""
 _LEVEL_S: Final = 0.006
 _LEVEL_SLOPE: Final = 0.06
-"""Rise of the lateness of arrivals above which the radio program is slow and nothing is lost
-[s/s]."""
+"""Rise of the lateness with time [s/s] above which the radio's program is slow and no samples
+are lost."""
 _CLIMB_S: Final = 0.35
 _LEVEL_AFTER_CLIMB_S: Final = 1.5
 _SUSPECT_S: Final = 0.008
-"""Lateness of arrivals above which a cell may be the first after a loss [s]."""
+"""Lateness of arrivals above which a loss of samples is suspected [s]."""
 _SUSPECT_MAX_S: Final = 0.35
 _SHARP: Final = 0.6
-"""Minimum fraction of the lateness that arises within `_BEFORE_S` at a step; with less it is a
-drift."""
+"""Minimum fraction of the lateness that arises within `_BEFORE_S` if samples were lost in one
+step; a smaller fraction shows a drift."""
 _BEFORE_S: Final = 0.5
 _SURE_SHARE: Final = 0.0008
-"""Minimum fraction of samples lost in the last `_SHARE_S` that no clock error can explain (800
-ppm)."""
+"""Fraction of samples lost in the last `_SHARE_S` above which the loss cannot be a clock error
+(800 ppm)."""
 _SHARE_S: Final = 30.0
 _EARLY_CELLS: Final = 12
 _PACE_BIN_S: Final = 0.25
-"""Period for which the smallest delay of arrivals is stored, for a source's speed [s]."""
+"""Length of the periods in which the smallest delay of arrivals is stored to measure a source's
+speed [s]."""
 _UNSETTLED_BINS: Final = 2
-"""Number of newest periods ignored when a source's speed is measured, because a stall in them
-may still be caught up."""
+"""Number of newest periods that are ignored when a source's speed is measured, because the
+source may still catch up after a stall in them."""
 _PACE_SPANS: Final = ((5.0, 0.4), (10.0, 0.7))
-"""Pairs of a period over which a source's speed is measured [s], and the relative scatter of
-the delays below which they rise evenly. Sources at 0.9 to 0.995 times real time have a
-scatter of 0.1 to 0.5 in the shorter and 0.1 to 0.9 in the longer period, also on a busy
-computer. Losses of 1 to 15 % of the samples give at least 0.54 and 0.93."""
+"""Pairs of a measuring period for a source's speed [s] and the relative scatter of the delays
+below which the delays rise evenly, as those of a slow source do. Sources at 0.9 to 0.995 times
+real time have a scatter of 0.1 to 0.5 in the shorter and 0.1 to 0.9 in the longer period, even
+on a busy computer. Losses of 1 to 15 % of the samples give at least 0.54 and 0.93."""
 _UNEVEN: Final = 3.0
-"""Ratio of the delays' scatter to its limit in `_PACE_SPANS` that shows a rise in steps."""
+"""Ratio of the delays' scatter to its limit in `_PACE_SPANS` above which delays rise in steps,
+as by lost samples."""
 _SLOW_RATE: Final = 0.003
-"""Minimum rise of the delay of arrivals that marks a slow source [s/s]."""
+"""Rise of the delay of arrivals with time [s/s] above which a source may be slower than real
+time."""
 _SCATTER_S: Final = 0.0005
 _SCATTER_SHARE: Final = 0.002
-"""Fraction of the delays' rise that is added to `_SCATTER_S`; the sum is the divisor that makes
-the delays' scatter relative."""
+"""Fraction of the rise of the delays that is added to `_SCATTER_S`. The scatter of the delays
+is divided by the sum, which makes it relative."""
 _STEP: Final = 2.0
-"""Minimum ratio of the step in the delay of arrivals at a loss to the rise before and after the
-step."""
+"""Minimum ratio of the step in the delay of arrivals at a loss to the rises of the delay before
+and after it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,13 +113,14 @@ class Loss:
 
     duration_s: float
     since_s: float
-    """Position in the stream at which late arrivals begin: number of samples over the nominal
-    rate [s]."""
+    """Position in the stream at which the late arrivals begin [s]: number of samples divided by
+    the nominal rate."""
     sharp: bool
     """True if the delay of arrivals rose within half a second, as at a step; False for a
     drift."""
     inside_s: float
-    """Length of the late transfer that contains the loss [s]; 0 if the loss lies before it."""
+    """Length of the late transfer if the loss lies inside it [s]; 0 if the loss lies before the
+    transfer."""
     sure: bool
     """False if the delay of arrivals rose so slowly that a wrong clock rate may explain it."""
 
@@ -120,9 +131,10 @@ class _Cell:
     end_s: float
     late_s: float
     fresh: bool
-    """True if the cell's samples came in real time; False while the sender caught up."""
+    """True if the samples of this period arrived in real time; False while the sender caught
+    up."""
     single: bool
-    """True if all samples of the cell arrived at once, in one transfer."""
+    """True if all samples of this period arrived at once, in one transfer."""
 
     @property
     def length_s(self) -> float:
@@ -130,18 +142,19 @@ class _Cell:
 
 
 class SourcePace:
-    """Decides from the delays of samples if a source is slower than real time."""
+    """Decides from the delays of samples whether a source is slower than real time."""
 
     def __init__(self) -> None:
         self._delays: deque[tuple[float, float]] = deque()
         """Nominal time of each period and its smallest delay [s], not corrected for losses."""
         self.slow = False
-        """True once the delays of arrivals rose evenly: the source is slower than real time."""
+        """True once the delays of arrivals have risen evenly, which shows that the source is
+        slower than real time."""
         self.stepped = self.still = False
         """`stepped`: True if delays rose in steps. `still`: True if delays do not rise now."""
 
     def measure(self, received_s: float, arrived_s: float) -> None:
-        """Add a delay; decide on the source's speed whenever a period is complete."""
+        """Add the delay of an arrival; after each period, decide whether the source is slow."""
         delay_s, delays = arrived_s - received_s, self._delays
         if delays and int(received_s / _PACE_BIN_S) == int(delays[-1][0] / _PACE_BIN_S):
             if delay_s < delays[-1][1]:
@@ -159,9 +172,9 @@ class SourcePace:
         delays.append((received_s, delay_s))
 
     def _line(self, begin_s: float) -> tuple[float, float]:
-        """Fit a line to the smallest delays: rise per second, and relative scatter about it.
+        """Fit a line to the smallest delays; return its slope [s/s] and the relative scatter.
 
-        A delay that later arrivals make up for is a stall and does not count.
+        A delay that later arrivals make up for is a stall and is ignored.
         """
         settled = [point for point in self._delays if point[0] >= begin_s]
         at_s, delay_s = np.array(settled).T
@@ -180,10 +193,10 @@ class SourcePace:
 
 
 class LossFinder:
-    """Finds losses from the lateness of arrivals: their delay above that of the earliest ones.
+    """Finds lost samples from the lateness of arrivals, relative to the earliest arrivals.
 
-    Positions in the stream are in seconds: number of samples, lost ones included, divided by
-    the nominal rate. The caller adds a found loss to later positions.
+    A position in the stream is given in seconds: number of samples, including lost ones,
+    divided by the nominal rate. After a loss, the caller adds its duration to later positions.
     """
 
     def __init__(self, *, may_be_slow: bool = False) -> None:
@@ -192,16 +205,19 @@ class LossFinder:
         self.jitter_s = 0.005
         """Mean lateness of arrivals caused by jitter [s]."""
         self.suspect_s: float | None = None
-        """Start of late arrivals that may follow a loss [nominal seconds]; or None."""
+        """Position at which late arrivals begin and samples may be lost [nominal s]; infinite
+        if arrivals have been late for too long, None if they are not late."""
         self._falls = 0
         self._usual_s = 0.001
-        """Typical smallest lateness of arrivals in four cells [s]; that of all cells is 0."""
+        """Typical smallest lateness of arrivals in four cells, relative to the earliest
+        arrivals [s]."""
         self._cells: deque[_Cell] = deque(maxlen=_CELLS)
         self._from: tuple[float, float] | None = None
         self._lowest_s = math.inf
         self._newest_at_s = 0.0
         self._late_from_s: float | None = None
-        """Start of the present late arrivals [nominal seconds]; None if not late."""
+        """Position at which the present late arrivals begin [nominal s]; None if arrivals are
+        not late."""
         self._known_until_s = -math.inf
         self._loss_at_s = -math.inf
         self._slow: deque[tuple[float, float]] = deque()
@@ -209,15 +225,14 @@ class LossFinder:
         self._began_s: float | None = None
 
     def expect(self, at_s: float) -> None:
-        """Register that the radio reports losses; less evidence is then needed for a while."""
+        """Register a loss reported by the radio; for 10 s, less evidence shows another."""
         self._known_until_s = at_s + _KNOWN_S
 
     def put(self, at_s: float, arrived_s: float, late_s: float) -> Loss | None:
-        """Add an arrival; return the loss that is now certain, or None.
+        """Add an arrival; return the loss that has become certain, or None.
 
-        `at_s`: number of samples so far, lost ones included, over the nominal rate [s].
-        `arrived_s`: arrival time on any clock [s]. `late_s`: delay of the arrival above that of
-        the earliest ones [s].
+        `at_s`: position in the stream [s]. `arrived_s`: arrival time on any clock [s].
+        `late_s`: delay of the arrival relative to the earliest arrivals [s].
         """
         since_s, self._newest_at_s = self._newest_at_s, at_s
         if self._from is None:
@@ -255,7 +270,10 @@ class LossFinder:
         return loss
 
     def early_s(self) -> float:
-        """Lateness of the second-earliest recent arrival if clearly negative [s]; else 0."""
+        """Lateness of the second-earliest recent arrival if it is clearly negative; else 0 [s].
+
+        A negative value means that the expected arrival times must be corrected.
+        """
         if len(self._cells) < 2:
             return 0.0
         newest = [
@@ -267,12 +285,12 @@ class LossFinder:
         return second_s
 
     def shift(self, seconds: float) -> None:
-        """Subtract `seconds` from all lateness, as the expected arrival times have moved."""
+        """Subtract `seconds` from the stored lateness, as expected times were corrected."""
         for cell in self._cells:
             cell.late_s -= seconds
 
     def skip(self, seconds: float) -> None:
-        """Add the duration of skipped samples, `seconds`, to all pending times."""
+        """Move pending positions by the duration of a gap, `seconds`, that has been counted."""
         if self._from is not None:
             self._from = (self._from[0] + seconds, self._from[1])
         self._newest_at_s += seconds
@@ -282,7 +300,7 @@ class LossFinder:
             self.suspect_s += seconds
 
     def _is_credible(self, loss: Loss) -> bool:
-        """True if the delay of arrivals made a step: samples are lost, not just delayed."""
+        """True if the delay of arrivals made a step: samples are lost and not only late."""
         pace = self.pace
         if pace is None or pace.slow or pace.stepped or (pace.still and not loss.sharp):
             return pace is None or not pace.slow
@@ -320,7 +338,7 @@ class LossFinder:
         self._usual_s = min(max(self._usual_s, 0.0), self.jitter_s)
 
     def _suspect(self, cell: _Cell) -> None:
-        """Record a suspected loss if the arrivals of the newest cells are late enough."""
+        """Record a suspected loss if the newest cell (period of 20 ms) is late enough."""
         if not self._is_late(cell.late_s):
             self.suspect_s = None
         elif self.suspect_s is None:
@@ -338,7 +356,7 @@ class LossFinder:
 
     @property
     def may_suspect(self) -> bool:
-        """True if the next arrivals of an incomplete cell may raise the suspicion of a loss."""
+        """True if the newest arrivals are late and the next ones may show a possible loss."""
         return self.suspect_s is None and self._late_from_s is not None
 
     def _judge(self) -> Loss | None:
@@ -366,7 +384,10 @@ class LossFinder:
         return self._loss(best)
 
     def _has_settled(self, count: int) -> bool:
-        """True if the lateness has been level long enough after a rise; stalls peak briefly."""
+        """True if the lateness has been constant for long enough after its rise.
+
+        A stall makes the lateness rise only briefly.
+        """
         cells = list(self._cells)
         lowest_s = min(cell.late_s for cell in cells[-count:])
         first = len(cells) - count
@@ -381,7 +402,7 @@ class LossFinder:
         return climb_s <= _CLIMB_S or level_s >= min(0.5 * climb_s, _LEVEL_AFTER_CLIMB_S)
 
     def _level(self, count: int) -> bool:
-        """True if enough of the newest cells arrived about equally late, without a trend."""
+        """True if enough of the newest cells are about equally late and show no trend."""
         cells = [self._cells[at] for at in range(-count, 0)]
         if len(self._agreeing(count)) < _LEAST_CELLS:
             return False
@@ -392,7 +413,7 @@ class LossFinder:
         return -fall_s <= rise_s <= _LEVEL_S + _LEVEL_SLOPE * span_s
 
     def _agreeing(self, count: int) -> list[_Cell]:
-        """Newest cells, of `count`, with samples about equally late and in real time."""
+        """Newest cells, of `count`, that arrived in real time and are about equally late."""
         cells = [self._cells[at] for at in range(-count, 0)]
         near_s = min(c.late_s for c in cells) + _LEVEL_S + 2.0 * self.jitter_s
         near_s += _LEVEL_SLOPE * (cells[-1].end_s - cells[0].end_s)
@@ -423,10 +444,11 @@ class LossFinder:
         )
 
     def _inside_s(self, first: _Cell, duration_s: float) -> float:
-        """Length of the transfer that contains the loss [s]; 0 if whole transfers were dropped.
+        """Length of the transfer that contains the loss [s]; 0 if whole transfers were lost.
 
-        Losses of whole transfers are multiples of their length. A loss inside one is placed at
-        its end, which keeps the times of samples before it correct.
+        A loss of whole transfers is a multiple of their length. A loss inside a transfer is
+        placed at the end of the transfer, so that the times of samples before the loss stay
+        correct.
         """
         length_s = first.end_s - first.begin_s
         if not first.single or length_s <= 0.0:
@@ -436,7 +458,7 @@ class LossFinder:
         return 0.0 if whole else length_s
 
     def _exceeds_clock_error(self, duration_s: float) -> bool:
-        """True if the losses of the last 30 s are more than a clock error explains."""
+        """True if the losses of the last 30 s are greater than a clock error can explain."""
         now_s = self._cells[-1].end_s
         while self._slow and self._slow[0][0] < now_s - _SHARE_S:
             self._slow.popleft()
@@ -457,15 +479,15 @@ class LossFinder:
 
 
 def most_lost(unsure: int, *, samples: int, sample_rate_hz: float) -> int:
-    """Upper bound of lost samples beyond those certainly lost.
+    """Largest number of samples that may be lost in addition to those certainly lost.
 
-    `unsure`: number of samples that are lost unless the clock rate is wrong. `samples`: length
-    of the stream. A loss of less than 75 ppm of the stream looks like a clock error, and one in
-    the last 10 ms is not detected yet.
+    `unsure`: number of samples counted as lost that may be due to a wrong clock rate.
+    `samples`: length of the stream. A loss of less than 75 ppm of the stream looks like a clock
+    error, and a loss in the last 10 ms is not detected yet.
     """
     return unsure + round(SLOWEST_RATE * samples + _UNSEEN_S * sample_rate_hz)
 
 
 def _least_span_s(lowest_s: float) -> float:
-    """Minimum duration of late arrivals that shows a loss [s]; a shorter one may be jitter."""
+    """Minimum duration of late arrivals that shows a loss [s]; less may be jitter."""
     return 0.5 * min(max(0.0, (0.015 - lowest_s) / 0.010), 1.0)

@@ -2,7 +2,7 @@
 
 A source collects samples into blocks and reports every arrival. If an arrival is so late that
 samples may be lost, the block ends before it. The next few arrivals then show whether there is
-a gap or only a delay, before later samples are passed on.
+a gap or only a delay; until then, later samples are held back.
 """
 
 from dataclasses import dataclass
@@ -18,16 +18,18 @@ from uavrt.radio.timing.losses import HALVED_S
 from uavrt.radio.timing.sample_times import NominalTimes, TimeKeeper
 
 HOLD_S: Final = 0.13
-"""Maximum time for which samples wait, beyond a block, until it is decided if some were lost
-[s]: two transfers."""
+"""Maximum time for which samples beyond a full block are held back until it is certain whether
+samples were lost [s]: two transfers."""
 _LOG_S: Final = 10.0
 _BURST_NS: Final = 1_000_000
-"""Maximum time between bytes that belong to one write of the radio's program [ns]."""
+"""Maximum time between arrivals that belong to one write of the radio's program [ns]."""
 _LONG_WRITE_S: Final = 0.040
-"""Length of a write above which a loss is placed in its middle [s]. In a shorter write it is
-placed at the end, so that no sample before the loss has a wrong time."""
+"""Length of a write above which a loss is placed in the middle of the write [s]. In a shorter
+write the loss is placed at the end, so that the times of samples before the loss are
+correct."""
 _LEAST_S: Final = 0.001
-"""Minimum duration of samples before a late arrival for a separate block [s]."""
+"""Minimum duration of the samples before a late arrival that are passed on as a separate block
+[s]."""
 
 log = get_logger()
 
@@ -42,10 +44,10 @@ class Placer:
     """Assigns index and time to the samples of a live stream.
 
     `start_time_ns`: time of the first sample [ns, UTC]; times then follow from the nominal
-    rate, and only losses reported by the sender are known. `start_moves`: correct the start
+    rate, and only losses reported by the sender are counted. `start_moves`: correct the start
     time if the first arrivals were delayed; False where times must not jump. `may_be_slow`: the
-    sender may be slower than real time; False for a radio. `rate_remedy`: remedy for a wrong
-    sample rate.
+    sender may be slower than real time; False for a radio. `rate_remedy`: remedy in the text
+    about a wrong sample rate.
     """
 
     def __init__(
@@ -59,10 +61,10 @@ class Placer:
     ) -> None:
         self._start_moves = start_moves
         self.index = 0
-        """Index of the next sample to be passed on, counted with lost ones."""
+        """Index of the next sample to be passed on; lost samples are included in the count."""
         self.lost = 0
         self.unsure = 0
-        """Number of samples counted as lost that a wrong clock rate may explain instead."""
+        """Number of samples counted as lost that may be due to a wrong clock rate instead."""
         self._inferred = 0
         self._rate_hz = sample_rate_hz
         self._arrival_rate = ArrivalRate(sample_rate_hz)
@@ -77,7 +79,8 @@ class Placer:
         self._before = 0
         """Number of samples lost just before the samples that are held back."""
         self._cut = 0
-        """Number of held samples before a late arrival; they are passed on first."""
+        """Number of held samples that arrived before a late arrival; they are passed on as a
+        separate block."""
         self._after_cut = 0
         self._burst: _Arrival | None = None
         self._last: tuple[int, int] | None = None
@@ -98,14 +101,15 @@ class Placer:
 
     @property
     def withdrawn(self) -> int:
-        """Number of samples counted as lost from arrival times that proved unusable."""
+        """Number of samples counted as lost by arrival times that later proved unusable."""
         return 0 if self._keeper.unseen is None else self._inferred
 
     @property
     def rate_fault(self) -> str | None:
         """Text with the measured sample rate and a remedy; None if the rate is as requested.
 
-        A recording piped at more than three times real time is not a fault.
+        A pipe may deliver a recording much quicker than real time: more than three times the
+        requested rate is not a fault there.
         """
         wrong_hz = self._arrival_rate.wrong_hz
         if (
@@ -127,7 +131,7 @@ class Placer:
     def arrived(self, held: int, now_ns: int, *, full: bool = False) -> None:
         """Register that `held` samples have arrived by a time [ns, UTC].
 
-        `full`: the buffer is full and the sender waits, so its rate cannot be measured.
+        `full`: the buffer is full and the sender has to wait, so its rate cannot be measured.
         """
         self._arrival_rate.arrived(self.index - self.lost + held, now_ns, full=full)
         if self._nominal is not None:
@@ -143,7 +147,7 @@ class Placer:
             self._burst = None
 
     def settle(self) -> bool:
-        """True if waiting samples can be passed on, because no loss is possible before them."""
+        """True if waiting samples can be passed on, because no loss is suspected."""
         if self._keeper.undecided and self._burst is not None:
             burst, self._burst = self._burst, None
             self._learn(burst, False)
@@ -151,11 +155,14 @@ class Placer:
 
     @property
     def samples_before_cut(self) -> int:
-        """Number of waiting samples after which a block must end early; 0 if it need not."""
+        """Number of waiting samples to pass on as a block before a possible loss; 0 if none."""
         return self._cut
 
     def add_lost(self, samples: int, held: int = 0) -> None:
-        """Add lost samples that the radio reports; `held` samples arrived before the loss."""
+        """Add a number of lost samples that the radio reports.
+
+        `held`: number of waiting samples that arrived before the loss.
+        """
         left = self._keeper.skip(samples)
         if left <= 0:
             return
@@ -167,11 +174,11 @@ class Placer:
             self._before += left
 
     def expect_losses(self) -> None:
-        """Record that the radio reports losses without their number."""
+        """Register that the radio reported a loss without the number of lost samples."""
         self._keeper.expect_losses()
 
     def place(self, samples: NDArray[np.complex64]) -> IQBlock:
-        """Make a block of samples, with index, time and the number lost before the block."""
+        """Make a block of samples with its index, its time and the number of samples lost."""
         lost, unsure = self._before, self._keeper.unsure_samples - self.unsure
         self._before, self._after_cut, self._cut = self._after_cut, 0, 0
         self.index += lost

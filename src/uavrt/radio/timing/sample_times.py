@@ -1,4 +1,4 @@
-"""Times of samples [UTC] from their index and their arrival times, without reading a clock.
+"""Estimate the times of samples [UTC] from their index and their arrival times.
 
 A radio has its own clock (an RTL dongle is up to 50 ppm off: 180 ms in an hour). Arrivals are
 delayed by USB, the radio's program, the pipe and the scheduler, mostly by a few milliseconds
@@ -27,41 +27,46 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 from uavrt.radio.timing.losses import SLOWEST_RATE, Loss, LossFinder
 
 _BIN_S = 0.5
-"""Length of a period for which the earliest arrival of samples is stored [s]."""
+"""Length of the periods in which the earliest arrival of samples is stored [s]."""
 _BINS = 600
-"""Number of stored periods of arrivals: 5 min, in which clocks are constant to below 1 ppm."""
+"""Number of stored periods of arrivals: 5 min, in which the rate of a clock changes by less
+than 1 ppm."""
 _FIT_BINS = 8
-"""Minimum number of periods for fitting a clock's rate to their earliest arrivals."""
+"""Minimum number of periods of arrivals from which a clock's rate is estimated."""
 _MEASURED_AFTER_S = 30.0
-"""Duration at the start in which the nominal rate is reported, because jitter dominates [s]."""
+"""Time from the start in which the nominal sample rate is reported, because jitter dominates
+the measured rate [s]."""
 _MAX_RATE_ERROR = 500e-6
-"""Maximum relative rate error of a radio's clock; more means a wrong nominal rate."""
+"""Maximum relative amount by which the clock of a radio may be fast; a greater error means a
+wrong nominal rate."""
 _PRIOR_RATE_ERROR = 30e-6
-"""Standard deviation of the relative rate error of radios (Airspy 0.5, HackRF 20, RTL 50 ppm).
-"""
+"""Standard deviation of the relative clock errors of radios, assumed before measuring (Airspy
+0.5, HackRF 20, RTL 50 ppm)."""
 _FAST_SLEW = 1000e-6
 _SLEW = 200e-6
-"""Maximum correction of sample times [s/s]: an interval of 1.25 s is right to 0.25 ms."""
+"""Maximum rate at which sample times are corrected [s/s]; an interval of 1.25 s is then wrong
+by at most 0.25 ms."""
 _FAST_SLEW_UNTIL_S = 10.0
 _SETTLE_S = 2.0
-"""Longest stream, from its start, in which samples that come at once are taken as delayed by
-the writer [s]; later ones are those of a replay."""
+"""Time from the start of a stream [s] in which samples that arrive at once count as delayed by
+the writer; later they count as a replay."""
 _NOT_LIVE_S = 0.5
-"""Earliness of sample arrivals above which a stream is replayed and not live [s]."""
+"""Time by which samples arrive too early [s] above which the stream counts as a replay and not
+as live."""
 _REPORT_DELAY_S = 3.0
-"""Maximum time between the moment when arrival times show a loss and the radio program's report
-of it [s]."""
+"""Maximum time between the detection of a loss from arrival times and the radio program's
+report of that loss [s]; a later report is another loss."""
 _SLOPE_PAUSE_S = 1.0
 """Time after a loss in which the measured clock rate is not updated [s]."""
 _FAR_S = 0.005
 _FAR_IN_S = 0.5
 _DOUBT_S = 10.0
-"""Time after a loss [s] in which sample times that are more than `_FAR_S` after the measured
-clock are corrected faster than by `_SLEW`, with the time constant `_FAR_IN_S`."""
+"""Time after a loss [s] in which sample times that are wrong by more than `_FAR_S` are
+corrected more quickly than by `_SLEW`, with the time constant `_FAR_IN_S`."""
 
 
 class NominalTimes:
-    """Computes the times of samples from that of sample 0 [ns, UTC] and the nominal rate."""
+    """Computes the times of samples from a start time [ns, UTC] and the nominal rate."""
 
     def __init__(self, start_time_ns: int, sample_rate_hz: float) -> None:
         self._start_ns = start_time_ns
@@ -78,11 +83,11 @@ class NominalTimes:
 
 
 class TimeKeeper:
-    """Times of a live radio's samples, estimated from their arrivals.
+    """Estimates the times of a live radio's samples from their arrivals.
 
-    The first arrival sets the start (see `arrived` for early writers). Times are then corrected
-    towards the envelope, by at most 0.2 ms a second (1 ms in the first 10 s). They never jump,
-    except over a gap by `lost_samples`.
+    The first arrival sets the start time (see `arrived` for writers that had been waiting).
+    Times are then corrected towards the earliest arrivals, by at most 0.2 ms a second (1 ms a
+    second in the first 10 s). They never jump, except over the gap of `lost_samples`.
 
     `sample_rate_hz`: nominal rate. `may_be_slow`: the sender may be slower than real time;
     False for a radio.
@@ -92,17 +97,19 @@ class TimeKeeper:
         self._nominal_hz = sample_rate_hz
         self._follow = True
         self.unseen: str | None = None
-        """Reason why arrivals are no longer used for times and losses; None if they are."""
+        """Reason why arrivals are no longer used to find times and losses; None while they are
+        used."""
         self._settled = False
         self._kept_pace = False
         self._start_ns: int | None = None
         # Rows of nominal seconds and delay, in memory allocated at the start.
         self._finder = LossFinder(may_be_slow=may_be_slow)
         self._lost_s = 0.0
-        """Duration of lost samples found and not yet returned by `lost_samples` [s]."""
+        """Duration of lost samples that were found but not yet returned by `lost_samples`
+        [s]."""
         self._unsure_s = 0.0
         self.unsure_samples = 0
-        """Number of samples returned as lost that a wrong clock rate may explain instead."""
+        """Number of samples returned as lost that may be due to a wrong clock rate instead."""
         self.inside = 0
         """Length of the late transfer [samples] that contains the last loss; 0 if the loss lies
         before the transfer."""
@@ -128,7 +135,7 @@ class TimeKeeper:
 
     @property
     def rate_error(self) -> float:
-        """Measured rate divided by the nominal rate, minus one; 0 in the first 30 s."""
+        """Measured sample rate relative to the nominal rate, minus one; 0 in the first 30 s."""
         if not self._follow or self._span_s() < _MEASURED_AFTER_S:
             return 0.0
         return -self._slope
@@ -141,8 +148,9 @@ class TimeKeeper:
     def arrived(self, end_index: int, now_ns: int, *, catching_up: bool = False) -> None:
         """Register that all samples before `end_index` had arrived at `now_ns`.
 
-        `catching_up`: the writer had been waiting. In the first 2 s the start time is then
-        corrected, once, when the writer has caught up.
+        `catching_up`: the writer had been waiting and delivers samples more quickly than in
+        real time. In the first 2 s, the start time is then corrected once, when the writer has
+        caught up.
         """
         if self._start_ns is None:
             self._start_ns = now_ns - _duration_ns(end_index, self._nominal_hz)
@@ -197,16 +205,16 @@ class TimeKeeper:
 
     @property
     def may_suspect(self) -> bool:
-        """True if the newest arrivals are late, but too few to suspect a loss."""
+        """True if the newest arrivals are late but still too few to indicate a loss."""
         return self._follow and self._finder.may_suspect
 
     @property
     def suspect_index(self) -> int:
-        """Index before which a loss may lie, while `undecided`."""
+        """Index of the sample before which samples may be lost, while `undecided`."""
         return round((self._finder.suspect_s or 0.0) * self._nominal_hz)
 
     def expect_losses(self) -> None:
-        """Record that the radio reports losses without their number."""
+        """Register that the radio reported a loss without the number of lost samples."""
         self._finder.expect(self._given_s)
 
     def _apply_loss(self, loss: Loss, nominal_s: float) -> None:
@@ -237,9 +245,9 @@ class TimeKeeper:
         self._bin_count += 1
 
     def lost_samples(self) -> int:
-        """Number of samples found to be lost, from arrival times, since the last call.
+        """Number of lost samples found from arrival times since the last call.
 
-        The caller adds it to its index, as a gap.
+        The caller must add this number to its sample index.
         """
         lost = round(self._lost_s * self._nominal_hz)
         if lost:
@@ -249,7 +257,10 @@ class TimeKeeper:
         return lost
 
     def skip(self, samples: int) -> int:
-        """Skip samples known to be lost; return how many arrival times do not show yet."""
+        """Skip samples that the radio reports as lost; return the number still to be counted.
+
+        A loss that arrival times have already shown is not counted twice.
+        """
         seconds = samples / self._nominal_hz
         if self._given_s > self._loss_at_s + _REPORT_DELAY_S:
             self._credit_s = 0.0
@@ -262,7 +273,10 @@ class TimeKeeper:
         return left
 
     def time_ns(self, index: int) -> int:
-        """Time of a sample [ns, UTC], for rising `index`; `ValueError` before the first one."""
+        """Time of a sample [ns, UTC]; `index` must not decrease from call to call.
+
+        Raises `ValueError` before the first arrival.
+        """
         if self._start_ns is None:
             raise ValueError("no samples have arrived yet, so there is no start time")
         self._asked = True
@@ -293,12 +307,12 @@ class TimeKeeper:
         return float(self._bins[self._bin_count - 1, 0] - self._bins[0, 0])
 
     def _forget(self, why: str) -> None:
-        """Discard the measured clock; compute later times from start and nominal rate."""
+        """Stop using arrival times; the nominal rate then determines later times."""
         self.unseen = why
         self._follow = False
 
     def _fit(self) -> None:
-        """Fit the clock's rate and offset to the earliest arrivals, with a prior rate."""
+        """Estimate rate and offset of the radio's clock from the earliest arrivals."""
         if self._fit_in > 0:
             self._fit_in -= 1
             return
@@ -333,7 +347,7 @@ class TimeKeeper:
 
 
 def _duration_ns(samples: int, rate_hz: float) -> int:
-    """Duration of samples [ns], exact if the rate is an integer."""
+    """Duration of a number of samples [ns]; exact if the sample rate is an integer."""
     if rate_hz == int(rate_hz):
         rate = int(rate_hz)
         return (samples * NANOSECONDS_PER_SECOND + rate // 2) // rate

@@ -1,4 +1,4 @@
-"""Programs of the demo: simulated autopilot, real drone side, real ground station.
+"""Programs of the demo: simulated autopilot, real drone software, real ground station.
 
 Each runs in its own process, as in the field; only radio, autopilot and world are simulated.
 """
@@ -34,10 +34,12 @@ from uavrt.simulation.scene.scenario import Scenario
 
 STOP_TIMEOUT_S = 15.0
 PORTS = range(61_000, 65_400)
-"""UDP ports that Linux never assigns by itself (``ip_local_port_range``)."""
+"""UDP ports from which free ones are chosen; Linux never assigns them by itself
+(``ip_local_port_range``)."""
 _ports = cycle(random.SystemRandom().sample(PORTS, len(PORTS)))
 _END_WITH_US = ("setpriv", "--pdeathsig", "TERM", "--") if shutil.which("setpriv") else ()
-"""Command prefix that makes the kernel end the program when this process ends."""
+"""Command prefix that makes the kernel end a program of the demo when the demo's process
+ends."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +52,7 @@ class DemoPaths:
     """Parent directory of the drone's flight."""
 
     def below(self, name: str) -> "DemoPaths":
-        """Paths for one of several drones, in subdirectories that are created."""
+        """Paths for one of several drones, in subdirectories; the directories are created."""
         own = DemoPaths(directory=self.directory / name, flights=self.flights / name)
         own.directory.mkdir()
         own.flights.mkdir(parents=True, exist_ok=True)
@@ -73,14 +75,15 @@ class DemoPaths:
 
     @property
     def flown(self) -> Path:
-        """File with the true path of a drone that flies commands."""
+        """File with the true path of a drone that obeys commands."""
         return self.directory / "flown.path"
 
 
 def free_udp_port(host: str = "127.0.0.1") -> int:
-    """Get an unused UDP port of `PORTS`, a different one each time.
+    """Get an unused UDP port from `PORTS`; each call returns another port.
 
-    A port chosen by the kernel could be given to another socket before it is bound.
+    The kernel is not asked for a port, because it could give the port to another program before
+    it is used.
     """
     for port in islice(_ports, len(PORTS)):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
@@ -96,10 +99,11 @@ def free_udp_port(host: str = "127.0.0.1") -> int:
 
 
 def free_ros_domain() -> int:
-    """Get a ROS domain below 102 that is unused on this computer and by its environment.
+    """Get an unused ROS domain below 102 for the demo.
 
-    A real drone in the lab uses the environment's domain, or 0. Up to 101, the ports of a
-    domain lie below those that Linux assigns by itself (32768).
+    Domain 0 and the domain in this computer's environment are excluded, because a real drone in
+    the lab uses one of them. The ports of domains up to 101 lie below those that Linux assigns
+    by itself (32768).
     """
     domains = random.sample(range(1, 102), 101)
     for domain in domains:
@@ -113,7 +117,7 @@ def free_ros_domain() -> int:
 
 
 def demo_environment() -> dict[str, str]:
-    """Environment variables that keep the demo's programs off the site's ROS 2 network."""
+    """Environment variables that separate the demo's programs from the site's ROS 2 network."""
     kept = {name: v for name, v in os.environ.items() if name != "CYCLONEDDS_URI"}
     return kept | blas_environment({}) | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 
@@ -121,10 +125,10 @@ def demo_environment() -> dict[str, str]:
 def drone_settings(
     scenario: Scenario, paths: DemoPaths, companion_port: int, *, flies: bool = False
 ) -> Settings:
-    """Settings of the drone side, as in a real ``uavrt.toml`` except for the radio program.
+    """Settings of a drone as in a real ``uavrt.toml``, but with a simulated radio program.
 
-    With `flies`, the radio receives at the commanded drone's position, otherwise on the
-    scenario's flight.
+    With `flies`, the radio receives at the position of the commanded drone, otherwise at that
+    of the scenario's flight.
     """
     names = {one.name for one in fields(AntennaSettings)}
     mounting = {k: v for k, v in asdict(scenario.antenna).items() if k in names}
@@ -152,11 +156,9 @@ def drone_settings(
 class Program:
     """One program of the demo, with its output in a file.
 
-    `name`: name in messages.
-    `log`: file for its output.
-    `interpreter`: command before the arguments. Empty: the first argument is the program, and
-    it runs in the log's directory.
-    `environment`: variables added to the demo's environment.
+    `name`: name in messages. `log`: file for the output. `interpreter`: command before the
+    arguments; if it is empty, the first argument is the program, and the log's directory is its
+    working directory. `environment`: variables added to the demo's environment.
     """
 
     def __init__(

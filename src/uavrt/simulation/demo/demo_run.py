@@ -1,4 +1,4 @@
-"""Run the demo: start the programs, fly one drone or several, show, stop, summarise."""
+"""Run the demo: start the programs, fly one drone or several, and summarise the flight."""
 
 import shutil
 import time
@@ -38,8 +38,8 @@ from uavrt.simulation.scene.world import World
 from uavrt.simulation.vehicle.airframe import Flavour
 
 START_LEAD_S = 2.5
-"""Time from the start of the programs to that of the simulated world [s]; the programs need 1.5
-s."""
+"""Time by which the programs start before the simulated world [s]; they need 1.5 s to be
+ready."""
 READY_TIMEOUT_S = 20.0
 DRAIN_TIMEOUT_S = 15.0
 REFRESH_S = 0.25
@@ -56,7 +56,7 @@ class _Drone:
 
     @property
     def heard_samples(self) -> bool:
-        """True once the drone's receiver has counted samples."""
+        """True once the receiver of the drone has counted samples."""
         return bool(self.flight_directory and self.cpu.last_sample_ns)
 
     def read(self, wait_s: float, ground: Program) -> None:
@@ -77,14 +77,15 @@ class _Drone:
 
 
 class Demo:
-    """One run of the whole system on this computer.
+    """Flies one demo of the whole system on this computer.
 
-    `scenarios`: world of each drone, with the same animals and different flights; the start
+    `scenarios`: world of each drone, with the same animals and different flights; their start
     time is set here. `flight_dir`: parent of the drone's flight directory; with several drones,
-    of `drone-NUMBER`. The ground station stores in `ground`, if it has a page. `page_port`:
-    port of the ground station's page, 0 for any free one; None: no page. `console`: shows the
-    flight in progress, unless None. `on_page`: called with the page's address when it is ready.
-    `on_ros_domain`: called with the ROS domain of the drone's nodes, if any.
+    parent of `drone-NUMBER`. With a page, the ground station stores data in
+    `flight_dir`/ground. `page_port`: port of the ground station's page; 0: any free port; None:
+    no page. `console`: terminal that shows the flight, or None. `on_page`: called with the
+    page's address when the page is ready. `on_ros_domain`: called with the ROS domain of the
+    drone's nodes, if any.
     """
 
     def __init__(
@@ -109,7 +110,8 @@ class Demo:
     def run(self, picture: Path | None = None) -> dict[int, DemoSummary]:
         """Fly once, until the end or Ctrl-C; return the summary of each drone by its number.
 
-        Saves a picture on request. Ctrl-C ends the flight early, with a full summary.
+        `picture`: file for a picture of the terminal view, or None. Ctrl-C ends the flight
+        early, but the summary is complete.
         """
         require_writable(self._flight_dir)
         require_free_port(self._page_port)
@@ -282,7 +284,10 @@ class Demo:
 
 
 def not_started(ground: Program, where: str = "") -> UavrtError:
-    """Error for a ground station that could not start detection, with its last output."""
+    """Create the error for a ground station that failed to start detection.
+
+    Its last output is part of the error.
+    """
     last = ground.last_line()
     return UavrtError(
         f"detection did not start{where}" + (f": {last}" if last else ""),
@@ -291,7 +296,7 @@ def not_started(ground: Program, where: str = "") -> UavrtError:
 
 
 def phase_of(flight: Flight, elapsed_s: float) -> str:
-    """Text that describes what the drone does at a time of its flight."""
+    """Text on what the drone is doing at a time of its flight."""
     turns = 0
     for leg in flight.leg:
         turns += bool(leg.turn_deg)

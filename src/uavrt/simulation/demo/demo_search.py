@@ -25,16 +25,17 @@ from uavrt.simulation.vehicle.airframe import Flavour
 
 RADIUS_M = 260.0
 ACCURACY_M = 35.0
-"""Target accuracy of positions [m]; a walking animal 30 m away is seldom located better."""
+"""Target accuracy of positions in the demo's search [m]; an animal that walks 30 m away is
+seldom located better."""
 BATTERY_WH = 120.0
 SPEED_M_S = 8.0
 START_LEAD_S = 2.0
 READY_TIMEOUT_S = 30.0
 SETTLES_S = 2.5
-"""Wait after the end of the search until all counts are reported [s]."""
+"""Waiting time after the end of a search, in which all counts are reported [s]."""
 OTHERS_TIMEOUT_S = 60.0
 RETURNS_WITHIN_S = 30.0
-"""Longest duration of the return flight after the time limit of the search [s]."""
+"""Longest duration of the return flight after a search has reached its time limit [s]."""
 REFRESH_S = 0.25
 FIRST_HEIGHT_M, ABOVE_M, BESIDE_M = 40.0, 12.0, 40.0
 """Search height of the first drone; upward and eastward step to each further drone [m]."""
@@ -42,7 +43,7 @@ FIRST_HEIGHT_M, ABOVE_M, BESIDE_M = 40.0, 12.0, 40.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SoughtAnimal:
-    """Result of a search for one animal."""
+    """Result of the demo's search for one animal."""
 
     name: str
     found: bool
@@ -77,7 +78,7 @@ class SearchSummary:
         return all(one.found for one in self.tags.values())
 
     def table(self) -> Table:
-        """Table of the results for a terminal."""
+        """Create a table of the results for a terminal."""
         found = sum(one.found for one in self.tags.values())
         after = f"after {self.duration_s:.0f} s"
         title = f"{found} of {len(self.tags)} animals found {after}"
@@ -98,7 +99,7 @@ class SearchSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Among:
-    """Number, ground port and start time of one of several drones that search together."""
+    """Number, ground station port and start time of one drone of a joint search."""
 
     number: int
     ground_port: int
@@ -110,7 +111,7 @@ class Among:
         return FIRST_HEIGHT_M + ABOVE_M * (self.number - 1)
 
     def placed(self, scenario: Scenario) -> Scenario:
-        """Copy a world with this drone's start position."""
+        """Copy a world with the start position of this drone."""
         flight = replace(
             scenario.flight, east_m=BESIDE_M * (self.number - 1), height_m=self.height_m
         )
@@ -132,7 +133,7 @@ class _Seen:
 
 
 class SearchDemo:
-    """One search on this computer, by the real processes; `say` gets lines to print."""
+    """Runs one search on this computer with the real programs; `say` prints a line."""
 
     def __init__(
         self,
@@ -152,7 +153,7 @@ class SearchDemo:
         self._seen = _Seen()
 
     def run(self) -> SearchSummary:
-        """Run the search once; return the result. Raises `UavrtError` if a program ended."""
+        """Run the search once and return its result; raises `UavrtError` if a program ends."""
         require_writable(self._flight_dir)
         with workplace("uavrt-search-") as work, self._rig:
             self._start(work)

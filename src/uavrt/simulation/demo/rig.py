@@ -1,6 +1,7 @@
 """Start simulated drones and their ground station on this computer, as in the field.
 
-Each program runs in its own process and writes a log file; all end with the rig.
+Each program runs in its own process and writes a log file. All programs end with the `Rig` that
+started them.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,13 +28,13 @@ from uavrt.simulation.vehicle.airframe import Flavour
 
 
 def starting_in(scenario: Scenario, seconds: float) -> Scenario:
-    """Copy a world so that it starts `seconds` from now; programs need 1.5 s to be ready."""
+    """Copy a world with a start time `seconds` from now; programs need 1.5 s to be ready."""
     return scenario.starting_at(Clock.start().now_ns() + ns_from_s(seconds))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedDrone:
-    """A running drone side, with its simulated radio and autopilot."""
+    """A drone's running software with its simulated radio and autopilot."""
 
     scenario: Scenario
     settings: Settings
@@ -42,7 +43,7 @@ class SimulatedDrone:
     supervisor: Program
     system_id: int
     ground_port: int
-    """UDP port to which the autopilot sends the ground station's traffic."""
+    """UDP port of the ground station, to which the autopilot sends messages."""
 
     def check(self) -> None:
         """Raise `UavrtError` if a program of this drone has ended."""
@@ -50,15 +51,15 @@ class SimulatedDrone:
         self.supervisor.check()
 
     def stop(self) -> None:
-        """End the drone side, then the autopilot."""
+        """End the drone's software, then its autopilot."""
         self.supervisor.stop()
         self.autopilot.stop()
 
 
 class Rig:
-    """Starts programs, and ends them when its `with` block ends.
+    """Starts programs, and ends them all when its `with` block ends.
 
-    `flavour`: autopilot that each drone's simulated one behaves like.
+    `flavour`: kind of autopilot that the drones simulate.
     """
 
     def __init__(self, flavour: Flavour = "px4") -> None:
@@ -71,13 +72,13 @@ class Rig:
         self.close()
 
     def close(self) -> None:
-        """End all programs, the last one first."""
+        """End all programs, the last started program first."""
         self._stack.close()
 
     def program(
         self, directory: Path, name: str, *arguments: str, module: str = "uavrt.cli"
     ) -> Program:
-        """Start a Python module as a program, with a log file in `directory`."""
+        """Start a Python module as a program; its log file is in `directory`."""
         program = Program(name, (module, *arguments), directory / f"{name}.log")
         self._stack.callback(program.stop)
         return program
@@ -95,14 +96,14 @@ class Rig:
         served_by: Sequence[str] = ("uavrt.drone.supervisor",),
         settings: Callable[[Settings], Settings] = lambda made: made,
     ) -> SimulatedDrone:
-        """Start a drone side and its autopilot.
+        """Start a drone's software and its simulated autopilot.
 
         `scenario`: world of the drone, with the start time. `paths`: files of the drone, in a
-        directory that exists. `ground_port`: port of the ground station; None: a free one.
-        `flies`: True if the drone obeys commands instead of flying the scenario's flight.
+        directory that exists. `ground_port`: port of the ground station; None: a free port.
+        `flies`: True if the drone obeys commands, False if it flies the path in the scenario.
         `autopilot`, `supervisor`: further arguments of the two programs. `served_by`: module
-        that runs the drone side, and its first arguments. `settings`: changes the settings of a
-        simulated drone.
+        that runs the drone's software, and its first arguments. `settings`: function that
+        changes the drone's settings.
         """
         write_scenario(scenario, paths.scenario)
         companion_port = free_udp_port()
@@ -146,7 +147,7 @@ class Rig:
         )
 
     def reader(self, drone: SimulatedDrone, timeout_s: float) -> StatusReader:
-        """Connect to the drone's supervisor when it is ready."""
+        """Connect to the drone's supervisor as soon as it is ready."""
         reader = StatusReader(status_socket_path(drone.settings), timeout_s, drone.check)
         self._stack.callback(reader.close)
         return reader

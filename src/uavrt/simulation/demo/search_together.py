@@ -31,11 +31,11 @@ class TogetherSummary:
     apart_m: float
     """Smallest horizontal distance of two drones while both searched [m]."""
     duration_s: float
-    """Time until the last drone had ended its search [s]."""
+    """Time from the start until the last drone ended its search [s]."""
 
     @property
     def found(self) -> set[str]:
-        """Ids, as text, of the tags that at least one drone found."""
+        """Ids of the tags that at least one drone found, as text."""
         return {
             tag
             for drone in self.drones.values()
@@ -50,7 +50,7 @@ class TogetherSummary:
 
 
 class TogetherDemo:
-    """One search by several drones on this computer, with the real processes."""
+    """Runs one search by several drones on this computer, with the real programs."""
 
     def __init__(
         self,
@@ -69,7 +69,7 @@ class TogetherDemo:
         self._ended: dict[int, SearchSummary | UavrtError] = {}
 
     def run(self) -> TogetherSummary:
-        """Run the search once; return the result. Raises `UavrtError` if a program ended."""
+        """Run the search once and return its result; raises `UavrtError` if a program ends."""
         with workplace("uavrt-together-") as work, Rig() as rig:
             ground_port = free_udp_port()
             # The station that serves all orders nothing.

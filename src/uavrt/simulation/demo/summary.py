@@ -1,8 +1,8 @@
 """Summarise a demo: pulses sent, detected, recorded on the drone and received on the ground.
 
 A true pulse counts as detected if the drone recorded a pulse of its tag within `MATCH_TIME_S`
-and `MATCH_FREQUENCY_HZ`. It counts as delivered if the ground has that same record. For a coded
-tag a burst counts as a pulse.
+and `MATCH_FREQUENCY_HZ`. It counts as delivered if the ground station received this recorded
+pulse. For a coded tag, a burst counts as a pulse.
 """
 
 import bisect
@@ -19,14 +19,15 @@ from uavrt.simulation.scene.world import TruePulse
 
 DETECTABLE_ENR_DB = 14.0
 MATCH_TIME_S = 0.02
-"""Largest time error of a detected pulse [s]: a pulse width, ten times the usual error."""
+"""Largest time error of a detected pulse [s]: the width of a pulse, which is ten times the
+usual error."""
 MATCH_FREQUENCY_HZ = 100.0
 _ROUNDED_NS = 2000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagSummary:
-    """Counts and errors of one tag's pulses while detecting."""
+    """Numbers and errors of one tag's pulses during detection."""
 
     transmitted: int
     detectable: int
@@ -59,7 +60,7 @@ class DemoSummary:
     flight_directory: str
 
     def table(self) -> Table:
-        """Table of the results for a terminal."""
+        """Create a table of the results for a terminal."""
         table = table_of(
             *("tag", "sent", "found", "14 dB or more", "of them found", "on the ground"),
             *("false", "SNR bias", "freq. rms", "time rms"),
@@ -119,7 +120,7 @@ def summarize_tag(
 
 
 def sampled_span(first_ns: int, last_ns: int, recorded: Iterable[Pulse]) -> tuple[int, int]:
-    """First and last time of a flight's samples [ns, UTC], widened to include all pulses."""
+    """First and last time of a flight's samples [ns, UTC], extended to include all pulses."""
     limit_ns = ns_from_s(MATCH_TIME_S)
     times = [pulse.start_time_ns for pulse in recorded]
     return (
@@ -129,7 +130,7 @@ def sampled_span(first_ns: int, last_ns: int, recorded: Iterable[Pulse]) -> tupl
 
 
 def true_bursts(sent: Sequence[TruePulse], pulses: int) -> list[TruePulse]:
-    """Combine the pulses of each complete burst of a tag into one of their mean strength."""
+    """Combine the pulses of each complete burst into one pulse of their mean strength."""
     bursts: dict[int, list[TruePulse]] = {}
     for pulse in sent:
         bursts.setdefault(pulse.pulse_index // pulses, []).append(pulse)
@@ -145,7 +146,7 @@ def true_bursts(sent: Sequence[TruePulse], pulses: int) -> list[TruePulse]:
 
 
 def match(sent: Sequence[TruePulse], found: Sequence[Pulse]) -> list[tuple[TruePulse, Pulse]]:
-    """Pair each true pulse with the nearest unpaired detected one, in order of time."""
+    """Pair each true pulse with the nearest detected pulse that is free, in time order."""
     times = [pulse.start_time_ns for pulse in found]
     limit_ns = ns_from_s(MATCH_TIME_S)
     taken: set[int] = set()
@@ -167,7 +168,7 @@ def match(sent: Sequence[TruePulse], found: Sequence[Pulse]) -> list[tuple[TrueP
 
 
 def _is_in(times_ns: Sequence[int], time_ns: int) -> bool:
-    """True if a sorted list contains a time, within the link's rounding."""
+    """True if a sorted list contains a time; times from the link are rounded."""
     place = bisect.bisect_left(times_ns, time_ns - _ROUNDED_NS)
     return place < len(times_ns) and times_ns[place] <= time_ns + _ROUNDED_NS
 

@@ -1,4 +1,4 @@
-"""Make text lines for the terminal on the progress of a search."""
+"""Write lines on the progress of a search for the terminal."""
 
 import re
 
@@ -8,7 +8,7 @@ _DOES = ((r"^hold for", "wait"), (r"^turn by 360°.*", "turn once in place"))
 
 
 def in_plain_words(note: SearchNote) -> str:
-    """Text line for an entry of a search's log: time, action and reason."""
+    """Text line for an entry in the log of a search: time and event."""
     minutes, seconds = divmod(round(note.elapsed_s), 60)
     return f"{minutes:2d}:{seconds:02d} {_words(note)}"
 

@@ -1,4 +1,4 @@
-"""The demo's live view in a terminal."""
+"""Live view of the demo in a terminal."""
 
 import io
 import re
@@ -20,12 +20,12 @@ from uavrt.simulation.demo.watch import RECEIVER, samples_lost
 RATE_WINDOW_S = 60.0
 FRESH_S = 5.0
 WIDE = 100
-"""Terminal width above which bars and units are shown [columns]."""
+"""Width of the terminal from which bars and units are shown [columns]."""
 
 
 @dataclass(slots=True)
 class TagView:
-    """Displayed values of one tag."""
+    """Values of one tag that the view shows."""
 
     tag: Tag
     last: Pulse | None = None
@@ -42,7 +42,7 @@ class TagView:
             self.last = pulse
 
     def per_minute(self, now_s: float, running_s: float) -> float:
-        """Pulses per minute in the last `RATE_WINDOW_S`, or `running_s` if that is shorter."""
+        """Pulses per minute over the last `RATE_WINDOW_S`, or over `running_s` if shorter."""
         while self.times_s and self.times_s[0] < now_s - RATE_WINDOW_S:
             self.times_s.popleft()
         return len(self.times_s) * 60.0 / max(1.0, min(RATE_WINDOW_S, running_s))
@@ -54,13 +54,13 @@ _WIDE = (
     "on the ground",
 )
 _BAR = 3
-"""Column of the bar that shows the SNR, in a wide terminal."""
+"""Index of the column with a bar for the SNR, which only wide terminals show."""
 _PROCESSES = ("process", "status", "CPU of a core", "memory")
 
 
 @dataclass(slots=True)
 class DemoView:
-    """State shown in the terminal; `render` draws it."""
+    """Data that the terminal view shows; `render` draws them."""
 
     duration_s: float
     tags: dict[int, TagView]
@@ -73,11 +73,11 @@ class DemoView:
     ros_domain: int | None = None
 
     def render(self, now_s: float) -> RenderableType:
-        """Draw the view at a time of the viewer's clock [s], fitted to the terminal."""
+        """Draw the view for a time of the viewer's clock [s]; it fits the terminal's width."""
         return _Drawn(self, now_s)
 
     def drawn(self, now_s: float, width: int) -> RenderableType:
-        """Draw the view for a terminal width [columns]."""
+        """Draw the view for a given terminal width [columns]."""
         narrow = width < WIDE
         more = (
             ""
@@ -170,8 +170,9 @@ class DemoView:
         ]
 
     def _process_table(self, *, narrow: bool) -> RenderableType:
-        """Table of the processes; `narrow`: two in each row, with the status of faulty ones
-        only.
+        """Table of the processes.
+
+        `narrow`: show two processes in each row, and the status of faulty processes only.
         """
         table = plain_table(*(2 * ("process", "CPU", "MB") if narrow else _PROCESSES))
         known = {one.process: one for one in (self.status.processes if self.status else ())}
@@ -199,7 +200,7 @@ class DemoView:
 
 @dataclass(frozen=True, slots=True)
 class _Drawn:
-    """The view at one time, drawn once the terminal's width is known."""
+    """The view for one time; it is drawn once the width of the terminal is known."""
 
     view: DemoView
     now_s: float

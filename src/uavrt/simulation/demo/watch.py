@@ -15,16 +15,16 @@ RECEIVER = "receiver"
 
 
 def samples_lost(counters: Mapping[str, float]) -> int:
-    """Number of samples lost by the radio and on the way to the detectors."""
+    """Number of samples lost by the radio or between the radio and the detectors."""
     names = ("samples_lost", "channel_samples_dropped")
     return int(sum(counters.get(name, 0.0) for name in names))
 
 
 class Cpu:
-    """CPU time of each process of the demo, the radio program's apart from the receiver's.
+    """CPU time of each process of the demo.
 
-    The simulated radio program is a child of the receiver; the supervisor measures both
-    together, and they are separated here.
+    The simulated radio program is a child of the receiver. The supervisor measures both
+    together, and this class separates them.
     """
 
     def __init__(self) -> None:
@@ -37,7 +37,7 @@ class Cpu:
         self._processes: dict[str, ProcessStatus] = {}
 
     def take(self, status: SystemStatus, programs: Sequence[Program]) -> None:
-        """Handle a status report of the drone side, and measure the other programs."""
+        """Read CPU times from a drone's status report, and measure the other programs."""
         for process in status.processes:
             self._processes[process.process] = process
             if process.process == RECEIVER:
@@ -76,6 +76,6 @@ class Cpu:
         return {name: round(total, 3) for name, total in self._totals.items()}
 
     def counters(self, process: str) -> dict[str, float]:
-        """Last counters of a process of the drone side."""
+        """Last reported counters of one of the drone's processes."""
         known = self._processes.get(process)
         return dict(known.counters) if known is not None else {}

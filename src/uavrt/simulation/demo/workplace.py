@@ -1,7 +1,7 @@
 """Temporary directory of a demo, removed at its end or by the next demo.
 
-A demo that was killed (SIGKILL, power cut) leaves its directory behind. A running demo holds a
-lock on its directory, so a directory with a free lock is abandoned.
+A demo that was killed (SIGKILL, power cut) leaves its directory behind. A running demo locks
+its directory, so a directory without a lock is abandoned.
 """
 
 import fcntl
@@ -18,12 +18,15 @@ from uavrt.core.errors import UavrtError, UsageError, os_errors_as
 PREFIXES = ("uavrt-demo-", "uavrt-search-", "uavrt-together-")
 LOCK = "running"
 _YOUNG_S = 60.0
-"""Age below which a directory without a lock may belong to a demo that is starting [s]."""
+"""Age below which a directory without a lock may belong to a demo that is just starting [s]."""
 
 
 @contextmanager
 def workplace(prefix: str) -> Iterator[Path]:
-    """Create a directory for a demo; after a failure it is kept until the next demo starts."""
+    """Create a directory for a demo and remove it at the end.
+
+    After a failure it stays until the next demo starts.
+    """
     sweep(Path(tempfile.gettempdir()))
     place = Path(tempfile.mkdtemp(prefix=prefix))
     with (place / LOCK).open("w") as lock:

@@ -1,4 +1,4 @@
-"""Worlds of the demo: the built-in one, or that of a scenario file."""
+"""Worlds of the demo: the built-in world, or the world of a scenario file."""
 
 import math
 from dataclasses import replace
@@ -13,15 +13,15 @@ from uavrt.simulation.scene.scenario_file import load_scenario
 FLIGHT_S = 120.0
 """Default duration of a flight in the built-in world [s]."""
 SHORTEST_S = 20.0
-"""Shortest flight with a scenario file [s]; detection takes some seconds to begin."""
+"""Shortest flight with a scenario file [s]; detection needs some seconds to begin."""
 AFTER_S = 120.0
-"""Simulated time after the end of a search, for the return flight [s]."""
+"""Time that is simulated after the end of a search, for the return flight [s]."""
 
 
 def flight_world(
     file: Path | None, *, duration_s: float | None, seed: int | None, coded: bool
 ) -> Scenario:
-    """World where the drone flies planned legs; `file` None: the built-in world."""
+    """World in which the drone flies planned legs; without a `file`, the built-in world."""
     if file is None:
         return demo_scenario(duration_s or FLIGHT_S, 1 if seed is None else seed, coded=coded)
     scenario = _of_file(file, seed, coded)
@@ -37,7 +37,7 @@ def flight_world(
 def search_world(
     file: Path | None, *, limit_s: float, seed: int | None, coded: bool
 ) -> Scenario:
-    """World for a search of at most `limit_s`; other parameters as in `flight_world`."""
+    """World for a search of at most `limit_s`; other parameters are as in `flight_world`."""
     if file is None:
         return search_scenario(1 if seed is None else seed, coded=coded)
     scenario = _of_file(file, seed, coded)

@@ -1,7 +1,7 @@
-"""Antenna patterns: the gain for waves from each direction.
+"""Antenna patterns: gain of an antenna in each direction.
 
-The tables of the Telonics RA-2A and RA-23K give the gain relative to boresight [dB], from 0° to
-180° in steps of 10°, as read from the maker's plots (±1.5 dB).
+The tables of the Telonics RA-2A and RA-23K contain the gain relative to boresight [dB] from 0°
+to 180° in steps of 10°. They were read from the maker's plots (±1.5 dB).
 """
 
 import math
@@ -26,12 +26,13 @@ PATTERNS_DB: dict[str, tuple[float, ...]] = {
     ),
 }
 _NULL_DB = -30.0
-"""Depth of nulls relative to the maximum [dB]; waves scattered at the airframe limit it."""
+"""Depth of the pattern's nulls relative to its maximum [dB]; waves that the airframe scatters
+limit the depth."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Antenna(ScenarioRecord):
-    """The antenna and its mounting on the drone."""
+    """Antenna of the simulated drone and its mounting."""
 
     pattern: Literal["RA-2A", "RA-23K", "isotropic", "monopole", "table"] = "RA-23K"
     table_db: tuple[float, ...] = ()
@@ -39,10 +40,11 @@ class Antenna(ScenarioRecord):
     gain_dbi: Annotated[float, Ge(-20), Le(30)] = 4.0
     """Gain at boresight [dBi]; for a monopole, at the horizon."""
     polarization: Literal["horizontal", "vertical", "any"] = "horizontal"
-    """Polarization on a level drone; "any" receives every polarization fully."""
+    """Polarization of the antenna on a level drone; "any" receives every polarization without
+    loss."""
     cross_polarization_db: Annotated[float, Ge(-40), Le(0)] = -15.0
-    """Level at which a wave with perpendicular polarization is received [dB]; scattering limits
-    its suppression."""
+    """Level of a received wave with perpendicular polarization [dB]; scattering limits how much
+    it is suppressed."""
     yaw_offset_deg: float = 0.0
     """Angle of the boresight clockwise from the drone's nose [°]."""
     pitch_offset_deg: float = 0.0
@@ -52,7 +54,8 @@ class Antenna(ScenarioRecord):
     offset_right_m: float = 0.0
     offset_down_m: float = 0.0
     switch: AntennaSwitch | None = None
-    """Switch with several antennas of this pattern; None: a single antenna."""
+    """Switch that connects the receiver to several antennas of this pattern in turn; None: a
+    single antenna."""
 
 
 def off_boresight_deg(direction_body: geometry.Vector) -> float:
@@ -61,11 +64,11 @@ def off_boresight_deg(direction_body: geometry.Vector) -> float:
 
 
 def pattern_db(antenna: Antenna, direction_body: geometry.Vector) -> float:
-    """Gain relative to the antenna's maximum towards a unit direction in its frame (FRD) [dB].
+    """Gain in a unit direction of the antenna's frame (FRD), relative to its maximum [dB].
 
-    Directional patterns are symmetric about the boresight: the tables are cuts in azimuth, but
-    at low elevation the angle off boresight matters. A monopole has 20 log10(cos elevation)
-    about its down axis, which tilts with the drone.
+    Directional patterns are symmetric about the boresight. Their tables are cuts in azimuth,
+    but at low elevation the angle from boresight determines the gain. A monopole has a gain of
+    20 log10(cos elevation) about its down axis, which tilts with the drone.
     """
     if antenna.pattern == "isotropic":
         return 0.0
@@ -80,7 +83,10 @@ def pattern_db(antenna: Antenna, direction_body: geometry.Vector) -> float:
 def transverse_axes(
     direction: geometry.Vector, down: geometry.Vector
 ) -> tuple[geometry.Vector, geometry.Vector]:
-    """Horizontal and upright unit vectors perpendicular to a ray; `down`: the down axis."""
+    """Two unit vectors perpendicular to a ray, one horizontal and one upright.
+
+    `down`: direction of the down axis.
+    """
     horizontal = geometry.cross(down, direction)
     if geometry.length(horizontal) < 1e-9:
         horizontal = geometry.cross((1.0, 0.0, 0.0), direction)
@@ -91,7 +97,7 @@ def transverse_axes(
 def polarization_db(
     antenna: Antenna, direction_body: geometry.Vector, field_body: geometry.Vector
 ) -> float:
-    """Level change by the angle between the electric fields of wave and antenna [dB, ≤ 0]."""
+    """Level change [dB, ≤ 0] from the angle between the electric fields of wave and antenna."""
     if antenna.polarization == "any":
         return 0.0
     horizontal, upright = transverse_axes(direction_body, (0.0, 0.0, 1.0))

@@ -1,7 +1,8 @@
-"""An antenna switch: one receiver that is switched through several antennas during each pulse.
+"""An antenna switch, which connects one receiver to several antennas in turn.
 
-The receiver's sample clock controls it, so the antenna of every sample is exactly known, and
-stored in a recording's metadata (docs/reference/scenario.md). The arithmetic is independent of
+It changes the antenna several times during each pulse. The receiver's sample clock controls the
+switch, so the antenna of every sample is known exactly and stored in a recording's metadata
+(docs/reference/scenario.md). The arithmetic is independent of
 `uavrt.localization.bearing.array_bearings`, because it is used to check that module.
 """
 
@@ -19,10 +20,11 @@ from uavrt.simulation.scene.record import ScenarioRecord
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AntennaSwitch(ScenarioRecord):
-    """The switched antennas: scenario table ``[antenna.switch]``."""
+    """Antenna switch of a scenario: table ``[antenna.switch]``."""
 
     kind: Literal["circle", "pair", "sum_difference"] = "circle"
-    """Arrangement: antennas on a circle, a left and right pair, or its sum and difference."""
+    """Arrangement of the antennas: a circle, a pair (left and right), or sum and difference of
+    a pair."""
     elements: Annotated[int, Ge(3), Le(16)] = 4
     """Number of antennas on a circle; the first points ahead, the others follow clockwise."""
     size_m: Annotated[float, Gt(0), Le(5)] = 0.4
@@ -47,7 +49,10 @@ class AntennaSwitch(ScenarioRecord):
         return min(settle, self.dwell_samples(sample_rate_hz) - 1)
 
     def metadata(self, sample_rate_hz: float) -> dict[str, Any]:
-        """Description of the switch in a recording's metadata, with each sample's antenna."""
+        """Description of the switch for a recording's metadata.
+
+        It determines which antenna received each sample.
+        """
         return {
             "kind": self.kind,
             "positions": self.positions,
@@ -61,7 +66,10 @@ class AntennaSwitch(ScenarioRecord):
 def position_weights(
     switch: AntennaSwitch, direction_body: geometry.Vector, wavelength_m: float
 ) -> NDArray[np.complex128]:
-    """Complex amplitude at each switch position of a plane wave along a direction (FRD)."""
+    """Complex amplitude of a plane wave at each switch position.
+
+    `direction_body`: unit vector in the drone's frame (FRD) towards the source.
+    """
     turns_per_m = 1.0 / wavelength_m
     if switch.kind == "circle":
         weights = []

@@ -1,8 +1,8 @@
 """Random numbers that depend only on (seed, stream, index), not on the order of requests.
 
 Each number is a hash of its stream and index. So a restarted radio program, the process that
-computes the truth and a test all have the same world. The hash is the finalizer of SplitMix64
-(Steele, Lea & Flood, OOPSLA 2014), applied twice.
+computes the true pulses, and a test all see the same world. The hash is the finalizer of
+SplitMix64 (Steele, Lea & Flood, OOPSLA 2014), applied twice.
 """
 
 import math
@@ -25,12 +25,12 @@ def _mix(value: NDArray[np.uint64]) -> NDArray[np.uint64]:
 
 
 def stream_key(seed: int, *names: object) -> int:
-    """Key of a random stream, from a seed and the stream's name; the same in all processes."""
+    """Key of a random stream for a seed and the stream's name; it is equal in all processes."""
     return zlib.crc32(repr(names).encode()) | ((seed & 0xFFFFFFFF) << 32)
 
 
 def uniform(key: int, index: ArrayLike) -> NDArray[np.float64]:
-    """Uniform numbers in [0, 1) for an array of indices, also negative ones, of a stream."""
+    """Uniform random numbers in [0, 1) for an array of indices; indices may be negative."""
     counter = np.atleast_1d(np.asarray(index, dtype=np.int64)).astype(np.uint64)
     # Wrap-around is what the hash wants; NumPy warns of it for scalars only, hence the arrays.
     start = _mix(np.array([key & 0xFFFFFFFFFFFFFFFF], dtype=np.uint64) + _GOLDEN)
@@ -48,11 +48,11 @@ def normal(key: int, index: ArrayLike) -> NDArray[np.float64]:
 
 
 def smooth_normal(key: int, position: float) -> float:
-    """A smooth random function of unit variance; x and y correlate by exp(-(x - y)²).
+    """Smooth random function of `position` with unit variance.
 
-    It is a sum of independent normals at multiples of 1/2, weighted with a Gaussian of standard
-    deviation 1/2 around `position`. The correlation between x and y is exp(-(x - y)²); the
-    normalization makes the variance exactly one.
+    The values at x and y have the correlation exp(-(x - y)²). The function is a sum of
+    independent normal numbers at multiples of 1/2, weighted with a Gaussian of standard
+    deviation 1/2 around `position`. It is normalized so that the variance is exactly one.
     """
     halves = 2.0 * position
     knots = np.arange(math.floor(halves) - 4, math.floor(halves) + 6)

@@ -1,6 +1,6 @@
 """Define the built-in world of ``uavrt demo``: three tags, and a drone that turns at 3 points.
 
-With coded tags there are two more tags, which share a frequency.
+With coded tags, the world has two more tags, which share a frequency.
 """
 
 import math
@@ -14,19 +14,20 @@ from uavrt.simulation.scene.scenario import Interferer, Radio, Scenario, Simulat
 from uavrt.simulation.scene.world import World
 
 SHORTEST_S = 40.0
-"""Shortest demo [s]; it leaves 4.3 s for the flight between two turns."""
+"""Shortest duration of the demo [s]; it leaves 4.3 s for the flight between two turns."""
 SEARCHED_ENR_DB = 24.0
-"""Ratio of pulse energy to noise power density of the animals in a search, received at home
-with the antenna pointed at them [dB]."""
+"""Ratio of pulse energy to noise power density of the animals in a search [dB], as received at
+home with the antenna pointed at the animal."""
 SEARCH_HEIGHT_M = 40.0
 _SHORTEST_TURN_S = 7.8
-"""Shortest duration of a full turn [s]: 46°/s on average, 57.7°/s at most."""
+"""Shortest duration of a full turn [s]; the turn rate is then 46°/s on average and 57.7°/s at
+most."""
 CODED_HZ = 148_640_000.0
 _APART_M = 120.0
 _ABOVE_M = 10.0
 _PEAK_ENR_DB = 33.0
-"""Ratio of pulse energy to noise power density without fading, at the centre of the three
-points with the antenna pointed at a tag [dB]."""
+"""Ratio of pulse energy to noise power density without fading [dB], as received at the centre
+of the three points with the antenna pointed at a tag."""
 
 
 def demo_scenario(duration_s: float = 60.0, seed: int = 1, *, coded: bool = False) -> Scenario:
@@ -54,7 +55,10 @@ def demo_scenario(duration_s: float = 60.0, seed: int = 1, *, coded: bool = Fals
 
 
 def fleet_scenarios(drones: int, first: Scenario) -> list[Scenario]:
-    """Create the demo's worlds for several drones, each 120 m south and 10 m above the last."""
+    """Create a world for each of several drones.
+
+    Each drone starts 120 m south of the previous drone and 10 m higher.
+    """
     return [
         replace(first, flight=_moved(first.flight, number * -_APART_M, number * _ABOVE_M))
         for number in range(drones)
@@ -74,11 +78,11 @@ def _moved(flight: Flight, north_m: float, up_m: float) -> Flight:
 
 
 def search_scenario(seed: int = 1, *, coded: bool = False) -> Scenario:
-    """Create the world of ``uavrt demo --search``: three animals, one of them walking.
+    """Create the world of ``uavrt demo --search``: three animals, one of which walks.
 
-    The drone hovers above home until it is commanded. An antenna pointed at an animal receives
-    its tag from there; one pointed away hardly does. The walking animal stays in the area, so
-    that the drone can pass it on every side.
+    The drone hovers above home until it is commanded. There it receives an animal's tag only if
+    its antenna points towards the animal. The walking animal stays in the area, so that the
+    drone can pass it on every side.
     """
     places = ((150.0, 90.0), (-40.0, 170.0), (-120.0, -130.0))
     lynx, otter, badger = _tags(SHORTEST_S)
@@ -113,7 +117,7 @@ def search_scenario(seed: int = 1, *, coded: bool = False) -> Scenario:
 
 
 def searched_scenario(scenario: Scenario, seconds: float) -> Scenario:
-    """Copy a world for at least `seconds`, in which the drone hovers until it is commanded."""
+    """Copy a world for at least `seconds`; the drone hovers there until commanded."""
     return replace(
         scenario,
         duration_s=max(scenario.duration_s, seconds),
@@ -179,7 +183,7 @@ def _tags(duration_s: float) -> tuple[SimulatedTag, ...]:
 
 
 def _coded_tags() -> tuple[SimulatedTag, ...]:
-    """Two coded tags on one frequency, which differ only in their gaps and burst intervals."""
+    """Two coded tags on one frequency that differ only in their gaps and burst intervals."""
     return (
         SimulatedTag(
             tag_id=12,
@@ -221,12 +225,15 @@ def _turn_s(duration_s: float) -> float:
 
 
 def _move_s(duration_s: float) -> float:
-    """Duration of each flight between turns [s]: four fifths of the demo, less the turns."""
+    """Duration of each flight between turns [s].
+
+    Four fifths of the demo, minus the turns, are divided between the flights.
+    """
     return (0.8 * duration_s - 3.0 * _turn_s(duration_s)) / 2.0
 
 
 def _height_m(duration_s: float) -> float:
-    """Height of the turns [m], at most 40; the mean climb rate is 4 m/s."""
+    """Height of the turns [m], at most 40 m, so that the mean climb rate is 4 m/s at most."""
     return min(40.0, 4.0 * 0.08 * duration_s)
 
 
@@ -267,7 +274,7 @@ def _centre(duration_s: float) -> Flight:
 
 
 def _with_power(scenario: Scenario, stand: Flight, enr_db: float) -> Scenario:
-    """Copy a world with tag powers that give `enr_db` at `stand`, on antenna boresight."""
+    """Copy a world with tag powers that give `enr_db` at `stand` on the antenna's boresight."""
     probe = replace(
         scenario,
         flight=replace(stand, wobble_deg=0.0),

@@ -1,4 +1,4 @@
-"""Path of the simulated drone: a list of legs with smooth position and heading."""
+"""Path of the simulated drone: a list of legs with smooth changes of position and heading."""
 
 import math
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ _MOVE_EASE = 0.35
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leg(ScenarioRecord):
-    """A part of the flight that starts and ends at rest; values of None stay unchanged."""
+    """Part of the flight that starts and ends at rest; a value of None stays unchanged."""
 
     duration_s: Annotated[float, Gt(0)]
     north_m: float | None = None
@@ -31,7 +31,7 @@ class Leg(ScenarioRecord):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flight(ScenarioRecord):
-    """The whole flight; the drone rests before the first leg and after the last."""
+    """Whole flight of the simulated drone; it rests before the first and after the last leg."""
 
     north_m: float = 0.0
     """Start position: distance north of home [m]."""
@@ -39,9 +39,10 @@ class Flight(ScenarioRecord):
     height_m: Annotated[float, Ge(0)] = 0.0
     heading_deg: float = 0.0
     wobble_deg: Annotated[float, Ge(0), Le(20)] = 1.0
-    """Standard deviation of roll and pitch caused by gusts in the air [°]."""
+    """Standard deviation of roll and pitch that gusts cause in the air [°]."""
     drag_per_s: Annotated[float, Ge(0), Le(2)] = 0.15
-    """Deceleration by drag divided by speed [1/s]; 0.15/s tilts the drone by 9° at 10 m/s."""
+    """Ratio of the deceleration by drag to the speed [1/s]; 0.15/s tilts the drone by 9° at 10
+    m/s."""
     leg: tuple[Leg, ...] = ()
 
     @property
@@ -61,10 +62,10 @@ class VehicleState:
 
 
 def _progress(time_share: float, ease: float) -> tuple[float, float, float]:
-    """Fraction of a leg's path flown, and its first two derivatives, with smooth ends.
+    """Fraction of a leg's path that is flown, and its first two derivatives.
 
-    The speed rises as 3x² - 2x³ during the first fraction `ease` of the time, and falls in the
-    same way in the last.
+    The speed rises as 3x² - 2x³ during the first fraction `ease` of the time and falls
+    correspondingly during the last.
     """
     top = 1.0 / (1.0 - ease)
     if time_share <= 0.0:
@@ -82,7 +83,7 @@ def _progress(time_share: float, ease: float) -> tuple[float, float, float]:
 
 
 def _wobble(flight: Flight, elapsed_s: float, height_m: float, phase: float) -> float:
-    """Tilt by gusts: three sines below 1.1 Hz of a given standard deviation; 0 on ground."""
+    """Tilt caused by gusts [°]: sum of three sines below 1.1 Hz; 0 on the ground."""
     sines = sum(
         math.sin(2 * math.pi * frequency * elapsed_s + phase * (number + 1))
         for number, frequency in enumerate((0.23, 0.57, 1.03))
@@ -93,7 +94,7 @@ def _wobble(flight: Flight, elapsed_s: float, height_m: float, phase: float) -> 
 def vehicle_state(flight: Flight, elapsed_s: float) -> VehicleState:
     """Compute the drone's position and attitude at a time of the flight [s].
 
-    Roll and pitch are those of a multirotor that needs thrust against acceleration and drag.
+    Roll and pitch are those that a multirotor needs to accelerate and to fly against drag.
     """
     place = (flight.north_m, flight.east_m, flight.height_m)
     heading = flight.heading_deg

@@ -1,8 +1,8 @@
 """Write and read the path of a commanded vehicle, in a file from the autopilot to the radio.
 
 The simulated autopilot appends 50 records a second. The simulated radio reads them, so that the
-strength of a pulse depends on the drone's true position. A file outlives either program, needs
-no port, and afterwards contains the true path of the flight.
+strength of a pulse depends on the drone's true position. A file is used because it outlives
+either program and needs no port. After the flight it contains the true path.
 """
 
 import bisect
@@ -17,15 +17,19 @@ from uavrt.simulation.scene.flight import VehicleState
 from uavrt.simulation.scene.geometry import TangentPlane, from_euler_deg
 
 _RECORD = struct.Struct("<q4d")
-"""Format of a record: time [ns, UTC], latitude, longitude [°], altitude above the sea [m],
-heading [°]."""
+"""Binary layout of a record: time [ns, UTC], latitude, longitude [°], altitude above the sea
+[m], heading [°]."""
 _AHEAD_S = 0.5
-"""Longest extrapolation of a path beyond its last record [s]; a radio's buffer is 0.02 s."""
+"""Longest extrapolation of a path beyond its last record [s]; a buffer of the radio lasts 0.02
+s."""
 _STEP_NS = 10_000_000
 
 
 class PathWriter:
-    """Writes a new file, replacing one of a previous run; raises `OSError`."""
+    """Writes a vehicle's path to a new file, which replaces the file of a previous run.
+
+    Raises `OSError` if the file cannot be written.
+    """
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -48,7 +52,10 @@ class PathWriter:
 
 
 class FlownPath:
-    """Reads the vehicle's state at a time from the file; the last `keep_s` stay in memory."""
+    """Reads the state of the vehicle at a time from the file of its path.
+
+    The last `keep_s` of the path stay in memory.
+    """
 
     def __init__(self, path: Path, plane: TangentPlane, *, keep_s: float | None = None) -> None:
         self._path, self._plane = path, plane
@@ -59,7 +66,10 @@ class FlownPath:
         """Position north, east and up of home [m], and heading [°], for each record."""
 
     def state(self, time_ns: int) -> VehicleState | None:
-        """State at a time, at most 0.5 s after the last record; None before the first."""
+        """State of the vehicle at a time; None before the first record.
+
+        The path is extrapolated by at most 0.5 s after the last record.
+        """
         if not self._times_ns or self._times_ns[-1] < time_ns:
             self._read()
         if not self._times_ns:

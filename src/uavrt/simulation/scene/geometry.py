@@ -1,7 +1,7 @@
-"""Compute with quaternions and a local tangent plane, for the simulation.
+"""Quaternions and a local tangent plane for the simulation.
 
-This module is independent of `uavrt.localization.pose`, so that each can be checked against the
-other.
+This module and `uavrt.localization.pose` are independent, so that each can be checked against
+the other.
 """
 
 import math
@@ -15,7 +15,7 @@ _WGS84_ECCENTRICITY_SQUARED = 6.694_379_990_141e-3
 
 
 def multiply(first: Quaternion, second: Quaternion) -> Quaternion:
-    """Compose two rotations, `second` being applied first."""
+    """Compose two rotations: first `second` is applied, then the other."""
     a, b, c, d = first
     e, f, g, h = second
     return (
@@ -27,7 +27,7 @@ def multiply(first: Quaternion, second: Quaternion) -> Quaternion:
 
 
 def from_euler_deg(roll_deg: float, pitch_deg: float, yaw_deg: float) -> Quaternion:
-    """Make the body-to-parent rotation of yaw, then pitch, then roll [deg]."""
+    """Quaternion of the rotation by yaw, then pitch, then roll [°], from body to parent."""
     roll, pitch, yaw = (math.radians(angle) / 2 for angle in (roll_deg, pitch_deg, yaw_deg))
     about_x = (math.cos(roll), math.sin(roll), 0.0, 0.0)
     about_y = (math.cos(pitch), 0.0, math.sin(pitch), 0.0)
@@ -84,7 +84,7 @@ def cross(first: Vector, second: Vector) -> Vector:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TangentPlane:
-    """North and east metres around a point; within 1 ppm of WGS84 up to some kilometres."""
+    """North and east metres around a point; within some kilometres, 1 ppm from WGS84."""
 
     latitude_deg: float
     longitude_deg: float
@@ -106,7 +106,7 @@ class TangentPlane:
         return self.latitude_deg + north_m / north, (longitude + 180.0) % 360.0 - 180.0
 
     def to_local(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-        """North and east of the origin [m] of a latitude and longitude."""
+        """Distances north and east of the origin [m] for a latitude and longitude."""
         north, east = self._metres_per_degree()
         difference = (longitude_deg - self.longitude_deg + 180.0) % 360.0 - 180.0
         return (latitude_deg - self.latitude_deg) * north, difference * east

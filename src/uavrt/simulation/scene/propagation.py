@@ -1,7 +1,7 @@
 """Propagation from a tag to the antenna: spreading, reflections, water, fading.
 
 Every path is a straight ray from the tag or from one of its mirror images. The rays add as
-complex amplitudes, each weighted by the antenna's gain and polarization in its direction.
+complex amplitudes, each weighted by the antenna's gain and polarization in the ray's direction.
 """
 
 import cmath
@@ -39,7 +39,7 @@ class Wall(ScenarioRecord):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fading(ScenarioRecord):
-    """Random change of a tag's level with time, equal for all rays of the tag."""
+    """Random change of a tag's level with time; it is equal for all rays of the tag."""
 
     kind: Literal["none", "lognormal", "rician"] = "none"
     sigma_db: Annotated[float, Ge(0), Le(20)] = 2.0
@@ -52,11 +52,11 @@ class Fading(ScenarioRecord):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Propagation(ScenarioRecord):
-    """Propagation of waves in this world: spreading, reflections and fading."""
+    """Settings of a scenario for the propagation of waves: spreading, reflections, fading."""
 
     model: Literal["log_distance", "two_ray"] = "log_distance"
     exponent: Annotated[float, Ge(1), Le(6)] = 2.0
-    """Exponent of the decrease of power with distance, from 1 m on; 2 is free space."""
+    """Exponent with which power decreases with distance beyond 1 m; 2 in free space."""
     ground_permittivity: Annotated[float, Ge(1)] = 15.0
     ground_conductivity_s_m: Annotated[float, Ge(0)] = 5e-3
     doppler: bool = True
@@ -96,10 +96,10 @@ def ground_reflection(
 
 
 def water_loss_db(depth_m: float, conductivity_s_m: float) -> float:
-    """Loss [dB] of a tag under fresh water, for a wave straight up to the surface.
+    """Loss [dB] of a tag under fresh water, for a wave that travels straight up.
 
-    Absorption is 8.69·σ·Z₀/(2n) dB/m, 1.8 dB/m at 10 mS/m. The step from water to air costs -10
-    log10(4n/(n+1)²) = 4.4 dB with n = 9.
+    Water absorbs 8.69·σ·Z₀/(2n) dB/m, which is 1.8 dB/m at 10 mS/m. The surface of the water
+    costs 10 log10((n+1)²/4n) = 4.4 dB with n = 9.
     """
     if depth_m <= 0.0:
         return 0.0
@@ -146,9 +146,9 @@ def _rays(
     *,
     horizontal: bool,
 ) -> Iterator[tuple[geometry.Vector, complex]]:
-    """Real and mirrored sources as seen from the antenna, each with its reflection factor.
+    """Position of the tag and of its mirror images, each with its reflection factor.
 
-    The reflecting ground is a plane through the ground beneath tag and antenna.
+    The reflecting ground is a plane through the ground points beneath tag and antenna.
     """
     yield tag, 1.0
     if propagation.model == "two_ray":
@@ -182,9 +182,9 @@ def link(
 ) -> Link:
     """Compute the link from a tag to the antenna, without fading.
 
-    Positions are from home [m], both at least 0.1 m above level ground. `polarization_deg`:
-    tilt of the tag's field from vertical; 90 is horizontal. `heights_m`: heights of antenna and
-    tag above the ground, if the ground is not level.
+    Positions are relative to home [m], both at least 0.1 m above level ground.
+    `polarization_deg`: tilt of the tag's electric field from vertical; 90 is horizontal.
+    `heights_m`: heights of antenna and tag above the ground, if the ground is not level.
     """
     tag, place = tag_ned_m, antenna_ned_m
     if heights_m is None:

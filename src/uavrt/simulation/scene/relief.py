@@ -29,17 +29,17 @@ _EARTH_M = 4.0 / 3.0 * 6_371_000.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Terrain(ScenarioRecord):
-    """Settings in a scenario for ground that is not level."""
+    """Settings of a scenario for ground with hills."""
 
     dem: str | None = None
-    """Path of an elevation file, or of a folder of them. Heights of the flight count from the
-    ground at home, heights of tags from the ground beneath them."""
+    """Path of an elevation file, or of a folder of such files. Flight heights are then relative
+    to the ground at home, and heights of tags to the ground beneath them."""
     sea: bool = False
     """True to treat areas outside the elevation files as water at height 0."""
 
 
 class Relief:
-    """Heights of the ground above that of home, and losses by hills."""
+    """Computes heights of the ground above that at home, and losses by hills."""
 
     def __init__(self, heights: Heights) -> None:
         self._heights = heights
@@ -47,7 +47,10 @@ class Relief:
 
     @classmethod
     def of_files(cls, terrain: Terrain, plane: geometry.TangentPlane) -> "Relief | None":
-        """Open elevation files; None if there are none. Raises `FormatError` if unreadable."""
+        """Open elevation files; None if no files are given.
+
+        Raises `FormatError` if a file cannot be read.
+        """
         if terrain.dem is None:
             return None
         elevation = open_elevation(Path(terrain.dem), sea=terrain.sea)

@@ -1,7 +1,7 @@
 """The simulated world as data: tags, antenna, propagation, interferers, flight, radio.
 
 A `Scenario` is immutable and complete. The world depends only on the scenario and the absolute
-time, so a restarted radio program continues the same world.
+time, so a restarted radio program continues in the same world.
 """
 
 from dataclasses import dataclass, field, replace
@@ -22,7 +22,8 @@ from uavrt.simulation.scene.relief import Terrain
 Positive = Annotated[float, Gt(0)]
 NonNegative = Annotated[float, Ge(0)]
 Carrier = Annotated[float, Ge(MIN_FREQUENCY_HZ), Le(MAX_FREQUENCY_HZ)]
-"""Type of a carrier frequency [Hz]; values typed in megahertz are rejected, as in tag files."""
+"""Type of a carrier frequency [Hz]; a value that was typed in megahertz is rejected, as in tag
+files."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,11 +37,12 @@ class Home(ScenarioRecord):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Radio(ScenarioRecord):
-    """The simulated receiver and its faults."""
+    """The simulated receiver and its defects."""
 
     sample_rate_hz: Positive = 3_000_000.0
     center_frequency_hz: Carrier | None = None
-    """Radio frequency, unless the command line sets it [Hz]; None: the middle of the tags'."""
+    """Radio frequency unless the command line sets it [Hz]; None: the middle of the tags'
+    frequencies."""
     gain: Annotated[int, Ge(0), Le(21)] = 21
     gain_step_db: Annotated[float, Ge(0), Le(6)] = 2.0
     noise_figure_db: Annotated[float, Ge(0), Le(60)] = 8.0
@@ -58,31 +60,32 @@ class Radio(ScenarioRecord):
     arrival_jitter_s: Annotated[float, Ge(0), Le(0.1)] = 0.0
     """Mean delay of each write of the simulated radio, exponentially distributed [s]."""
     stall_share: Annotated[float, Ge(0), Le(0.5)] = 0.0
-    """Fraction of the radio's writes that are delayed by 50 to 300 ms, with all later ones."""
+    """Fraction of the radio's writes that are delayed by 50 to 300 ms; the writes that follow
+    are late too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedTag(ScenarioRecord):
-    """A tag as in the operator's list (first fields) and as it really is (the other fields)."""
+    """A simulated tag, first as in the operator's list, then with its true properties."""
 
     tag_id: Annotated[int, Ge(1)]
     frequency_hz: Carrier
     pulse_width_s: Annotated[float, Gt(0), Le(1)]
     pulse_intervals_s: Annotated[tuple[Positive, ...], Len(1, 2)]
     interval_uncertainty_s: NonNegative | None = None
-    """Uncertainty of the interval in the list [s]; None: 0, or a coded tag's usual tolerance.
-    """
+    """Uncertainty of the interval in the tag list [s]; None: 0, or the usual tolerance of a
+    coded tag."""
     interval_jitter_s: NonNegative = 0.0
     k: Annotated[int, Ge(1)] | None = None
-    """Number of pulses in a group; None: 3, or 10 bursts of a coded tag."""
+    """Number of pulses in a group; None: 3 pulses, or 10 bursts for a coded tag."""
     false_alarm_probability: Annotated[float, Gt(0), Le(1)] = DEFAULT_FALSE_ALARM_PROBABILITY
     name: str | None = None
     gaps_s: tuple[Positive, ...] = ()
-    """Gaps between pulses of a coded tag's burst [s]; the intervals are then those of bursts.
-    """
+    """Gaps between the pulses in a coded tag's burst [s]; the tag's intervals are then those
+    between bursts."""
 
     listed: bool = True
-    """True if the operator searches for the tag; False for another tag in the area."""
+    """True if the operator searches for the tag; False for an unlisted tag in the area."""
     north_m: float = 0.0
     """Position at the start: distance north of home [m]."""
     east_m: float = 0.0
@@ -99,7 +102,7 @@ class SimulatedTag(ScenarioRecord):
     extra_loss_db: float = 0.0
     """Loss by leaves, a burrow or the body of the animal [dB]."""
     frequency_offset_hz: float = 0.0
-    """Error of the carrier frequency [Hz], to which that of `frequency_offset_ppm` is added."""
+    """Error of the carrier frequency [Hz], in addition to that of `frequency_offset_ppm`."""
     frequency_offset_ppm: Annotated[float, Ge(-1000), Le(1000)] = 0.0
     frequency_drift_hz_s: float = 0.0
     true_pulse_width_s: Annotated[float, Gt(0), Le(1)] | None = None
@@ -108,17 +111,20 @@ class SimulatedTag(ScenarioRecord):
     crystal_error_ppm: Annotated[float, Ge(-20_000), Le(20_000)] = 0.0
     """Relative error of all the tag's gaps and intervals [ppm]."""
     jitter_s: NonNegative = 0.0
-    """Largest random shift of a pulse [s], uniformly distributed, not accumulating."""
+    """Largest random shift of a pulse [s]; shifts are uniformly distributed and do not
+    accumulate."""
     first_pulse_s: NonNegative = 0.5
     """Start of the first pulse after the start of the scenario [s]."""
     rate_switches_s: tuple[NonNegative, ...] = ()
-    """Times at which the tag changes to its other rate [s]; it starts with rate 1."""
+    """Times at which the tag changes between its two rates [s]; it starts with the first
+    rate."""
     rate_pattern: tuple[Annotated[int, Ge(1), Le(2)], ...] = ()
-    """Rates of consecutive intervals, repeated endlessly, instead of switch times."""
+    """Rates of consecutive intervals, repeated endlessly; used in place of
+    `rate_switches_s`."""
 
     @property
     def tag(self) -> Tag:
-        """The tag with the properties in the operator's list, which may be wrong."""
+        """The tag as in the operator's list, whose values may differ from the true ones."""
         usual_s, usual_k = (1e-3 * BURST_TOLERANCE_MS, CODED_K) if self.gaps_s else (0.0, 3)
         slack_s = self.interval_uncertainty_s
         return Tag(
@@ -137,13 +143,13 @@ class SimulatedTag(ScenarioRecord):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Interferer(ScenarioRecord):
-    """Another source that the radio receives: a carrier or impulses."""
+    """Source of interference that the radio receives: a carrier or impulses."""
 
     kind: Literal["carrier", "impulses"]
     frequency_hz: Carrier | None = None
     """Frequency of an interfering carrier [Hz]; None for impulses."""
     power_dbm: Annotated[float, Ge(-200), Le(0)] = -130.0
-    """Power at the antenna connector [dBm]; for impulses, while one lasts."""
+    """Power at the antenna connector [dBm]; for impulses, the power during an impulse."""
     impulses_per_s: NonNegative = 0.0
     """Mean rate of random interfering impulses [1/s]."""
     impulse_width_s: Annotated[float, Gt(0), Le(0.01)] = 1e-6
@@ -151,7 +157,7 @@ class Interferer(ScenarioRecord):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario(ScenarioRecord):
-    """A simulated world from `start_time_ns` on; see `uavrt.simulation.scene.world`."""
+    """A simulated world that starts at `start_time_ns`; see `uavrt.simulation.scene.world`."""
 
     name: str = "scenario"
     seed: Annotated[int, Ge(0), Le(2**32 - 1)] = 1
@@ -168,12 +174,12 @@ class Scenario(ScenarioRecord):
 
     @property
     def tags(self) -> tuple[Tag, ...]:
-        """The tags that the operator lists."""
+        """The tags that are in the operator's list."""
         return tuple(tag.tag for tag in self.tag if tag.listed)
 
     @property
     def plane(self) -> geometry.TangentPlane:
-        """Tangent plane at home: metres north and east."""
+        """Tangent plane at home, with coordinates in metres north and east."""
         return geometry.TangentPlane(
             latitude_deg=self.home.latitude_deg,
             longitude_deg=self.home.longitude_deg,
@@ -182,7 +188,7 @@ class Scenario(ScenarioRecord):
 
     @property
     def center_frequency_hz(self) -> float:
-        """Radio frequency in the scenario, else the middle of the tags' frequencies [Hz]."""
+        """Radio frequency [Hz]; if it is not set, the middle of the tags' frequencies."""
         if self.radio.center_frequency_hz is not None:
             return self.radio.center_frequency_hz
         frequencies = [tag.frequency_hz for tag in self.tag] or [150e6]
@@ -193,7 +199,7 @@ class Scenario(ScenarioRecord):
         return replace(self, start_time_ns=start_time_ns)
 
     def elapsed_s(self, time_ns: int) -> float:
-        """Seconds since the start of the scenario."""
+        """Time since the start of the scenario [s]."""
         return (time_ns - self.start_time_ns) * 1e-9
 
     def vehicle_state(self, time_ns: int) -> VehicleState:

@@ -1,4 +1,4 @@
-"""Reads and writes scenario files: TOML to `Scenario` and back."""
+"""Read and write scenario files: TOML to `Scenario` and back."""
 
 import json
 import math
@@ -73,7 +73,7 @@ def _read_start_time(table: dict[str, Any], faults: list[str]) -> None:
 
 
 def _place(location: tuple[int | str, ...]) -> str:
-    """Path of a value for error texts, such as ``tag[2].erp_dbm``, counted from 1."""
+    """Path of a value for error texts, such as ``tag[2].erp_dbm``; the numbers start at 1."""
     text = ""
     for part in location:
         if isinstance(part, int):
@@ -84,7 +84,7 @@ def _place(location: tuple[int | str, ...]) -> str:
 
 
 def scenario_faults(scenario: Scenario) -> list[str]:
-    """Contradictions between values of a scenario, as texts."""
+    """Texts on values of a scenario that contradict each other; empty if there are none."""
     faults: list[str] = []
     seen: set[int] = set()
     for number, tag in enumerate(scenario.tag, start=1):
@@ -128,12 +128,12 @@ def scenario_faults(scenario: Scenario) -> list[str]:
 
 
 def write_scenario(scenario: Scenario, path: str | Path) -> None:
-    """Write a scenario file, from which `load_scenario` reads an equal one."""
+    """Write a scenario file; `load_scenario` reads an equal scenario from it."""
     Path(path).write_text(scenario_toml(scenario), encoding="utf-8")
 
 
 def scenario_toml(scenario: Scenario) -> str:
-    """A scenario as TOML text, with every value that is not None."""
+    """TOML text of a scenario, with every value that is not None."""
     readable = f"# starts {iso_utc(scenario.start_time_ns)}\n"
     return readable + "\n".join(_table_lines("", scenario)) + "\n"
 

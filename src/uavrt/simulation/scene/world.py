@@ -1,4 +1,4 @@
-"""Compute the truth of a scenario: every pulse with its time, frequency and level."""
+"""Compute the true pulses of a scenario, each with its time, frequency and level."""
 
 import bisect
 import math
@@ -27,7 +27,7 @@ THERMAL_NOISE_DBM_HZ = -173.975
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TruePulse:
-    """A pulse as the tag sent it, for comparison with a detector's pulse."""
+    """A pulse as the tag sent it, to be compared with detected pulses."""
 
     tag_id: int
     listed: bool
@@ -75,7 +75,7 @@ def full_scale_factor(scenario: Scenario, gain: int | None = None) -> float:
 
 
 class World:
-    """All pulses of a scenario, which depend only on the scenario and the drone's path."""
+    """All pulses of a scenario; they depend only on the scenario and the drone's path."""
 
     def __init__(
         self,
@@ -159,7 +159,7 @@ class World:
     def position_weights(
         self, switch: AntennaSwitch, pulse: TruePulse
     ) -> NDArray[np.complex128]:
-        """Complex amplitudes of a pulse at the positions of an antenna switch, (positions,)."""
+        """Complex amplitudes of a pulse at each position of an antenna switch, (positions,)."""
         tag = next(one for one in self.scenario.tag if one.tag_id == pulse.tag_id)
         place, rotation = self.antenna_state(pulse.start_time_ns)
         there = self._tag_place(tag, pulse.start_time_ns)
@@ -214,7 +214,7 @@ class World:
 
 
 class _PulseTrain:
-    """Start times of one tag's pulses at the tag, computed on demand."""
+    """Start times of one tag's pulses when they leave the tag, computed on demand."""
 
     def __init__(self, scenario: Scenario, tag: SimulatedTag) -> None:
         self._tag = tag

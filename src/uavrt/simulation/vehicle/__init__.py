@@ -1,1 +1,1 @@
-"""Simulate a vehicle: its motion, autopilot, telemetry and links."""
+"""Simulate a vehicle: its motion, autopilot, telemetry and radio links."""

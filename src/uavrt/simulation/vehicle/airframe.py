@@ -8,28 +8,29 @@ from uavrt.simulation.scene import geometry
 
 Flavour = Literal["px4", "ardupilot"]
 HOLD_HEADING_M = 2.0
-"""Distance to the target [m] above which the drone faces the target; nearer, it keeps its
-heading."""
+"""Distance to the target above which the drone faces the target [m]; closer to it, the heading
+does not change."""
 LINE_TOLERANCE_M = 0.8
-"""Distance off the flight line that PX4 tolerates until `HOLD_HEADING_M` from its end [m]."""
+"""Distance from the flight line that PX4 tolerates until it is `HOLD_HEADING_M` from the end
+[m]."""
 VELOCITY_TIMEOUT_S = 3.0
-"""Time after which ArduCopter's velocity setpoint becomes zero unless repeated [s]
+"""Time after which ArduCopter sets a velocity setpoint to zero if it is not repeated [s]
 (GUID_TIMEOUT)."""
 RETURN_SPEED_M_S = 0.4
-"""Speed below which the drone begins to return to the target after an overshoot [m/s]."""
+"""Speed below which the drone starts to fly back to the target after an overshoot [m/s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
-    """Limits of a vehicle's motion, its power, fence and wind."""
+    """Properties of a simulated vehicle: limits of its motion, power, fence and wind."""
 
     speed_m_s: float = 8.0
     climb_m_s: float = 3.0
     acceleration_m_s2: float = 3.0
     jerk_m_s3: float = 4.0
     position_gain_hz: float = math.inf
-    """Ratio of the highest allowed speed to the distance from the target (PSC_POSXY_P,
-    MPC_XY_P) [1/s]."""
+    """Ratio of the highest allowed speed to the distance from the target [1/s] (PSC_POSXY_P,
+    MPC_XY_P)."""
     gust_m: float = 0.2
     """Standard deviation of the drone's position due to gusts [m]."""
     hover_w: float = 400.0
@@ -39,8 +40,8 @@ class Frame:
     """Wind velocity to the north and east [m/s]."""
     airspeed_m_s: float = 12.0
     drag_share: float = 0.1
-    """Power needed against drag at an airspeed of 10 m/s, as a fraction of hover power; it
-    grows with the cube of the airspeed."""
+    """Power against drag at an airspeed of 10 m/s, as a fraction of the hover power; it grows
+    with the cube of the airspeed."""
     return_height_m: float = 30.0
     """Minimum height of the return flight [m]: RTL_RETURN_ALT (PX4, 60 m by default), RTL_ALT
     (ArduPilot, 15 m)."""
@@ -48,7 +49,7 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """Target position of a vehicle."""
+    """Target position of a simulated vehicle."""
 
     north_m: float
     east_m: float
@@ -57,7 +58,7 @@ class Target:
 
 @dataclass(frozen=True, slots=True)
 class _Braking:
-    """Braking behaviour of an autopilot at its target."""
+    """Parameters of how an autopilot brakes at its target."""
 
     share: float
     """Deceleration at the target as a fraction of the drone's greatest acceleration."""
@@ -67,18 +68,20 @@ class _Braking:
     return_s: float
     """Time constant of the return to the target after an overshoot [s]."""
     early_s: float
-    """Time by which braking begins early, because the jerk is limited [s]."""
+    """Time by which braking begins earlier because the jerk is limited [s]."""
     early_while_accelerating_s: float
-    """Time by which braking begins early while the speed to the target still grows [s]."""
+    """Time by which braking begins earlier if the vehicle is still accelerating towards the
+    target [s]."""
 
 
 _BRAKING: dict[Flavour, _Braking] = {
     "px4": _Braking(0.45, 0.1, 0.95, 6.0, 0.35, 0.35),
     "ardupilot": _Braking(0.87, 0.048, 0.46, 0.5, 0.15, 0.45),
 }
-"""Measured braking. PX4 1.17 (SIH) overshoots by 0.4 to 1.5 m at 5 m/s (median 0.83 m) and
-settles 7 s after it was 3 m off. ArduCopter 4.7-dev (SITL) brakes with 2.6 m/s². It overshoots
-by 0.60 to 0.65 m from 10 m/s, 0.25 m from 5.7 m/s; it settles after 2.1 to 2.5 and 0.7 s."""
+"""Measured braking of two autopilots. PX4 1.17 (SIH) overshoots by 0.4 to 1.5 m from 5 m/s
+(median 0.83 m) and is at rest 7 s after it was 3 m off. ArduCopter 4.7-dev (SITL) brakes with
+2.6 m/s². From 10 m/s it overshoots by 0.60 to 0.65 m and is at rest after 2.1 to 2.5 s; from
+5.7 m/s the values are 0.25 m and 0.7 s."""
 
 
 class Airframe:
@@ -130,35 +133,38 @@ class Airframe:
 
     @property
     def here(self) -> Target:
-        """The present position, including gusts, as a target."""
+        """Present position of the vehicle as a target, including the shift by gusts."""
         north, east = self.place_m
         return Target(north_m=north, east_m=east, height_m=self.shown_height_m)
 
     def elapse(self, step_s: float, *, armed: bool) -> None:
-        """Advance the time, and drain the battery of an armed vehicle."""
+        """Advance the time of the simulation; an armed vehicle drains its battery."""
         self.elapsed_s += step_s
         if armed:
             self.used_wh += self.power_w * step_s / 3600.0
 
     def end_leg(self) -> None:
-        """End the simulated overshoot: fly straight to the target from now on."""
+        """End the simulated overshoot, so that the vehicle flies straight to the target."""
         self._line = (0.0, 0.0)
 
     def begin_leg(self, target: Target) -> None:
-        """Start to fly along a line to a new target; ends a velocity setpoint."""
+        """Start to fly along a line to a new target; a velocity setpoint ends."""
         north, east = target.north_m - self.north_m, target.east_m - self.east_m
         way = math.hypot(north, east)
         self._line = (north / way, east / way) if way > HOLD_HEADING_M else (0.0, 0.0)
         self._overshoot_m, self.velocity_setpoint = 0.0, None
 
     def set_velocity(self, velocity_m_s: geometry.Vector | None) -> None:
-        """Follow a velocity setpoint; None: fly to targets again."""
+        """Follow a velocity setpoint; with None, fly to the target again."""
         self.velocity_setpoint = (
             None if velocity_m_s is None else (velocity_m_s, self.elapsed_s)
         )
 
     def move(self, target: Target | None, step_s: float, *, paused: bool) -> None:
-        """Move for `step_s`, to the target or by the velocity setpoint; without both, stop."""
+        """Move the vehicle for `step_s`, to its target or with its velocity setpoint.
+
+        Without a target and a setpoint the vehicle stops.
+        """
         climb, level = 0.0, (0.0, 0.0, 0.0)
         if self.velocity_setpoint is not None:
             velocity, asked_s = self.velocity_setpoint
@@ -224,7 +230,7 @@ class Airframe:
         self.velocity_m_s = geometry.add(now, geometry.scale(self._acceleration_m_s2, step_s))
 
     def _against_wind_m_s(self, north: float, east: float) -> float:
-        """Highest speed over ground in a direction [m/s], limited by the airspeed."""
+        """Highest ground speed in a direction [m/s]; wind matters, as airspeed is limited."""
         wind_north, wind_east = self.frame.wind_m_s
         along = wind_north * north + wind_east * east
         across = wind_east * north - wind_north * east

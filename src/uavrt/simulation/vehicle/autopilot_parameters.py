@@ -1,7 +1,7 @@
-"""The simulated autopilot's parameters, as far as they affect the path to the ground.
+"""Parameters of the simulated autopilot that affect its links to the ground station.
 
-Defaults are those of PX4 1.17 and ArduCopter 4.7. Nearly all take effect after a restart:
-`active` holds the values at the last start.
+Defaults are those of PX4 1.17 and ArduCopter 4.7. Nearly all changes take effect at a restart:
+`active` contains the values at the last start.
 """
 
 from collections.abc import Mapping
@@ -45,7 +45,7 @@ _SIZES = {"PROTOCOL": MavParamType.INT8, "BAUD": MavParamType.INT32}
 
 
 class AutopilotParameters:
-    """Set and active parameters of a simulated PX4 or ArduPilot; answers requests for them."""
+    """Stored and active parameters of a simulated PX4 or ArduPilot, which answers requests."""
 
     def __init__(self, flavour: Flavour, changes: Mapping[str, float]) -> None:
         self._flavour = flavour
@@ -59,7 +59,7 @@ class AutopilotParameters:
         )
 
     def receive(self, request: Requests) -> list[ParamValue]:
-        """Handle a parameter request; return the answers. Any value is accepted."""
+        """Handle a parameter request and return the answers; any value is accepted."""
         answer = self._server.receive(request)
         if isinstance(answer, list):
             return answer
@@ -67,11 +67,11 @@ class AutopilotParameters:
         return [self._server.value(answer.name)]
 
     def restart(self) -> None:
-        """Put the set values in force, as a restart of the autopilot does."""
+        """Make the stored values active, as a restart of the autopilot does."""
         self.active = dict(self.values)
 
     def passes_on(self, port: str) -> bool:
-        """True if messages from and to a port are forwarded."""
+        """True if the autopilot forwards messages to and from a port."""
         number = 1 if port == GROUND_PORT else 2
         if self._flavour == "px4":
             return self.active[f"MAV_{number - 1}_FORWARD"] == 1

@@ -1,4 +1,4 @@
-"""Create the messages of a simulated autopilot about a vehicle that obeys commands."""
+"""Create the messages of a simulated autopilot whose vehicle obeys commands."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -25,7 +25,7 @@ SLOWEST_NS: dict[str, dict[int, int]] = {
     "px4": {dialect.CurrentMode.ID: ns_from_s(0.5)},
     "ardupilot": {},
 }
-"""Message periods that requests do not change [ns], by autopilot and message id: CURRENT_MODE
+"""Message periods that a request cannot change [ns], by autopilot and message id: CURRENT_MODE
 of PX4 1.17."""
 _OF_VEHICLE: dict[int, Callable[[FlyingVehicle, int], Message | None]] = {
     dialect.GlobalPositionInt.ID: position_message,
@@ -38,24 +38,26 @@ _OF_VEHICLE: dict[int, Callable[[FlyingVehicle, int], Message | None]] = {
     dialect.Wind.ID: wind_message,
     dialect.WindCov.ID: wind_message,
 }
-"""Functions that create messages from the vehicle and its boot time [ms], by message id."""
+"""Functions that create a message from the vehicle and the time since boot [ms], by message
+id."""
 FLOWN_IDS = frozenset({*_OF_VEHICLE, dialect.RcChannels.ID, dialect.SysStatus.ID})
 _BOTH = FLOWN_IDS - {dialect.CurrentMode.ID, dialect.Wind.ID, dialect.WindCov.ID}
 REQUESTABLE_IDS: dict[str, frozenset[int]] = {
     "px4": _BOTH | {dialect.CurrentMode.ID, dialect.WindCov.ID},
     "ardupilot": _BOTH | {dialect.Heartbeat.ID, dialect.Wind.ID},
 }
-"""Messages that a station can request; PX4 refuses HEARTBEAT, ArduPilot CURRENT_MODE."""
+"""Ids of the messages that a station can request, by autopilot. PX4 refuses HEARTBEAT,
+ArduPilot CURRENT_MODE."""
 CENTRE_US = 1500
 
 
 class Flown:
-    """Moves a commanded vehicle in real time, and creates its messages.
+    """Moves a commanded vehicle in real time and creates its messages.
 
-    `start`: position where the vehicle hovers until it is commanded. `sticks`: True if a remote
-    control is switched on. `path`: file to which the vehicle's path is written
-    (`uavrt.simulation.scene.flown_path`). `on_ground`: True if the vehicle stands disarmed on
-    the ground below `start` at first.
+    `start`: position at which the vehicle hovers until it is commanded. `sticks`: True if a
+    remote control is switched on. `path`: file to which the vehicle's path is written
+    (`uavrt.simulation.scene.flown_path`). `on_ground`: True if the vehicle is at first disarmed
+    on the ground below `start`.
     """
 
     def __init__(
@@ -99,7 +101,7 @@ class Flown:
         return changed
 
     def pose(self, time_ns: int) -> Pose:
-        """Pose of the vehicle after the newest step, with the requested time."""
+        """Pose of the vehicle after the last step; its time is the requested time."""
         vehicle = self.vehicle
         latitude, longitude = vehicle.latitude_longitude()
         height = vehicle.body.shown_height_m
@@ -113,7 +115,7 @@ class Flown:
         )
 
     def message(self, message_id: int, boot_ms: int) -> Message | None:
-        """Create the message with an id; None if the vehicle has nothing to report."""
+        """Create the message with this id; None if the vehicle has no such data."""
         if message_id in _OF_VEHICLE:
             return _OF_VEHICLE[message_id](self.vehicle, boot_ms)
         return self._sticks(boot_ms) if message_id == dialect.RcChannels.ID else self.status()

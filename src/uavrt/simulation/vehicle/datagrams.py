@@ -1,7 +1,7 @@
 """Receive UDP datagrams with the kernel's arrival times.
 
-The simulated autopilot's queue empties in milliseconds. On a busy computer this program may
-wake up later, so the arrival time of a datagram counts, not the time of reading.
+The simulated autopilot's queue empties within milliseconds. On a busy computer this program may
+wake up later. So the arrival time of a datagram is used, and not the time at which it is read.
 """
 
 import asyncio
@@ -13,18 +13,18 @@ from uavrt.core.clock import Clock
 from uavrt.core.errors import LinkError
 
 SO_TIMESTAMPNS = 35
-"""Socket option for arrival times (Linux, asm-generic/socket.h); in Python only from 3.14 on.
-"""
+"""Linux socket option that returns arrival times; Python's `socket` module has it only from
+version 3.14."""
 RECEIVE_BUFFER = 1 << 20
 _TIMESPEC = struct.Struct("@ll")
 
 
 class DatagramPort:
-    """A UDP socket that talks to one peer.
+    """UDP socket for the exchange of datagrams with one peer.
 
-    `peer`: host and port to send to; updated when the peer sends from another port.
-    `local_port`: port on the loopback interface; 0 lets the system choose. `on_datagram`:
-    called with the bytes and their arrival time [ns, UTC].
+    `peer`: host and port to send to; a datagram from another port changes them. `local_port`:
+    port on the loopback interface; 0 lets the system choose. `on_datagram`: called with the
+    bytes and their arrival time [ns, UTC].
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class DatagramPort:
         return number
 
     def send(self, data: bytes) -> None:
-        """Send a datagram; nothing happens if the receiver is missing."""
+        """Send a datagram; a missing receiver is not an error."""
         if self._socket is None:
             return
         try:
@@ -96,7 +96,7 @@ class DatagramPort:
             self._on_datagram(data, self._arrival_ns(ancillary))
 
     def _arrival_ns(self, ancillary: list[tuple[int, int, bytes]]) -> int:
-        """Arrival time on this program's clock [ns, UTC]; the kernel's stamp is wall time."""
+        """Arrival time on this program's clock [ns, UTC], from the kernel's wall time."""
         for level, kind, data in ancillary:
             if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS:
                 seconds, nanoseconds = _TIMESPEC.unpack(data[: _TIMESPEC.size])

@@ -1,7 +1,7 @@
 """A simulated autopilot that speaks MAVLink to a companion computer and a ground station.
 
-It streams the vehicle's pose, answers as a real one does, and forwards messages between its two
-links as PX4 1.17 or ArduCopter 4.7 do. To run it alone, with ``--ground HOST:PORT`` for a
+It streams the vehicle's pose, answers as a real autopilot does, and forwards messages between
+its two links as PX4 1.17 or ArduCopter 4.7 do. It can run alone; ``--ground HOST:PORT`` adds a
 ground station::
 
     python -m uavrt.simulation.autopilot --scenario FILE --companion HOST:PORT
@@ -51,8 +51,8 @@ IDLE_WAKE_S = 0.010
 HEARTBEAT_NS = ns_from_s(1.0)
 TIMESYNC_NS: dict[Flavour, int] = {"px4": ns_from_s(0.1), "ardupilot": ns_from_s(10.0)}
 OPERATOR_SILENCE_NS = ns_from_s(5.0)
-"""Silence of the ground station that triggers ArduPilot's failsafe [ns] (FS_GCS_TIMEOUT; PX4:
-10 s)."""
+"""Time without messages from the ground station that triggers ArduPilot's failsafe [ns]
+(FS_GCS_TIMEOUT; 10 s with PX4)."""
 CAPABILITIES = (
     MavProtocolCapability.MISSION_INT
     | MavProtocolCapability.COMMAND_INT
@@ -60,9 +60,9 @@ CAPABILITIES = (
     | MavProtocolCapability.MISSION_FENCE
 )
 REBOOT_NS = ns_from_s(1.5)
-"""Time without any message during the autopilot's restart [ns]."""
+"""Duration of the autopilot's restart, in which it sends no messages [ns]."""
 MAX_LATE_NS = ns_from_s(0.5)
-"""Age above which telemetry is skipped because this program was paused [ns]."""
+"""Delay above which telemetry is skipped because this program was paused [ns]."""
 ARDUPILOT_RING = 256 * 149
 ARDUPILOT_PASS_NS = 1_000
 """Time between two messages forwarded by a simulated ArduPilot [ns]. The real one has no such
@@ -71,7 +71,7 @@ gap; without it, more than 256 messages at once overflowed a receiving socket.""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AutopilotSettings:
-    """Kind of autopilot, quality of its links and state of the vehicle."""
+    """Kind of the simulated autopilot, quality of its links and state of its vehicle."""
 
     companion: tuple[str, int]
     """Address of the companion computer; PX4's onboard link sends to port 14540."""
@@ -85,7 +85,7 @@ class AutopilotSettings:
     """Local UDP port towards the companion computer; 0: any free one."""
     ground_port: int = 0
     clock_skew_ppm: float = 0.0
-    """Rate error of the boot clock against UTC [ppm]; PX4 in simulation: -15 000."""
+    """Rate error of the boot clock relative to UTC [ppm]; PX4 in simulation has -15 000."""
     mute_clock: bool = False
     """True to leave TIMESYNC messages unanswered."""
     boot_time_s: float = 20.0
@@ -93,7 +93,7 @@ class AutopilotSettings:
     ground_jitter_s: float = 0.0
     companion_loss: float = 0.0
     ground_loss: float = 0.0
-    """Probability of loss of a frame, in each direction of the ground link."""
+    """Probability that a frame is lost on the ground link, in each direction."""
     seed: int = 1
     armed: bool = True
     parameters: Mapping[str, float] = field(default_factory=dict)
@@ -103,13 +103,14 @@ class AutopilotSettings:
     sticks: bool = False
     """True to simulate a remote control that is switched on, with its sticks centred."""
     on_ground: bool = False
-    """True to stand on the ground at first and wait to be armed; only with `flies`."""
+    """True if the vehicle is at first on the ground and waits to be armed; only with
+    `flies`."""
     path: Path | None = None
     """File to which a commanded vehicle writes its path, for the simulated radio."""
 
 
 class _LinkSide:
-    """One of the autopilot's two links, with its queue, loss and delay."""
+    """One of the autopilot's two links, with its queue, losses and delays."""
 
     def __init__(self, name: str, settings: AutopilotSettings, *, loss: float, jitter_s: float):
         self.name = name
@@ -199,7 +200,7 @@ class FakeAutopilot:
                 side.port.close()
 
     def reboot(self) -> None:
-        """Restart: boot time zero, default streams, silence for a while."""
+        """Restart the autopilot: streams and boot time are reset, and it is silent at first."""
         now_ns = self._clock.now_ns()
         self._booted_ns = self._silent_until_ns = now_ns + REBOOT_NS
         self._restart_streams()
@@ -207,12 +208,12 @@ class FakeAutopilot:
         log.info("autopilot starts again")
 
     def boot_ns(self, time_ns: int) -> int:
-        """Boot clock at a time in UTC [ns]."""
+        """Time since boot [ns] at a time in UTC [ns]."""
         elapsed = time_ns - self._booted_ns
         return elapsed + round(elapsed * self._settings.clock_skew_ppm * 1e-6)
 
     def time_ns(self, boot_ns: int) -> int:
-        """Time at which the boot clock shows `boot_ns` [ns, UTC]."""
+        """UTC time [ns] at which the boot clock shows `boot_ns`."""
         elapsed = boot_ns / (1 + self._settings.clock_skew_ppm * 1e-6)
         return self._booted_ns + round(elapsed)
 
@@ -222,7 +223,11 @@ class FakeAutopilot:
         return heard_ns is not None and now_ns - heard_ns > OPERATOR_SILENCE_NS
 
     def _is_operator(self, message: dialect.Heartbeat, frame: Frame) -> bool:
-        """True for the operator's heartbeat: PX4 checks its type, ArduPilot MAV_GCS_SYSID."""
+        """True if a heartbeat is that of the operator's ground station.
+
+        PX4 checks the type in the heartbeat, and ArduPilot compares the system id with
+        MAV_GCS_SYSID.
+        """
         if self._px4:
             return message.type == dialect.MavType.GCS
         return frame.system_id == GCS_SYSTEM_ID

@@ -1,9 +1,9 @@
 """Simulate the forwarding of messages by an autopilot, and loss and delay of links.
 
 PX4 1.17 puts forwarded messages into a ring buffer of 2 × sizeof(mavlink_message_t) + 1 = 583
-bytes for each outgoing link. It takes out one in each pass of that link's main loop, 4 ms in
-simulation. A message that does not fit is dropped silently. This is the only loss in PX4, and
-explains the thesis's Tables 5.10 to 5.13.
+bytes for each outgoing link. Each pass of that link's main loop, every 4 ms in simulation,
+takes one message out. A message that does not fit is dropped silently. PX4 loses messages only
+here, which explains Tables 5.10 to 5.13 of the thesis.
 """
 
 import random
@@ -17,12 +17,12 @@ PASS_NS = 4_000_000
 HEADER_BYTES = 12
 """Bytes stored with each forwarded message: header and checksum of MAVLink 2."""
 ITEM_BYTES = 4
-"""Size of the length word that the ring buffer stores with each message [bytes]. With header
-and length word, five 92-byte and three 128-byte tunnel payloads fit in a burst, as measured."""
+"""Size of the length that the ring buffer stores with each message [bytes]. With header and
+length, five tunnel payloads of 92 bytes or three of 128 bytes fit in a burst, as measured."""
 
 
 class ForwardRing:
-    """Queue of messages for one link, limited in bytes and emptied by one message per pass.
+    """Queue of messages for one link; its size is limited, and each pass sends one message.
 
     Call `passes` with the arrival time before each `push`, so that no message is lost only
     because this program woke up late.
@@ -53,7 +53,7 @@ class ForwardRing:
         return True
 
     def passes(self, now_ns: int) -> list[Frame]:
-        """Remove and return the messages sent in the passes up to `now_ns`, one for each."""
+        """Remove and return the messages sent up to `now_ns`, one for each pass of the loop."""
         if self._next_pass_ns is None:
             self._next_pass_ns = now_ns + self._pass_ns
         sent: list[Frame] = []
@@ -71,7 +71,7 @@ class ForwardRing:
 
 
 class Routes:
-    """Components received on a link; messages with a target are sent only to these."""
+    """Components that sent messages on a link; messages with a target go only to these."""
 
     def __init__(self) -> None:
         self._seen: set[tuple[int, int]] = set()
@@ -93,8 +93,8 @@ class Routes:
 class Impairment:
     """Random loss and delay in one direction of a link; frames stay in order.
 
-    `loss`: probability that a frame is lost. `jitter_s`: largest delay, uniformly distributed
-    from zero. `seed`: of the random numbers.
+    `loss`: probability that a frame is lost. `jitter_s`: largest delay; delays are uniformly
+    distributed from zero. `seed`: seed of the random numbers.
     """
 
     def __init__(self, *, loss: float = 0.0, jitter_s: float = 0.0, seed: int = 0) -> None:

@@ -8,7 +8,7 @@ from uavrt.simulation.vehicle.airframe import Flavour
 
 @dataclass(frozen=True, slots=True)
 class _Turning:
-    """Turning behaviour of an autopilot: limits of rate and acceleration."""
+    """Parameters of how an autopilot turns: limits of rate and acceleration."""
 
     rate_deg_s: float
     acceleration_deg_s2: float
@@ -35,20 +35,22 @@ class _Turning:
 
 
 SETPOINT_AGE_S = 0.04
-"""Greatest age of a reported heading setpoint [s]. Because of it, the change between two
-reports varies by a quarter, as in PX4 1.17 (SIH)."""
+"""Largest age of a reported heading setpoint [s]. It varies the change between two reports by a
+quarter, as in PX4 1.17 (SIH)."""
 SETTLED_DEG = 0.3
-"""Angle to the commanded heading within which PX4's setpoint equals it exactly [°]."""
+"""Difference from the commanded heading [°] below which PX4's setpoint equals that heading
+exactly."""
 _TURNING: dict[Flavour, _Turning] = {
     "px4": _Turning(65.0, 90.0, setpoint=_Turning(60.0, 20.0, braking_share=1.0, gain_hz=10.0)),
     "ardupilot": _Turning(200.0, 185.0),
 }
-"""Measured turns: ArduCopter 4.7-dev reaches 129°/s in a turn by 107°, 165°/s by 180°. The
-heading setpoint of PX4 1.17 (SIH) accelerates and brakes by 20°/s² (MPC_YAWRAUTO_ACC)."""
+"""Measured turns of two autopilots. ArduCopter 4.7-dev reaches 129°/s in a turn by 107° and
+165°/s in a turn by 180°. The heading setpoint of PX4 1.17 (SIH) accelerates and brakes with
+20°/s² (MPC_YAWRAUTO_ACC)."""
 
 
 class Heading:
-    """Heading of the nose, and the setpoint that it follows."""
+    """Heading of the simulated drone's nose, and the setpoint that it follows."""
 
     def __init__(self, flavour: Flavour, yaw_deg: float) -> None:
         self._turning = _TURNING[flavour]
@@ -61,14 +63,14 @@ class Heading:
         """Remaining angle [°] and rate [°/s] of a CONDITION_YAW command, both signed."""
 
     def shown_setpoint(self, boot_ms: int) -> tuple[float, float]:
-        """Heading setpoint [°] and its rate [°/s] as reported; reports are a little late."""
+        """Heading setpoint [°] and its rate [°/s] as reported, with a small delay."""
         if self.setpoint_deg is None:
             return self.yaw_deg, 0.0
         age_s = SETPOINT_AGE_S * (boot_ms * 0.6180339887 % 1.0)  # a sequence without a pattern
         return self.setpoint_deg - age_s * self._setpoint_rate_deg_s, self._setpoint_rate_deg_s
 
     def turn_to(self, wanted_deg: float | None) -> None:
-        """Turn to a heading [°]; None: to the bearing of the target."""
+        """Turn to a heading [°]; with None, turn to the bearing of the target."""
         self.wanted_deg, self._turn_left_deg = wanted_deg, 0.0
 
     def turn(self, by_deg: float, rate_deg_s: float) -> None:
@@ -76,7 +78,7 @@ class Heading:
         self._turn_left_deg, self._turn_rate_deg_s = by_deg, rate_deg_s
 
     def advance(self, bearing_deg: float | None, step_s: float) -> None:
-        """Turn for a time step: to the commanded heading, or to a bearing if given."""
+        """Turn for a time step, towards the commanded heading or else towards `bearing_deg`."""
         if self._turn_left_deg:
             most = self._turn_rate_deg_s * step_s
             step = max(-most, min(most, self._turn_left_deg))
@@ -97,7 +99,7 @@ class Heading:
         self.yaw_deg = (self.yaw_deg + self.rate_deg_s * step_s) % 360.0
 
     def _moved(self, setpoint: float, wanted: float | None, step_s: float) -> float:
-        """Turn the heading setpoint; with inertia it continues an earlier turn for a while."""
+        """Move the heading setpoint; with inertia it first continues an earlier turn."""
         goal = setpoint if wanted is None else wanted
         off = (goal - setpoint + 180.0) % 360.0 - 180.0
         smooth = self._turning.setpoint

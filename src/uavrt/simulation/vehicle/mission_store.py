@@ -32,7 +32,7 @@ class _Upload:
 
 
 class MissionStore:
-    """Stored missions and fences. ArduPilot keeps home as the first item."""
+    """Stores missions and fences; as on ArduPilot, home is then the first item."""
 
     def __init__(self, flavour: Flavour) -> None:
         self._flavour: Flavour = flavour
@@ -69,7 +69,7 @@ class MissionStore:
         return True
 
     def tick(self, now_s: float) -> None:
-        """Repeat the request for a missing item, or give up the upload."""
+        """Request a missing item of an upload again, or end the upload."""
         upload = self._upload
         if upload is None:
             return

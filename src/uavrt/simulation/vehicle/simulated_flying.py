@@ -1,9 +1,9 @@
 """A simulated drone that obeys commands as PX4 1.17 or ArduCopter 4.7 would.
 
-It accelerates, brakes and turns within limits of acceleration and jerk, is moved by gusts,
-slowed by wind, and drains its battery. It accepts, refuses and ignores commands as real
-autopilots were observed to do. PX4 reads any z as altitude above mean sea level. It answers
-UNSUPPORTED to a DO_REPOSITION without change of mode, although it carries it out.
+It accelerates, brakes and turns within limits of acceleration and jerk. Gusts move it, wind
+slows it, and its battery drains. It accepts, refuses and ignores commands as real autopilots
+were observed to do. PX4 takes any z as altitude above mean sea level. It answers UNSUPPORTED to
+a DO_REPOSITION without a change of mode, although it carries the command out.
 """
 
 import math
@@ -24,26 +24,28 @@ MODES: dict[Flavour, dict[str, int]] = {
     },
     "ardupilot": {"position": 5, "hold": 4, "return": 6, "land": 9, "brake": 17},
 }
-"""Numbers of the flight modes, by name. DO_REPOSITION is carried out in the mode ``hold``:
-AUTO.LOITER of PX4, GUIDED of ArduCopter."""
+"""Numbers of the flight modes by name. In the mode ``hold`` (AUTO.LOITER of PX4, GUIDED of
+ArduCopter) the vehicle carries out DO_REPOSITION."""
 HOME_CORRECTED_S, HOME_STEP_S = 120.0, 0.3
 """Time after a take-off in which PX4 1.17 corrects home's altitude, and its period [s]."""
 HOME_DRIFT_M, HOME_NOISE_M, HOME_LEAST_M = 6.0, 1.5, 1.0
 """Total correction of home's altitude, spread of single ones, and the smallest one [m]."""
 DO_PAUSE_CONTINUE = 193
-"""MAV_CMD of a ground station's pause; uavrt itself never sends it."""
+"""Number of the command by which ground stations pause a flight; uavrt itself never sends
+it."""
 FULL_SCALE_DEG = 1e7
 SPOOL_S = 1.5
 """Time from the take-off command until the vehicle leaves the ground [s]."""
 IDLE_S = 10.0
-"""Time armed on the ground after which it disarms [s] (COM_DISARM_PRFLT, DISARM_DELAY)."""
+"""Time after which an armed vehicle on the ground disarms [s] (COM_DISARM_PRFLT,
+DISARM_DELAY)."""
 NOT_GIVEN = 2**31 - 1
-"""INT32_MAX, which means that a latitude or longitude is not given, as NaN does in a
+"""Value INT32_MAX, which marks a latitude or longitude as not given, like NaN in a
 COMMAND_LONG."""
 
 
 class GroundContact:
-    """Take-off, landing, and the correction of home's altitude after a take-off."""
+    """Simulates take-off and landing, and the change of home's altitude after a take-off."""
 
     def __init__(self, flavour: Flavour, *, landed: bool) -> None:
         self._corrects_home = flavour == "px4"
@@ -64,11 +66,11 @@ class GroundContact:
         return self.landed and not begin_s <= self.idle_s < end_s
 
     def wait(self) -> None:
-        """Restart the time after which an armed vehicle on the ground disarms."""
+        """Restart the time limit after which an armed vehicle on the ground disarms."""
         self.idle_s = 0.0
 
     def stand(self, step_s: float, now_s: float, *, taking_off: bool) -> bool:
-        """Advance an armed vehicle on the ground; False when it must disarm."""
+        """Advance the time of an armed vehicle on the ground; False when it must disarm."""
         self.idle_s += step_s
         if taking_off:
             self.landed = self.idle_s < SPOOL_S
@@ -76,7 +78,7 @@ class GroundContact:
         return taking_off or self.idle_s <= IDLE_S
 
     def correct_home(self, step_s: float, now_s: float) -> None:
-        """Change home's altitude as PX4 1.17 does after a take-off; the drone does not move."""
+        """Change home's altitude as PX4 1.17 does after a take-off; the drone stays there."""
         if self._off_ground_s is None or not self._corrects_home:
             return
         since_s = now_s - self._off_ground_s
@@ -92,7 +94,7 @@ class GroundContact:
 
 
 class FlyingVehicle:
-    """A simulated vehicle around home; `command` accepts commands from any sender."""
+    """A simulated vehicle near home that accepts commands from any sender."""
 
     def __init__(
         self,
@@ -124,7 +126,7 @@ class FlyingVehicle:
 
     @property
     def commanded(self) -> bool:
-        """True in the flight mode that obeys motion commands: AUTO.LOITER or GUIDED."""
+        """True if the flight mode obeys motion commands: AUTO.LOITER (PX4) or GUIDED."""
         return self.mode == MODES[self.flavour]["hold"]
 
     def latitude_longitude(self) -> tuple[float, float]:
@@ -155,7 +157,7 @@ class FlyingVehicle:
             self.target = None
 
     def command(self, message: dialect.CommandInt | dialect.CommandLong) -> int | None:
-        """Handle a motion command; returns None for other commands."""
+        """Handle a motion command and return the answer; None for other commands."""
         match message.command:
             case MavCmd.DO_REPOSITION:
                 return self._reposition(message)
@@ -175,7 +177,7 @@ class FlyingVehicle:
         return None
 
     def _pause(self, *, on: bool) -> int:
-        """Stop or continue in the present mode; only ArduCopter in GUIDED can."""
+        """Stop or continue without a change of mode, as only ArduCopter in GUIDED can."""
         if self.flavour == "px4":
             return MavResult.UNSUPPORTED
         if not self.commanded or self.ground.landed:
@@ -184,7 +186,7 @@ class FlyingVehicle:
         return MavResult.ACCEPTED
 
     def set_velocity(self, north_m_s: float, east_m_s: float, up_m_s: float) -> None:
-        """Handle SET_POSITION_TARGET_LOCAL_NED with a velocity; flown only in GUIDED."""
+        """Handle a velocity in SET_POSITION_TARGET_LOCAL_NED, which only GUIDED accepts."""
         if self.flavour == "ardupilot" and self.commanded and not self.ground.landed:
             self.body.set_velocity((north_m_s, east_m_s, up_m_s))
 
@@ -199,7 +201,10 @@ class FlyingVehicle:
         return MavResult.ACCEPTED
 
     def _take_off(self, message: dialect.CommandInt | dialect.CommandLong) -> int:
-        """Handle a take-off; only PX4 accepts it when disarmed, and climbs once armed."""
+        """Handle a take-off command; PX4 accepts it when disarmed and climbs once it is armed.
+
+        ArduCopter accepts it only when armed.
+        """
         z = message.z if isinstance(message, dialect.CommandInt) else message.param7
         px4 = self.flavour == "px4"
         landed = self.ground.landed
@@ -284,7 +289,7 @@ class FlyingVehicle:
         return Target(north_m=north, east_m=east, height_m=height)
 
     def advance(self, step_s: float) -> None:
-        """Move the vehicle for a short time."""
+        """Move the vehicle for one short time step."""
         body, ground = self.body, self.ground
         body.elapse(step_s, armed=self.armed)
         if not self.armed:

@@ -8,7 +8,10 @@ from uavrt.link.mavlink.message import Message
 
 
 def default_intervals_ns(flavour: str, link: str) -> dict[int, int]:
-    """Periods of the default streams [ns]; by default ArduPilot streams only heartbeats."""
+    """Periods of the telemetry that an autopilot sends by default [ns], by message id.
+
+    The result is empty for ArduPilot, which by default sends only heartbeats.
+    """
     if flavour == "ardupilot":
         return {}
     rates_hz = {
@@ -21,7 +24,7 @@ def default_intervals_ns(flavour: str, link: str) -> dict[int, int]:
 
 
 def telemetry_message(message_id: int, pose: Pose, boot_ms: int, time_ns: int) -> Message:
-    """Create a telemetry message for a boot time; raises `KeyError` if it is not streamed."""
+    """Create a telemetry message for a time since boot; `KeyError` for an unknown message."""
     boot_ms &= 0xFFFFFFFF
     match message_id:
         case dialect.AttitudeQuaternion.ID:

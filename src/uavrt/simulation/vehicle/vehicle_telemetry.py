@@ -7,7 +7,7 @@ from uavrt.simulation.vehicle.simulated_flying import FULL_SCALE_DEG, FlyingVehi
 
 
 def position_message(vehicle: FlyingVehicle, boot_ms: int) -> dialect.GlobalPositionInt:
-    """Position message; its height is above home, as corrected by the autopilot."""
+    """Create the position message; its height is relative to the autopilot's home altitude."""
     latitude, longitude = vehicle.latitude_longitude()
     north, east, up = vehicle.body.velocity_m_s
     height = vehicle.body.shown_height_m
@@ -25,7 +25,7 @@ def position_message(vehicle: FlyingVehicle, boot_ms: int) -> dialect.GlobalPosi
 
 
 def home_message(vehicle: FlyingVehicle) -> dialect.HomePosition:
-    """Message with position and altitude of home, from which heights are counted."""
+    """Create the message with position and altitude of home, the origin of all heights."""
     plane = vehicle.plane
     return dialect.HomePosition(
         latitude=round(plane.latitude_deg * FULL_SCALE_DEG),
@@ -38,7 +38,7 @@ def home_message(vehicle: FlyingVehicle) -> dialect.HomePosition:
 def target_message(
     vehicle: FlyingVehicle, boot_ms: int
 ) -> dialect.PositionTargetGlobalInt | None:
-    """Message with the target of the flight; None without a target."""
+    """Create the message with the target of the flight; None if there is no target."""
     target, px4 = vehicle.target, vehicle.flavour == "px4"
     hidden = vehicle.taking_off and not px4
     if target is None or hidden or vehicle.body.velocity_setpoint is not None:
@@ -59,7 +59,7 @@ def target_message(
 
 
 def wind_message(vehicle: FlyingVehicle, boot_ms: int) -> dialect.Wind | dialect.WindCov:
-    """Wind message of the vehicle: WIND from ArduPilot, WIND_COV from PX4."""
+    """Create the message with the wind: WIND for ArduPilot, WIND_COV for PX4."""
     north, east = vehicle.body.frame.wind_m_s
     if vehicle.flavour == "ardupilot":
         comes_deg = math.degrees(math.atan2(-east, -north))
@@ -75,7 +75,7 @@ def wind_message(vehicle: FlyingVehicle, boot_ms: int) -> dialect.Wind | dialect
 
 
 def landed_message(vehicle: FlyingVehicle) -> dialect.ExtendedSysState:
-    """Message on whether the vehicle is on the ground."""
+    """Create the message that says whether the vehicle is on the ground."""
     state = dialect.MavLandedState
     return dialect.ExtendedSysState(
         landed_state=state.ON_GROUND if vehicle.ground.shown_landed else state.IN_AIR

@@ -1,1 +1,1 @@
-"""Recognise signals that are not the tag's: bursts, other tags' pulses, stronger tags."""
+"""Recognise signals that are not the tag's: bursts, pulses of other tags, stronger tags."""

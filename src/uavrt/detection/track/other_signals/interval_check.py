@@ -18,7 +18,7 @@ from uavrt.detection.track.tuning import JUDGE
 
 
 class Intervals:
-    """Tests if long groups of one detector fit another interval better."""
+    """Tests whether another interval fits long groups of one detector better."""
 
     def __init__(self, bounds: Bounds, *, grid: Grid, refiner: Refiner) -> None:
         self._bounds = bounds

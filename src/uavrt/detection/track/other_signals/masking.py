@@ -40,7 +40,7 @@ def stronger_tracks(track: Track, tracks: list[Track], *, sample_rate_hz: float)
 
 
 def is_due(others: list[Track], *, earliest_s: float, latest_s: float) -> bool:
-    """True if a stronger track has not yet searched for its pulse between two times."""
+    """True if a stronger track still has to search for its pulse between two times."""
     for other in others:
         time_s, half_s = other.expected()
         if time_s + half_s > earliest_s and time_s - half_s < latest_s:

@@ -230,9 +230,10 @@ class Bursts:
 
 
 def beyond_noise(count: int, expected: float) -> float:
-    """Number of bursts above that expected from noise; 0 if the excess may be chance.
+    """Number of bursts in excess of those expected from noise; 0 if it may be chance.
 
-    If every excess counted, half of the real single-pulse groups would not be reported.
+    If every excess counted, half of the groups in which only one pulse is strong would not be
+    reported.
     """
     more = count - expected
     return more if more > BURSTS.noise_sigmas * expected**0.5 else 0.0

@@ -1,10 +1,11 @@
-"""Recognise ghosts: copies of a stronger tag's pulses that the receiver produces.
+"""Recognise ghosts: spurious copies of a stronger tag's pulses that the receiver produces.
 
 A quadrature receiver shows each signal weakly at its mirror frequency about the radio's centre.
-A saturated one also shows it at multiples of its distance from the centre. Two simultaneous
-signals, such as a tag and a steady carrier, have products at 2 f1 - f2 and others. A ghost has
-its pulses at the instants of the original's and at one of these frequencies. The probability
-that an independent tag does so is computed from its phase, interval and frequency.
+If it is saturated, it also shows the signal at multiples of its distance from the centre. Two
+simultaneous signals, such as a tag and a steady carrier, cause intermodulation products at 2 f1
+- f2 and other frequencies. A ghost has its pulses at the times of the original's pulses and at
+one of these frequencies. The probability that an independent tag does so is computed from its
+phase, interval and frequency.
 """
 
 import math
@@ -79,7 +80,7 @@ class _Instants(Generic[H]):
 def mark_ghosts(
     detectors: Iterable[H], receiver: Receiver, carriers_hz: Sequence[float] = ()
 ) -> list[tuple[H, Track]]:
-    """Mark the tracks that are ghosts of others; return those that were not marked before."""
+    """Mark tracks that are spurious copies of others; return those not marked before."""
     received = [
         _received_train(detector, track, slots)
         for detector in detectors
@@ -134,7 +135,7 @@ def _original(
 
 
 def _is_edges(one: _ReceivedTrain[H], other: _ReceivedTrain[H]) -> bool:
-    """True if a train is only the leakage of another train far from its frequency.
+    """True if a train is only the leakage of another train at a distant frequency.
 
     The edges of a rectangular pulse have at most 1 / (pi df tp)^2 of its power. Trains within
     the search band of the weaker tag are assigned by train_senders.py.

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 
 def parts(able: Sequence[Mapping[int, float]]) -> list[list[int]]:
-    """Group the trains that compete for tags; `able`: by train, the value of each tag."""
+    """Group the trains that compete for tags; `able`: value of each possible tag, by train."""
     trains_of: dict[int, list[int]] = {}
     for at, worth in enumerate(able):
         for to in worth:
@@ -112,7 +112,7 @@ class _AssignmentSoFar:
 def losses(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None]
 ) -> list[dict[int, float]]:
-    """For each train, the loss of total value if it got another tag, by tag; 0 for its own."""
+    """For each train, loss of total value if it got another tag, by tag; 0 for its own tag."""
     owner = {to: at for at, to in enumerate(chosen) if to is not None}
     back = _path_losses(able, chosen, owner)
     free = len(able)
@@ -132,9 +132,9 @@ def losses(
 def _path_losses(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None], owner: Mapping[int, int]
 ) -> NDArray[np.float64]:
-    """Least loss of value, by pair of trains, if the first takes the tag of the second.
+    """Smallest loss of value, by pair of trains, if the first gets the tag of the second.
 
-    The last row and column stand for unassigned tags and for trains without a tag. A loss may
+    The last row and column represent unassigned tags and trains without a tag. A loss may
     include further changes of tags.
     """
     free = len(able)

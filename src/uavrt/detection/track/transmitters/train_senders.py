@@ -32,7 +32,8 @@ from uavrt.detection.track.transmitters.trains import (
 from uavrt.detection.track.tuning import BOUNDS, SENDERS
 
 _Properties = tuple[float, float, float, tuple[tuple[int, bool], ...]]
-"""A train's interval and its standard deviation [s], frequency [Hz], and detectors."""
+"""Properties of a train: interval and its standard deviation [s], frequency [Hz], and
+detectors."""
 _Assignment = tuple[int, int, tuple[int, ...], bool]
 """Result for one train: its index, its tag, other possible tags, and True if all competitors
 are confirmed."""
@@ -112,7 +113,7 @@ class _Learnt:
 
 
 class ConfirmedPulses:
-    """Pulses of confirmed trains in the last 40 s; no tag's detector counts them as bursts."""
+    """Pulses of confirmed trains in the last 40 s, which no detector counts as other bursts."""
 
     def __init__(self) -> None:
         self._pulses: dict[int, tuple[float, float]] = {}

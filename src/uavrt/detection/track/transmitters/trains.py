@@ -152,10 +152,10 @@ def merge_tracks(detectors: Iterable[H]) -> list[Train[H]]:
 
 
 def made_of_other_trains(trains: Sequence[Train[H]], *, near_ns: float) -> list[Train[H]]:
-    """Find the trains with hardly any pulse that is not another train's.
+    """Find trains in which hardly any pulse does not belong to another train.
 
-    The expected times of a train may coincide with pulses of others: one of 1254 ms meets every
-    second pulse of one of 1881 ms.
+    The expected times of a train may coincide with pulses of other trains. For example, every
+    third pulse at 1254 ms coincides with every second pulse at 1881 ms.
     """
     found: list[Train[H]] = []
     confirmed = sorted(
