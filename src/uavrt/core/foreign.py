@@ -270,7 +270,7 @@ def check_toml(text: str, limit: Limit) -> None:
         elif mark in "]}":
             depth -= 1
         elif mark.count(".") >= limit.depth:
-            raise ValueError(f"a name has more than {limit.depth} parts")
+            raise ValueError(f"a dotted name has more than {limit.depth} parts")
         if depth > limit.depth:
             raise ValueError(f"the content is nested more than {limit.depth} levels deep")
     if values > limit.values:

@@ -270,7 +270,7 @@ def test_a_height_is_given_above_sea_level_as_this_autopilot_counts_it() -> None
     ("action", "values", "reason"),
     [
         ("goto", {"places": ((900.0, 0.0),), "height_m": 40.0}, "beyond the fence"),
-        ("goto", {"places": ((50.0, 0.0),), "height_m": 12.0}, "the least is 20 m"),
+        ("goto", {"places": ((50.0, 0.0),), "height_m": 12.0}, "the least permitted is 20 m"),
         ("goto", {"places": ((50.0, 0.0),), "height_m": 150.0}, "the most is 120 m"),
         ("goto", {"places": (), "height_m": 40.0}, "goto takes one position, got 0"),
         (

@@ -14,7 +14,7 @@ SQUARE = Polygon.rectangle(0.0, 400.0, 0.0, 400.0, name="search area")
     ("corners", "said"),
     [
         (((0, 0), (100, 100), (100, 0), (0, 100)), "crosses itself"),
-        (((0, 0), (100, 0)), "not an outline of finite corners"),
+        (((0, 0), (100, 0)), "needs three or more corners with finite coordinates"),
         (((0, 0), (100, 0), (50, 0), (50, 80)), "crosses itself"),
         (((0, 0), (100, 0), (100, 0.1)), "too small: 5 m²"),
         (((0, 0), (100, 0), (float("nan"), 5)), "corner"),
@@ -40,7 +40,7 @@ def test_a_star_holds_its_arms_and_not_what_is_between_them() -> None:
 
 def test_an_area_beyond_the_fence_or_heights_the_wrong_way_round_are_refused() -> None:
     fence = Polygon.rectangle(-10.0, 300.0, -10.0, 500.0, name="fence")
-    with pytest.raises(PlanError, match=r"beyond the fence at its corners 2, 3"):
+    with pytest.raises(PlanError, match=r"outside the fence at its corners 2, 3"):
         SearchArea(search=SQUARE, fence=fence)
     with pytest.raises(PlanError, match="heights"):
         SearchArea(search=SQUARE, lowest_m=60.0, highest_m=30.0)

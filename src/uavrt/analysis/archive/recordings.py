@@ -329,7 +329,7 @@ def read_manifest(path: Path) -> dict[Path, Recording]:
         with io.StringIO(text, newline="") as file:
             lines = csv.DictReader(file)
             if "path" not in (lines.fieldnames or ()):
-                raise FormatError(f"{path} has no column path", remedy=remedy)
+                raise FormatError(f"{path} has no column named path", remedy=remedy)
             if unknown := set(lines.fieldnames or ()) - set(MANIFEST_COLUMNS):
                 raise FormatError(
                     f"{path} has an unknown column {min(map(str, unknown))}", remedy=remedy

@@ -98,7 +98,8 @@ def measure_tags(
     """
     if not window_hz > 0.0:
         raise ConfigError(
-            f"a window of {window_hz} Hz is not positive", remedy="Give --window in hertz"
+            f"a window of {window_hz} Hz is not positive",
+            remedy="Give --window as a positive number of hertz",
         )
     report = on_progress or (lambda _part: None)
     with closing(open_source()) as source:

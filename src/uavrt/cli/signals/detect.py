@@ -319,7 +319,8 @@ def _pulse_output(name: str, *, bursts: bool) -> Iterator[Write]:
     if Path(name).suffix.lower() in (".xls", ".xlsx", ".ods"):
         raise ConfigError(
             f"{name}: uavrt does not write spreadsheet files",
-            remedy="Write .csv, which every spreadsheet opens",
+            remedy="Choose a name that ends in .csv; every spreadsheet program opens "
+            "such a file",
         )
     with _naming_faults(name), ExitStack() as stack:
         stream = sys.stdout

@@ -49,7 +49,7 @@ class Viewers:
         self._lines.clear()
         for writer in list(self._writers):
             if writer.transport.get_write_buffer_size() > VIEWER_BUFFER_BYTES:
-                log.warning("viewer disconnected: reads too slowly")
+                log.warning("viewer disconnected because it reads too slowly")
                 self._writers.discard(writer)
                 writer.transport.abort()
             else:
@@ -73,7 +73,8 @@ class Viewers:
                 return None
             raise ConfigError(
                 f"cannot open the status socket {path}: {error.strerror}",
-                remedy="Set status_socket to a path in a writable directory, below 100 bytes",
+                remedy="Set status_socket to a path of at most 99 bytes in a writable "
+                "directory",
             ) from error
 
     async def _serve_one(

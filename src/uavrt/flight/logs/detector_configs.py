@@ -171,7 +171,7 @@ def read_detector_config(path: str | os.PathLike[str]) -> DetectorConfig:
         ) from None
     except (ValueError, OverflowError) as error:
         raise FormatError(
-            f"{name} is not a detectorConfig.txt: {error}", remedy="Correct that line"
+            f"{name} is not a detectorConfig.txt: {error}", remedy="Correct this line"
         ) from None
 
 

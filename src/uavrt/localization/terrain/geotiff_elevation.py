@@ -208,11 +208,11 @@ def _check(blocks: _Blocks) -> None:
         raise _Unread("has blocks that are too large", "gdal_translate -co TILED=YES")
     count = math.ceil(blocks.rows / blocks.high) * math.ceil(blocks.columns / blocks.wide)
     if len(blocks.places) < count or len(blocks.sizes) < count:
-        raise ValueError(f"the file lists {len(blocks.places)} of {count} blocks")
+        raise ValueError(f"the file lists only {len(blocks.places)} of {count} blocks")
     ends = max(at + size for at, size in zip(blocks.places, blocks.sizes, strict=True))
     there = os.stat(blocks.path).st_size
     if ends > there:
-        raise ValueError(f"the file has {there:,} of {ends:,} bytes")
+        raise ValueError(f"the file has only {there:,} of {ends:,} bytes")
 
 
 def _number(text: object) -> float | None:

@@ -145,7 +145,7 @@ def wav_layout(
 def _read_chunks(file: BinaryIO, path: Path, size: int) -> _Header:
     start = file.read(12)
     if len(start) < 12 or start[:4] not in (b"RIFF", b"RF64", b"BW64") or start[8:] != b"WAVE":
-        raise FormatError(f"{path} is not a WAV file", remedy="Give its --format")
+        raise FormatError(f"{path} is not a WAV file", remedy="Name its format with --format")
     header = _Header()
     at = 12
     for _ in range(_MOST_CHUNKS):
@@ -164,7 +164,7 @@ def _read_chunks(file: BinaryIO, path: Path, size: int) -> _Header:
     if header.data_start == 0 or header.channels == 0:
         raise FormatError(
             f"{path} has no {'samples' if header.channels else 'format'} in it",
-            remedy="It was truncated in its header; record again",
+            remedy="Record again; the file was truncated within its header",
         )
     return header
 
@@ -211,7 +211,7 @@ def _chunks_fill(file: BinaryIO, at: int, size: int) -> bool:
 def _read_chunk(name: bytes, body: bytes, header: _Header, path: Path) -> None:
     if name == b"fmt ":
         if len(body) < 16:
-            raise FormatError(f"{path} has a broken format chunk", remedy="Record again")
+            raise FormatError(f"{path} has a damaged format chunk", remedy="Record again")
         header.kind, header.channels, header.rate_hz = struct.unpack("<HHI", body[:8])
         header.bits = struct.unpack("<H", body[14:16])[0]
         if header.kind == _EXTENSIBLE and len(body) >= 26:
