@@ -231,7 +231,7 @@ def test_a_start_time_given_moves_all_captures_alike(tmp_path: Path) -> None:
         ({"core:sample_rate": "fast"}, [CAPTURE], "number"),
         ({"core:sample_rate": -5}, [CAPTURE], "not possible"),
         ({"core:num_channels": 2}, [CAPTURE], "Split"),
-        ({"core:metadata_only": True}, [CAPTURE], "with .sigmf-data"),
+        ({"core:metadata_only": True}, [CAPTURE], "with a .sigmf-data"),
         ({}, [{"core:sample_start": 0}], "--center-frequency"),
         ({}, [CAPTURE, {**CAPTURE, "core:frequency": 1e8}], "Split"),
         ({}, [{**CAPTURE, "core:sample_start": -1}], "whole number"),

@@ -118,7 +118,7 @@ class FirstSetup:
             "keys": self._keys,
         }
         if step not in judge:
-            raise NotFound(f"the set-up has no step {step[:40]!r}")
+            raise NotFound(f"there is no step {step[:40]!r}")
         self._require_wanted()
         with _writing(self.config.parent):
             faults = judge[step](values)

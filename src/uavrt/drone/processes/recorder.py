@@ -102,10 +102,7 @@ class Recorder:
         back = info.start_time_ns < self._newest_ns
         self._start_ns = NO_TIME_LIMIT_NS if back else info.start_time_ns
         if not self._lock.take(root, LOCK_WAIT_S):
-            log.warning(
-                "flight directory is locked by another process; recording goes on",
-                flight=str(root),
-            )
+            log.warning("flight directory is locked; recording goes on", flight=str(root))
         try:
             self._flight = FlightRecorder.open(
                 info, self._frame.assignment.settings, durable=True
