@@ -198,8 +198,8 @@ def _turn_steps(
     least = 360.0 / _LIMITS.fastest_turn_deg_s
     if not least <= order.duration_s <= 600.0:
         raise PlanError(
-            f"a whole turn cannot take {order.duration_s:g} s",
-            remedy=f"Give {least:.0f} to 600 s",
+            f"a full turn in {order.duration_s:g} s is not possible",
+            remedy=f"Choose a duration of {least:.0f} to 600 s",
         )
     if now.yaw_deg is None:
         raise PlanError("the heading is unknown", remedy="Wait for the compass")

@@ -280,7 +280,7 @@ def test_a_height_is_given_above_sea_level_as_this_autopilot_counts_it() -> None
         ),
         ("survey", {"places": ((0.0, 0.0), (0.0, 900.0), (90.0, 900.0))}, "beyond the fence"),
         ("survey", {"places": ()}, "no corners"),
-        ("rotate", {"duration_s": 2.0}, "whole turn cannot take 2 s"),
+        ("rotate", {"duration_s": 2.0}, "full turn in 2 s is not possible"),
     ],
 )
 def test_what_cannot_be_flown_is_refused_before_anything_moves(

@@ -322,7 +322,7 @@ def read_manifest(path: Path) -> dict[Path, Recording]:
 
     Relative paths are relative to the manifest's folder. Empty cells are unknown values.
     """
-    remedy = f"A line has {', '.join(MANIFEST_COLUMNS)}; only path is required"
+    remedy = f"The columns are {', '.join(MANIFEST_COLUMNS)}; only path is required"
     found: dict[Path, Recording] = {}
     try:
         text = read_file(path, NOTES).decode("utf-8-sig")

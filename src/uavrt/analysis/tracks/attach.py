@@ -390,13 +390,13 @@ class _Common:
         """
         times_s = self._posed_s if posed else self.time_s
         most = max(int(np.count_nonzero(self.covered(one, posed=posed))) for one in offsets_s)
-        remedy = "Check that they are from the same flight, or give --clock-offset"
+        remedy = "Check that track and pulses are from one flight, or give --clock-offset"
         if not most:
             raise self._no_overlap(times_s, remedy)
         if most < max(_LEAST_PULSES, _LEAST_SHARE * len(times_s)):
             raise UsageError(
-                f"the track covers at most {most} of {len(times_s)} pulses at any clock offset, "
-                "too few to find the offset",
+                f"the track covers at most {most} of {len(times_s)} pulses at any clock "
+                "offset, too few to find the offset",
                 remedy=remedy,
             )
         self._least_covered = math.ceil((1.0 - _MOST_LOST) * most)

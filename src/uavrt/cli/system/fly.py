@@ -419,7 +419,7 @@ class _Terminal:
         state = await within(SESSION_WAIT_S, self._states.get())
         if state is None:
             raise LinkError(
-                "the drone does not report motion",
+                "the drone does not report the state of its motion",
                 remedy="Set guidance.enabled = true in its uavrt.toml",
             )
         self._show(state)

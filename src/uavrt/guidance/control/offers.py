@@ -111,7 +111,7 @@ class Offers:
         if now_s - offer.made_s > SAFETY.offer_holds_s:
             within = f"{SAFETY.offer_holds_s:.0f} s"
             raise CommandRefused(
-                f"the order was requested {now_s - offer.made_s:.0f} s ago",
+                f"the order has expired: it was requested {now_s - offer.made_s:.0f} s ago",
                 remedy=f"Request the motion again, then confirm within {within}",
             )
         return offer

@@ -207,10 +207,10 @@ def _captures(
         )
     frequencies = {c.frequency_hz for c in captures if c.frequency_hz is not None}
     if len(frequencies) > 1:
-        listed = ", ".join(f"{one:.0f}" for one in sorted(frequencies))
+        hertz = ", ".join(f"{one:.0f}" for one in sorted(frequencies))
         raise _fault(
             path,
-            f"the frequency changes within the recording: {listed} Hz",
+            f"the frequency changes within the recording: {hertz} Hz",
             "Split it into one recording for each frequency",
         )
     return captures
