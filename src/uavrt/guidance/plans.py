@@ -509,8 +509,7 @@ def check_battery(
     left = limits.battery_wh * now.battery_percent / 100.0
     if left < needed:
         raise PlanError(
-            f"route, return and reserve need {needed:.0f} Wh, but the battery has "
-            f"{left:.0f} Wh left",
+            f"route, return and reserve need {needed:.0f} Wh; the battery has {left:.0f} Wh",
             remedy="Fly less far, or change the battery",
         )
 

@@ -329,7 +329,7 @@ class SearchArea:
                 raise PlanError(
                     f"home lies outside of {_named_within(area)}, or too close to its edge",
                     remedy=f"Take off more than {self.margin_m:.0f} m inside its edge, "
-                    "or draw it again",
+                    "or redraw it",
                 )
 
     def entered_area(self, east_m: _Floats, north_m: _Floats) -> str | None:
@@ -484,7 +484,7 @@ def check_reach(area: SearchArea, farthest_m: float) -> None:
     if nearest > farthest_m:
         raise PlanError(
             f"the {area.search.name} begins {nearest:.0f} m from home, but the battery "
-            f"lasts for only {farthest_m:.0f} m and the return",
+            f"allows {farthest_m:.0f} m and back",
             remedy="Start nearer, or draw a nearer area",
         )
 

@@ -264,7 +264,7 @@ def test_a_tag_without_any_strength_and_a_start_underground_are_refused() -> Non
     with pytest.raises(PlanError, match="comes below 20 m"):
         search_with("mi_rate").check(replace(START, height_m=3.0))
     far = SearchArea(search=AREA.search, home_m=(-40_000.0, 0.0))
-    with pytest.raises(PlanError, match="the battery lasts for only"):
+    with pytest.raises(PlanError, match="the battery allows"):
         search_with("mi_rate", area=far, energy=EnergyModel()).check(
             START, Battery(remaining_wh=90.0)
         )
