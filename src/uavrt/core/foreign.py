@@ -258,7 +258,7 @@ def check_toml(text: str, limit: Limit) -> None:
     stack with each level of brackets.
     """
     if len(text) > limit.bytes:
-        raise ValueError(f"{len(text):,} characters are too many for {limit.what}")
+        raise ValueError(f"the text has {len(text):,} characters, too many for {limit.what}")
     bare = _TOML_QUIET.sub(lambda found: "" if found[0][0] == "#" else "x", text)
     values = depth = 0
     for found in _TOML_MARK.finditer(bare):

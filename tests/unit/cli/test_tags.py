@@ -143,7 +143,7 @@ def test_intervals_at_a_small_ratio_are_warned_of(
 @pytest.mark.parametrize(
     ("written", "instead", "says"),
     [
-        ("tagFreqMHz:\t148.7105\n", "", "has no tagFreqMHz"),
+        ("tagFreqMHz:\t148.7105\n", "", "lacks the key tagFreqMHz"),
         ("tagFreqMHz:\t148.7105", "tagFreqMHz:\t148710500", "tagFreqMHz is 148710500"),
         ("tip:\t1.254", "tip:\t-1", "tip is -1"),
         ("ID:\t4", "ID:\t0", "must be a whole number from 1"),

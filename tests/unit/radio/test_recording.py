@@ -374,7 +374,7 @@ def test_a_wav_file_over_four_gigabytes_names_its_length_in_ds64(tmp_path: Path)
 @pytest.mark.parametrize(
     ("data", "remedy"),
     [
-        (wav(bytes(40), channels=1), "is not I/Q"),
+        (wav(bytes(40), channels=1), "an I/Q recording has 2"),
         (wav(bytes(40), kind=2), "encoding"),
         (wav(bytes(40))[:30], "format chunk"),
         (wav(b"")[:-8], "no samples"),

@@ -127,7 +127,7 @@ def test_an_upload_is_complete_only_with_every_tag() -> None:
     assert one.hear(inside[0]).result == SUCCESS  # type: ignore[union-attr]
     incomplete = some(one.hear(last))
     assert incomplete.message == "the upload lacks the tags with index 1,2"
-    one.refuse = "tag 4 was already sent with other values"
+    one.refuse = "tag 4 was already sent with other values: send START_TAGS to begin again"
     assert one.hear(inside[1]).result == FAILURE  # type: ignore[union-attr]
     one.refuse = ""
     assert one.hear(inside[2]).result == SUCCESS  # type: ignore[union-attr]

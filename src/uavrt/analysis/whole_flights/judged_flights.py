@@ -127,7 +127,7 @@ def integrate_flight(
     if len(flight.poses) < 2:
         raise RecordingError(
             f"{flight.info.directory} has no poses",
-            remedy="Name its samples and an autopilot's log or GPS track instead of it: uavrt "
+            remedy="Name its samples together with an autopilot's log or a GPS track: uavrt "
             "integrate --recording FILE --track FILE --tags FILE",
         )
     poses = PoseColumns.of(antenna_poses(flight))

@@ -307,7 +307,7 @@ def open_source(recording: str, options: dict[str, Any]) -> SampleSource:
         return open_recording(Path(recording), **options)
     if sys.stdin is None or sys.stdin.isatty():
         raise ConfigError(
-            "standard input is the keyboard, not samples",
+            "standard input is the keyboard, but samples are expected",
             remedy="Pipe a radio's program into it: airspy_rx … -r - | uavrt detect - …",
         )
     return open_stream(sys.stdin.fileno(), **options)

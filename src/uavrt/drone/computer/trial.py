@@ -166,6 +166,6 @@ def require_still(seen: Seen, needs: Needs, now_s: float, *, bench: bool) -> Nee
     if needs.poses and seen.status_s is not None and "poses" in seen.missing(needs, now_s):
         raise UsageError(
             "no poses arrive, so the new version cannot be tested: nothing was changed",
-            remedy="Take the drone under the open sky, or give --bench",
+            remedy="Take the drone outdoors, or give --bench",
         )
     return needs

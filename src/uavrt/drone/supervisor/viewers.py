@@ -69,7 +69,10 @@ class Viewers:
                 return await asyncio.start_unix_server(self._serve_one, path, limit=262144)
         except OSError as error:
             if error.errno in UNWRITABLE_CARD:
-                log.error("monitor unavailable: no status socket", reason=error.strerror)
+                log.error(
+                    "uavrt monitor is unavailable, because the status socket cannot be opened",
+                    reason=error.strerror,
+                )
                 return None
             raise ConfigError(
                 f"cannot open the status socket {path}: {error.strerror}",

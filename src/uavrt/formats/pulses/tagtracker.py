@@ -228,7 +228,7 @@ def _layout(rows: Sequence[Sequence[str]], path: str | os.PathLike[str]) -> _Lay
     counts = sorted({len(cells) for cells in rows})
     raise FormatError(
         f"{os.fspath(path)}: pulse rows with {_listed(counts)} columns are not supported",
-        remedy="Files with 19 to 21 columns are read; see the reference of file formats",
+        remedy="Files with 19 to 21 columns are supported; see the reference of file formats",
     )
 
 

@@ -256,8 +256,7 @@ class Sealer:
             one.asked >= UNRETURNED_NONCES for one in self._announced.values()
         ):
             raise LinkError(
-                "the drone does not confirm its session, because its uavrt is older than "
-                "this one",
+                "the drone does not confirm its session; its uavrt may be older than this one",
                 remedy="Update the drone, or wait for a better radio link",
             )
         if self._session is None:

@@ -315,7 +315,7 @@ def _block(file: BinaryIO, blocks: _Blocks, number: int) -> NDArray[np.float32]:
     elif blocks.packed == _PACKBITS:
         data = _unpacked_bits(data, size)
     if len(data) < size:
-        raise ValueError(f"block {number} has {len(data):,} of {size:,} bytes")
+        raise ValueError(f"block {number} has only {len(data):,} of {size:,} bytes")
     heights = _unpredicted(data[:size], shape, kind, blocks.predictor)
     if blocks.nodata is not None:
         gone = np.isnan(heights) if math.isnan(blocks.nodata) else heights == blocks.nodata

@@ -62,7 +62,7 @@ class EnergyModel:
         """
         if not (predicted_wh > 0.0 and np.isfinite(used_wh) and sigma_wh > 0.0):
             raise ConfigError(
-                f"the battery reports {used_wh} Wh used, {predicted_wh} Wh were expected",
+                f"the battery reports {used_wh} Wh used, but {predicted_wh} Wh were expected",
                 remedy="Check the battery monitor's calibration",
             )
         per_scale = predicted_wh / self.scale

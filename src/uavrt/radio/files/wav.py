@@ -93,13 +93,13 @@ def wav_layout(
         header = _read_chunks(file, path, size)
     if header.channels != 2:
         raise FormatError(
-            f"{path} is not I/Q, which has 2 channels: it has {header.channels}",
+            f"{path} has {header.channels} audio channels, but an I/Q recording has 2",
             remedy="Record I/Q, not demodulated audio",
         )
     sample_format = _FORMATS.get((header.kind, header.bits))
     if sample_format is None:
         raise FormatError(
-            f"{path} has WAV encoding {header.kind} with {header.bits} bits",
+            f"{path} has the unsupported WAV encoding {header.kind} with {header.bits} bits",
             remedy="Record as 8, 16, 24 or 32-bit PCM or 32-bit float",
         )
     named = read_name(path) or NameFacts(program="")

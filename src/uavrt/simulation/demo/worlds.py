@@ -56,12 +56,12 @@ def _of_file(file: Path, seed: int | None, coded: bool) -> Scenario:
     if coded:
         raise UsageError(
             "--coded works only with the built-in world, not with --scenario",
-            remedy="Give the scenario's tags gaps_s, or omit one of the two",
+            remedy="Leave --coded out, and set gaps_s for tags of the scenario",
         )
     scenario = load_scenario(file)
     if not scenario.tags:
         raise UsageError(
             f"{file} has no tag to search for",
-            remedy="Add a [[tag]], or remove listed = false from one",
+            remedy="Add a [[tag]], or remove listed = false from a tag",
         )
     return scenario if seed is None else replace(scenario, seed=seed)

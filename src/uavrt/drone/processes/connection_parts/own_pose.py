@@ -224,5 +224,8 @@ class OwnPose:
 
     def _failed(self, error: UavrtError) -> None:
         if self._fault is None:
-            log.warning("position unavailable; pulses get no position", reason=str(error))
+            log.warning(
+                "position of this station unavailable; pulses get no position",
+                reason=str(error),
+            )
         self._fault = str(error)

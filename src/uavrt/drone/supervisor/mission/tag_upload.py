@@ -53,7 +53,10 @@ class TagUpload:
         if tag is None:
             raise UavrtError("the tag is missing")
         if self._tags.get(tag.tag_id, tag) != tag:
-            raise UavrtError(f"tag {tag.tag_id} was already sent with other values")
+            raise UavrtError(
+                f"tag {tag.tag_id} was already sent with other values: send "
+                "START_TAGS to begin again"
+            )
         check_tag(tag)
         most = maximum_tags or _MOST_TAGS
         if tag.tag_id not in self._tags and len(self._tags) >= most:
