@@ -396,7 +396,7 @@ def test_a_full_disk_leaves_what_was(
 ) -> None:
     found = update.check(maker.tar("0.2.0"), place)
     monkeypatch.setattr(update, "SPACE_FACTOR", 1e12)
-    with pytest.raises(UsageError, match="Free some space"):
+    with pytest.raises(UsageError, match="Free disk space"):
         update.check(maker.tar("0.2.0"), place)
 
     def full(*_arguments: object, **_options: object) -> None:

@@ -305,7 +305,7 @@ class SearchArea:
             named = f"s {named}" if len(outside) > 1 else f" {named}"
             named += f" and {more} more" if more > 0 else ""
             raise PlanError(
-                f"the {self.search.name} lies outside the fence at its corner{named}",
+                f"the {self.search.name} lies beyond the fence at its corner{named}",
                 remedy="Draw it inside, or widen the fence",
             )
         if not self.fence.contains(*np.array([self.home_m]).T).all():

@@ -85,7 +85,7 @@ HOUSE = KeepOut(places=places((40, 60)), radius_m=8.0, name="house")
         (Limits(stay_in=(KeepOut(places=places((0, 0)), radius_m=150.0),)), "the path leaves"),
         (Limits(stay_in=(KeepOut(places=places((150, 150)), radius_m=190.0),)), "home lies"),
         (Limits(keep_out=(HOUSE,)), "the path"),  # behind it, seen from home
-        (Limits(highest_m=50.0), "the most is 50 m"),
+        (Limits(highest_m=50.0), "the most permitted is 50 m"),
     ],
 )
 def test_a_survey_for_a_vehicle_keeps_to_its_fence_and_home(

@@ -55,7 +55,7 @@ def test_an_area_beyond_the_fence_tells_of_a_few_corners_and_how_many_more() -> 
     with pytest.raises(PlanError) as refused:
         SearchArea(search=Polygon(corners=outline, name="area"), fence=fence)
     assert str(refused.value) == (
-        "the area lies outside the fence at its corners 1, 2, 3 and 17 more. "
+        "the area lies beyond the fence at its corners 1, 2, 3 and 17 more. "
         "Draw it inside, or widen the fence"
     )
     triangle = Polygon(corners=((0.0, 0.0), (400.0, 0.0), (0.0, 600.0)), name="area")

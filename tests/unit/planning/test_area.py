@@ -40,7 +40,7 @@ def test_a_star_holds_its_arms_and_not_what_is_between_them() -> None:
 
 def test_an_area_beyond_the_fence_or_heights_the_wrong_way_round_are_refused() -> None:
     fence = Polygon.rectangle(-10.0, 300.0, -10.0, 500.0, name="fence")
-    with pytest.raises(PlanError, match=r"outside the fence at its corners 2, 3"):
+    with pytest.raises(PlanError, match=r"beyond the fence at its corners 2, 3"):
         SearchArea(search=SQUARE, fence=fence)
     with pytest.raises(PlanError, match="heights"):
         SearchArea(search=SQUARE, lowest_m=60.0, highest_m=30.0)

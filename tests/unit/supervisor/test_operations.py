@@ -192,7 +192,7 @@ def state_of(drone: Drone) -> SystemState:
 
 def test_a_capture_needs_a_frequency_and_room_and_no_tags(tmp_path: Path) -> None:
     drone = Drone(tmp_path, None, minimum_free_mb=0.0, capture_s=2.0)
-    assert "no frequency" in drone.say("raw_capture").message
+    assert "frequency is unknown" in drone.say("raw_capture").message
     assert state_of(drone) is SystemState.IDLE
     assert drone.say("raw_capture", center_frequency_hz=148.7e6).accepted
     assert state_of(drone) is SystemState.CAPTURING

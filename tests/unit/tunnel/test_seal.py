@@ -68,7 +68,7 @@ def test_a_repeated_message_is_refused() -> None:
     sealed = seal(b"stop", 0, KEY, GROUND, COUNT, SESSION)
     drone.open(sealed, GROUND, DRONE)
     for old in (sealed, seal(b"stop", 0, KEY, GROUND, COUNT - 1, SESSION)):
-        with pytest.raises(TunnelError, match="repeated"):
+        with pytest.raises(TunnelError, match="repeats"):
             drone.open(old, GROUND, DRONE)
 
 
