@@ -164,7 +164,7 @@ def test_a_signature_of_any_length_is_not_read_whole(maker: Maker, tmp_path: Pat
 
 def test_only_listed_keys_count_and_only_their_owner_may_change_them(maker: Maker) -> None:
     keys = maker.keys()
-    with pytest.raises(UsageError, match="not signed with a key accepted here"):
+    with pytest.raises(UsageError, match="not signed with an accepted key"):
         read_update(maker.tar("0.2.0", key=maker.other_key), keys)
     keys.write_text(maker.other_public + maker.public)
     assert read_update(maker.tar("0.2.0"), keys).version == "0.2.0"
@@ -396,7 +396,7 @@ def test_a_full_disk_leaves_what_was(
 ) -> None:
     found = update.check(maker.tar("0.2.0"), place)
     monkeypatch.setattr(update, "SPACE_FACTOR", 1e12)
-    with pytest.raises(UsageError, match="Free some space"):
+    with pytest.raises(UsageError, match="Free disk space"):
         update.check(maker.tar("0.2.0"), place)
 
     def full(*_arguments: object, **_options: object) -> None:

@@ -29,5 +29,7 @@ def read_key_file(path: str | Path, what: str, *, least: int, most: int) -> byte
             f"{path} is not a {what}: it must contain {count} hexadecimal digits", remedy=REMEDY
         )
     if stat.S_IMODE(mode) & 0o077:
-        raise ConfigError(f"other users can read the {what} {path}", remedy=f"chmod 600 {path}")
+        raise ConfigError(
+            f"other users can read the {what} {path}", remedy=f"Run: chmod 600 {path}"
+        )
     return secret

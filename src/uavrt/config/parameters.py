@@ -213,7 +213,9 @@ OFFERED: dict[str, Parameter] = {**PARAMETERS, RUN.name: RUN}
 def run_wanted(value: float) -> bool:
     """True if a value of `DET_RUN` starts detection; raises `ConfigError` if not 0 or 1."""
     if not (math.isfinite(value) and RUN.allows(value)):
-        raise ConfigError(f"{RUN.name} cannot be {value:g}: 1 starts, 0 stops")
+        raise ConfigError(
+            f"{RUN.name} cannot be {value:g}: set 1 to start detection or 0 to stop it"
+        )
     return bool(value)
 
 
@@ -236,9 +238,12 @@ def with_parameter(settings: Settings, name: str, value: float) -> Settings:
         parameter = replace(parameter, low=gains[0], high=gains[1])
     if not (math.isfinite(value) and parameter.allows(value)):
         low, high = parameter.low, parameter.high
-        whole = "" if parameter.kind == "real" else "whole, "
+        whole = "" if parameter.kind == "real" else "whole "
         absent = "" if parameter.absent is None else f", or {parameter.absent:g}"
-        raise ConfigError(f"{name} cannot be {value:g}: {whole}{low:g} to {high:g}{absent}")
+        raise ConfigError(
+            f"{name} cannot be {value:g}: choose a {whole}number from "
+            f"{low:g} to {high:g}{absent}"
+        )
     table = replace(
         getattr(settings, parameter.table), **{parameter.field: _setting(parameter, value)}
     )
@@ -291,7 +296,10 @@ def warnings_of_band(
         return ()
     band = f"{(center_hz - half_hz) / 1e6:.10g} to {(center_hz + half_hz) / 1e6:.10g} MHz"
     if len(beyond) == len(tags):
-        raise ConfigError(f"no tag is received at {center_hz / 1e6:.10g} MHz ({band})")
+        raise ConfigError(
+            f"no tag is in the band received at {center_hz / 1e6:.10g} MHz "
+            f"({band}): choose another frequency"
+        )
     return (f"Not received ({band}): tags {', '.join(beyond[:10])}",)
 
 

@@ -126,8 +126,8 @@ def _require_only(before: str, after: str, changes: Changes, path: Path) -> None
     if _without_empty(found) != _without_empty(wanted):
         names = ", ".join(f"[{table}] {key}" for table, key in changes)
         raise ConfigError(
-            f"{names} cannot be changed by uavrt in the layout of {path.name}",
-            remedy="Change it with an editor, or move the file away and start again",
+            f"uavrt cannot change {names} in {path.name} because of the file's layout",
+            remedy="Change the setting with an editor, or move the file away and start again",
         )
 
 

@@ -263,7 +263,7 @@ def check_toml(text: str, limit: Limit) -> None:
     grows with each level of brackets.
     """
     if len(text) > limit.bytes:
-        raise ValueError(f"{len(text):,} characters are too many for {limit.what}")
+        raise ValueError(f"the text has {len(text):,} characters, too many for {limit.what}")
     bare = _TOML_QUIET.sub(lambda found: "" if found[0][0] == "#" else "x", text)
     values = depth = 0
     for found in _TOML_MARK.finditer(bare):
@@ -275,7 +275,7 @@ def check_toml(text: str, limit: Limit) -> None:
         elif mark in "]}":
             depth -= 1
         elif mark.count(".") >= limit.depth:
-            raise ValueError(f"a name has more than {limit.depth} parts")
+            raise ValueError(f"a dotted name has more than {limit.depth} parts")
         if depth > limit.depth:
             raise ValueError(f"the content is nested more than {limit.depth} levels deep")
     if values > limit.values:

@@ -267,7 +267,9 @@ class Beep:
         if len(self.tag_ids) != len(self.offsets_hz):
             raise ValueError("a beep needs one offset for each tag")
         if not all(1.0 <= self.frequency_hz - one < inf for one in self.offsets_hz):
-            raise ValueError(f"a beep has an offset below its frequency: {self.offsets_hz}")
+            raise ValueError(
+                f"a beep has offsets that are not below its frequency: {self.offsets_hz}"
+            )
         if self.kind in _OF_A_TAG and not self.tag_ids:
             raise ValueError(f"a beep of kind {self.kind!r} needs a tag")
 

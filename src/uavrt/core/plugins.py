@@ -79,7 +79,7 @@ class Registry(Mapping[str, T], Generic[T]):
             wanted = "a function" if self._kind is None else f"of type {self._kind.__name__}"
             raise ConfigError(
                 f"{entry.name!r} of the package {package} is not {wanted}",
-                remedy=f"{self.group} is described in docs/how-to/extend.md",
+                remedy=f"See {self.group} in docs/how-to/extend.md",
             )
         made: T = loaded
         return made

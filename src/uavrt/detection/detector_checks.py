@@ -27,20 +27,21 @@ def check_searchable(tag: Tag, rate_hz: float, center_hz: float, window_hz: floa
     widest_hz = widest_window_hz(tag.frequency_hz - center_hz, rate_hz)
     if math.isfinite(window_hz) and window_hz > widest_hz:
         raise ConfigError(
-            f"a frequency window of {window_hz:g} Hz around tag {tag.tag_id} reaches beyond "
-            f"its channel: {math.floor(widest_hz)} Hz is the widest there",
+            f"a frequency window of {window_hz:g} Hz around tag {tag.tag_id} reaches "
+            f"beyond the tag's channel, where {math.floor(widest_hz)} Hz is the "
+            "widest possible",
             remedy="Use a narrower --frequency-window (frequency_window_hz, DET_WINDOW_HZ)",
         )
     if tag.k < 1 or not 0.0 < tag.false_alarm_probability < 1.0:
         raise ConfigError(
             f"tag {tag.tag_id}: k = {tag.k} or the false-alarm probability "
             f"{tag.false_alarm_probability} is out of range",
-            remedy="k is 1 or more, the false-alarm probability lies between 0 and 1",
+            remedy="Set k to 1 or more, and the false-alarm probability between 0 and 1",
         )
     if tag.pulse_width_s * rate_hz < 4.0:
         raise ConfigError(
             f"a pulse of {tag.pulse_width_s} s is shorter than 4 samples",
-            remedy="Use a higher channel rate",
+            remedy="Use a higher sample rate of the channels",
         )
     if min(tag.pulse_intervals_s) - tag.interval_uncertainty_s <= 2.0 * tag.pulse_width_s:
         raise ConfigError(

@@ -62,8 +62,8 @@ def plan_search(
     cores = search_cost(received, cpu_s, settings=detection)
     if cores > spare_cores:
         raise TunerError(
-            f"the search for these {len(received)} tags needs {cores:.1f} processor cores, and "
-            f"{spare_cores:g} can be spared",
+            f"the search for these {len(received)} tags needs {cores:.1f} processor "
+            f"cores, but only {spare_cores:g} are available",
             remedy="Send fewer tags, or give them a smaller K or interval uncertainty",
         )
     return SearchPlan(center_frequency_hz=center_frequency_hz, warnings=warnings, cores=cores)

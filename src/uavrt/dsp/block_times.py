@@ -62,4 +62,4 @@ class BlockTimes:
             if at + 1 == len(self._indices) or index < self._indices[at + 1]:
                 # A time that was skipped when the clock was set forward.
                 return max(index, float(first)) if at else index
-        raise ValueError("no block was added yet")
+        raise ValueError("no block of samples has been added yet")

@@ -227,7 +227,7 @@ def _set_up(
     for frequency in (center_frequency_hz, *frequencies):
         if not np.isfinite(frequency):
             raise UsageError(
-                f"the frequency {frequency} Hz is not possible",
+                f"the frequency {frequency} Hz is not finite",
                 remedy="Give frequencies in hertz",
             )
     reach = max((abs(f - center_frequency_hz) for f in frequencies), default=0.0)

@@ -138,7 +138,10 @@ def compatible_cost(
 def _checked(frequencies_hz: Sequence[float]) -> Floats:
     tags = np.array(list(frequencies_hz), dtype=np.float64)
     if tags.size == 0:
-        raise UsageError("no tags to tune for", remedy="List at least one tag")
+        raise UsageError(
+            "the tag list is empty, so no radio frequency can be chosen",
+            remedy="List at least one tag",
+        )
     wrong = [f"{f:g}" for f in tags if not (np.isfinite(f) and f >= 1e5)]
     if wrong:
         raise UsageError(

@@ -146,5 +146,5 @@ def _degrees(text: str, most: float) -> float:
         raise ValueError(f"{text[:20]!r} is not an angle")
     value = int(found[1]) + float(found[2]) / 60.0
     if value > most:
-        raise ValueError(f"{value:g} degrees is above {most:g}")
+        raise ValueError(f"the angle of {value:g} degrees is above {most:g} degrees")
     return value

@@ -103,7 +103,9 @@ def parsed_rows(
                 continue
             heading = names(found)
             if missing := set(columns) - set(heading):
-                raise ValueError(f"the heading lacks {', '.join(sorted(missing))}")
+                raise ValueError(
+                    f"the header line lacks the columns {', '.join(sorted(missing))}"
+                )
             places = [heading.index(column) for column in columns]
         except (ValueError, IndexError, OverflowError) as error:
             if number == len(lines) and rows:

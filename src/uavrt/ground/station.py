@@ -249,8 +249,8 @@ def refuse_two_vehicles(vehicle: ServedVehicle) -> None:
     """Raise `LinkError` while two vehicles use one system id: both would get our commands."""
     if vehicle.identity.foreign(vehicle.clock.now_ns()):
         raise LinkError(
-            f"two vehicles use the number {vehicle.identity.system_id}",
-            remedy="Give each vehicle a number of its own (MAV_SYS_ID)",
+            f"two vehicles use the system ID {vehicle.identity.system_id}",
+            remedy="Give each vehicle its own system ID (MAV_SYS_ID)",
         )
 
 

@@ -27,13 +27,13 @@ def check_height(
     above = wanted_m - ground_above_home_m
     if above != above or above < lowest_m:
         raise PlanError(
-            f"{wanted_m:.0f} m above home is {above:.0f} m above ground; "
-            f"the least is {lowest_m:.0f} m",
+            f"{wanted_m:.0f} m above home is {above:.0f} m above ground; the least "
+            f"permitted is {lowest_m:.0f} m",
             remedy="Choose a greater height",
         )
     if above > highest_m:
         raise PlanError(
-            f"{wanted_m:.0f} m above home is {above:.0f} m above ground; "
-            f"the most is {highest_m:.0f} m",
+            f"{wanted_m:.0f} m above home is {above:.0f} m above ground; the most "
+            f"permitted is {highest_m:.0f} m",
             remedy="Choose a smaller height",
         )

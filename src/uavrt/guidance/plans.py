@@ -198,11 +198,11 @@ def _turn_steps(
     least = 360.0 / _LIMITS.fastest_turn_deg_s
     if not least <= order.duration_s <= 600.0:
         raise PlanError(
-            f"a whole turn cannot take {order.duration_s:g} s",
-            remedy=f"Give {least:.0f} to 600 s",
+            f"a full turn in {order.duration_s:g} s is not possible",
+            remedy=f"Choose a duration of {least:.0f} to 600 s",
         )
     if now.yaw_deg is None:
-        raise PlanError("heading unknown", remedy="Wait for the compass")
+        raise PlanError("the heading is unknown", remedy="Wait for the compass")
     way = 1.0 if order.clockwise else -1.0
     if not behaviour.yaw_in_reposition:
         turn = Turn(turn_deg=way * 360.0, rate_deg_s=360.0 / order.duration_s)
@@ -245,7 +245,7 @@ def _points_on(lines: list[tuple[float, float]], spacing_m: float) -> list[tuple
     counts = [max(1, round(hypot(x1 - x0, y1 - y0) / spacing_m)) for (x0, y0), (x1, y1) in ends]
     if sum(counts) > _LIMITS.most_turns:
         raise PlanError(
-            f"{sum(counts)} positions to turn at are too many",
+            f"{sum(counts)} positions for turns are too many",
             remedy="Choose a wider spacing or a smaller area",
         )
     found = []
@@ -322,7 +322,7 @@ def check_keep_out(
     if reason is not None:
         raise PlanError(
             f"no path is possible from the drone's position: {reason}",
-            remedy="Fly it away from there by hand",
+            remedy="Fly the drone away from there by hand",
         )
     reason = area.entered_area(x, y)
     if reason is not None:
@@ -417,7 +417,8 @@ def _local(plane: TangentPlane, places: tuple[Place, ...]) -> tuple[tuple[float,
     for latitude, longitude in places:
         if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0):
             raise PlanError(
-                f"{latitude:g}, {longitude:g} is not a position", remedy="Use degrees: 47 8.5"
+                f"{latitude:g}, {longitude:g} is not a position",
+                remedy="Use degrees, such as 47 8.5",
             )
     if not places:
         raise PlanError("the area has no corners", remedy="Draw three or more corners")
@@ -446,8 +447,8 @@ def _plan_path(
     """
     if now.altitude_relative_m < limits.lowest_m - SAFETY.gust_below_m:
         raise PlanError(
-            f"the drone is at {now.altitude_relative_m:.0f} m, and its path would begin below "
-            f"{limits.lowest_m:.0f} m",
+            f"the drone is at {now.altitude_relative_m:.0f} m, below the lowest "
+            f"permitted height of {limits.lowest_m:.0f} m",
             remedy="Climb first: `uavrt fly hold --height`",
         )
     plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
@@ -490,7 +491,7 @@ def check_battery(
     """Raise `PlanError` if charge or capacity is unknown or too low, or wind is too strong."""
     if limits.battery_wh is None:
         raise PlanError(
-            "battery capacity unknown",
+            "the battery capacity is unknown",
             remedy="Set guidance.battery_wh to its watt-hours",
         )
     if now.battery_percent is None:
@@ -508,7 +509,7 @@ def check_battery(
     left = limits.battery_wh * now.battery_percent / 100.0
     if left < needed:
         raise PlanError(
-            f"the route, the return and the reserve take {needed:.0f} Wh; {left:.0f} are left",
+            f"route, return and reserve need {needed:.0f} Wh; the battery has {left:.0f} Wh",
             remedy="Fly less far, or change the battery",
         )
 

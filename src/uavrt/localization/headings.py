@@ -36,7 +36,8 @@ class Headings:
         length = np.linalg.norm(q, axis=1, keepdims=True)
         if q.shape[1] != 4 or not np.all(length > 1e-6):
             raise UsageError(
-                "an attitude is not a quaternion", remedy="Drop the pulses without a pose"
+                "an attitude is not a valid quaternion",
+                remedy="Leave out the pulses without a pose",
             )
         q = q / length
         w, x, y, z = q.T

@@ -30,7 +30,7 @@ class Circle:
     def __post_init__(self) -> None:
         if not self.radius_m > 0.0:
             raise PlanError(
-                f"the keep-out circle has a radius of {self.radius_m:g} m",
+                f"the keep-out circle has the invalid radius of {self.radius_m:g} m",
                 remedy="Give a radius above 0, or leave the circle out",
             )
 
@@ -83,8 +83,8 @@ class Polygon:
     def __post_init__(self) -> None:
         if len(self.corners) < 3 or not np.all(np.isfinite(self.corners)):
             raise PlanError(
-                f"the {self.name} is not an outline of finite corners",
-                remedy="Draw three or more, each with two finite numbers",
+                f"the {self.name} needs three or more corners with finite coordinates",
+                remedy="Draw the corners again",
             )
         crossing = self._crossing()
         if crossing is not None:
@@ -328,7 +328,8 @@ class SearchArea:
             if float(area.depth_m(*home)[0]) <= self.margin_m:
                 raise PlanError(
                     f"home lies outside of {_named_within(area)}, or too close to its edge",
-                    remedy=f"Take off more than {self.margin_m:.0f} m within it, or redraw it",
+                    remedy=f"Take off more than {self.margin_m:.0f} m inside its edge, "
+                    "or redraw it",
                 )
 
     def entered_area(self, east_m: _Floats, north_m: _Floats) -> str | None:
@@ -482,8 +483,8 @@ def check_reach(area: SearchArea, farthest_m: float) -> None:
     )
     if nearest > farthest_m:
         raise PlanError(
-            f"the {area.search.name} begins {nearest:.0f} m from home; the battery allows "
-            f"{farthest_m:.0f} m and back",
+            f"the {area.search.name} begins {nearest:.0f} m from home, but the battery "
+            f"allows {farthest_m:.0f} m and back",
             remedy="Start nearer, or draw a nearer area",
         )
 
@@ -514,7 +515,8 @@ def survey_lines(
     count = max(1, int(np.ceil((high - low) / spacing_m)))
     if most is not None and count > most:
         raise PlanError(
-            f"{count} lines are too many", remedy="Widen the spacing or shrink the area"
+            f"the survey has {count} lines; at most {most} are allowed",
+            remedy="Widen the spacing or shrink the area",
         )
     way: list[tuple[float, float]] = []
     for number in range(count):

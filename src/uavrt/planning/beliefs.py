@@ -177,7 +177,7 @@ class TagBelief:
     ) -> None:
         if not 0.0 < existence < 1.0:
             raise ConfigError(
-                f"the probability that tag {tag_id} exists is {existence}",
+                f"the probability that tag {tag_id} exists is out of range: {existence}",
                 remedy="Give a probability above 0 and below 1",
             )
         self.tag_id = tag_id

@@ -54,7 +54,7 @@ class Search:
             if not (np.isfinite(prior.level_db) and np.isfinite(prior.level_sigma_db)):
                 raise PlanError(
                     f"the signal strength expected of tag {belief.tag_id} is missing",
-                    remedy="Give its level_db and level_sigma_db, wide if unknown",
+                    remedy="Give its level_db and level_sigma_db (large if unknown)",
                 )
         area = self.settings.area
         here = np.array([state.east_m]), np.array([state.north_m])
@@ -62,7 +62,7 @@ class Search:
         if reason is not None:
             raise PlanError(
                 f"the search cannot begin here: {reason}",
-                remedy="Fly to a place within the fence and the heights first",
+                remedy="Fly to a place within the geofence and the permitted heights first",
             )
         if battery is not None and self.settings.energy is not None:
             vehicle, energy = self.settings.vehicle, self.settings.energy

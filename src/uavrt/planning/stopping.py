@@ -41,9 +41,9 @@ class AccuracyStop:
     def __post_init__(self) -> None:
         if self.radius95_m <= 0.0 or self.bayes_factor < 1.0:
             raise ConfigError(
-                f"the accuracy of {self.radius95_m:g} m or the evidence of "
+                f"the accuracy of {self.radius95_m:g} m or the Bayes factor of "
                 f"{self.bayes_factor:g} is out of range",
-                remedy="Give a radius above 0 and an evidence of 1 or more",
+                remedy="Give an accuracy above 0 and a Bayes factor of 1 or more",
             )
 
     def verdict(self, belief: TagBelief) -> Verdict:

@@ -21,17 +21,18 @@ def check_rates(sample_rate_hz: float, center_frequency_hz: float) -> None:
     """Raise `FormatError` if the sample rate or the radio frequency is impossible."""
     if not 0.0 < sample_rate_hz < 1e9:
         raise FormatError(
-            f"sample rate {sample_rate_hz} Hz is not possible",
+            f"the sample rate of {sample_rate_hz} Hz is not possible",
             remedy="Give --sample-rate in samples per second, e.g. 3000000",
         )
     if _MEGAHERTZ[0] <= center_frequency_hz < _MEGAHERTZ[1]:
         raise FormatError(
-            f"center frequency {center_frequency_hz:g} Hz looks like a value in megahertz",
+            f"the center frequency of {center_frequency_hz:g} Hz looks like a value in "
+            "megahertz",
             remedy=f"Give --center-frequency {center_frequency_hz:g}e6",
         )
     if not 0.0 <= center_frequency_hz < 1e12:
         raise FormatError(
-            f"center frequency {center_frequency_hz} Hz is not possible",
+            f"the center frequency of {center_frequency_hz} Hz is not possible",
             remedy="Give --center-frequency in hertz, e.g. 148.7e6",
         )
 

@@ -159,7 +159,7 @@ def _layout(
     if kind is None:
         file_size(path)  # a missing file is the more helpful error
         raise FormatError(
-            f"the name of {path} does not reveal its format",
+            f"the name of {path} does not show its format",
             remedy=f"Give --format: {', '.join(FORMATS)}, sigmf or wav",
         )
     stored = sample_format(kind)

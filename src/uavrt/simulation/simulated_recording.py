@@ -94,7 +94,8 @@ def _prepare(base: Path, size_bytes: int) -> None:
     free = shutil.disk_usage(above).free
     if free < size_bytes:
         raise RecordingError(
-            f"the recording needs {size_bytes / 1e6:.0f} MB, {base} has {free / 1e6:.0f} MB",
+            f"the recording needs {size_bytes / 1e6:.0f} MB, but {base} has only "
+            f"{free / 1e6:.0f} MB free",
             remedy="Record less, at a lower rate, or as cs16",
         )
     base.mkdir(parents=True, exist_ok=True)

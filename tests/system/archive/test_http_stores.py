@@ -120,5 +120,5 @@ def test_a_server_that_does_not_tell_a_files_length_is_named(
 def test_lists_without_end_are_refused(web: tuple[Store, str]) -> None:
     store, address = web
     store.endless = True
-    with pytest.raises(StoreError, match="too deep folders"):
+    with pytest.raises(StoreError, match="too deeply nested folders"):
         stores.list_store(f"{address}/deep/")

@@ -242,7 +242,7 @@ def test_a_file_gives_the_samples_of_the_originals_formula(
     ("arguments", "word"),
     [
         (["--channels", "101"], "channel 101"),
-        (["--channels", "x"], "not numbers"),
+        (["--channels", "x"], "not a list of channel numbers"),
         (["--channels", "-3", "--ports", "thesis"], "second"),
         (["--sample-rate", "250e3"], "give 66 channels of 3787.88"),
         (["--sample-rate", "374e3"], "--mode default"),

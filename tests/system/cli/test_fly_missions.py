@@ -133,7 +133,7 @@ def test_the_vehicles_fence_is_shown_and_saved(
 
 
 def test_only_a_survey_is_uploaded_and_a_fence_is_a_plan(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="only a survey is uploaded"):
+    with pytest.raises(ConfigError, match="only a survey can be uploaded"):
         fly("hold", upload=True)
     with pytest.raises(ConfigError, match="only a fence is saved"):
         fly("fence", save=tmp_path / "fence.json")

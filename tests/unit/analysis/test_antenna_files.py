@@ -47,7 +47,7 @@ def test_both_sides_of_a_measured_pattern_are_averaged_and_boresight_is_zero(
         ("0,0\n30,x\n", "line 2"),
         ("0,0\n30,1,2,3\n", "line 2"),
         ("0,0\n180,nan\n", "line 2"),
-        ("0,0\n10,-1\n", "170° without"),
+        ("0,0\n10,-1\n", "range of 170°"),
         ("", "is not a table"),
         ("0,0\n90,1,1\n180,0\n", "is not a table"),
     ],

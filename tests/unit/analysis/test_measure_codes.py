@@ -105,4 +105,4 @@ def test_a_code_in_a_recording_that_was_cut_off_is_measured_and_the_fault_told(
     assert uavrt("tags", "measure", str(path), *RADIO) == 2
     written, told = capsys.readouterr()
     assert len(parse_tags(written.encode(), name="tags.toml")) == 1
-    assert "All whole samples were used" in told
+    assert "all complete samples were used" in told

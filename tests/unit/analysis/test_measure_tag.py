@@ -262,7 +262,7 @@ def test_a_hint_leaves_the_other_tag_out(tmp_path: Path) -> None:
     add_tag(samples, 48_000.0, beat(rng, 0.7, 20.0, 1.1, 0.0), offset_hz=12_000.0)
     (tag,) = measured(tmp_path, samples, 48_000.0, frequency_hz=CENTER_HZ + 12_500.0)
     assert abs(tag.frequency_hz - CENTER_HZ - 12_000.0) < 1.0
-    with pytest.raises(ConfigError, match="not in this recording"):
+    with pytest.raises(ConfigError, match="outside this recording"):
         measured(tmp_path, samples, 48_000.0, frequency_hz=CENTER_HZ + 90_000.0)
 
 

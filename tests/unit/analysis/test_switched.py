@@ -189,7 +189,7 @@ def test_behind_a_gap_a_pulse_is_cut_at_its_true_time(tmp_path: Path, kind: str)
     for one in detected(scenario):
         at_s = (one.pulse.start_time_ns - start_ns) / 1e9
         if gap_s[0] - 0.02 < at_s < gap_s[1]:
-            with pytest.raises(UsageError, match="lies in the recording"):
+            with pytest.raises(UsageError, match="lies within the time of the recording"):
                 switched_bearings(gapped, [one])
             continue
         behind += at_s > gap_s[1]
@@ -212,7 +212,7 @@ def test_a_recording_that_does_not_name_its_antennas_is_refused(tmp_path: Path) 
     content: dict[str, Any] = json.loads(recording.read_text())
     pulses = detected(scenario)
     later = detected(scenario.starting_at(scenario.start_time_ns + 10**12))
-    with pytest.raises(UsageError, match="lies in the recording"):
+    with pytest.raises(UsageError, match="lies within the time of the recording"):
         switched_bearings(recording, later)
     with pytest.raises(UsageError, match="pose"):
         switched_bearings(recording, [replace(one, pose=None) for one in pulses])

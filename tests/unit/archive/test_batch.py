@@ -192,7 +192,7 @@ def test_a_manifest_of_a_spreadsheet_begins_with_a_mark(tmp_path: Path) -> None:
     ("text", "says"),
     [
         (f"path\n{'x' * 200_000}\n", "field larger"),
-        ("file\nwalk.cf32\n", "no column path"),
+        ("file\nwalk.cf32\n", "no column named path"),
         ("path,rate\nwalk.cf32,3\n", "column rate"),
         ("path\nnowhere.cf32\n", "nowhere.cf32 does not exist"),
         ("path,start_time\nmanifest.csv,yesterday\n", "line 2"),

@@ -16,7 +16,7 @@ from uavrt.core.errors import ConfigError
         ("goto", (8.5, 147.1, 3.0), {}, "goto needs a position"),
         ("goto", (147.1, 8.5), {}, "is not a latitude"),
         ("goto", (float("nan"), 8.5), {}, "is not a latitude"),
-        ("hold", (30.0,), {}, "hold takes no numbers"),
+        ("hold", (30.0,), {}, "hold accepts no numbers"),
         ("takeoff", (), {}, "takeoff needs one height"),
         ("takeoff", (30.0, 8.0), {}, "takeoff needs one height"),
         ("takeoff", (30.0,), {"height": 20.0}, "takeoff needs one height"),

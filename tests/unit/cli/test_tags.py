@@ -46,7 +46,7 @@ def test_a_recording_cut_off_in_mid_sample_is_measured_and_its_fault_told(
     (folder / "a.cf32").write_bytes(whole[: len(whole) * 4 // 5 + 3])
     assert uavrt("tags", "measure", "a.cf32", *RADIO, "-o", "m.toml") == 2
     said = capsys.readouterr().err
-    assert said.count("All whole samples were used") == 1
+    assert said.count("all complete samples were used") == 1
     assert "16 pulses" in said
     (tag,) = read_tags(folder / "m.toml")
     assert abs(tag.frequency_hz - 148_701_200.0) <= 2.0
@@ -73,7 +73,7 @@ def test_a_cut_off_recording_without_a_tag_is_told_with_both_reasons(
         file.write(b"123")
     assert uavrt("tags", "measure", "a.cf32", *RADIO, "-o", "m.toml") == 2
     said = capsys.readouterr().err
-    assert "All whole samples were used" in said
+    assert "all complete samples were used" in said
     assert "no regular pulses" in said
     assert not (folder / "m.toml").exists()
 
@@ -85,7 +85,7 @@ def test_a_centre_that_is_not_in_hertz_is_refused(
     line = f"tags measure a.cf32 --sample-rate 8e3 --center-frequency {center} -o m.toml"
     assert uavrt(*line.split()) == 2
     said = capsys.readouterr()
-    assert "in hertz, 148.7e6" in said.err
+    assert "in hertz, such as 148.7e6" in said.err
     assert said.out == ""
     assert not (folder / "m.toml").exists()
 
@@ -143,7 +143,7 @@ def test_intervals_at_a_small_ratio_are_warned_of(
 @pytest.mark.parametrize(
     ("written", "instead", "says"),
     [
-        ("tagFreqMHz:\t148.7105\n", "", "has no tagFreqMHz"),
+        ("tagFreqMHz:\t148.7105\n", "", "lacks the key tagFreqMHz"),
         ("tagFreqMHz:\t148.7105", "tagFreqMHz:\t148710500", "tagFreqMHz is 148710500"),
         ("tip:\t1.254", "tip:\t-1", "tip is -1"),
         ("ID:\t4", "ID:\t0", "must be a whole number from 1"),

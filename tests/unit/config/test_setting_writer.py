@@ -60,8 +60,8 @@ def test_a_setting_of_the_default_file_takes_its_own_line(tmp_path: Path) -> Non
         ("", {("radio", "gian"): 3}, "did you mean gain"),
         ("", {("antenna", "yaw_offset_deg"): 400.0}, "at most 360"),
         ("[radio]\nkind = 3\n", {("radio", "gain"): 3}, "[radio] kind is 3"),
-        ('radio.kind = "rtlsdr"\n', {("radio", "kind"): "hackrf"}, "cannot be changed by"),
-        ('radio = {kind = "rtlsdr"}\n', {("radio", "kind"): "hackrf"}, "cannot be changed"),
+        ('radio.kind = "rtlsdr"\n', {("radio", "kind"): "hackrf"}, "uavrt cannot change"),
+        ('radio = {kind = "rtlsdr"}\n', {("radio", "kind"): "hackrf"}, "uavrt cannot change"),
         ("[radio\n", {("radio", "gain"): 3}, "not TOML"),
     ],
 )

@@ -38,7 +38,7 @@ def test_the_widest_window_that_is_named_can_be_searched_in_each_channel(
 ) -> None:
     with pytest.raises(ConfigError, match="Hz is the widest") as refused:
         planned(frequencies_hz, 4000.0)
-    widest_hz = float(str(refused.value).split("channel: ")[1].split(" Hz")[0])
+    widest_hz = float(str(refused.value).split("channel, where ")[1].split(" Hz")[0])
     center_hz = planned(frequencies_hz, 500.0).center_frequency_hz
     plan = FrontEnd(
         sample_rate_hz=3e6, center_frequency_hz=center_hz, frequencies_hz=frequencies_hz
@@ -66,5 +66,9 @@ def test_a_list_that_the_computer_cannot_carry_is_refused(
     monkeypatch.setattr(search_plan, "search_cost", lambda *_, **__: 2.4)
     assert planned([148e6], spare_cores=3).cores == 2.4
     assert planned([148e6], spare_cores=math.inf).cores == 2.4
-    with pytest.raises(TunerError, match=r"needs 2\.4 processor cores, and 2 can be spared"):
+    with pytest.raises(
+        TunerError,
+        match=r"needs 2\.4 processor cores, but only 2 are "
+        "available",
+    ):
         planned([148e6], spare_cores=2)

@@ -57,7 +57,7 @@ def test_the_kinds_of_fields_derive_from_their_types() -> None:
 
 def test_a_type_that_no_column_holds_is_a_fault_of_the_program() -> None:
     odd: Any = make_dataclass("Odd", [("tag", Tag)])
-    with pytest.raises(TypeError, match="no database column holds that"):
+    with pytest.raises(TypeError, match="no database column can hold"):
         fields_of(odd)
 
 

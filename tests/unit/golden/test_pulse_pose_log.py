@@ -139,7 +139,9 @@ def test_a_damaged_line_inside_is_read_around_and_told_with_its_number(
 def test_a_file_of_damaged_lines_is_no_log(tmp_path: Path) -> None:
     path = tmp_path / "pulse_pose_log.txt"
     path.write_text("2, 148.71\n" + THESIS_ROW + "3, 1\n" * 2)
-    with pytest.raises(FormatError, match="line 1 is not a pulse: 2 columns instead of 23"):
+    with pytest.raises(
+        FormatError, match="line 1 is not a pulse: the line has 2 columns instead of 23"
+    ):
         read_pulse_pose_log(path)
 
 

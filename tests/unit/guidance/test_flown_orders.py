@@ -270,8 +270,8 @@ def test_a_height_is_given_above_sea_level_as_this_autopilot_counts_it() -> None
     ("action", "values", "reason"),
     [
         ("goto", {"places": ((900.0, 0.0),), "height_m": 40.0}, "beyond the fence"),
-        ("goto", {"places": ((50.0, 0.0),), "height_m": 12.0}, "the least is 20 m"),
-        ("goto", {"places": ((50.0, 0.0),), "height_m": 150.0}, "the most is 120 m"),
+        ("goto", {"places": ((50.0, 0.0),), "height_m": 12.0}, "the least permitted is 20 m"),
+        ("goto", {"places": ((50.0, 0.0),), "height_m": 150.0}, "the most permitted is 120 m"),
         ("goto", {"places": (), "height_m": 40.0}, "goto takes one position, got 0"),
         (
             "survey",
@@ -280,7 +280,7 @@ def test_a_height_is_given_above_sea_level_as_this_autopilot_counts_it() -> None
         ),
         ("survey", {"places": ((0.0, 0.0), (0.0, 900.0), (90.0, 900.0))}, "beyond the fence"),
         ("survey", {"places": ()}, "no corners"),
-        ("rotate", {"duration_s": 2.0}, "whole turn cannot take 2 s"),
+        ("rotate", {"duration_s": 2.0}, "full turn in 2 s is not possible"),
     ],
 )
 def test_what_cannot_be_flown_is_refused_before_anything_moves(
@@ -323,7 +323,7 @@ def test_a_way_beyond_the_battery_is_refused_with_the_figures() -> None:
     flown = prepared()
     flown.vehicle.body.used_wh = 85.0
     flown.run(0.5)
-    with pytest.raises(PlanError, match=r"take \d+ Wh; 35 are left"):
+    with pytest.raises(PlanError, match=r"need \d+ Wh; the battery has 35 Wh"):
         flown.order("goto", places=(flown.place(450, 0),), height_m=40.0)
 
 

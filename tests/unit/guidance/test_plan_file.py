@@ -60,7 +60,7 @@ def test_its_fences_are_what_we_read_as_kept_out_of() -> None:
     [
         ({"pattern": "points"}, "cannot contain turns"),
         ({"height_m": None}, "needs a height"),
-        ({"height_m": 10.0}, "the least is 20 m"),
+        ({"height_m": 10.0}, "the least permitted is 20 m"),
         ({"places": ()}, "no corners"),
         ({"spacing_m": 1.0}, "line spacing of 1 m"),
         ({"keep_out": (KeepOut(places=places((100, 75)), radius_m=30.0),)}, "keep-out"),
@@ -85,7 +85,7 @@ HOUSE = KeepOut(places=places((40, 60)), radius_m=8.0, name="house")
         (Limits(stay_in=(KeepOut(places=places((0, 0)), radius_m=150.0),)), "the path leaves"),
         (Limits(stay_in=(KeepOut(places=places((150, 150)), radius_m=190.0),)), "home lies"),
         (Limits(keep_out=(HOUSE,)), "the path"),  # behind it, seen from home
-        (Limits(highest_m=50.0), "the most is 50 m"),
+        (Limits(highest_m=50.0), "the most permitted is 50 m"),
     ],
 )
 def test_a_survey_for_a_vehicle_keeps_to_its_fence_and_home(
@@ -124,7 +124,7 @@ def test_the_command_line_saves_and_asks_no_drone(tmp_path: Path) -> None:
     ],
 )
 def test_only_surveys_are_saved(tmp_path: Path, ask: Callable[[Path], None]) -> None:
-    with pytest.raises(ConfigError, match="only a survey is saved"):
+    with pytest.raises(ConfigError, match="only a survey can be saved"):
         ask(tmp_path)
 
 
@@ -135,11 +135,11 @@ def test_a_survey_of_half_a_country_is_refused_before_a_line_is_cut(
     """The page draws it in the process that serves the drone."""
     monkeypatch.delattr(area, "_cut")
     country = ((47.0, 8.0), (52.0, 8.0), (52.0, 13.0), (47.0, 13.0))
-    with pytest.raises(PlanError, match="lines are too many"):
+    with pytest.raises(PlanError, match="lines; at most"):
         survey_places(survey(places=country, spacing_m=5.0, pattern=pattern), country[0])
 
 
 def test_long_lines_are_refused_before_their_points_are_placed() -> None:
     strip = places((0, 0), (500_000, 0), (500_000, 20), (0, 20))
-    with pytest.raises(PlanError, match="positions to turn at are too many"):
+    with pytest.raises(PlanError, match="positions for turns are too many"):
         survey_places(survey(places=strip, spacing_m=5.0, pattern="points"), strip[0])

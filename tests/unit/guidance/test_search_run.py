@@ -168,7 +168,7 @@ def test_silence_counts_only_while_a_detector_listens() -> None:
         ({"radius_m": None}, "no area"),
         ({"radius_m": 900.0}, "beyond the fence"),
         ({"accuracy_m": 0.0}, "the accuracy of 0 m"),
-        ({"height_m": 5.0}, "the least is"),
+        ({"height_m": 5.0}, "the least permitted is"),
         ({"radius_m": None, "places": ((0, 0), (0, 90), (90, 0), (90, 90))}, "crosses itself"),
     ],
 )

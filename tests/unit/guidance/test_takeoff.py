@@ -140,9 +140,9 @@ def test_no_other_order_takes_off(flavour: Flavour) -> None:
 @pytest.mark.parametrize(
     ("height_m", "limits", "reason"),
     [
-        (None, Limits(battery_wh=120.0), "needs a height|the least is"),
-        (5.0, Limits(battery_wh=120.0), "the least is 20 m"),
-        (150.0, Limits(battery_wh=120.0), "the most is 120 m"),
+        (None, Limits(battery_wh=120.0), "needs a height|the least permitted is"),
+        (5.0, Limits(battery_wh=120.0), "the least permitted is 20 m"),
+        (150.0, Limits(battery_wh=120.0), "the most permitted is 120 m"),
         (30.0, Limits(), "battery capacity"),
     ],
 )

@@ -56,7 +56,7 @@ async def test_a_drone_with_a_key_takes_only_sealed_parameters(
                 await stranger.parameters.set("RADIO_GAIN", 15)
             assert "only accepts sealed" in world.of(StatusText)[-1].text
         async with world.station(key=read_key(path)) as (friend, _):
-            with pytest.raises(LinkError, match="no session for sealed commands"):
+            with pytest.raises(LinkError, match="no session for sealed"):
                 friend.protocol.sealed_parameter("RADIO_GAIN", 15.0)
             sealed: list[Any] = []
 

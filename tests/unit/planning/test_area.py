@@ -14,7 +14,7 @@ SQUARE = Polygon.rectangle(0.0, 400.0, 0.0, 400.0, name="search area")
     ("corners", "said"),
     [
         (((0, 0), (100, 100), (100, 0), (0, 100)), "crosses itself"),
-        (((0, 0), (100, 0)), "not an outline of finite corners"),
+        (((0, 0), (100, 0)), "needs three or more corners with finite coordinates"),
         (((0, 0), (100, 0), (50, 0), (50, 80)), "crosses itself"),
         (((0, 0), (100, 0), (100, 0.1)), "too small: 5 m²"),
         (((0, 0), (100, 0), (float("nan"), 5)), "corner"),

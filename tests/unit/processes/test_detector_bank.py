@@ -142,7 +142,7 @@ def test_a_tag_whose_search_does_not_end_is_left_out_and_the_others_go_on(
     assert len(run(bank, blocks(2.0))) >= 5
     assert list(bank.left_out) == [5]
     said = capsys.readouterr().err
-    assert '"tag": "5 fox", "reason": "search unfinished after' in said
+    assert '"tag": "5 fox", "reason": "the search did not finish within' in said
 
 
 def compute_without_end(turn: object) -> None:

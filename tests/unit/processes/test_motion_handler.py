@@ -546,7 +546,7 @@ def test_an_offer_out_of_a_mode_that_has_changed_meanwhile_is_not_made(link: Lin
     link.run(1.0)
     link.offered("Position")
     assert link.states[-1].kind == "refused"
-    assert "the flight mode is Return" in link.states[-1].text
+    assert "the flight mode has changed to Return" in link.states[-1].text
 
 
 def test_states_tell_of_which_order_they_are(link: Link) -> None:

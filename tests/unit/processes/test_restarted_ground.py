@@ -118,6 +118,8 @@ def test_no_order_is_sent_while_two_vehicles_answer_under_one_number(
 
     asyncio.run(main())
     (waiting,) = [event["reason"] for event in events if event["event"] == "waiting"]
-    assert waiting.startswith("two vehicles use the number 1. Give each vehicle a number")
+    assert waiting.startswith(
+        "two vehicles use the system ID 1. Give each vehicle its own system ID"
+    )
     (note,) = [event["text"] for event in events if event["event"] == "note"]
     assert "uses the vehicle number 1: give each vehicle a number of its own" in note

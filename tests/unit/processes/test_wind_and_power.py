@@ -85,7 +85,7 @@ def test_the_settings_reach_what_is_planned() -> None:
     assert (limits.return_height_m, limits.hover_w) == (25.0, 900.0)
     assert far(ready(hover_w=300.0)).startswith("fly to")
     refused = far(ready(hover_w=1200.0))
-    assert "the route, the return and the reserve take" in refused
+    assert "route, return and reserve need" in refused
 
 
 def test_an_order_is_judged_by_the_wind_that_is_told() -> None:
@@ -111,4 +111,4 @@ def test_the_guide_learns_over_all_its_orders(clock_of_test: VirtualClock) -> No
     assert hub.guide.counters()["lessons_of_power"] >= 3.0
     assert hub.guide.counters()["hover_w"] == pytest.approx(1200.0, rel=0.15)
     hub.guide.receive("vehicle", hub.report())  # out again: the next order knows it, too
-    assert "the reserve take" in far(hub)
+    assert "reserve need" in far(hub)

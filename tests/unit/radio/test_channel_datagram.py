@@ -101,5 +101,5 @@ def test_ports_are_those_of_the_originals() -> None:
     assert [channel_port(ch, "thesis") for ch in (0, 1, 45, 99)] == [20000, 20001, 20045, 20099]
     with pytest.raises(ValueError, match="second"):
         channel_port(0, "thesis", second=True)
-    with pytest.raises(ValueError, match="no port"):
+    with pytest.raises(ValueError, match="no UDP port"):
         channel_port(-1)

@@ -231,7 +231,7 @@ def test_a_start_time_given_moves_all_captures_alike(tmp_path: Path) -> None:
         ({"core:sample_rate": "fast"}, [CAPTURE], "number"),
         ({"core:sample_rate": -5}, [CAPTURE], "not possible"),
         ({"core:num_channels": 2}, [CAPTURE], "Split"),
-        ({"core:metadata_only": True}, [CAPTURE], "with .sigmf-data"),
+        ({"core:metadata_only": True}, [CAPTURE], "with a .sigmf-data"),
         ({}, [{"core:sample_start": 0}], "--center-frequency"),
         ({}, [CAPTURE, {**CAPTURE, "core:frequency": 1e8}], "Split"),
         ({}, [{**CAPTURE, "core:sample_start": -1}], "whole number"),
@@ -374,7 +374,7 @@ def test_a_wav_file_over_four_gigabytes_names_its_length_in_ds64(tmp_path: Path)
 @pytest.mark.parametrize(
     ("data", "remedy"),
     [
-        (wav(bytes(40), channels=1), "is not I/Q"),
+        (wav(bytes(40), channels=1), "an I/Q recording has 2"),
         (wav(bytes(40), kind=2), "encoding"),
         (wav(bytes(40))[:30], "format chunk"),
         (wav(b"")[:-8], "no samples"),

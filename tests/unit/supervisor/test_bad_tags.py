@@ -90,7 +90,7 @@ def test_no_more_tags_are_taken_than_the_computer_carries(tmp_path: Path) -> Non
     refused = say(mission, 8, "add_tag", tag=replace(TAG, tag_id=8))
     assert (refused.accepted, refused.message) == (
         False,
-        "more than 3 tags: send fewer, or raise detection.maximum_tags",
+        "the list has more than 3 tags: send fewer, or raise detection.maximum_tags",
     )
     assert say(mission, 9, "add_tag", tag=replace(TAG, tag_id=6)).accepted, "a repetition"
     assert len(mission.upload.tags) == 3

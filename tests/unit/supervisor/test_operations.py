@@ -73,7 +73,7 @@ async def test_flights_are_copied_to_the_drive_and_then_removed(tmp_path: Path) 
     drone = Drone(flights, drive)
     reply = drone.say("save_logs")
     assert reply.accepted, reply.message
-    assert drone.say("clean_logs").message == "busy: save logs in progress"
+    assert drone.say("clean_logs").message == "the drone is busy: save logs in progress"
     assert drone.say("raw_capture", center_frequency_hz=148.7e6).accepted is False
     assert (await drone.done()).state == "complete"
     assert tree(drive) == before
@@ -192,7 +192,7 @@ def state_of(drone: Drone) -> SystemState:
 
 def test_a_capture_needs_a_frequency_and_room_and_no_tags(tmp_path: Path) -> None:
     drone = Drone(tmp_path, None, minimum_free_mb=0.0, capture_s=2.0)
-    assert "no frequency" in drone.say("raw_capture").message
+    assert "frequency is unknown" in drone.say("raw_capture").message
     assert state_of(drone) is SystemState.IDLE
     assert drone.say("raw_capture", center_frequency_hz=148.7e6).accepted
     assert state_of(drone) is SystemState.CAPTURING
@@ -206,7 +206,7 @@ def test_a_capture_needs_a_frequency_and_room_and_no_tags(tmp_path: Path) -> Non
     full = Drone(tmp_path, None, minimum_free_mb=1e9)
     reply = full.say("raw_capture", center_frequency_hz=148.7e6)
     assert not reply.accepted
-    assert "disk nearly full" in reply.message
+    assert "the disk is nearly full" in reply.message
 
 
 def health(status: str, process: str = "receiver") -> Health:
@@ -259,5 +259,5 @@ def test_a_capture_ends_as_the_receiver_says(word: str, state: str, text: str) -
 def test_nothing_runs_beside_an_operation(tmp_path: Path) -> None:
     drone = Drone(tmp_path, None)
     drone.operations.running = Operation(name="clean_logs", state="running")
-    with pytest.raises(UavrtError, match="busy: clean logs in progress"):
+    with pytest.raises(UavrtError, match="the drone is busy: clean logs in progress"):
         drone.operations.check_free()

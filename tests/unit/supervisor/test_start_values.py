@@ -74,7 +74,7 @@ def test_an_impossible_gain_is_refused_with_the_radio_s_range(
     drone.send_tags(TAGS, source)
     reply = drone.ask("start_detection", source, gain=9)
     assert not reply.accepted
-    assert reply.message == "RADIO_GAIN cannot be 9: whole, 0 to 8, or -1"
+    assert reply.message == "RADIO_GAIN cannot be 9: choose a whole number from 0 to 8, or -1"
 
 
 def test_where_the_radio_is_not_known_the_widest_range_holds() -> None:
@@ -92,7 +92,8 @@ def test_a_frequency_at_which_no_tag_is_received_is_refused_and_missing_ones_are
     reply = drone.ask("start_detection", center_frequency_hz=433e6)
     assert (reply.accepted, reply.message) == (
         False,
-        "no tag is received at 433 MHz (431.5 to 434.5 MHz)",
+        "no tag is in the band received at 433 MHz (431.5 to 434.5 MHz): choose another "
+        "frequency",
     )
     assert drone.ask("start_detection", center_frequency_hz=148.712e6 + 1.5e6).accepted
     assert "Not received (148.712 to 151.712 MHz): tags 2, 4" in drone.told

@@ -299,7 +299,7 @@ def _tiled(tiles: list[bytes], columns: int, rows: int) -> bytes:
 @pytest.mark.parametrize(
     ("keys", "says"),
     [
-        ((), "has no coordinate system"),
+        ((), "the coordinate system is missing"),
         ((1, 1, 0, 2, 1024, 0, 1, 1, 3072, 0, 1, 2056), "EPSG:2056"),
         ((1, 1, 0, 2, 1024, 0, 1, 2, 2048, 0, 1, 4267), "EPSG:4267"),
         ((1, 1, 0, 3, 1024, 0, 1, 2, 2048, 0, 1, 4326, 4099, 0, 1, 9003), "not in metres"),

@@ -214,7 +214,7 @@ def test_a_corner_that_is_no_number_is_no_place(value: float, corner: int, axis:
     corners[corner][axis] = value
     places = tuple((north, east) for north, east in corners)
     asked = MotionRequest(request_id=7, requester=ASKER, action="survey", places=places)
-    with pytest.raises(UsageError, match="not positions"):
+    with pytest.raises(UsageError, match="not valid positions"):
         encode_request(asked)
 
 

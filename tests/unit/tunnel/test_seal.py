@@ -68,7 +68,7 @@ def test_a_repeated_message_is_refused() -> None:
     sealed = seal(b"stop", 0, KEY, GROUND, COUNT, SESSION)
     drone.open(sealed, GROUND, DRONE)
     for old in (sealed, seal(b"stop", 0, KEY, GROUND, COUNT - 1, SESSION)):
-        with pytest.raises(TunnelError, match="repeated"):
+        with pytest.raises(TunnelError, match="repeats"):
             drone.open(old, GROUND, DRONE)
 
 
@@ -93,7 +93,7 @@ def test_a_station_whose_clock_fell_back_goes_on_above_the_newest_counter() -> N
     drone.open(seal(b"", 0, KEY, GROUND, 2**60, SESSION), GROUND, DRONE)
     station = Sealer(KEY, GROUND)  # started again; its clock knows nothing of 2**60
     assert not station.ready
-    with pytest.raises(LinkError, match="no session for sealed commands"):
+    with pytest.raises(LinkError, match="no session for sealed"):
         station(b"stop", 0)
     introduce(station, drone, GROUND, DRONE)
     assert drone.open(station(b"stop", 0), GROUND, DRONE) == (0, b"stop")

@@ -173,7 +173,7 @@ def test_an_unknown_pulse_status_is_refused() -> None:
     wire = search_report_to_wire(
         made.search_report(2, 10**18, frequency_hz=1.5e8, noise_psd=1.0, best_score=2.0)
     )
-    with pytest.raises(TunnelError, match="unknown status 9"):
+    with pytest.raises(TunnelError, match="unknown detection status 9"):
         pulse_from_wire(dataclasses.replace(wire, detection_status=9))
 
 

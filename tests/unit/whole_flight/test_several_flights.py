@@ -186,7 +186,7 @@ def test_flights_that_cannot_be_judged_together_are_named(
         run(first, strange)
     renamed = replace(flown[1], tag=replace(flown[1].tag, tag_id=8))
     (unlisted,) = on_disk([renamed], tmp_path / "unlisted")
-    with pytest.raises(UsageError, match="no tag in common"):
+    with pytest.raises(UsageError, match="no tag is listed in all of these flights"):
         run(first, unlisted)
     posed = replace(flown[1], flight=replace(flown[1].flight, poses=()))
     (blind,) = on_disk([posed], tmp_path / "blind")

@@ -83,7 +83,8 @@ def export_archive(
     known = flights_in(archive)
     if flights is not None and (missing := sorted(set(flights) - set(known))):
         raise NotFound(
-            f"the archive has no flight {missing[0]}", remedy="Run uavrt archive list"
+            f"the archive has no flight {missing[0]}",
+            remedy="List the flights with uavrt archive list",
         )
     names = known if flights is None else list(flights)
     written = []

@@ -58,8 +58,9 @@ def _below(system: Any, path: str, url: str) -> list[str]:
         folder, depth = waiting.pop()
         if depth > MOST_DEPTH or len(seen) > MOST_LINKS:
             raise StoreError(
-                f"{url} lists too many or too deep folders, for example {folder[:200]}",
-                remedy="Name one of the folders in it, or the recordings one by one",
+                f"{url} contains too many or too deeply nested folders, for example "
+                f"{folder[:200]}",
+                remedy="Name one of its folders, or single recordings",
             )
         try:
             listed = system.ls(folder, detail=True)

@@ -322,14 +322,14 @@ def read_manifest(path: Path) -> dict[Path, Recording]:
 
     Relative paths are relative to the manifest's folder. Empty cells are unknown values.
     """
-    remedy = f"A line has {', '.join(MANIFEST_COLUMNS)}; only path is required"
+    remedy = f"The columns are {', '.join(MANIFEST_COLUMNS)}; only path is required"
     found: dict[Path, Recording] = {}
     try:
         text = read_file(path, NOTES).decode("utf-8-sig")
         with io.StringIO(text, newline="") as file:
             lines = csv.DictReader(file)
             if "path" not in (lines.fieldnames or ()):
-                raise FormatError(f"{path} has no column path", remedy=remedy)
+                raise FormatError(f"{path} has no column named path", remedy=remedy)
             if unknown := set(lines.fieldnames or ()) - set(MANIFEST_COLUMNS):
                 raise FormatError(
                     f"{path} has an unknown column {min(map(str, unknown))}", remedy=remedy

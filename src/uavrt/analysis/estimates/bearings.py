@@ -225,7 +225,8 @@ def learnt_antenna(recorded: Recorded, antenna: str, offset_deg: float = 0.0) ->
     turns = heard_in_turns(recorded.heard(antenna), offset_deg)
     if len(turns) < FLIGHT.least_turns:
         raise UsageError(
-            f"{len(turns)} turns past a tag are too few to learn a pattern",
+            f"{len(turns)} turns in which a tag was received are too few to learn an "
+            "antenna pattern",
             remedy=f"Turn in place {FLIGHT.least_turns} times or more, or detect more tags",
         )
     return corrected_antenna(turns, antenna)

@@ -38,7 +38,7 @@ def observers_of(
             trials[row.observer, row.true_place, row.tag_id, day].append(row)
     if kept is not None and not trials and not kept.exists():
         raise UsageError(
-            f"{kept} does not exist, and no table has test trials",
+            f"{kept} does not exist, and no table contains an observer's test trials",
             remedy="Name a table with the columns observer, true_latitude_deg and "
             "true_longitude_deg",
         )
@@ -57,7 +57,8 @@ def _read(path: Path) -> list[Observer]:
         return read_record(path, list[Observer])
     except FormatError as error:
         raise FormatError(
-            f"cannot read {path}: {error}", remedy="Delete it, and name the test trials again"
+            f"cannot read {path}: {error}",
+            remedy="Delete it, then name the table of test trials again",
         ) from error
 
 

@@ -87,7 +87,7 @@ def read_positions(
     ):
         raise UsageError(
             "an antenna offset cannot be applied to a file of results",
-            remedy="Name the flight or the pulse log that it came from",
+            remedy="Name the flight or the pulse log of these results",
         )
     if len(paths) == 1:
         if _holds_estimates(paths[0]):
@@ -208,8 +208,8 @@ def _under_keys(rows: Sequence[TagBearing], same: SameTags) -> list[TagBearing]:
     for tag_id in sorted({one.tag_id for one in rows}):
         if len(keys.get(tag_id, ())) > 1:
             raise UsageError(
-                f"tag id {tag_id} means different tags in these flights",
-                remedy="With a bearings file, name flights in which this number is one tag",
+                f"tag id {tag_id} is used for different tags in these flights",
+                remedy="With a bearings file, name only flights that use this id for one tag",
             )
     return [replace(one, tag_id=keys.get(one.tag_id, [one.tag_id])[0]) for one in rows]
 

@@ -55,7 +55,8 @@ def export_survey(
     """
     if survey.kind != "flight" and not survey.pulse_poses:
         raise UsageError(
-            f"{survey.name} contains no pulse, so nothing was exported", remedy="Check the name"
+            f"{survey.name} contains no pulse, so nothing was exported",
+            remedy="Name a log that contains pulses",
         )
     chosen = EXPORT_FORMATS if formats is None else formats
     return [path for form in chosen for path in _WRITERS[form](survey, directory)]

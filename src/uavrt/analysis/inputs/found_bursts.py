@@ -48,7 +48,10 @@ def bursts_of_pulses(pulse_poses: Sequence[PulsePose], tags: Sequence[Tag]) -> l
     """
     coded = [tag for tag in tags if tag.coded]
     if not coded:
-        raise UsageError("no listed tag is coded", remedy="List a coded tag, with its gaps")
+        raise UsageError(
+            "the tag list contains no coded tag",
+            remedy="Add a coded tag and its gaps to the list",
+        )
     ordered = _of_one_antenna(sorted(pulse_poses, key=lambda one: one.pulse.start_time_ns))
     if not ordered:
         return []

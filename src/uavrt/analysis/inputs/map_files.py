@@ -240,7 +240,9 @@ def _check_parts(header: bytes, size: int) -> None:
 
 def _part(path: Path, place: int, length: int, most: int = MAP_PART.bytes) -> bytes:
     if length > most:
-        raise ValueError(f"a section has {length} bytes, more than {most}")
+        raise ValueError(
+            f"a section of the map file has {length} bytes; at most {most} are allowed"
+        )
     with path.open("rb") as file:
         file.seek(place)
         return file.read(length)
@@ -250,7 +252,7 @@ def _unpacked(content: bytes, compression: int) -> bytes:
     if compression == _NOT_COMPRESSED:
         return content
     if compression != _GZIP:
-        raise ValueError("the tiles are compressed, but not with gzip")
+        raise ValueError("the tiles are compressed by another method than gzip")
     return zlib.decompressobj(wbits=31).decompress(content, MAP_PART.bytes)
 
 
@@ -294,7 +296,7 @@ def _entry(directory: bytes, wanted: int) -> tuple[int, int, int] | None:
     numbers = iter(_varints(directory))
     count = next(numbers, 0)
     if count > len(directory):
-        raise ValueError("a directory has more entries than bytes")
+        raise ValueError("a tile directory claims more entries than it has bytes")
     tile_ids: list[int] = []
     for _ in range(count):
         tile_ids.append(next(numbers) + (tile_ids[-1] if tile_ids else 0))
@@ -320,7 +322,7 @@ def _varints(content: bytes) -> list[int]:
             found.append(value)
             value = shift = 0
         elif shift > 63:
-            raise ValueError("a number has more than 64 bits")
+            raise ValueError("a number in the tile directory has more than 64 bits")
     return found
 
 

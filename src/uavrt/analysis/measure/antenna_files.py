@@ -50,7 +50,7 @@ def read_antenna(path: str | os.PathLike[str]) -> AntennaPattern:
         try:
             row = tuple(float(cell) for cell in csv_cells(text))
             if len(row) not in (2, 3) or not all(map(math.isfinite, row)):
-                raise ValueError(f"the line has {len(row)} numbers, not 2 or 3")
+                raise ValueError("the line must have 2 or 3 finite numbers")
         except ValueError as error:
             if not rows and any(character.isalpha() for character in text):
                 continue  # a line of names
@@ -85,7 +85,7 @@ def _on_grid(
     gaps = np.diff(np.concatenate([[0.0], angles, [180.0]]))
     if gaps.max() > _WIDEST_GAP_DEG:
         raise FormatError(
-            f"{os.fspath(path)} has a gap of {gaps.max():.0f}° without gains",
+            f"{os.fspath(path)} lists no gains over a range of {gaps.max():.0f}°",
             remedy="Give gains from 0° to 180° off boresight, at least every 45°",
         )
     grid = np.arange(0.0, 180.0 + STEP_DEG / 2, STEP_DEG)

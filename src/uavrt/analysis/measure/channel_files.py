@@ -78,9 +78,10 @@ def _check_compatible(front_end: FrontEnd) -> None:
         return
     raise ConfigError(
         f"{plan.sample_rate_hz:g} samples a second give {count} channels of {rate_hz:g} Hz; "
-        f"the original's detectors need {ORIGINAL_CHANNELS} of {ORIGINAL_CHANNEL_RATE_HZ:g} Hz",
-        remedy="Use 375e3, 750e3, 1.5e6, 3e6 or 6e6 samples a second; or --mode default, for "
-        "detectors with options for rate and centre",
+        f"the detectors of the original UAV-RT need {ORIGINAL_CHANNELS} of "
+        f"{ORIGINAL_CHANNEL_RATE_HZ:g} Hz",
+        remedy="Use 375e3, 750e3, 1.5e6, 3e6 or 6e6 samples a second, or --mode default "
+        "if the detectors have options for rate and centre frequency",
     )
 
 
@@ -93,8 +94,9 @@ def ports_of(
     second = {abs(channel) - 1 for channel in channels if channel < 0}
     if second and scheme == "thesis":
         raise ConfigError(
-            "--ports thesis gives each channel one port; a channel with a minus needs a second",
-            remedy="Leave the minus out, or use --ports current",
+            "--ports thesis gives each channel one port, but a channel with a minus sign "
+            "needs two",
+            remedy="Leave the minus sign out, or use --ports current",
         )
     return {
         channel: [

@@ -98,7 +98,8 @@ def measure_tags(
     """
     if not window_hz > 0.0:
         raise ConfigError(
-            f"a window of {window_hz} Hz is not positive", remedy="Give --window in hertz"
+            f"a window of {window_hz} Hz is not positive",
+            remedy="Give --window as a positive number of hertz",
         )
     report = on_progress or (lambda _part: None)
     with closing(open_source()) as source:
@@ -231,7 +232,7 @@ def _search(
         high_hz = min(offset_hz + window_hz, rate_hz / 2)
         if not high_hz > low_hz:
             raise ConfigError(
-                f"{frequency_hz / 1e6:.6f} MHz is not in this recording, "
+                f"{frequency_hz / 1e6:.6f} MHz is outside this recording, which covers "
                 f"{source.center_frequency_hz / 1e6:.6f} MHz ± {rate_hz / 2e3:.1f} kHz",
                 remedy="Correct --frequency, in hertz",
             )

@@ -129,8 +129,8 @@ def switched_bearings(
     measured = list(_measured(Path(recording), array, placed))
     if not measured:
         raise UsageError(
-            "none of the pulses lies in the recording",
-            remedy="Name the recording that they were detected in",
+            "no pulse lies within the time of the recording",
+            remedy="Name the recording in which these pulses were detected",
         )
     bearings = []
     for tag_id in sorted({one.pulse.tag_id for one, _ in measured}):

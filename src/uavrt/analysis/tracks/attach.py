@@ -120,8 +120,8 @@ def require_poses(attached: Sequence[PulsePose], offset_s: float) -> int:
         raise UsageError(
             f"only {placed} of {len(attached)} pulses would get a pose with a clock offset of "
             f"{offset_s:+.2f} s: fewer than a quarter",
-            remedy="Check --clock-offset (pulses' clock ahead of the track's, in seconds) and "
-            "that both are from the same flight",
+            remedy="Check --clock-offset (clock of the pulses minus clock of the track, "
+            "in seconds), and that pulses and track are from one flight",
         )
     return placed
 
@@ -148,7 +148,7 @@ def estimate_offset(
     else:
         raise UsageError(
             f"{len(common.time_s)} pulses are too few to find the clock offset",
-            remedy="Give --clock-offset, 0 when both clocks were set by GPS",
+            remedy="Give --clock-offset; it is 0 if both clocks were set by GPS",
         )
     coarse = np.arange(-SEARCH_S, SEARCH_S + STEP_S, STEP_S)
     common.require_cover(coarse, posed=found_by == "poses")
@@ -167,9 +167,9 @@ def estimate_offset(
     away = cost[np.abs(coarse - offset_s) > _ELSEWHERE_S]
     if float(np.nanmin(away)) / max(least, 1e-6) < CLEAR:
         raise UsageError(
-            f"the clock offset is ambiguous: {offset_s:.1f} s is best, but others are "
-            "nearly as good",
-            remedy="Give --clock-offset, 0 when both clocks were set by GPS",
+            f"the clock offset is ambiguous: {offset_s:.1f} s fits best, but other "
+            "offsets fit nearly as well",
+            remedy="Give --clock-offset; it is 0 if both clocks were set by GPS",
         )
     sigma_s = _sigma_s(misfit, fine, covered)
     heading_sigma_deg = sigma_s * common.turn_rate_deg_s
@@ -177,8 +177,8 @@ def estimate_offset(
         raise UsageError(
             f"the clock offset is {offset_s:+.2f} s ± {sigma_s:.2f} s, which leaves headings "
             f"in a turn uncertain by {heading_sigma_deg:.0f}°",
-            remedy=f"Give --clock-offset: {offset_s:.2f} to take it as it is, 0 when both "
-            "clocks were set by GPS",
+            remedy=f"Give --clock-offset {offset_s:.2f} to accept this value, or "
+            "--clock-offset 0 if both clocks were set by GPS",
         )
     return ClockOffset(
         offset_s=offset_s,
@@ -390,13 +390,13 @@ class _Common:
         """
         times_s = self._posed_s if posed else self.time_s
         most = max(int(np.count_nonzero(self.covered(one, posed=posed))) for one in offsets_s)
-        remedy = "Check that they are from the same flight, or give --clock-offset"
+        remedy = "Check that track and pulses are from one flight, or give --clock-offset"
         if not most:
             raise self._no_overlap(times_s, remedy)
         if most < max(_LEAST_PULSES, _LEAST_SHARE * len(times_s)):
             raise UsageError(
-                f"the track covers {most} of {len(times_s)} pulses, whatever the clock "
-                "offset: too few to find it",
+                f"the track covers at most {most} of {len(times_s)} pulses at any clock "
+                "offset, too few to find the offset",
                 remedy=remedy,
             )
         self._least_covered = math.ceil((1.0 - _MOST_LOST) * most)

@@ -35,8 +35,8 @@ def read_track(path: Path) -> VehicleTrack:
     else:
         raise FormatError(
             f"{path} is not a known kind of track",
-            remedy="If it is a log of the autopilot, it is damaged: copy it again. Known are "
-            ".ulg of PX4, .BIN and .tlog of ArduPilot, NMEA, GPX, and the "
+            remedy="If it is a log of the autopilot, it is damaged: copy it again. "
+            "Supported are .ulg of PX4, .BIN and .tlog of ArduPilot, NMEA, GPX, and the "
             "telemetry.csv of uavrt simulate",
         )
     if not track.attitudes or not track.positions:

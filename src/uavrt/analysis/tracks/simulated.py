@@ -37,7 +37,7 @@ def read_simulated(path: Path) -> VehicleTrack:
                 path,
                 number,
                 error,
-                "The columns are those of telemetry.csv, docs/reference/scenario.md",
+                "Use the columns of telemetry.csv, see docs/reference/scenario.md",
             ) from None
         turns += [] if turned is None else [turned]
         if place is not None:

@@ -107,7 +107,7 @@ def read_tlog(path: Path) -> VehicleTrack:
         log.add(frame, stamp_us)
         empty = False
     if empty:
-        raise FormatError(f"{path} contains no MAVLink frame", remedy="Give a .tlog")
+        raise FormatError(f"{path} contains no MAVLink frame", remedy="Give a .tlog file")
     offset_ns = log.gps_offset_ns or log.ground_offset_ns or 0
     attitudes = log.attitudes["quaternion"] or log.attitudes["euler"]
     track = VehicleTrack(

@@ -127,7 +127,7 @@ def integrate_flight(
     if len(flight.poses) < 2:
         raise RecordingError(
             f"{flight.info.directory} has no poses",
-            remedy="Name its samples and an autopilot's log or GPS track instead of it: uavrt "
+            remedy="Name its samples together with an autopilot's log or a GPS track: uavrt "
             "integrate --recording FILE --track FILE --tags FILE",
         )
     poses = PoseColumns.of(antenna_poses(flight))
@@ -140,9 +140,9 @@ def integrate_flight(
     plan = front_end.plan
     if len(plan.channels_in_use) > _MOST_CHANNELS:
         raise ConfigError(
-            f"these tags need {len(plan.channels_in_use)} channels, more than the "
-            f"{_MOST_CHANNELS} kept in memory at once",
-            remedy="Name fewer tags with --tag, and run it again for the others",
+            f"these tags need {len(plan.channels_in_use)} channels, but at most "
+            f"{_MOST_CHANNELS} are held in memory at once",
+            remedy="Name fewer tags with --tag, and repeat the command for the remaining tags",
         )
     faults: list[str] = []
     channels = channel_samples(source, front_end, how.on_progress, faults.append)
@@ -153,8 +153,8 @@ def integrate_flight(
         seconds = len(samples) / plan.channel_rate_hz
         if seconds < MODEL.least_pulses * tag.pulse_intervals_s[0]:
             raise RecordingError(
-                f"the recording holds {seconds:.0f} s, "
-                f"less than {MODEL.least_pulses} intervals of tag {tag.tag_id}",
+                f"the recording is {seconds:.0f} s long, shorter than "
+                f"{MODEL.least_pulses} pulse intervals of tag {tag.tag_id}",
                 remedy="Use uavrt detect for short recordings",
             )
         if not samples.any():

@@ -83,7 +83,7 @@ def common_tags(flights: Sequence[Flight], listed: Sequence[Tag] | None = None) 
         if before.info.start_time_ns == after.info.start_time_ns:
             raise UsageError(
                 f"{before.info.directory} and {after.info.directory} are the same flight",
-                remedy="Name each flight once: its noise would count twice",
+                remedy="Name each flight once; otherwise its noise counts twice",
             )
     if listed is not None:
         return list(listed)
@@ -91,7 +91,7 @@ def common_tags(flights: Sequence[Flight], listed: Sequence[Tag] | None = None) 
     ids = sorted(set(own[0]).intersection(*own[1:]))
     if not ids:
         raise UsageError(
-            "these flights list no tag in common", remedy="Name the tag file with --tags"
+            "no tag is listed in all of these flights", remedy="Name the tag file with --tags"
         )
     for tag_id in ids:
         first = own[0][tag_id]
@@ -271,7 +271,8 @@ def _common_places(
         raise UsageError(
             f"{farthest} lies {away_m.max() / 1000:.1f} km from the middle of all flights: too "
             f"far for one position (at most {MOST_APART_M / 1000:g} km)",
-            remedy="Combine near flights only, or give --moves: one position for each flight",
+            remedy="Combine only flights near each other, or give --moves for one "
+            "position per flight",
         )
     found = []
     for flight, one in zip(flights, judged, strict=True):

@@ -67,7 +67,8 @@ def doctor(
         )
     if flight and autopilot:
         raise UsageError(
-            "--flight and --autopilot are different checklists", remedy="Give only one of them"
+            "--flight and --autopilot select different checklists",
+            remedy="Give only one of them",
         )
     configure_logging("doctor", level=logging.ERROR)  # the findings say it in words
     running = running_status(status_socket_path(settings))

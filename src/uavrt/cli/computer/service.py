@@ -100,7 +100,7 @@ def _usual_user() -> str:
     if user == "root":
         raise UsageError(
             "the service would run as root",
-            remedy=f"Give --user NAME, or make the user {SERVICE_USER} for it: "
+            remedy=f"Give --user NAME, or create the user {SERVICE_USER} for it: "
             f"sudo useradd --system {SERVICE_USER}",
         )
     return user

@@ -93,7 +93,9 @@ def update(
             )
             sys.exit(0 if done else 1)
         if file is None:
-            raise UsageError("the update file is missing", remedy="uavrt update FILE.tar")
+            raise UsageError(
+                "the update file is missing", remedy="Name the file: uavrt update FILE.tar"
+            )
         found = updating.check(file, place, downgrade=downgrade)
         needs = _require_still(settings, bench=bench)
         _print(f"{file.name} holds {found.version}, and is signed")

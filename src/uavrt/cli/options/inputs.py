@@ -40,7 +40,8 @@ def chosen_tags(known: Sequence[Tag], ids: Sequence[int]) -> list[Tag]:
     if known and missing:
         listed = ", ".join(str(one.tag_id) for one in known)
         raise ConfigError(
-            f"there is no tag {missing[0]}", remedy=f"Choose from {listed}, or name --tags"
+            f"the tag list contains no tag {missing[0]}",
+            remedy=f"Choose from {listed}, or name another tag file with --tags",
         )
     if not known:
         raise ConfigError(

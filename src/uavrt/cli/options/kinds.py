@@ -31,7 +31,7 @@ class Between:
                 and (self.most is None or one <= self.most)
                 and (self.above is None or one > self.above)
             ):
-                raise ValueError(f"It must be {self}.")
+                raise ValueError(f"The value must be {self}.")
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""

@@ -195,12 +195,12 @@ def _check_used(
         refuse(of_plan, "{} applies to a plan; a flight has its own value")
         refuse(of_one_tag, "{} describes a tag without a list; a flight has its own list")
         if prior is not None and area is None:
-            raise ConfigError("--prior needs an area", remedy="Name it with --area")
+            raise ConfigError("--prior needs an area", remedy="Name the area with --area")
         return
     if prior is not None:
         raise ConfigError(
             "--prior applies to a flight without a detection of the tag, not to a plan or area",
-            remedy="Leave it out, or name the flight's directory",
+            remedy="Leave --prior out, or name the flight's directory",
         )
     if tags is not None:
         refuse(of_one_tag, "{} describes a tag without a list; --tags has its own values")

@@ -155,7 +155,7 @@ def _whole_flight_db(tag: "Tag", antenna: str, pulses: int) -> tuple[float, floa
 
     if pulses < MODEL.least_pulses:
         raise ConfigError(
-            f"{pulses} pulses are too few for a whole flight",
+            f"{pulses} pulses are too few for a whole-flight search",
             remedy=f"Give --flight-pulses {MODEL.least_pulses} or more",
         )
     pattern = pattern_named(antenna_named(antenna))

@@ -124,12 +124,12 @@ def integrate(
 
     if others and recording is not None:
         raise ConfigError(
-            "--recording holds the samples of one flight",
-            remedy="Leave it out: each flight's own samples are used",
+            "--recording gives the samples of one flight, but several flights are named",
+            remedy="Leave --recording out; the samples of each flight are then used",
         )
     if moves and not others:
         raise ConfigError(
-            "--moves needs several flights", remedy="Name further flights, or leave it out"
+            "--moves needs several flights", remedy="Name further flights, or leave --moves out"
         )
     listed = read_tag_source(tags).tags if tags else None
     warn_of_near_codes(listed or (), frequency_window)
@@ -189,13 +189,13 @@ def _flights(
     if first is None:
         raise ConfigError(
             "no flight was given",
-            remedy="Name its directory; or a recording of another program with --recording, "
-            "--track and --tags",
+            remedy="Name the directory of a flight, or a recording of another program "
+            "with --recording, --track and --tags",
         )
     if clock_offset is not None or yaw_offset:
         raise ConfigError(
             "--clock-offset and --yaw-offset need --track",
-            remedy="Leave them out: a flight has its own",
+            remedy="Leave them out, or name the track with --track",
         )
     for one in (first, *others):
         if one.is_file():
@@ -377,7 +377,8 @@ def _check_unused_options(opened: dict[str, Any]) -> None:
     for name, option in options.items():
         if opened[name] is not None:
             raise ConfigError(
-                f"{option} applies to --recording; a flight's channels contain their own",
+                f"{option} applies only to --recording; the channels recorded in a "
+                "flight contain this value",
                 remedy=f"Leave {option} out, or name the recording",
             )
 
@@ -453,7 +454,7 @@ def _band_recording(flight: Path, wanted: "list[Tag]") -> Path | None:
     if len(found) != 1:
         what = "no samples" if not found else f"{len(found)} recordings"
         raise ConfigError(
-            f"{flight} holds {what}",
+            f"{flight} contains {what}",
             remedy="Name the samples with --recording, or fetch them: uavrt fetch --samples",
         )
     return found[0]

@@ -52,11 +52,14 @@ def report(
     """
     if output is not None and output.suffix in (".pdf", ".html") and not output.is_dir():
         raise UsageError(
-            f"{output} is named as a file; a report is written into a directory",
+            f"{output} looks like a file name, but a report is written into a directory",
             remedy=f"Give the directory: -o {output.parent}",
         )
     if not html and not pdf:
-        raise UsageError("there is nothing to write", remedy="Leave out --no-html or --no-pdf")
+        raise UsageError(
+            "--no-html and --no-pdf together leave nothing to write",
+            remedy="Leave one of them out",
+        )
     require_content([flight])
     from uavrt.analysis.inputs.map_files import maps_in
     from uavrt.analysis.report.document import pdf_document
@@ -128,6 +131,6 @@ def _named_map(path: Path) -> "MapFile":
     if found.tiles not in RASTERS:
         raise FormatError(
             f"{path} is a vector map; a report needs a raster map",
-            remedy="Make a raster map: QGIS, Generate XYZ tiles (MBTiles)",
+            remedy="Make a raster map with QGIS: Generate XYZ tiles (MBTiles)",
         )
     return found

@@ -129,7 +129,8 @@ def _numbers(text: str) -> list[int]:
         return [int(part) for part in text.replace(",", " ").split()]
     except ValueError:
         raise ConfigError(
-            f"--channels {text!r} are not numbers", remedy="Write them as 1,-46,100"
+            f"--channels {text!r} is not a list of channel numbers",
+            remedy="Give numbers separated by commas, such as 1,-46,100",
         ) from None
 
 

@@ -310,7 +310,7 @@ def open_source(recording: str, options: dict[str, Any]) -> SampleSource:
         return open_recording(Path(recording), **options)
     if sys.stdin is None or sys.stdin.isatty():
         raise ConfigError(
-            "standard input is the keyboard, not samples",
+            "standard input is the keyboard, but samples are expected",
             remedy="Pipe a radio's program into it: airspy_rx … -r - | uavrt detect - …",
         )
     return open_stream(sys.stdin.fileno(), **options)
@@ -322,7 +322,8 @@ def _pulse_output(name: str, *, bursts: bool) -> Iterator[Write]:
     if Path(name).suffix.lower() in (".xls", ".xlsx", ".ods"):
         raise ConfigError(
             f"{name}: uavrt does not write spreadsheet files",
-            remedy="Write .csv, which every spreadsheet opens",
+            remedy="Choose a name that ends in .csv; every spreadsheet program opens "
+            "such a file",
         )
     with _naming_faults(name), ExitStack() as stack:
         stream = sys.stdout

@@ -32,7 +32,7 @@ tags = App(
     name="tags", help="Check and convert tag files (TagInfo.txt, tags.toml); measure tags."
 )
 
-IN_HERTZ = "Give --center-frequency in hertz, 148.7e6"
+IN_HERTZ = "Give --center-frequency in hertz, such as 148.7e6"
 
 
 @tags.command(help_epilogue=examples("tags check"))
@@ -366,7 +366,9 @@ def _check_center(center_frequency_hz: float | None) -> None:
         MIN_FREQUENCY_HZ <= center_frequency_hz <= MAX_FREQUENCY_HZ
     ):
         raise ConfigError(
-            f"no tag transmits near {center_frequency_hz:.10g} Hz", remedy=IN_HERTZ
+            f"the center frequency {center_frequency_hz:.10g} Hz is outside the range of "
+            "radio tags",
+            remedy=IN_HERTZ,
         )
 
 

@@ -152,8 +152,8 @@ def fly(
     """
     if yes and command_key is not None:
         raise ConfigError(
-            "a real drone moves only when a person confirms",
-            remedy="Leave --yes out; it is for the simulator, which needs no key",
+            "--yes cannot be used with a key: a person must confirm the motion of a real drone",
+            remedy="Leave --yes out; it is meant for the simulator, which needs no key",
         )
     keys = read_link_keys(command_key, signing_key, component_id)
     if action == "fence":
@@ -191,7 +191,7 @@ def _height(action: str, numbers: tuple[float, ...], height: float | None) -> fl
     if action != "takeoff":
         return height
     if len(numbers) != 1 or height is not None:
-        raise ConfigError("takeoff needs one height", remedy="uavrt fly takeoff HEIGHT")
+        raise ConfigError("takeoff needs one height", remedy="Run: uavrt fly takeoff HEIGHT")
     return numbers[0]
 
 
@@ -201,22 +201,26 @@ def _places(action: str, numbers: tuple[float, ...], area: Path | None) -> Place
         if not abs(north) <= 90.0:
             raise ConfigError(
                 f"{north:g} is not a latitude",
-                remedy="Give one from -90 to 90, then the longitude",
+                remedy="Give a latitude from -90 to 90, then the longitude",
             )
         if not abs(east) <= 180.0:
             raise ConfigError(
-                f"{east:g} is not a longitude", remedy="Give one from -180 to 180"
+                f"{east:g} is not a longitude", remedy="Give a longitude from -180 to 180"
             )
     if action == "goto" and not place:
-        raise ConfigError("goto needs a position", remedy="uavrt fly goto LATITUDE LONGITUDE")
+        raise ConfigError(
+            "goto needs a position", remedy="Run: uavrt fly goto LATITUDE LONGITUDE"
+        )
     if numbers and action not in ("goto", "takeoff"):
         raise ConfigError(
-            f"{action} takes no numbers", remedy="Only goto and takeoff do: `uavrt fly --help`"
+            f"{action} accepts no numbers",
+            remedy="Give numbers only to goto and takeoff; see `uavrt fly --help`",
         )
     if action != "search" and (area is not None) != (action == "survey"):
         raise ConfigError(
-            f"{action} {'needs' if action == 'survey' else 'takes no'} area",
-            remedy="uavrt fly survey --area FILE.geojson, FILE.kml or FILE.plan",
+            f"{action} {'needs an' if action == 'survey' else 'accepts no'} area",
+            remedy="An area is for a survey: uavrt fly survey --area FILE.geojson "
+            "(or .kml, .plan)",
         )
     if area is not None:
         return area_in(_text_of(area), str(area))
@@ -239,7 +243,8 @@ def _numbers(text: str | None) -> tuple[int, ...]:
         return () if text is None else tuple(map(int, text.replace(",", " ").split()))
     except ValueError:
         raise ConfigError(
-            f"{text!r} is not a list of tag numbers", remedy="Give them like 2,4"
+            f"{text!r} is not a list of tag numbers",
+            remedy="Give numbers separated by commas, such as 2,4",
         ) from None
 
 
@@ -248,7 +253,8 @@ def _check_search(action: str, request: MotionRequest) -> None:
     if action != "search":
         if request.tags or request.radius_m is not None:
             raise ConfigError(
-                f"{action} takes no tags and no radius", remedy="uavrt fly search --radius 300"
+                f"{action} accepts neither tags nor a radius",
+                remedy="Give them only to a search: uavrt fly search --radius 300",
             )
     elif bool(request.places) == (request.radius_m is not None):
         raise ConfigError(
@@ -261,7 +267,8 @@ def _survey(request: MotionRequest | None, use: str) -> Order:
     """Return the command for the requested survey; raises `ConfigError` for other motions."""
     if request is None or request.action != "survey":
         raise ConfigError(
-            f"only a survey is {use}", remedy="uavrt fly survey --area FILE --height 60"
+            f"only a survey can be {use}",
+            remedy="Run: uavrt fly survey --area FILE --height 60",
         )
     return Order.of(request)
 
@@ -269,12 +276,13 @@ def _survey(request: MotionRequest | None, use: str) -> Order:
 def _check_plan_name(path: Path | None, what: str) -> None:
     if path is not None and path.suffix != ".plan":
         raise ConfigError(
-            f"only a {what} is saved, as a .plan", remedy=f"uavrt fly {what} --save FILE.plan"
+            f"a {what} can be saved only as a .plan file",
+            remedy=f"Run: uavrt fly {what} --save FILE.plan",
         )
 
 
 def _save(path: Path, request: MotionRequest | None) -> None:
-    order = _survey(request, "saved, as a .plan")
+    order = _survey(request, "saved as a .plan file")
     _check_plan_name(path, "survey")
     _write(path, survey_file(order, SPEED_M_S))
     print(f"{path}: open it in QGroundControl, upload it, and start it when the drone hovers")
@@ -414,7 +422,7 @@ class _Terminal:
         state = await within(SESSION_WAIT_S, self._states.get())
         if state is None:
             raise LinkError(
-                "the drone does not report motion",
+                "the drone does not report the state of its motion",
                 remedy="Set guidance.enabled = true in its uavrt.toml",
             )
         self._show(state)
@@ -425,7 +433,7 @@ class _Terminal:
             return True
         if not sys.stdin.isatty():
             raise ConfigError(
-                "the order cannot be confirmed: no terminal",
+                "the order cannot be confirmed, because standard input is not a terminal",
                 remedy='Run the command in a terminal, and type "fly" there',
             )
         prompt = (

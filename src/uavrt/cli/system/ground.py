@@ -139,7 +139,7 @@ def ground(
         )
     if set_up is not None and not set_up.is_file():
         raise ConfigError(
-            f"the settings file {set_up} to set up does not exist",
+            f"the settings file {set_up}, given with --set-up, does not exist",
             remedy="Give the drone side's uavrt.toml; deploy/install.sh writes one",
         )
     keys = read_link_keys(command_key, signing_key, component_id, as_gcs=as_gcs)
@@ -327,6 +327,6 @@ def _refuse_unused(**given: bool) -> None:
     unused = [f"--{name.replace('_', '-')}" for name, is_given in given.items() if is_given]
     if unused:
         raise ConfigError(
-            f"only a page can use {', '.join(unused)}",
+            f"{', '.join(unused)} cannot be used without the page",
             remedy="Add --page, or leave out --headless, --tags, --start and --json",
         )

@@ -106,7 +106,7 @@ def without_autopilot(settings: Settings) -> Settings:
         raise ConfigError(
             f'pose.source = "{settings.pose.source}" and mavlink.address '
             f"{settings.mavlink.address} both set the pose",
-            remedy="Leave mavlink.address out; a radio to the ground goes to "
+            remedy="Leave mavlink.address out; list a radio link to the ground in "
             "mavlink.direct_links",
         )
     return replace(settings, mavlink=replace(settings.mavlink, address=""))

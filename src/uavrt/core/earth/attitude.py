@@ -22,7 +22,7 @@ def normalised(q: Quaternion) -> Quaternion:
     """
     length = math.hypot(*q)
     if not (1e-6 < length < math.inf):
-        raise ValueError(f"the quaternion {q} is not an attitude")
+        raise ValueError(f"the quaternion {q} is not a valid attitude")
     return (q[0] / length, q[1] / length, q[2] / length, q[3] / length)
 
 

@@ -126,7 +126,9 @@ def geodetic_of_epsg(epsg: int, easting_m: float, northing_m: float) -> tuple[fl
     else:
         raise ValueError(f"EPSG:{epsg} is not supported: use UTM on WGS84 or EPSG:4326")
     if not (abs(lat) <= 90.0 and abs(lon) <= 360.0):
-        raise ValueError(f"{easting_m}, {northing_m} is not a position on earth")
+        raise ValueError(
+            f"easting {easting_m}, northing {northing_m} is not a position on earth"
+        )
     return lat, math.remainder(lon, 360.0)
 
 

@@ -178,7 +178,7 @@ def check_plan(plan: ServicePlan, root: Path = Path("/")) -> None:
             raise UsageError(
                 f"{path} is in a directory that the service cannot access and that is emptied "
                 "at boot",
-                remedy="Use one in /var/lib, /opt or /home",
+                remedy="Use a path in /var/lib, /opt or /home",
             )
 
 

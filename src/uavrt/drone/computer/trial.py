@@ -160,12 +160,12 @@ def require_still(seen: Seen, needs: Needs, now_s: float, *, bench: bool) -> Nee
         )
     if needs.heartbeat and seen.armed is None:
         raise UsageError(
-            "no autopilot answers, so it may be armed: nothing was changed",
-            remedy="Switch it on, or give --bench if the drone is on a bench",
+            "no autopilot answers, so the vehicle may be armed: nothing was changed",
+            remedy="Switch the autopilot on, or give --bench if the drone is on a bench",
         )
     if needs.poses and seen.status_s is not None and "poses" in seen.missing(needs, now_s):
         raise UsageError(
             "no poses arrive, so the new version cannot be tested: nothing was changed",
-            remedy="Take the drone under the open sky, or give --bench",
+            remedy="Take the drone outdoors, or give --bench",
         )
     return needs

@@ -77,8 +77,9 @@ def _require_room(place: Installation, present: Path) -> None:
     )
     if free_mb < needed_mb:
         raise UsageError(
-            f"{free_mb:.0f} MB are free at {place.prefix}, an update needs {needed_mb:.0f}",
-            remedy="Free some space: fetch the flights and remove some",
+            f"an update needs {needed_mb:.0f} MB, but only {free_mb:.0f} MB are free at "
+            f"{place.prefix}",
+            remedy="Free disk space: fetch flights, then delete them on the drone",
         )
 
 
@@ -142,7 +143,7 @@ def _require_libraries(made: Path, update: Update) -> None:
     if lacks:
         raise UsageError(
             f"{update.version} needs other libraries: {lacks[0]}",
-            remedy="Use the .tar, which contains them (deploy/make-update.py)",
+            remedy="Use the .tar update, which contains them; deploy/make-update.py builds it",
         )
 
 
@@ -158,7 +159,8 @@ def _run(command: Sequence[str], update: Update) -> None:
         python = f"{sys.version_info.major}.{sys.version_info.minor}"
         raise UsageError(
             f"{update.version} cannot be installed here: {errors[0]}",
-            remedy=f"Make one for Python {python} on {os.uname().machine}, with all libraries "
+            remedy=f"Make an update for Python {python} on {os.uname().machine}, with "
+            "all libraries "
             "(deploy/make-update.py)",
         )
 
@@ -184,7 +186,7 @@ def rehearse(made: Path, version: str, *, config: Path) -> None:
         ).splitlines()
         raise UsageError(
             f"{version} does not start here: {said[-1]}",
-            remedy="The previous version stays in use; check uavrt.toml, or report this",
+            remedy="Check uavrt.toml, or report this error; the previous version stays in use",
         )
 
 

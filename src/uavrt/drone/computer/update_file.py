@@ -157,13 +157,13 @@ def _wheel_version(content: bytes, path: Path) -> str:
             metadata = BytesHeaderParser().parsebytes(archive.read(entry))
     except KeyError:
         text = f"{path} does not contain uavrt {named}, contrary to its name"
-        raise FormatError(text, remedy="Give the file the name that it was made with") from None
+        raise FormatError(text, remedy="Restore the original file name") from None
     except (ValueError, RuntimeError, OSError, EOFError, *ZIP_FAULTS) as error:
         raise FormatError(f"{path} is not a wheel: {error}", remedy=COPY_AGAIN) from error
     if (metadata["Name"], metadata["Version"]) != ("uavrt", named):
         raise FormatError(
             f"{path} holds {metadata['Name']} {metadata['Version']}, not uavrt {named}",
-            remedy="Give the file the name that it was made with",
+            remedy="Restore the original file name",
         )
     return named
 
@@ -211,7 +211,9 @@ def _check_headers(path: Path) -> None:
             kind = block[156:157]
             plain = kind in (b"0", b"\0")
             if not 0 <= size <= (there if plain else MOST_MANIFEST_BYTES):
-                raise ValueError(f"a header declares {size:,} bytes in a file of {there:,}")
+                raise ValueError(
+                    f"a file header declares {size:,} bytes, but the archive has only {there:,}"
+                )
             more = file.read(size) if kind in (b"x", b"X") else b""
             if kind in (b"S", b"g") or b" size=" in more or b" GNU.sparse" in more:
                 raise ValueError("the tar format is not supported")
@@ -249,7 +251,7 @@ def _manifest(text: bytes, path: Path) -> Manifest:
         text_ = f"{path}: {MANIFEST} lists files that are not wheels"
         raise FormatError(text_, remedy=_MAKER)
     if manifest.keys is not None and not split_keys(manifest.keys):
-        raise FormatError(f"{path}: its new keys are invalid", remedy=_MAKER)
+        raise FormatError(f"{path} contains invalid new keys", remedy=_MAKER)
     version_key(manifest.version)
     return manifest
 
@@ -275,7 +277,7 @@ def require_signed(content: bytes, signature: bytes, keys: Path, path: Path) -> 
                 if _signed_by(place):
                     return
     raise UsageError(
-        f"{path} is not signed with a key accepted here, or was changed since",
+        f"{path} is not signed with an accepted key, or was changed after it was signed",
         remedy=f"{COPY_AGAIN}; the accepted keys are in {keys}",
     )
 

@@ -76,11 +76,13 @@ class Installation:
         """Raise `UsageError` unless versions can be exchanged here."""
         if not self.link.is_symlink():
             raise UsageError(
-                f"{self.link} is not a link to a version",
-                remedy="Install it once with deploy/install.sh of this version, then update",
+                f"{self.link} is not a symbolic link to an installed version",
+                remedy="Install uavrt once with deploy/install.sh of this version, then update",
             )
         if not os.access(self.prefix, os.W_OK):
-            raise UsageError(f"{self.prefix} cannot be written", remedy="Run it with sudo")
+            raise UsageError(
+                f"{self.prefix} cannot be written", remedy="Run the command with sudo"
+            )
 
     def point(self, link: Path, version: Path) -> None:
         """Set a link to a version, atomically and durably."""

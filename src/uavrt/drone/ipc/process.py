@@ -135,7 +135,7 @@ class ProcessFrame:
     ) -> None:
         """Send the queued records; end without an error if the supervisor has ended."""
         if isinstance(error, SupervisorGone):
-            get_logger().warning("supervisor has ended: this process ends too")
+            get_logger().warning("process stopped because the supervisor has ended")
             sys.exit(1)
         with suppress(SupervisorGone):
             self.link.flush(timeout_s=2.0 if kind is None else 0.1)

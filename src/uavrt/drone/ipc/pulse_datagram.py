@@ -72,7 +72,8 @@ class PulseRecord:
         """
         if len(payload) != RECORD.size:
             raise FormatError(
-                f"a pulse record has {RECORD.size} bytes, this one {len(payload)}",
+                f"a pulse record must have {RECORD.size} bytes, but this one has "
+                f"{len(payload)}",
                 remedy="Check that the sender is a detector",
             )
         return cls(**dict(zip(cls.__slots__, RECORD.unpack(payload), strict=True)))

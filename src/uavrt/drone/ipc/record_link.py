@@ -121,7 +121,7 @@ class RecordSocket:
                 raise SupervisorGone
         topic, record = self._received.popleft()
         if not isinstance(record, Assignment):
-            raise TypeError(f"the first record is {topic}, not an assignment")
+            raise TypeError(f"the first record received is {topic}, not an assignment")
         return record
 
     def _read_all(self) -> None:

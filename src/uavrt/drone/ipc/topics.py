@@ -177,8 +177,8 @@ def decode_record(line: bytes) -> tuple[str, Any]:
     topic = name.decode("ascii", "replace")
     decoder = _decoders.get(topic)
     if not separator or decoder is None:
-        raise ValueError(f"not a record: {line[:80]!r}")
+        raise ValueError(f"the line is not a record: {line[:80]!r}")
     try:
         return topic, decoder.decode(body)
     except msgspec.MsgspecError as error:
-        raise ValueError(f"not a {topic} record: {error}") from error
+        raise ValueError(f"the line is not a record of topic {topic}: {error}") from error

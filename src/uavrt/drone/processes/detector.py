@@ -167,7 +167,9 @@ class DetectorBank:
     def _leave_out(self, tag: Tag, error: Exception) -> None:
         self.left_out[tag.tag_id] = tag
         name = f"{tag.tag_id} {tag.name}" if tag.name else f"{tag.tag_id}"
-        log.error("tag no longer searched: its detector failed", tag=name, reason=str(error))
+        log.error(
+            "tag no longer searched for: its detector failed", tag=name, reason=str(error)
+        )
 
     def _finite(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
         """Replace non-finite samples by zeros, which do not corrupt the noise estimate."""

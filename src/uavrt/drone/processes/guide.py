@@ -232,7 +232,7 @@ def _attempt(make: Callable[[], Found]) -> Found | str:
     except UavrtError as error:
         return str(error)
     except Exception as error:
-        log.exception("an order cannot be planned and is refused")
+        log.exception("planning a motion order failed; the order is refused")
         return f"the order cannot be planned: {type(error).__name__}: {error}"
 
 
@@ -460,7 +460,7 @@ class Guide:
         self._frame.send("course", course)
 
     def _end(self, order_id: int, reason: str) -> None:
-        log.info("order ended", order=order_id, reason=reason)
+        log.info("motion order ended", order=order_id, reason=reason)
         self._frame.send(
             "vehicle_request", VehicleRequest(order_id=order_id, ends=True, status_text=reason)
         )

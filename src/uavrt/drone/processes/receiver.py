@@ -158,7 +158,10 @@ class Receiver:
             log.error("channels are not sent by UDP; detection goes on", reason=str(error))
             return None
         if output.left_out:
-            log.warning("tags beyond 100 channels not sent by UDP", count=output.left_out)
+            log.warning(
+                "more than 100 channels have tags: the remaining tags are not sent by UDP",
+                count=output.left_out,
+            )
         return output
 
     def process(self, block: IQBlock) -> None:
@@ -200,7 +203,7 @@ class Receiver:
         for beep in self._beeps.take_found():
             self._frame.send("beep", beep)
             if keep_beep(self._beeping, beep) and beep.odd:
-                log.info("unlisted signal", what=str(beep))
+                log.info("unlisted signal found", what=str(beep))
                 if beep.tag_ids and beep.kind is not BeepKind.IMAGE:
                     self._notify(5, beep.meaning)
         if self._beeps.failed and not self._beeps_failed:
@@ -334,7 +337,7 @@ def run(kind: Callable[[ProcessFrame, FlightInfo], Receiver]) -> None:
                     receiver.restart_filters()
                     reason = str(error) or "the stream ended"
                     if reason != last_reason or delay_s == 0.0:
-                        log.warning("radio absent", reason=reason)
+                        log.warning("radio unavailable", reason=reason)
                     last_reason = reason
                     wait(frame, receiver, delay_s, reason)
         finally:

@@ -54,7 +54,7 @@ def join(frame: ProcessFrame) -> "Participant | None":
         except (ConfigError, LinkError) as error:
             reason = f"off: {error}"
         if reason != reason_sent:
-            log.warning("ROS 2 gateway off", reason=reason)
+            log.warning("ROS 2 gateway disabled", reason=reason)
         reason_sent = reason
         wait(frame, reason, RETRY_S)
     return None
@@ -89,7 +89,7 @@ def serve(frame: ProcessFrame, participant: "Participant") -> None:
             "ros2_faults": participant.faults,
         }
 
-    log.info("ROS 2 nodes are up", domain=participant.domain_id)
+    log.info("ROS 2 nodes started", domain=participant.domain_id)
     while frame.running:
         # Not woken by each record: with a hundred tags that would double the cost.
         time.sleep(TICK_S)

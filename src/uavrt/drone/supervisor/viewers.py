@@ -49,7 +49,7 @@ class Viewers:
         self._lines.clear()
         for writer in list(self._writers):
             if writer.transport.get_write_buffer_size() > VIEWER_BUFFER_BYTES:
-                log.warning("viewer disconnected: reads too slowly")
+                log.warning("viewer disconnected because it reads too slowly")
                 self._writers.discard(writer)
                 writer.transport.abort()
             else:
@@ -69,11 +69,15 @@ class Viewers:
                 return await asyncio.start_unix_server(self._serve_one, path, limit=262144)
         except OSError as error:
             if error.errno in UNWRITABLE_CARD:
-                log.error("monitor unavailable: no status socket", reason=error.strerror)
+                log.error(
+                    "uavrt monitor is unavailable, because the status socket cannot be opened",
+                    reason=error.strerror,
+                )
                 return None
             raise ConfigError(
                 f"cannot open the status socket {path}: {error.strerror}",
-                remedy="Set status_socket to a path in a writable directory, below 100 bytes",
+                remedy="Set status_socket to a path of at most 99 bytes in a writable "
+                "directory",
             ) from error
 
     async def _serve_one(

@@ -73,7 +73,9 @@ def _field(name: str, hint: Any, *, defaulted: bool) -> RecordField:
     elif hint in _KINDS:
         kind = _KINDS[hint]
     elif get_origin(hint) is not Literal and not issubclass(hint, StrEnum):
-        raise TypeError(f"{name} is {hint}: no database column holds that")
+        raise TypeError(
+            f"the field {name} has the type {hint}, which no database column can hold"
+        )
     return RecordField(
         name=name, kind=kind, optional=optional, defaulted=defaulted, length=length
     )

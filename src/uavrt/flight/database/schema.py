@@ -220,7 +220,7 @@ def tag_from_row(row: Row) -> Tag:
         raise ValueError(f"tag {row[0]}: {error}") from error
     numbers = (tag.frequency_hz, tag.pulse_width_s, *(tag.pulse_intervals_s or (0.0,)))
     if not all(0.0 < one < math.inf for one in numbers):
-        raise ValueError(f"tag {row[0]}: a frequency, width or interval is not above 0")
+        raise ValueError(f"tag {row[0]}: a frequency, pulse width or interval is not above 0")
     tolerances = tag.interval_uncertainty_s, tag.interval_jitter_s, tag.false_alarm_probability
     if any(map(math.isnan, tolerances)):
         raise ValueError(f"tag {row[0]}: a tolerance is missing")

@@ -171,11 +171,11 @@ def read_detector_config(path: str | os.PathLike[str]) -> DetectorConfig:
         )
     except KeyError as error:
         raise FormatError(
-            f"{name} has no {error.args[0]}", remedy="Add it: detectorConfig.txt needs it"
+            f"{name} lacks the key {error.args[0]}", remedy="Add this key with its value"
         ) from None
     except (ValueError, OverflowError) as error:
         raise FormatError(
-            f"{name} is not a detectorConfig.txt: {error}", remedy="Correct that line"
+            f"{name} is not a detectorConfig.txt: {error}", remedy="Correct this line"
         ) from None
 
 
@@ -199,7 +199,7 @@ def _check(values: dict[str, str]) -> None:
     ):
         if float(values.get(key, "0")) >= part * float(values[shortest]):
             raise ValueError(
-                f"{key} is {values[key]}, but must be {least} {shortest}, {values[shortest]}"
+                f"{key} is {values[key]}, but must be {least} {shortest} ({values[shortest]})"
             )
 
 

@@ -202,7 +202,7 @@ def _from_line(heading: str, line: str) -> dict[str, Any]:
 
 def _from_cells(names: list[str], cells: list[str]) -> dict[str, Any]:
     if len(cells) != len(names):
-        raise ValueError(f"{len(cells)} columns instead of {len(names)}")
+        raise ValueError(f"the line has {len(cells)} columns instead of {len(names)}")
     record: dict[str, Any] = {}
     for name, cell in zip(names, cells, strict=True):
         several = cell and _KINDS.get(name) in ("wholes", "reals")

@@ -79,7 +79,7 @@ def parse_line(line: str, *, group_sequence: int = 0) -> PulsePose:
     while len(fields) > COLUMNS and not fields[-1]:
         fields.pop()  # what writes tables fills rows, or ends them, with separators
     if len(fields) != COLUMNS:
-        raise ValueError(f"{len(fields)} columns instead of {COLUMNS}")
+        raise ValueError(f"the line has {len(fields)} columns instead of {COLUMNS}")
     start_ns, end_ns = _time_ns(fields[2], fields[3]), _time_ns(fields[4], fields[5])
     if start_ns is None or end_ns is None:
         raise ValueError("the pulse has no time")

@@ -223,7 +223,7 @@ def _detection(row: dict[str, str]) -> PulsePose:
     start_ns = seconds_ns(row["ts"])
     tag_id = whole(row["id"])
     if tag_id < 1:
-        raise ValueError(f"id {tag_id} is not the number of a tag")
+        raise ValueError(f"the tag id {tag_id} is below 1")
     number = _reader(row)
     noise_db = number("noise")
     signal_db = number("sig")

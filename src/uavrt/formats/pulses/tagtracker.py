@@ -99,10 +99,10 @@ class _Layout:
     def offset_deg(self, cells: Sequence[str]) -> float:
         """Offset of the antenna [deg], in the last cell after the attitude; 0 if missing."""
         if len(cells) < self.least_columns:
-            raise ValueError(f"{len(cells)} columns, fewer than in other rows")
+            raise ValueError(f"the row has {len(cells)} columns, fewer than other rows")
         said = [cell for cell in cells[self.least_columns :] if not _is_padding(cell)]
         if len(said) > 1:
-            raise ValueError(f"{len(cells)} columns, more than in other rows")
+            raise ValueError(f"the row has {len(cells)} columns, more than other rows")
         return finite(said[0]) if said else 0.0
 
 
@@ -142,7 +142,7 @@ def read_tagtracker(path: str | os.PathLike[str]) -> PulseLog:
                 nothing += pulse is None
                 found += [] if pulse is None else [pulse]
             else:
-                raise ValueError(f"a row does not begin with {cells[0][:20]!r}")
+                raise ValueError(f"rows that begin with {cells[0][:20]!r} are unknown")
         except (ValueError, IndexError, OverflowError) as error:
             if number == len(lines) and found:
                 break  # cut off while it was written
@@ -228,7 +228,7 @@ def _layout(rows: Sequence[Sequence[str]], path: str | os.PathLike[str]) -> _Lay
     counts = sorted({len(cells) for cells in rows})
     raise FormatError(
         f"{os.fspath(path)}: pulse rows with {_listed(counts)} columns are not supported",
-        remedy="Files with 19 to 21 columns are read; see the reference of file formats",
+        remedy="Files with 19 to 21 columns are supported; see the reference of file formats",
     )
 
 
@@ -238,7 +238,9 @@ def _listed(counts: Sequence[int]) -> str:
 
 def _mark(cells: Sequence[str], before_pulse: int) -> RotationMark:
     if not all(_is_padding(cell) for cell in cells[4:]):
-        raise ValueError(f"{len(cells)} columns instead of a rotation mark's 4")
+        raise ValueError(
+            f"the row has {len(cells)} columns instead of the 4 of a rotation mark"
+        )
     return RotationMark(
         kind="start" if _MARKS[cells[0]] == "start" else "stop",
         latitude_deg=latitude(cells[1]),
@@ -273,7 +275,7 @@ def _pulse_7(cells: Sequence[str], layout: _Layout) -> PulsePose:
 
 def _pulse_20(cells: Sequence[str]) -> PulsePose | None:
     if len(cells) < 23 or not all(_is_padding(cell) for cell in cells[23:]):
-        raise ValueError(f"{len(cells)} columns instead of 23")
+        raise ValueError(f"the row has {len(cells)} columns instead of 23")
     if whole(cells[12]) == 3:
         return None
     start_ns = seconds_ns(cells[6])

@@ -64,7 +64,10 @@ def read_dataflash(path: Path) -> VehicleTrack:
         rows[name].append(row)
     offset_ns = _utc_of_boot_ns(rows["GPS"])
     if offset_ns is None:
-        raise FormatError(f"{path} has no GPS time", remedy="Log with GPS, or give a .tlog")
+        raise FormatError(
+            f"{path} has no GPS time",
+            remedy="Record the log with GPS reception, or give a .tlog file",
+        )
     fixes = [row for row in rows["GPS"] if row.get("Status", 0) >= 3 and "Lat" in row]
     places = [_position(row, offset_ns) for row in rows["POS"] or fixes]
     turns = [_attitude(row, offset_ns) for row in rows["ATT"]]

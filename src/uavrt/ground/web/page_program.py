@@ -54,7 +54,7 @@ class PageStation(Station):
         if settings.password and len(settings.password) < LEAST_PASSWORD:
             raise ConfigError(
                 f"the page's password is too short: it has {len(settings.password)} characters",
-                remedy=f"Set {LEAST_PASSWORD} random letters and digits or more in "
+                remedy=f"Set at least {LEAST_PASSWORD} random letters and digits in "
                 "UAVRT_GROUND_PASSWORD",
             )
         sock = listening_socket(settings)

@@ -172,7 +172,9 @@ class Authority:
         self.tick(now_s)
         order = self._order
         if order is None or order_id != order.offer.order_id:
-            raise CommandRefused(f"not in command: {self.reason or 'another order is flown'}")
+            raise CommandRefused(
+                f"this order is not being flown: {self.reason or 'another order is flown'}"
+            )
         first = order.motion is None and not stops
         order.check(manoeuvre, self.vehicle, now_s, first=first, stops=stops)
         command = self._writer.command(

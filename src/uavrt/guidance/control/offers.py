@@ -105,13 +105,13 @@ class Offers:
             raise CommandRefused(self._withdrawn[1], remedy=PILOT_FLIES)
         if offer is None or (offer.order_id, offer.nonce) != (order_id, nonce):
             raise CommandRefused(
-                "this order is not the proposed one",
+                "the confirmed order is not the proposed one",
                 remedy="Request the motion again, then confirm",
             )
         if now_s - offer.made_s > SAFETY.offer_holds_s:
             within = f"{SAFETY.offer_holds_s:.0f} s"
             raise CommandRefused(
-                f"the order was requested {now_s - offer.made_s:.0f} s ago",
+                f"the order has expired: it was requested {now_s - offer.made_s:.0f} s ago",
                 remedy=f"Request the motion again, then confirm within {within}",
             )
         return offer

@@ -118,7 +118,8 @@ class CommandWriter:
         self._check_height(above_m)
         if not abs(above_m - manoeuvre.height_m) <= 1.0:
             raise CommandRefused(
-                f"the take-off has two heights: {above_m:.0f} m and {manoeuvre.height_m:.0f} m"
+                f"the take-off command has two different heights: {above_m:.0f} m and "
+                f"{manoeuvre.height_m:.0f} m"
             )
         if self.behaviour.own_mode_first:
             return VehicleCommand(name="NAV_TAKEOFF", z_m=manoeuvre.height_m)

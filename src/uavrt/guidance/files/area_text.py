@@ -49,7 +49,7 @@ def area_in(text: str, name: str) -> tuple[Place, ...]:
         if len(outlines) != 1:
             raise ValueError(f"the file has {len(outlines)} outlines; give exactly one")
         if outlines[0].holes:
-            raise ValueError("the outline has holes")
+            raise ValueError("the outline has holes, which are not supported")
         return _checked(outlines[0].corners)
 
 
@@ -69,7 +69,9 @@ def keep_out_in(text: str, name: str, *, every: bool = False) -> tuple[KeepOut, 
             if one.keep_out or (every and one.mixed)
         )
         if len(found) > MOST_KEEP_OUT:
-            raise ValueError(f"the file has {len(found)} areas; the most is {MOST_KEEP_OUT}")
+            raise ValueError(
+                f"the file has {len(found)} areas; at most {MOST_KEEP_OUT} are allowed"
+            )
         if every and not found:
             raise ValueError("the file has no area")
         return found
@@ -127,7 +129,9 @@ def _checked(corners: list[tuple[float, float]], least: int = 3) -> tuple[Place,
         places = places[:-1]
     check_places(places)
     if len(places) > MOST_CORNERS:
-        raise ValueError(f"an outline has {len(places)} corners; the most is {MOST_CORNERS}")
+        raise ValueError(
+            f"an outline has {len(places)} corners; at most {MOST_CORNERS} are allowed"
+        )
     if len(places) < least:
         raise ValueError(f"an outline needs three corners or more, got {len(places)}")
     return places

@@ -137,7 +137,9 @@ def _check_keep_out(order: Order, places: Sequence[Place]) -> None:
     )
     reason = area.entered_area(np.asarray(east), np.asarray(north))
     if reason is not None:
-        raise PlanError(reason, remedy="Draw the area next to it, or in two parts")
+        raise PlanError(
+            reason, remedy="Draw the area outside the excluded area, or in two parts"
+        )
 
 
 def _check_with_home(
@@ -147,7 +149,7 @@ def _check_with_home(
     if farthest > limits.fence_m:
         raise PlanError(
             f"the survey leads {farthest:.0f} m from the vehicle's home",
-            remedy=f"Survey within {limits.fence_m:.0f} m of it, or give --farthest",
+            remedy=f"Survey within {limits.fence_m:.0f} m of home, or give a larger --farthest",
         )
     plane = TangentPlane(latitude_deg=home[0], longitude_deg=home[1])
     check_keep_out(order, limits, plane, (home, *places))
@@ -191,7 +193,9 @@ def _corners(first: MissionItem, rest: Iterator[MissionItem]) -> tuple[Place, ..
     """Return the corners of a fence polygon; every item contains their number."""
     count = first.params[0]
     if not (isfinite(count) and 3.0 <= count <= 1000.0):
-        raise FormatError(f"the vehicle's fence has {count:g} corners", remedy=_REMEDY)
+        raise FormatError(
+            f"the vehicle's fence has {count:g} corners instead of 3 to 1000", remedy=_REMEDY
+        )
     places = [_checked(first)]
     for _ in range(round(count) - 1):
         item = next(rest, None)
@@ -204,7 +208,9 @@ def _corners(first: MissionItem, rest: Iterator[MissionItem]) -> tuple[Place, ..
 def _radius(item: MissionItem) -> float:
     radius = item.params[0]
     if not (isfinite(radius) and 0.0 < radius < 1e6):
-        raise FormatError(f"the vehicle's fence has a radius of {radius:g} m", remedy=_REMEDY)
+        raise FormatError(
+            f"the vehicle's fence has an invalid radius of {radius:g} m", remedy=_REMEDY
+        )
     return radius
 
 
@@ -212,6 +218,7 @@ def _checked(item: MissionItem) -> Place:
     latitude, longitude = item.place
     if abs(latitude) > 90.0 or abs(longitude) > 180.0 or item.frame not in (0, 3, 5, 6):
         raise FormatError(
-            f"the vehicle's fence has a corner at {latitude:g}, {longitude:g}", remedy=_REMEDY
+            f"the vehicle's fence has an invalid corner at {latitude:g}, {longitude:g}",
+            remedy=_REMEDY,
         )
     return latitude, longitude

@@ -178,7 +178,8 @@ def _wanted(order: Order, listed: Sequence[Tag]) -> tuple[Tag, ...]:
     """
     if not listed:
         raise PlanError(
-            "the drone searches for no tag", remedy="Send the tags and start detection first"
+            "the drone is not searching for any tag",
+            remedy="Send the tags and start detection first",
         )
     known = {tag.tag_id: tag for tag in listed}
     unknown = sorted(set(order.tags) - set(known))

@@ -94,13 +94,13 @@ class SharedSearch:
             if off < SEPARATION.distance_m:
                 raise PlanError(
                     f"the path of vehicle {one.vehicle} is {off:.0f} m from this drone",
-                    remedy=f"Start {SEPARATION.distance_m:.0f} m from it or more",
+                    remedy=f"Start at least {SEPARATION.distance_m:.0f} m from it",
                 )
             apart = abs(course.altitude_amsl_m - amsl)
             if apart < SEPARATION.height_m - 0.5:
                 raise PlanError(
                     f"vehicle {one.vehicle} searches {apart:.0f} m above or below that height",
-                    remedy=f"Give heights {SEPARATION.height_m:.0f} m apart or more",
+                    remedy=f"Choose heights at least {SEPARATION.height_m:.0f} m apart",
                 )
 
     def begin(self, now_s: float) -> None:

@@ -186,6 +186,7 @@ class Gateway:
         for seconds, words in ((late_s, "in the future"), (before_s, "before the flight")):
             if seconds > CLOCK_ERROR_S:
                 raise FormatError(
-                    f"pulse of tag {pulse.tag_id} refused: {seconds:.0f} s {words}. Set the "
+                    f"pulse of tag {pulse.tag_id} refused: it lies {seconds:.0f} s "
+                    f"{words}. Set the "
                     "clocks of both computers, by NTP or GNSS"
                 )

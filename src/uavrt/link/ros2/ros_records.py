@@ -204,7 +204,7 @@ def tag_from_ros(message: RosTag | RosCodedTag) -> Tag:
         message = message.tag
         if not gaps or message.interpulse_time_2 != 0.0:
             raise FormatError(
-                f"coded tag {message.tag_id} refused: needs gaps and one interval"
+                f"coded tag {message.tag_id} refused: it needs gaps and exactly one interval"
             )
     entries: dict[Quantity, Entry] = {
         quantity: Entry(

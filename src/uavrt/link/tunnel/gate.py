@@ -103,7 +103,7 @@ class Gate:
         """Open a sealed payload: kind and content; None, and counted, if its seal is bad."""
         try:
             if self._keeper is None:
-                raise TunnelError("this drone has no key", payload)
+                raise TunnelError("this drone has no key: set mavlink.key_file", payload)
             opened = self._keeper.open(payload, sender, drone)
         except TunnelError as error:
             self.refused += 1
@@ -190,7 +190,9 @@ class Sealer:
         self._last = max(self._last, newest)
         if nonce:
             if now_s - self._nonces.pop(nonce, -inf) > ECHO_S:
-                raise TunnelError("a session returns an unknown or old nonce", payload)
+                raise TunnelError(
+                    "a session announcement contains an unknown or old nonce", payload
+                )
             self._session = session
             self._announced.pop(session, None)
         elif session != self._session:
@@ -241,7 +243,9 @@ class Sealer:
     @staticmethod
     def refuse_unproven(payload: bytes) -> NoReturn:
         """Raise `TunnelError` for an answer without proof to a sealed order."""
-        raise TunnelError("the answer to a sealed order is not authenticated", payload)
+        raise TunnelError(
+            "the answer to a sealed (authenticated) command is not authenticated", payload
+        )
 
     def _next_counter(self) -> int:
         self._last = max(self._last + 1, wall_ns() // 1000)
@@ -252,13 +256,12 @@ class Sealer:
             one.asked >= UNRETURNED_NONCES for one in self._announced.values()
         ):
             raise LinkError(
-                "the drone does not confirm its session, because its uavrt is older than "
-                "this one",
+                "the drone does not confirm its session; its uavrt may be older than this one",
                 remedy="Update the drone, or wait for a better radio link",
             )
         if self._session is None:
             raise LinkError(
-                "the drone has announced no session for sealed commands",
+                "the drone has announced no session for sealed (authenticated) commands",
                 remedy="Check that it has mavlink.key_file with the same key",
             )
         return seal(inside, kind, self._key, self._own, self._next_counter(), self._session)

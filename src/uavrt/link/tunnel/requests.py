@@ -43,7 +43,9 @@ class RequestCache:
         known = self._requests.get(key)
         if known is not None and now_s - known.asked_s <= KEPT_S:
             if known.payload != payload:
-                raise TunnelError("request_id reuse: another command had this id", payload)
+                raise TunnelError(
+                    "the request_id was already used for another command", payload
+                )
             return True if known.answer is None else known.answer
         self._requests[key] = _Request(payload, now_s)
         return False
@@ -68,7 +70,7 @@ class TagUpload:
         """Raise `TunnelError` if a tag belongs to another upload or has a wrong index."""
         if (message.upload_id, requester) != (self.upload_id, self.requester):
             raise TunnelError(
-                f"stale upload_id {message.upload_id}: {self.upload_id} is open",
+                f"upload_id {message.upload_id} is stale: upload {self.upload_id} is open",
                 message.encode(),
             )
         if message.tag_index >= self.tag_count:
@@ -82,22 +84,23 @@ class TagUpload:
         payload = message.encode()
         if (message.upload_id, requester) != (self.upload_id, self.requester):
             raise TunnelError(
-                f"stale upload_id {message.upload_id}: {self.upload_id} is open", payload
+                f"upload_id {message.upload_id} is stale: upload {self.upload_id} is open",
+                payload,
             )
         if message.tag_count != self.tag_count:
             raise TunnelError(
-                f"tag_count mismatch: {message.tag_count}, but {self.tag_count} at the start",
+                f"tag_count is {message.tag_count}, but START_TAGS announced {self.tag_count}",
                 payload,
             )
         missing = sorted(set(range(self.tag_count)) - self.indices)
         if missing:
             some = ",".join(map(str, missing[:20]))
-            raise TunnelError(f"incomplete: missing {some}", payload)
+            raise TunnelError(f"the upload lacks the tags with index {some}", payload)
 
 
 def open_upload(message: UploadG2, requester: Requester) -> TagUpload:
     """Begin an upload; raises `TunnelError` if its number of tags is 0."""
     assert message.command is CommandId.START_TAGS
     if message.tag_count == 0:
-        raise TunnelError("tag_count is 0", message.encode())
+        raise TunnelError("START_TAGS announces no tags: tag_count is 0", message.encode())
     return TagUpload(message.upload_id, message.tag_count, requester)

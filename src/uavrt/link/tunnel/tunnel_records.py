@@ -242,7 +242,9 @@ def pulse_from_wire(
         )
     status = DETECTION_STATUSES.get(message.detection_status)
     if status is None:
-        raise TunnelError(f"unknown status {message.detection_status}", message.encode())
+        raise TunnelError(
+            f"unknown detection status {message.detection_status}", message.encode()
+        )
     width_ns = 0 if tag is None else ns_from_s(tag.pulse_width_s)
     next_ns = ns_from_s(message.predict_next_start_s) or None
     pulse = Pulse(

@@ -113,7 +113,7 @@ def amplitude_monopulse(
     if not used.any():
         raise UsageError(
             "no pulse was received by two antennas",
-            remedy="Use the strongest antenna's boresight",
+            remedy="Use the boresight of the antenna with the strongest signal",
         )
     gain = pattern.gain_db(difference_deg(GRID_DEG[:, None], boresight_deg[None, :]))
     log_density = np.zeros(len(GRID_DEG))

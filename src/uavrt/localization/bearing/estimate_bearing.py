@@ -154,7 +154,9 @@ def _headings(yaw_deg: ArrayLike | None, quaternion_wxyz: ArrayLike | None) -> H
         raise UsageError("headings are missing", remedy="Give yaw_deg or quaternion_wxyz")
     headings = Headings.level(yaw_deg)
     if not np.all(np.isfinite(headings.yaw_deg)):
-        raise UsageError("a heading is not finite", remedy="Drop the pulses without a pose")
+        raise UsageError(
+            "a heading is not finite", remedy="Leave out the pulses without a pose"
+        )
     return headings
 
 
@@ -176,7 +178,7 @@ def _power(snr_db: ArrayLike | None, matched_power: ArrayLike | None, count: int
             remedy="Give one power for each heading",
         )
     if np.any(power < 0.0) or np.any(np.isinf(power)):
-        raise UsageError("a power is negative or infinite", remedy="Drop these pulses")
+        raise UsageError("a power is negative or infinite", remedy="Leave out these pulses")
     return power
 
 

@@ -114,7 +114,7 @@ def measure_switched_pulse(
     if times_visited.min() < 2:
         raise UsageError(
             "the antenna switch does not reach every position during the pulse",
-            remedy="Step it faster: every position several times in a pulse",
+            remedy="Switch faster, so that each pulse includes every position several times",
         )
     time_s = np.arange(len(samples)) / sample_rate_hz
     still = samples * np.exp(-2j * np.pi * frequency_hz * time_s)

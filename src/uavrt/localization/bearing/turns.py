@@ -77,7 +77,8 @@ def find_turns(
     """
     if len({len(time_ns), len(yaw_deg), len(latitude_deg), len(longitude_deg)}) != 1:
         raise UsageError(
-            "times, headings and positions differ in number", remedy="Give one for each pose"
+            "times, headings and positions differ in number",
+            remedy="Give one of each for every pose",
         )
     if len(time_ns) < 4:
         return []

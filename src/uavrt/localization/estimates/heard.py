@@ -397,7 +397,7 @@ class Heard:
         if pulse_poses and all(one.pose is None for one in pulse_poses):
             raise UsageError(
                 "no pulse has a pose, so headings are unknown",
-                remedy="Bearings need a log that was recorded with the autopilot connected",
+                remedy="Use a log that was recorded with the autopilot connected",
             )
         posed = [one for one in pulse_poses if one.pose is not None]
         return cls.of(

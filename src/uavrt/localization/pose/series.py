@@ -54,7 +54,7 @@ class Series(Generic[S]):
         if self._count:
             fall_ns = self._times[self._count - 1] - time_ns
             if fall_ns >= REBOOT_NS:
-                raise OverflowError(f"time fell by {fall_ns} ns")
+                raise OverflowError(f"the clock of the poses was set back by {fall_ns} ns")
             if fall_ns >= 0:
                 return False
         if self._count == self._room:

@@ -111,13 +111,17 @@ def estimate_position(
         names = ", ".join(["bayes", "track", *_LENTH, *ADDED_METHODS])
         raise NotFound(f"there is no method {method!r}", remedy=f"Choose from {names}")
     if stations is None or len(stations.bearing_deg) < 2:
-        raise UsageError(f"{method} needs two bearings", remedy="Use the method bayes")
+        raise UsageError(
+            f"the method {method} needs at least two bearings", remedy="Use the method bayes"
+        )
     return _lenth(stations, method)
 
 
 def _check(stations: Stations | None, powers: PowerTrack | None) -> None:
     if stations is None and powers is None:
-        raise UsageError("bearings or powers are missing", remedy="Give either of them")
+        raise UsageError(
+            "bearings or powers are missing", remedy="Give bearings, powers or both"
+        )
     if stations is not None:
         fields = [stations.latitude_deg, stations.longitude_deg, stations.bearing_deg]
         _check_lengths(
@@ -180,7 +184,8 @@ def _lenth(stations: Stations, method: str) -> Position:
     found = _LENTH[method](rays)
     if found is None:
         raise UsageError(
-            f"{method} finds no place that fits these bearings", remedy="Use the method bayes"
+            f"the method {method} finds no position that fits these bearings",
+            remedy="Use the method bayes",
         )
     latitude, longitude = plane.to_geodetic(found.east_m, found.north_m)
     covariance = _of_few(found.covariance_m2, len(east))

@@ -109,7 +109,7 @@ def _checked(times: _Floats | None, what: str) -> _Floats:
     if times is None or len(times) < TRACK.least_times:
         raise UsageError(
             f"a track needs the times of three or more {what} of one flight",
-            remedy="Name one flight alone, or use the method bayes for a tag at rest",
+            remedy="Name a single flight, or use the method bayes for a tag at rest",
         )
     return times
 

@@ -100,7 +100,7 @@ def geotiff_raster(path: Path) -> Raster:
     except _Unread as error:
         text, command = error.args
         raise FormatError(
-            f"{path.name} {text}", remedy=f"Run: {command} {path.name} turned.tif"
+            f"{path.name}: {text}", remedy=f"Run: {command} {path.name} turned.tif"
         ) from None
     except _DAMAGED as error:
         # Other errors come from the decoding library and would not help the user.
@@ -155,13 +155,15 @@ def _directory(file: BinaryIO) -> tuple[str, dict[int, Any]]:
 def _raster(path: Path, order: str, tags: dict[int, Any]) -> Raster:
     columns, rows = int(tags[256][0]), int(tags[257][0])
     if tags.get(277, (1,))[0] != 1:
-        raise _Unread(f"has {tags[277][0]} bands instead of one", "gdal_translate -b 1")
+        raise _Unread(
+            f"the file has {tags[277][0]} bands instead of one", "gdal_translate -b 1"
+        )
     number = (tags.get(339, (1,))[0], tags.get(258, (1,))[0])
     packed = tags.get(259, (1,))[0]
     known = (_PLAIN, _LZW, _DEFLATE, _OLD_DEFLATE, _PACKBITS)
     if number not in _NUMBERS or packed not in known:
         raise _Unread(
-            f"has an unsupported compression ({packed}, {number[1]} bits)",
+            f"the compression ({packed}, {number[1]} bits) is not supported",
             "gdal_translate -ot Float32 -co COMPRESS=DEFLATE",
         )
     tiled = 322 in tags
@@ -205,14 +207,14 @@ def _check(blocks: _Blocks) -> None:
     if min(blocks.rows, blocks.columns, blocks.high, blocks.wide) < 1:
         raise ValueError("the file contains no heights")
     if blocks.high * blocks.wide > _MOST_BLOCK_POINTS:
-        raise _Unread("has blocks that are too large", "gdal_translate -co TILED=YES")
+        raise _Unread("the blocks of the file are too large", "gdal_translate -co TILED=YES")
     count = math.ceil(blocks.rows / blocks.high) * math.ceil(blocks.columns / blocks.wide)
     if len(blocks.places) < count or len(blocks.sizes) < count:
-        raise ValueError(f"the file lists {len(blocks.places)} of {count} blocks")
+        raise ValueError(f"the file lists only {len(blocks.places)} of {count} blocks")
     ends = max(at + size for at, size in zip(blocks.places, blocks.sizes, strict=True))
     there = os.stat(blocks.path).st_size
     if ends > there:
-        raise ValueError(f"the file has {there:,} of {ends:,} bytes")
+        raise ValueError(f"the file has only {there:,} of {ends:,} bytes")
 
 
 def _number(text: object) -> float | None:
@@ -229,21 +231,21 @@ def _system(tags: dict[int, Any]) -> tuple[int, str | None, bool]:
     warp = "gdalwarp -t_srs EPSG:4326"
     listed = tags.get(34735)
     if listed is None:
-        raise _Unread("has no coordinate system", "gdal_translate -a_srs EPSG:4326")
+        raise _Unread("the coordinate system is missing", "gdal_translate -a_srs EPSG:4326")
     keys = {
         listed[at]: listed[at + 3] for at in range(4, len(listed) - 3, 4) if not listed[at + 1]
     }
     if keys.get(4099, 9001) != 9001:
-        raise _Unread("has heights that are not in metres", "gdal_translate -scale")
+        raise _Unread("the heights are not in metres", "gdal_translate -scale")
     geographic, projected = keys.get(2048, 0), keys.get(3072, 0)
     if keys.get(1024) == 1:
         epsg = _utm_of(projected)
         if epsg is None:
-            raise _Unread(f"uses EPSG:{projected}, which uavrt does not support", warp)
+            raise _Unread(f"the coordinate system EPSG:{projected} is not supported", warp)
     elif geographic in (4326, 4258, 4269, 4979):
         epsg = 4326
     else:
-        raise _Unread(f"uses EPSG:{geographic}, which uavrt does not support", warp)
+        raise _Unread(f"the coordinate system EPSG:{geographic} is not supported", warp)
     vertical = 4979 if geographic == 4979 else keys.get(4096)
     datum = None if vertical is None else _DATUMS.get(vertical, f"EPSG {vertical}")
     return epsg, datum, keys.get(1025) == 2
@@ -265,7 +267,7 @@ def _origin(tags: dict[int, Any]) -> tuple[float, float, float, float]:
     if 34264 in tags:
         xx, xy, _, x, yx, yy, _, y = tags[34264][:8]
         if xy or yx or xx <= 0.0 or yy >= 0.0:
-            raise _Unread("has a rotated grid", "gdalwarp -t_srs EPSG:4326")
+            raise _Unread("the grid is rotated", "gdalwarp -t_srs EPSG:4326")
         return x, y, xx, -yy
     step_x, step_y = tags[33550][:2]
     column, row, _, x, y = tags[33922][:5]
@@ -313,7 +315,7 @@ def _block(file: BinaryIO, blocks: _Blocks, number: int) -> NDArray[np.float32]:
     elif blocks.packed == _PACKBITS:
         data = _unpacked_bits(data, size)
     if len(data) < size:
-        raise ValueError(f"block {number} has {len(data):,} of {size:,} bytes")
+        raise ValueError(f"block {number} has only {len(data):,} of {size:,} bytes")
     heights = _unpredicted(data[:size], shape, kind, blocks.predictor)
     if blocks.nodata is not None:
         gone = np.isnan(heights) if math.isnan(blocks.nodata) else heights == blocks.nodata

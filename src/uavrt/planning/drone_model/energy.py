@@ -36,7 +36,7 @@ class EnergyModel:
         if min(self.hover_w, self.cruise_w, self.cruise_m_s) <= 0.0 or self.climb_j_per_m < 0:
             raise ConfigError(
                 "the power of hovering and cruising and the cruise speed must be above 0",
-                remedy="Read them off a flight's log: volts times amperes",
+                remedy="Compute the powers from a flight's log: volts times amperes",
             )
 
     def power_w(self, airspeed_m_s: float) -> float:
@@ -62,7 +62,7 @@ class EnergyModel:
         """
         if not (predicted_wh > 0.0 and np.isfinite(used_wh) and sigma_wh > 0.0):
             raise ConfigError(
-                f"the battery reports {used_wh} Wh used, {predicted_wh} Wh were expected",
+                f"the battery reports {used_wh} Wh used, but {predicted_wh} Wh were expected",
                 remedy="Check the battery monitor's calibration",
             )
         per_scale = predicted_wh / self.scale

@@ -73,7 +73,8 @@ def decode_channel_datagram(
     """Decode a frame: time of the first sample [ns, UTC] and a copy of the samples, (n,)."""
     if len(payload) < 16 or len(payload) % 8:
         raise FormatError(
-            f"a datagram of {len(payload)} bytes is not a timestamp and complex64 samples",
+            f"a datagram of {len(payload)} bytes does not consist of a time stamp and "
+            "complex64 samples",
             remedy="Check that the port belongs to a channel, 20000 and up",
         )
     style = stamp_style(payload) if style is None else style
@@ -113,8 +114,8 @@ def stamp_style(payload: bytes) -> StampStyle:
 def channel_port(channel: int, scheme: PortScheme = "current", *, second: bool = False) -> int:
     """UDP port of a channel; `channel` is counted from 0, the channel at the radio's centre."""
     if second and scheme == "thesis":
-        raise ValueError("the thesis's layout has no second port for a channel")
+        raise ValueError("the port scheme of the thesis has no second port for a channel")
     port = FIRST_PORT + (channel if scheme == "thesis" else 2 * channel + second)
     if not FIRST_PORT <= port < 65_536:
-        raise ValueError(f"channel {channel} has no port")
+        raise ValueError(f"no UDP port exists for channel {channel}")
     return port

@@ -96,7 +96,7 @@ class ChannelDatagramSource(DatagramSource):
             time_ns, samples = decode_channel_datagram(payload, self._style)
         except FormatError as error:
             if self.refused == 0:
-                log.warning("foreign datagram ignored", port=self.name, reason=str(error))
+                log.warning("invalid datagram ignored", port=self.name, reason=str(error))
             self.refused += 1
             return
         self._style = stamp_style(payload) if self._style is None else self._style

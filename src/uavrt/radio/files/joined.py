@@ -32,7 +32,10 @@ class JoinedRecording:
                 layouts.append(layout)
         if not layouts:
             why = f": {self.left_out[0]}" if self.left_out else ""
-            raise FormatError(f"the recordings hold no samples{why}", remedy="Choose others")
+            raise FormatError(
+                f"the recordings hold no samples{why}",
+                remedy="Choose recordings that contain samples",
+            )
         self._layouts = sorted(layouts, key=_start_ns)
         first = self._layouts[0]
         alien = next((one for one in layouts if _kind(one) != _kind(first)), None)

@@ -210,8 +210,8 @@ class RecordingSource:
             if self._layout.fault_at_end is not None:
                 raise FormatError(
                     self._layout.fault_at_end,
-                    remedy="All whole samples were used; the file is truncated or its format "
-                    "is another one",
+                    remedy="Check whether the file is truncated or in another format; "
+                    "all complete samples were used",
                 )
             raise EOFError(f"{self.name} has ended")
         self._segment, self._done = following, 0

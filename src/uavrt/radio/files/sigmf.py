@@ -42,24 +42,34 @@ def sigmf_layout(
     about = _table(meta, "global", meta_path)
     if about.get("core:metadata_only") is True or "core:dataset" in about:
         raise _fault(
-            meta_path, "has its samples elsewhere", "Use a .sigmf-meta with .sigmf-data"
+            meta_path,
+            "the samples are in another file",
+            "Use a .sigmf-meta file with a .sigmf-data file",
         )
     if about.get("core:num_channels", 1) != 1:
-        raise _fault(meta_path, "has several channels", "Split it into one file per channel")
+        raise _fault(
+            meta_path,
+            "the recording has several channels",
+            "Split it into one file per channel",
+        )
     sample_format = sigmf_format(_text(about, "core:datatype", meta_path))
     scale = _number(about, SIGMF_FULL_SCALE, meta_path)
     if scale is not None:
         if scale <= 0.0:
-            raise _fault(meta_path, f"has {SIGMF_FULL_SCALE} {scale}", "It must be above 0")
+            raise _fault(
+                meta_path, f"{SIGMF_FULL_SCALE} is {scale}", "Set it to a number above 0"
+            )
         sample_format = replace(sample_format, full_scale=sample_format.full_scale / scale)
     rate_hz = _number(about, "core:sample_rate", meta_path)
     if rate_hz is None:
-        raise _fault(meta_path, "lacks core:sample_rate", "Add it to the file's global part")
+        raise _fault(
+            meta_path, "core:sample_rate is missing", "Add it to the file's global part"
+        )
     check_rates(rate_hz, 0.0)
     captures = _captures(meta, meta_path, center_frequency_hz)
     frequency_hz = captures[0].frequency_hz
     if frequency_hz is None:
-        raise _fault(meta_path, "lacks core:frequency", "Give --center-frequency")
+        raise _fault(meta_path, "core:frequency is missing", "Give --center-frequency")
     trailing = _number(about, "core:trailing_bytes", meta_path) or 0.0
     size = file_size(data_path) - int(trailing) - captures[0].header_bytes
     count, rest = divmod(max(size, 0), sample_format.bytes_per_sample)
@@ -73,8 +83,8 @@ def sigmf_layout(
     if gap_s > MOST_GAP_S:
         raise _fault(
             meta_path,
-            f"lacks {gap_s / 3600.0:.0f} hours of samples between two captures",
-            "Correct their core:global_index or core:datetime, or split it",
+            f"{gap_s / 3600.0:.0f} hours of samples are missing between two captures",
+            "Correct their core:global_index or core:datetime, or split the recording",
         )
     start_from = GIVEN_BY_USER
     if start_time_ns is None and captures[0].time_ns is None:
@@ -173,7 +183,7 @@ def _captures(
 ) -> list[_Capture]:
     listed = meta.get("captures") or [{"core:sample_start": 0}]
     if not isinstance(listed, list) or not all(isinstance(item, dict) for item in listed):
-        raise _fault(path, "has captures that are not a list of tables", "Correct them")
+        raise _fault(path, "the captures are not a list of tables", "Correct the captures")
     captures = []
     for item in listed:
         time_text = item.get("core:datetime")
@@ -182,7 +192,9 @@ def _captures(
             if not 0 <= (time_ns or 0) < LAST_NS:
                 raise ValueError("the time is before 1970 or after 2116")
         except (ValueError, TypeError, OverflowError) as error:
-            raise _fault(path, f"has core:datetime {time_text!r}", "Use ISO 8601") from error
+            raise _fault(
+                path, f"core:datetime {time_text!r} is not a valid time", "Write it in ISO 8601"
+            ) from error
         frequency_hz = _number(item, "core:frequency", path)
         captures.append(
             _Capture(
@@ -194,14 +206,19 @@ def _captures(
             )
         )
     if [c.first for c in captures] != sorted(c.first for c in captures):
-        raise _fault(path, "has captures that are not in order", "Sort them by sample_start")
+        raise _fault(path, "the captures are not in order", "Sort them by core:sample_start")
     if any(c.header_bytes for c in captures[1:]):
-        raise _fault(path, "has headers between its captures", "Write it without them")
-    frequencies = {c.frequency_hz for c in captures if c.frequency_hz is not None}
-    if len(frequencies) > 1:
         raise _fault(
             path,
-            f"changes its frequency: {', '.join(f'{f:.0f}' for f in sorted(frequencies))} Hz",
+            "there are headers between the captures",
+            "Write the recording without these headers",
+        )
+    frequencies = {c.frequency_hz for c in captures if c.frequency_hz is not None}
+    if len(frequencies) > 1:
+        hertz = ", ".join(f"{one:.0f}" for one in sorted(frequencies))
+        raise _fault(
+            path,
+            f"the frequency changes within the recording: {hertz} Hz",
             "Split it into one recording for each frequency",
         )
     return captures
@@ -234,30 +251,30 @@ def _load(path: Path) -> Mapping[str, Any]:
     except (ValueError, RecursionError) as error:
         raise _fault(
             path,
-            f"cannot be read: {error}; it is damaged, or another file",
+            f"the file cannot be read: {error}; it is damaged, or not a SigMF file",
             "Copy it again, or give --format, --sample-rate and --center-frequency for the "
             "samples alone",
         ) from error
     if not isinstance(loaded, dict):
-        raise _fault(path, "is not a SigMF description", "Name the .sigmf-meta file")
+        raise _fault(path, "the file is not a SigMF description", "Name the .sigmf-meta file")
     return loaded
 
 
 def _fault(path: Path, what: str, remedy: str) -> FormatError:
-    return FormatError(f"{path} {what}", remedy=remedy)
+    return FormatError(f"{path}: {what}", remedy=remedy)
 
 
 def _table(of: Mapping[str, Any], key: str, path: Path) -> Mapping[str, Any]:
     found = of.get(key)
     if not isinstance(found, dict):
-        raise _fault(path, f"has no {key!r} part", "Name a SigMF .sigmf-meta file")
+        raise _fault(path, f"the part {key!r} is missing", "Name a SigMF .sigmf-meta file")
     return found
 
 
 def _text(of: Mapping[str, Any], key: str, path: Path) -> str:
     found = of.get(key)
     if not isinstance(found, str):
-        raise _fault(path, f"lacks {key}", "Add it to the file")
+        raise _fault(path, f"{key} is missing", "Add it to the file")
     return found
 
 
@@ -270,7 +287,7 @@ def _number(of: Mapping[str, Any], key: str, path: Path) -> float | None:
         or not isinstance(found, int | float)
         or not abs(found) <= sys.float_info.max
     ):
-        raise _fault(path, f"has {key} {found!r}", "It must be a number")
+        raise _fault(path, f"{key} is {found!r}", "Set it to a number")
     return float(found)
 
 
@@ -279,5 +296,5 @@ def _index(of: Mapping[str, Any], key: str, path: Path) -> int | None:
     if found is None:
         return None
     if isinstance(found, bool) or not isinstance(found, int) or not 0 <= found < 2**63:
-        raise _fault(path, f"has {key} {found!r}", "It must be a whole number, 0 or more")
+        raise _fault(path, f"{key} is {found!r}", "Set it to a whole number, 0 or more")
     return found

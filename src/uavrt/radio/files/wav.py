@@ -99,13 +99,13 @@ def wav_layout(
         header = _read_chunks(file, path, size)
     if header.channels != 2:
         raise FormatError(
-            f"{path} is not I/Q, which has 2 channels: it has {header.channels}",
+            f"{path} has {header.channels} audio channels, but an I/Q recording has 2",
             remedy="Record I/Q, not demodulated audio",
         )
     sample_format = _FORMATS.get((header.kind, header.bits))
     if sample_format is None:
         raise FormatError(
-            f"{path} has WAV encoding {header.kind} with {header.bits} bits",
+            f"{path} has the unsupported WAV encoding {header.kind} with {header.bits} bits",
             remedy="Record as 8, 16, 24 or 32-bit PCM or 32-bit float",
         )
     named = read_name(path) or NameFacts(program="")
@@ -151,7 +151,7 @@ def wav_layout(
 def _read_chunks(file: BinaryIO, path: Path, size: int) -> _Header:
     start = file.read(12)
     if len(start) < 12 or start[:4] not in (b"RIFF", b"RF64", b"BW64") or start[8:] != b"WAVE":
-        raise FormatError(f"{path} is not a WAV file", remedy="Give its --format")
+        raise FormatError(f"{path} is not a WAV file", remedy="Name its format with --format")
     header = _Header()
     at = 12
     for _ in range(_MOST_CHUNKS):
@@ -170,7 +170,7 @@ def _read_chunks(file: BinaryIO, path: Path, size: int) -> _Header:
     if header.data_start == 0 or header.channels == 0:
         raise FormatError(
             f"{path} has no {'samples' if header.channels else 'format'} in it",
-            remedy="It was truncated in its header; record again",
+            remedy="Record again; the file was truncated within its header",
         )
     return header
 
@@ -218,7 +218,7 @@ def _chunks_fill(file: BinaryIO, at: int, size: int) -> bool:
 def _read_chunk(name: bytes, body: bytes, header: _Header, path: Path) -> None:
     if name == b"fmt ":
         if len(body) < 16:
-            raise FormatError(f"{path} has a broken format chunk", remedy="Record again")
+            raise FormatError(f"{path} has a damaged format chunk", remedy="Record again")
         header.kind, header.channels, header.rate_hz = struct.unpack("<HHI", body[:8])
         header.bits = struct.unpack("<H", body[14:16])[0]
         if header.kind == _EXTENSIBLE and len(body) >= 26:

@@ -139,7 +139,7 @@ class ProgramSource(StreamSource):
         try:
             self._child.wait(_TERMINATE_S)
         except subprocess.TimeoutExpired:
-            log.warning("the radio's program does not end; killed", program=self.name)
+            log.warning("program of the radio did not exit and was killed", program=self.name)
         # Also after a clean end: a wrapper script may have left its own children.
         self._signal(signal.SIGKILL)
         self._child.wait()

@@ -94,7 +94,7 @@ def free_udp_port(host: str = "127.0.0.1") -> int:
             return port
     raise LinkError(
         f"no UDP port of {host} from {PORTS[0]} to {PORTS[-1]} is free",
-        remedy="Stop other programs that use ports, or try again.",
+        remedy="Stop other programs that use UDP ports, or try again",
     )
 
 
@@ -194,7 +194,7 @@ class Program:
             words = self.last_line()
             raise UavrtError(
                 f"{self.name} ended (exit {self.exit_code})" + (f": {words}" if words else ""),
-                remedy=f"Its output is in {self.log}",
+                remedy=f"Read its output in {self.log}",
             )
 
     def last_line(self) -> str:

@@ -208,7 +208,7 @@ class SearchDemo:
             if time.monotonic() > deadline_s:
                 raise UavrtError(
                     "the ground station does not report the drones to each other",
-                    remedy="Run it again; give fewer drones where this computer is slow",
+                    remedy="Run the demo again, with fewer drones if this computer is slow",
                 )
 
     def _ordered(self) -> Program:

@@ -28,7 +28,7 @@ def flight_world(
     scenario = replace(scenario, duration_s=duration_s or scenario.duration_s)
     if scenario.duration_s < SHORTEST_S:
         raise UsageError(
-            f"a flight of {scenario.duration_s:g} s is over before detection has begun",
+            f"a flight of {scenario.duration_s:g} s ends before detection begins",
             remedy=f"Give --duration, at least {SHORTEST_S:g} s",
         )
     return scenario
@@ -45,8 +45,8 @@ def search_world(
         away_m = math.hypot(tag.north_m, tag.east_m)
         if tag.listed and away_m > RADIUS_M:
             raise UsageError(
-                f"tag {tag.tag_id} is {away_m:.0f} m from home, the demo's search covers "
-                f"{RADIUS_M:.0f} m",
+                f"tag {tag.tag_id} is {away_m:.0f} m from home, but the demo's search "
+                f"covers only {RADIUS_M:.0f} m",
                 remedy="Put it nearer in the scenario, or set listed = false",
             )
     return searched_scenario(scenario, limit_s + AFTER_S)
@@ -56,12 +56,12 @@ def _of_file(file: Path, seed: int | None, coded: bool) -> Scenario:
     if coded:
         raise UsageError(
             "--coded works only with the built-in world, not with --scenario",
-            remedy="Give the scenario's tags gaps_s, or omit one of the two",
+            remedy="Leave --coded out, and set gaps_s for tags of the scenario",
         )
     scenario = load_scenario(file)
     if not scenario.tags:
         raise UsageError(
             f"{file} has no tag to search for",
-            remedy="Add a [[tag]], or remove listed = false from one",
+            remedy="Add a [[tag]], or remove listed = false from a tag",
         )
     return scenario if seed is None else replace(scenario, seed=seed)

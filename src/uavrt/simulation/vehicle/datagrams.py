@@ -53,7 +53,7 @@ class DatagramPort:
         except OSError as error:
             opened.close()
             raise LinkError(
-                f"UDP port {self._local_port}: {error.strerror}",
+                f"cannot open UDP port {self._local_port}: {error.strerror}",
                 remedy="Stop the program that uses it, or choose another port",
             ) from error
         opened.setblocking(False)

@@ -205,7 +205,7 @@ class FakeAutopilot:
         self._booted_ns = self._silent_until_ns = now_ns + REBOOT_NS
         self._restart_streams()
         self.parameters.restart()
-        log.info("autopilot starts again")
+        log.info("simulated autopilot restarts")
 
     def boot_ns(self, time_ns: int) -> int:
         """Time since boot [ns] at a time in UTC [ns]."""

@@ -138,7 +138,9 @@ class Ledger(Generic[R]):
                 entry = decode_record(read_note(path), _Entry)
                 row = decode_record(entry.row, self._record)
                 if row.fingerprint != path.stem:
-                    raise FormatError("the entry describes another recording")
+                    raise FormatError(
+                        "the entry describes another recording than its file name"
+                    )
                 # What is named here is removed with the row.
                 if not all(map(self._is_table, entry.files)):
                     raise FormatError("the entry lists files that are not batch tables")

@@ -44,7 +44,9 @@ class BatchSettings:
             ("attach", "integrate"),
         ):
             if step in self.steps and before not in self.steps:
-                raise UsageError(f"{step} needs {before}", remedy=f"Add the step {before}")
+                raise UsageError(
+                    f"the step {step} needs the step {before}", remedy=f"Add the step {before}"
+                )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

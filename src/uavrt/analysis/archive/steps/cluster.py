@@ -159,7 +159,8 @@ def _scheduler_there() -> Iterator[None]:
     except (CancelledError, OSError) as error:
         raise LinkError(
             "the connection to the Dask scheduler is lost",
-            remedy="Start it again, and repeat the command: it continues from here",
+            remedy="Start the scheduler again, and repeat the command; it continues "
+            "where it stopped",
         ) from error
 
 

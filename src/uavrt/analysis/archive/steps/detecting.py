@@ -92,7 +92,7 @@ class Detecting:
         except (UavrtError, OSError) as error:
             return self._failed(recording, str(error), gone=out_of_reach(error))
         except Exception as error:  # no file ends the run of an archive
-            log.exception("recording skipped: unreadable", recording=recording.name)
+            log.exception("unreadable recording skipped", recording=recording.name)
             return self._failed(recording, f"{type(error).__name__}: {error}")
         return self._finished(job) if len(job.results) == job.cells else None
 

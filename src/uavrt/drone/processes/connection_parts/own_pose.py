@@ -55,8 +55,8 @@ def pose_address(settings: PoseSettings) -> Address | None:
         if missing:
             raise ConfigError(
                 f"a fixed station needs {', '.join(missing)}",
-                remedy="Write it into [pose] of the settings; for an omnidirectional antenna, "
-                "heading_deg = 0 does",
+                remedy="Set these values in [pose] of the settings; for an "
+                "omnidirectional antenna, set heading_deg = 0",
             )
         return None
     if settings.source == "gpsd":
@@ -65,12 +65,12 @@ def pose_address(settings: PoseSettings) -> Address | None:
         except ConfigError as error:
             raise ConfigError(
                 f"pose.address {settings.address!r} is not HOST:PORT",
-                remedy=f"Write where gpsd listens, such as {GPSD}, or leave it empty",
+                remedy=f"Set the address of gpsd, such as {GPSD}, or leave it empty",
             ) from error
     if not settings.address:
         raise ConfigError(
             'pose.source = "nmea" needs pose.address',
-            remedy="Write serial:///dev/ttyACM0:9600, or udpin://0.0.0.0:10110 for a phone",
+            remedy="Set it to serial:///dev/ttyACM0:9600, or udpin://0.0.0.0:10110 for a phone",
         )
     return parse_address(settings.address, baud=BAUD)
 
@@ -224,5 +224,8 @@ class OwnPose:
 
     def _failed(self, error: UavrtError) -> None:
         if self._fault is None:
-            log.warning("position unavailable; pulses get no position", reason=str(error))
+            log.warning(
+                "position of this station unavailable; pulses get no position",
+                reason=str(error),
+            )
         self._fault = str(error)

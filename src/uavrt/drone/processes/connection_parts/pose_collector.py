@@ -115,10 +115,13 @@ class PoseCollector:
             return
         self._clock_is_stale = stale
         if stale:
-            log.warning("autopilot's clock not synchronized: time extrapolated", **counters())
+            log.warning(
+                "clock of the autopilot is not synchronized; its time is extrapolated",
+                **counters(),
+            )
             self._say(_STALE_CLOCK)
         else:
-            log.info("autopilot's clock synchronized", **counters())
+            log.info("clock of the autopilot is synchronized", **counters())
 
     def attitude(self, sample: AttitudeSample) -> None:
         """Add an attitude, whose time is in the clock of this process."""
@@ -185,7 +188,9 @@ class PoseCollector:
         missing = self._own.status
         if missing != self._missing:
             self._missing = missing
-            log.info("pose of this station", missing=missing or "nothing")
+            log.info(
+                "availability of this station's pose changed", missing=missing or "nothing"
+            )
             self._say(_POSE_KNOWN if missing is None else _missing_text(missing))
         return missing
 

@@ -142,7 +142,7 @@ class MotionControl:
         authority = self.known
         mode = authority.vehicle.mode_name
         if offer.mode != mode:
-            raise CommandRefused(f"the flight mode is {mode} now", remedy=PILOT_FLIES)
+            raise CommandRefused(f"the flight mode has changed to {mode}", remedy=PILOT_FLIES)
         authority.offer(offer.order_id, offer.nonce, monotonic_s(), takeoff=offer.takeoff)
 
     def confirm(self, confirmation: MotionConfirmation, now_s: float) -> None:
@@ -193,12 +193,14 @@ class MotionControl:
                 raise CommandRefused("the link to the autopilot is busy")
             command = authority.command(order_id, manoeuvre, now_s, stops=stops)
         except CommandRefused as error:
-            log.info("motion command not sent: not permitted", reason=error.message)
+            log.info("motion command not sent", reason=error.message)
             self._report_late(authority)
             return False
         self._out.command(command_message(command, self._own_place()[0]))
         nearest_m = authority.nearest_m
-        log.info("command sent", command=command.name, order=order_id, nearest_m=nearest_m)
+        log.info(
+            "motion command sent", command=command.name, order=order_id, nearest_m=nearest_m
+        )
         return True
 
     def _report_late(self, authority: Authority) -> None:

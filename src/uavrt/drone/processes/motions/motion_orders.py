@@ -145,13 +145,13 @@ class MotionOrders:
             if control.known and requester != self._offered_to:
                 raise CommandRefused(
                     "another station requested this order",
-                    remedy="Request it from this station",
+                    remedy="Request the motion from this station",
                 )
             control.confirm(confirmation, now_s)
         except CommandRefused as error:
             self._reports.answer("refused", str(error), requester, confirmation.request_id)
             return
-        log.info("motion confirmed", order=confirmation.order_id, source=requester)
+        log.info("motion order confirmed", order=confirmation.order_id, source=requester)
         self._reports.confirmed(requester, confirmation.request_id, now_s)
 
     def offer(self, offer: MotionOffer) -> None:

@@ -78,7 +78,7 @@ class MotionReports:
         control = self._control
         ended = control.authority if control.standing is ControlStage.OUT else None
         log.info(
-            "motion control",
+            "state of motion control changed",
             standing=control.standing.value,
             reason=control.text,
             nearest_m=None if ended is None else ended.nearest_m,

@@ -57,5 +57,5 @@ class HangWatch:
         if self._checks >= CHECKS:
             self._checks = 0
             raise SearchHangs(
-                f"search unfinished after {CHECK_S * (CHECKS - 1):.1f} s of CPU time"
+                f"the search did not finish within {CHECK_S * (CHECKS - 1):.1f} s of CPU time"
             )

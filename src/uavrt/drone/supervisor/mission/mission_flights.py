@@ -168,7 +168,9 @@ class Flights:
         radio, recording = settings.radio, settings.recording
         center_hz = center_frequency_hz or radio.center_frequency_hz
         if center_hz is None and not self._upload.tags:
-            raise UavrtError("no frequency: send tags first, or set RADIO_FREQ_KHZ")
+            raise UavrtError(
+                "the radio frequency is unknown: send tags first, or set RADIO_FREQ_KHZ"
+            )
         if center_hz is None:
             question = self._tuning_request(tuple(self._upload.tags.values()), None)
             center_hz = self._ask_tuner(question).center_frequency_hz
@@ -176,7 +178,9 @@ class Flights:
         with suppress(OSError):
             free_mb = shutil.disk_usage(recording.directory).free / 1e6
             if free_mb < recording.minimum_free_mb:
-                raise UavrtError(f"disk nearly full: {free_mb:.0f} MB free; clean the logs")
+                raise UavrtError(
+                    f"the disk is nearly full, with {free_mb:.0f} MB free: clean the logs"
+                )
         flight = self._open((), center_hz, recording.capture_s)
         self._notify(6, f"Capturing {recording.capture_s:g} s at {center_hz:.0f} Hz")
         return flight

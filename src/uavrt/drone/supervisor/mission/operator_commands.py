@@ -190,7 +190,11 @@ class Mission:
 
     def _note_commander(self, command: Command) -> None:
         if self.commander.accepted(command):
-            log.info("station in command", source=command.source, sealed=command.sealed)
+            log.info(
+                "ground station that commands the drone changed",
+                source=command.source,
+                sealed=command.sealed,
+            )
             self._save()
 
     def _carry_out(self, command: Command) -> str:

@@ -57,7 +57,7 @@ def request_tuning(question: TuningRequest, launcher: Launcher | None = None) ->
         answer = msgspec.json.decode(_answer(question, launcher or Launcher()), type=Tuning)
     except (OSError, ValueError) as error:
         raise TunerError(
-            f"no radio frequency was computed ({type(error).__name__})",
+            f"the radio frequency could not be computed ({type(error).__name__})",
             remedy="Set radio.center_frequency_hz",
         ) from error
     if answer.error:

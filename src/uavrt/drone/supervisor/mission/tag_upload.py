@@ -53,12 +53,16 @@ class TagUpload:
         if tag is None:
             raise UavrtError("the tag is missing")
         if self._tags.get(tag.tag_id, tag) != tag:
-            raise UavrtError(f"tag {tag.tag_id} was already sent with other values")
+            raise UavrtError(
+                f"tag {tag.tag_id} was already sent with other values: send "
+                "START_TAGS to begin again"
+            )
         check_tag(tag)
         most = maximum_tags or _MOST_TAGS
         if tag.tag_id not in self._tags and len(self._tags) >= most:
             raise UavrtError(
-                f"more than {most} tags: send fewer, or raise detection.maximum_tags"
+                f"the list has more than {most} tags: send fewer, or raise "
+                "detection.maximum_tags"
             )
         self._tags[tag.tag_id] = tag
 
@@ -91,7 +95,7 @@ class TagUpload:
         """Load the last complete list from the disk."""
         tags = self._last.read() or ()
         if not tags:
-            raise UavrtError("no tags stored: send them once with uavrt ground")
+            raise UavrtError("no tags are stored: send them once with uavrt ground")
         self.begin()
         try:
             for tag in tags:

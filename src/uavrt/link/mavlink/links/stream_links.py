@@ -85,7 +85,7 @@ class TcpLink(Link):
                 while data := await reader.read(READ_SIZE):
                     self._take(data)
             except OSError as error:
-                log.warning("link broken", address=str(self.address), reason=str(error))
+                log.warning("link failed", address=str(self.address), reason=str(error))
             reader = await self._reconnect()
 
     async def _reconnect(self) -> asyncio.StreamReader:

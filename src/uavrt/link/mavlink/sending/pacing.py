@@ -89,7 +89,7 @@ class PacedQueue:
         floor_s = DIRECT_LINK_GAP_S if straight else MIN_GAP_S
         if not gap_s >= floor_s:
             raise ConfigError(
-                f"tunnel_gap_s = {gap_s} would lose messages in the autopilot",
+                f"tunnel_gap_s = {gap_s} is so short that the autopilot would lose messages",
                 remedy=f"Set it to {floor_s} or more; 0.020 is the default",
             )
         self._gap_ns = ns_from_s(gap_s)

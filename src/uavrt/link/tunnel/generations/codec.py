@@ -21,7 +21,7 @@ def decode(payload: bytes, generation: Generation | None = None) -> TunnelMessag
     acknowledgement (to `acked_command_of`) can carry its text.
     """
     if not 4 <= len(payload) <= MAX_PAYLOAD:
-        raise TunnelError(f"a payload has 4 to 128 bytes, not {len(payload)}", payload)
+        raise TunnelError(f"a payload must have 4 to 128 bytes, not {len(payload)}", payload)
     command = int.from_bytes(payload[:4], "little")
     kind = (command, len(payload))
     own = g2.SAME_LENGTH.get(generation, {}) if generation is not None else {}

@@ -49,7 +49,7 @@ def decode_burst(payload: bytes) -> BurstInside:
     steps = got["pulses"]
     rising = all(one < two for one, two in pairwise(steps))
     if not rising or max(map(abs, steps)) * _STEP_NS > ns_from_s(_LONGEST_S):
-        raise TunnelError("the content of a burst has impossible times", payload)
+        raise TunnelError("a burst message contains impossible times", payload)
     start_ns = ns_from_s(got["start_s"])
     return BurstInside(
         tag_id=got["tag_id"],

@@ -85,7 +85,9 @@ class Layout:
             rest = value(self._rest) if self._rest else b""
             return self._struct.pack(*flat) + b"".join(lists) + rest
         except (struct.error, ValueError, OverflowError) as error:
-            raise TunnelError(f"{self._what} does not fit: {error}", b"") from error
+            raise TunnelError(
+                f"{self._what} does not fit into its message: {error}", b""
+            ) from error
 
     def unpack(self, payload: bytes) -> MutableMapping[str, Any]:
         """Decode a payload to fields by name; `TunnelError` for a value outside its limits."""

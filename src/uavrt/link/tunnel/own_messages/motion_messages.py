@@ -141,7 +141,7 @@ def encode_request(request: MotionRequest) -> bytes:
             )
     except (struct.error, ValueError, OverflowError) as error:  # also what is no number
         raise UsageError(
-            "the corners are too far apart, or not positions",
+            "the corners are too far apart, or are not valid positions",
             remedy="Draw an area of less than 4 km, in degrees: latitude, longitude",
         ) from error
     return payload
@@ -212,7 +212,7 @@ def decode_motion(
     try:
         return _request(got, requester)
     except (struct.error, IndexError) as error:
-        raise TunnelError("a motion order message has a wrong length", payload) from error
+        raise TunnelError("a motion order message has the wrong length", payload) from error
 
 
 def _request(got: Mapping[str, Any], requester: tuple[int, int]) -> MotionRequest:

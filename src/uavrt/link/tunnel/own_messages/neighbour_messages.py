@@ -109,6 +109,8 @@ def decode_neighbour(payload: bytes) -> Neighbour:
     got = _NEIGHBOUR.unpack(payload)
     body = got.pop("course")
     if bool(got["vehicle"]) != bool(body):
-        raise TunnelError("a report needs vehicle and course, or neither", payload)
+        raise TunnelError(
+            "a neighbour report must contain both vehicle and course, or neither", payload
+        )
     age_s = float(got.pop("age_s"))
     return Neighbour(**got, age_s=age_s, course=decode_course(body) if body else None)

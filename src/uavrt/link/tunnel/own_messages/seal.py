@@ -185,7 +185,7 @@ class SealKeeper:
                 payload,
             )
         if counter <= self._newest.get(sender, 0):
-            raise TunnelError("the sealed message is a repeated one", payload)
+            raise TunnelError("the sealed message repeats an earlier one", payload)
         self._newest[sender] = counter
         return kind, inside
 

@@ -175,8 +175,8 @@ def signal_surface(track: PowerTrack) -> SignalSurface:
     across = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)[1]
     if across / np.sqrt(len(places)) < 1.0:
         raise UsageError(
-            "the pulses were received along one line, which makes no map",
-            remedy="Fly several lines",
+            "the pulses were received along one line, so they give no map",
+            remedy="Fly along several lines",
         )
     surface = LinearNDInterpolator(places, smoothed(track.snr_db[heard]))
     x = np.arange(east.min(), east.max() + step, step)

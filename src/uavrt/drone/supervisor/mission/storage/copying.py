@@ -47,7 +47,8 @@ def remove_flights(flights: list[Path], step: Step, wanted: Wanted) -> None:
 def _check(wanted: Wanted) -> None:
     if not wanted():
         raise RecordingError(
-            "stopped because uavrt is shutting down", remedy="Send the command again"
+            "the command was stopped because uavrt is shutting down",
+            remedy="Send the command again",
         )
 
 

@@ -65,7 +65,7 @@ class Operations:
     def check_free(self) -> None:
         """Raise `UavrtError` while a job runs."""
         if self.running is not None:
-            raise UavrtError(f"busy: {words(self.running.name)} in progress")
+            raise UavrtError(f"the drone is busy: {words(self.running.name)} in progress")
 
     def begin(self, name: CommandName, source: str = "") -> str:
         """Begin a job, copying or removing flights; return the text of the acknowledgement."""
@@ -84,7 +84,7 @@ class Operations:
             flights = removable(flights)
             stay = f"newest and starred flights are kept, {whole - len(flights)} of {whole}"
             if not flights:
-                raise UavrtError(f"nothing to delete: {stay}")
+                raise UavrtError(f"no flight can be deleted: {stay}")
             if not self._second_step.is_confirmation(source):
                 raise UavrtError(
                     f"send it again after {RETRY_WITHIN_S:.0f} s to delete "
