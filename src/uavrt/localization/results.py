@@ -75,7 +75,10 @@ class Bearing:
         if not self.accepted:
             return ("the pulses show no clear direction",)
         if self.multipath_suspected:
-            return ("a reflection is likely, or the antenna differs from the setting",)
+            return (
+                "the signal was probably reflected, or the antenna is not the one in the "
+                "settings",
+            )
         return ("another direction fits nearly as well",) if self.ambiguous else ()
 
 

@@ -90,7 +90,8 @@ def check_permissions(settings: Settings) -> Finding:
                 f"{port} cannot be opened by this user",
                 'Run sudo usermod -a -G dialout "$USER", then log in again',
             )
-    text = f"groups {', '.join(_groups())}" if os.geteuid() else "all groups, as root"
+    as_root = "this program runs as root and needs no group"
+    text = f"groups {', '.join(_groups())}" if os.geteuid() else as_root
     return passed("permissions", text)
 
 
@@ -107,7 +108,7 @@ def check_autopilot(settings: Settings, running: SystemStatus | None) -> Finding
     what = "autopilot"
     address = settings.mavlink.address
     if not address:
-        return passed(what, "none configured: pulses get no position")
+        return passed(what, "no autopilot is configured, so pulses get no position")
     if running is not None:
         link = next((p for p in running.processes if p.process == "connection"), None)
         heard = link is not None and link.status in ("waiting for ground station", "ready")
@@ -173,7 +174,11 @@ def check_kept_time() -> Finding:
     text = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime())
     if fault is None:
         kept = battery_clock_off_s() is not None
-        text += " · battery clock agrees" if kept else " · no battery clock"
+        text += (
+            " · its battery-backed clock agrees"
+            if kept
+            else " · it has no battery-backed clock"
+        )
         return passed("clock", text)
     if clock_is_lost():
         remedy = "Set the clock (sudo timedatectl set-time), or fit a battery for it"

@@ -365,7 +365,9 @@ async def fetch_file(
                 return False
     part = place.with_name(place.name + PART_SUFFIX)
     if part.exists() and not part.is_file():
-        raise RecordingError(f"{part} is not a file", remedy="Remove it, then try again")
+        raise RecordingError(
+            f"{part} is not a file", remedy="Remove this directory, then try again"
+        )
 
     def allow(size: int) -> None:
         listed = entry.size or 0

@@ -108,7 +108,7 @@ def check_archive(archive: Path) -> None:
     """Raise `FormatError` for a directory to which no batch has written."""
     if not (archive / RECORDINGS).is_file():
         raise FormatError(
-            f"{archive} holds no {RECORDINGS}",
+            f"{archive} contains no {RECORDINGS}",
             remedy="Name the directory that uavrt batch wrote with -o",
         )
 
@@ -153,7 +153,7 @@ def in_archive(
         ) from error
     except duckdb.Error as error:
         raise UsageError(
-            str(error), remedy=f"The tables are recordings, flights, {', '.join(TABLES)}"
+            str(error), remedy=f"Available tables: recordings, flights, {', '.join(TABLES)}"
         ) from error
 
 
