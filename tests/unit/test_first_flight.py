@@ -149,8 +149,8 @@ def test_noise_that_is_loud_from_the_first_report_on_is_named_beside_past_flight
     assert loud.text == "the noise is 61 dB stronger than in past flights"
     assert "gain" in loud.remedy
     assert "switch off nearby devices" in loud.remedy
-    assert items(facts, one_tag(8e-10 * 5))["noise"].text == "the noise is 7 dB stronger "
-    "than in past flights"
+    stronger = items(facts, one_tag(8e-10 * 5))["noise"].text
+    assert stronger == "the noise is 7 dB stronger than in past flights"
     assert items(facts, one_tag(8e-10 * 3))["noise"].ok
     deaf = items(facts, one_tag(1e-11))["noise"]
     assert deaf.text == "the noise is 19 dB weaker than in past flights"

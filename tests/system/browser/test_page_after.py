@@ -49,7 +49,8 @@ def integrated(directory: Path) -> None:
         false_alarm_probability=0.41,
         interval_s=1.19,
         frequency_hz=148_792_000.0,
-        remarks="the elevation files do not cover the flight: the ground is assumed to be level",
+        remarks="the elevation files do not cover the flight: the ground is assumed to be "
+        "level",
     )
     beside = [PLANE.to_geodetic(east, 100.0) for east in (-300.0, 300.0)]
     twice = replace(
