@@ -177,7 +177,10 @@ def map_around(
     row = np.rint((north_m - ground.south_m) / size.cell_m).astype(np.intp)
     beneath = float(ground.known[row, column].mean())
     if not beneath:
-        said = "the elevation files do not cover the flight path; the ground is assumed to be level"
+        said = (
+            "the elevation files do not cover the flight path; the ground is assumed to be "
+            "level"
+        )
         return MapArea(
             ground=ground_grid(None, plane, **area), hills=False, limitations=(said,)
         )
