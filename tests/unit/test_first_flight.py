@@ -103,7 +103,7 @@ def test_free_space_is_told_in_gigabytes() -> None:
         ("disk", {"disk_free_mb": 80.0}, "0.1 GB free"),
         ("disk", {"disk_free_mb": None}, "has not reported"),
         ("battery", {"battery_percent": 30.0}, "30 % left"),
-        ("battery", {"battery_percent": None}, "not reported"),
+        ("battery", {"battery_percent": None}, "does not report"),
     ],
 )
 def test_one_thing_wrong_is_named(what: str, facts: dict[str, Any], text: str) -> None:

@@ -79,7 +79,7 @@ class Bearing:
                 "the signal was probably reflected, or the antenna is not the one in the "
                 "settings",
             )
-        return ("another direction fits nearly as well",) if self.ambiguous else ()
+        return ("the pulses fit another direction nearly as well",) if self.ambiguous else ()
 
 
 PositionMethod = Literal["bayes", "track", "mle", "rmr", "mest", "rmr_ahead", "mest_lenth"]

@@ -44,7 +44,9 @@ _FINEST_M = 20.0
 _CELLS = 120
 """Number of cells along the longer side of a coverage map; for a 20-minute flight the
 computation takes seconds."""
-_NOT_JUDGED = "whole flight not searched for this tag yet; uavrt integrate finds weaker tags"
+_NOT_JUDGED = (
+    "the whole flight has not been searched for this tag yet; uavrt integrate finds weaker tags"
+)
 _NO_DETECTORS = (
     "no record shows that a detector ran in this flight (no search report, no pulse); the map "
     "assumes one. uavrt integrate shows what its samples contain"

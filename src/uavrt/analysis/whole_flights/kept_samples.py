@@ -99,7 +99,7 @@ def integrate_kept(
         )
         raise RecordingError(
             "; ".join((none, *left_out_in_words(unread))),
-            remedy="Name a recording with --recording, or only tags of the flight with --tag",
+            remedy="Name a recording with --recording, or give --tag only tags of this flight",
         )
     results: dict[int, IntegratedTag] = {}
     for channel in channels:

@@ -164,10 +164,10 @@ def _open(what: str, text: str, remedy: str) -> Finding:
 
 def _drone(facts: FlightFacts) -> Finding:
     if facts.heard:
-        return passed("drone", "connected")
+        return passed("drone", "the drone is connected")
     return failed(
         "drone",
-        "no contact",
+        "no contact with the drone",
         "Check the drone's power, the telemetry radio and the connection under Set-up",
     )
 
@@ -177,7 +177,7 @@ def _radio(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
     if facts.state is not SystemState.DETECTING:
         return failed(
             what,
-            "not tested, because no detection is running",
+            "the radio was not tested, because no detection is running",
             "Send the tags and press Start, with the propellers off",
         )
     ages = [_age_s(one.detector_ns, now_ns) for one in bench.tags.values()]
@@ -310,7 +310,7 @@ def _tags(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
     if all(one.clipped for _, one in heard):
         return failed(
             what,
-            "so strong that the radio is overloaded",
+            "the tag's signal is so strong that the radio is overloaded",
             "Put the test tag farther away, or lower the gain under Set-up",
         )
     names = ", ".join(tag.name or str(tag.tag_id) for tag, _ in heard[:3])
@@ -337,7 +337,7 @@ def _battery(facts: FlightFacts) -> Finding:
     if percent is None:
         return failed(
             what,
-            "not reported by the autopilot",
+            "the autopilot does not report the battery's charge",
             "Set up the battery monitor in the autopilot's parameters (BATT_MONITOR, "
             "BAT1_SOURCE)",
         )

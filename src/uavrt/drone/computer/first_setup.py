@@ -146,7 +146,7 @@ class FirstSetup:
         self._require_wanted()
         missing = [step for step in STEPS if step not in self.done]
         if missing:
-            raise UsageError(f"the step {missing[0]} is missing")
+            raise UsageError(f"the set-up step {missing[0]} has not been completed")
         with _writing(self.config.parent):
             write_atomically(self.config.parent / DONE, "")
         return {"name": str(self.values()["name"])}

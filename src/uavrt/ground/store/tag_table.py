@@ -84,7 +84,8 @@ def tags_from_rows(rows: object) -> tuple[tuple[Tag, ...], list[FieldFault]]:
         raise UsageError("tags must be a list of rows")
     if len(rows) > MAX_ROWS:
         raise UsageError(
-            f"{len(rows)} tags are too many", remedy=f"Use at most {MAX_ROWS} tags"
+            f"the list has {len(rows)} tags, which is too many",
+            remedy=f"Use at most {MAX_ROWS} tags",
         )
     found: list[FieldFault] = []
     drafts = [_draft(row, index, found) for index, row in enumerate(rows)]
