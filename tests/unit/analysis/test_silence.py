@@ -224,7 +224,7 @@ def test_a_tag_that_may_be_another_train_is_not_silent(
     jobs, wanted = CoverageMapJobs(), {"tag_id": silent, "tag_power_dbm": -62}
     asked = CoverageMapRequest.from_request(flight, ANTENNA, wanted)
     assert answered(jobs, asked)["state"] == "done"
-    with pytest.raises(UsageError, match="cannot be called absent"):
+    with pytest.raises(UsageError, match="its absence cannot be shown"):
         jobs.absence(asked, wanted | {"outline": corners})
 
 

@@ -42,7 +42,7 @@ def test_flights_of_1970_are_as_old_as_they_are(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("ahead_s", "ok", "says"),
     [
-        (0.4, True, "its battery-backed clock agrees"),
+        (0.4, True, "the battery-backed clock agrees"),
         (-3600.0, False, "60 min behind"),
         (1e8, False, "1157 days ahead"),
         (None, True, "no battery"),

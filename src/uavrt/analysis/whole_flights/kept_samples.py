@@ -94,7 +94,7 @@ def integrate_kept(
     without = [tag for tag in tags if channel_of_tag[tag.tag_id] is None]
     if without:
         none = (
-            f"{flight.info.directory} has no samples of tag {without[0].tag_id}, at "
+            f"{flight.info.directory} has no samples of tag {without[0].tag_id} at "
             f"{without[0].frequency_hz / 1e6:.4f} MHz"
         )
         raise RecordingError(

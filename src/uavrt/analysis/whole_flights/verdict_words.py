@@ -67,7 +67,7 @@ def where_in_words(
         if place.arc95_deg > ALL_ROUND_DEG and not known:
             return [f"the tag's position and direction remain unknown after {flown}"]
         lines.append(
-            f"from the middle of {flown} at {place.bearing_deg:.0f}°, "
+            f"direction from the middle of {flown}: {place.bearing_deg:.0f}°, "
             f"± {0.5 * place.arc50_deg:.0f}° (50 %), ± {0.5 * place.arc95_deg:.0f}° (95 %)"
         )
     if not known:

@@ -179,9 +179,9 @@ def check_kept_time() -> Finding:
     if fault is None:
         kept = battery_clock_off_s() is not None
         text += (
-            " · its battery-backed clock agrees"
+            " · the battery-backed clock agrees"
             if kept
-            else " · it has no battery-backed clock"
+            else " · there is no battery-backed clock"
         )
         return passed("clock", text)
     if clock_is_lost():

@@ -288,7 +288,8 @@ class FirstSetup:
         if not self.wanted:
             raise UsageError(
                 "this computer is already set up",
-                remedy=f"Remove the file {DONE} next to its settings to repeat the set-up",
+                remedy=f"Remove the file {DONE} next to the drone's settings to repeat the "
+                "set-up",
             )
 
     def _handed_over(self) -> dict[str, str]:

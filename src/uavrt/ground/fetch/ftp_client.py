@@ -324,7 +324,7 @@ def require_room(entries: Iterable[RemoteEntry], place: Path, *, samples: bool) 
     if whole > MOST_BYTES and not samples:
         raise RecordingError(
             f"the drone lists {whole / 1e9:.1f} GB, which is too much for a flight without "
-            "samples",
+            "recorded samples",
             remedy="Fetch the flight's files one by one; someone may be impersonating the "
             "drone",
         )

@@ -151,7 +151,8 @@ def import_rows(files: Mapping[str, str]) -> list[Row]:
     if not rows:
         raise UsageError(
             f"no tag was found in {', '.join(files)}",
-            remedy="TagTracker's manufacturers file has no tags; give its TagInfo.db as well",
+            remedy="TagTracker's manufacturers file has no tags; give TagTracker's "
+            "TagInfo.db as well",
         )
     return rows
 

@@ -149,7 +149,8 @@ def in_archive(
             f"{archive}: {text}",
             remedy="Give this user access to the archive"
             if denied
-            else "Run the same uavrt batch again with --verify: it writes damaged files again",
+            else "Run the same uavrt batch again with --verify, which writes damaged files "
+            "again",
         ) from error
     except duckdb.Error as error:
         raise UsageError(
