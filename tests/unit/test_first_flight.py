@@ -68,7 +68,7 @@ def test_all_is_in_order_with_one_tag_on_the_bench() -> None:
     ]
     assert all(one.ok for one in found.values())
     assert found["tags"].text == "1 of 2 detected: Luna"
-    assert found["battery"].text == "96 % left, 16.4 V"
+    assert found["battery"].text == "96 % of the charge is left, 16.4 V"
 
 
 def test_what_nobody_has_told_is_not_in_order() -> None:
@@ -102,7 +102,7 @@ def test_free_space_is_told_in_gigabytes() -> None:
         ("tags", {"tags": ()}, "no tags in the table"),
         ("disk", {"disk_free_mb": 80.0}, "0.1 GB free"),
         ("disk", {"disk_free_mb": None}, "has not reported"),
-        ("battery", {"battery_percent": 30.0}, "30 % left"),
+        ("battery", {"battery_percent": 30.0}, "30 % of the charge is left"),
         ("battery", {"battery_percent": None}, "does not report"),
     ],
 )
