@@ -60,11 +60,11 @@ def expected(kind: str, fault: str, rate_hz: float) -> str:
         "stalls": f"{title}: no samples arrive. Unplug the radio and plug it in again",
         "absent": f"{title}: {gone}. Plug the radio in",
         "unplugged": f"{title}: {gone}. Plug the radio in",
-        "busy": f"{title}: another program uses it. Close the other program",
+        "busy": f"{title}: another program is using the radio. Close the program",
         "forbidden": f"{title}: this user may not open it. Install the udev rule",
         "other rate": f" samples a second arrive, not {rate_hz:.0f}. Check the radio's cable",
         "loses": f" samples a second arrive, not {rate_hz:.0f}. Check the radio's cable",
-        "other serial": f"{title}: none has the serial number {SERIALS[kind]}. Set [radio] "
+        "other serial": f"{title}: no radio has the serial number {SERIALS[kind]}. Set [radio] "
         'serial to "',
     }
     if kind in NO_USB:

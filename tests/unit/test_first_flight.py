@@ -68,7 +68,7 @@ def test_all_is_in_order_with_one_tag_on_the_bench() -> None:
     ]
     assert all(one.ok for one in found.values())
     assert found["tags"].text == "1 of 2 detected: Luna"
-    assert found["battery"].text == "96 % left, 16.4 V"
+    assert found["battery"].text == "96 % of the charge is left, 16.4 V"
 
 
 def test_what_nobody_has_told_is_not_in_order() -> None:
@@ -102,8 +102,8 @@ def test_free_space_is_told_in_gigabytes() -> None:
         ("tags", {"tags": ()}, "no tags in the table"),
         ("disk", {"disk_free_mb": 80.0}, "0.1 GB free"),
         ("disk", {"disk_free_mb": None}, "has not reported"),
-        ("battery", {"battery_percent": 30.0}, "30 % left"),
-        ("battery", {"battery_percent": None}, "not reported"),
+        ("battery", {"battery_percent": 30.0}, "30 % of the charge is left"),
+        ("battery", {"battery_percent": None}, "does not report"),
     ],
 )
 def test_one_thing_wrong_is_named(what: str, facts: dict[str, Any], text: str) -> None:
@@ -124,15 +124,15 @@ def test_a_silent_detector_and_a_tag_that_was_heard_long_ago_count_no_more() -> 
 def test_noise_that_rises_or_lies_on_one_frequency_is_named() -> None:
     risen = heard()
     risen.add(report(6, 6e-9), NOW_NS)
-    assert items(FACTS, risen)["noise"].text == "8 dB more than before at 148.900 MHz"
+    assert items(FACTS, risen)["noise"].text == "the noise has risen by 8 dB at 148.900 MHz"
     uneven = Bench()
     uneven.add(report(4, 2e-8), NOW_NS)
     uneven.add(report(6, 1e-9), NOW_NS)
-    assert "13 dB more noise at 148.700 MHz" in items(FACTS, uneven)["noise"].text
+    assert "13 dB stronger at 148.700 MHz" in items(FACTS, uneven)["noise"].text
     dead = Bench()
     dead.add(report(4, float("nan")), NOW_NS)
     dead.add(report(6, 0.0), NOW_NS)
-    assert items(FACTS, dead)["noise"].text == "not measured yet"
+    assert items(FACTS, dead)["noise"].text == "the noise has not been measured yet"
 
 
 def one_tag(noise_psd: float) -> Bench:
@@ -146,13 +146,14 @@ def one_tag(noise_psd: float) -> Bench:
 def test_noise_that_is_loud_from_the_first_report_on_is_named_beside_past_flights() -> None:
     facts = replace(FACTS, tags=TAGS[:1])
     loud = items(facts, one_tag(1e-3))["noise"]
-    assert loud.text == "61 dB more than in past flights"
+    assert loud.text == "the noise is 61 dB stronger than in past flights"
     assert "gain" in loud.remedy
     assert "switch off nearby devices" in loud.remedy
-    assert items(facts, one_tag(8e-10 * 5))["noise"].text == "7 dB more than in past flights"
+    stronger = items(facts, one_tag(8e-10 * 5))["noise"].text
+    assert stronger == "the noise is 7 dB stronger than in past flights"
     assert items(facts, one_tag(8e-10 * 3))["noise"].ok
     deaf = items(facts, one_tag(1e-11))["noise"]
-    assert deaf.text == "19 dB less than in past flights"
+    assert deaf.text == "the noise is 19 dB weaker than in past flights"
     assert "antenna" in deaf.remedy
 
 
@@ -161,7 +162,9 @@ def test_without_a_past_flight_nobody_says_that_the_noise_is_normal() -> None:
     for noise_psd in (1e-3, 1e-9):
         found = items(facts, one_tag(noise_psd))["noise"]
         assert (found.ok, found.open) == (False, True)
-        assert found.text.startswith("not known yet: within 0 dB on all tags, and steady")
+        assert found.text.startswith(
+            "the noise is steady, and equal within 0 dB on all tags; there is no"
+        )
         assert "compared with the first" in found.remedy
     # What is wrong is so without any flight.
     risen = one_tag(1e-9)

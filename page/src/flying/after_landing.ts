@@ -184,7 +184,7 @@ async function judge(): Promise<void> {
     if (ticket !== judged) return;
     say(
       by("absence-status"),
-      t("after.not_here", { odds: verbatim(found.not_here > 0.9995 ? "> 0.999" : `= ${found.not_here.toFixed(3)}`), heard: percent(found.heard), prior: fixed(found.prior, 3) }),
+      t("after.not_here", { odds: verbatim(found.not_here > 0.9995 ? "> 0.999" : found.not_here.toFixed(3)), heard: percent(found.heard), prior: fixed(found.prior, 3) }),
     );
   } catch (error) {
     if (ticket === judged) say(by("absence-status"), reasonOf(error));

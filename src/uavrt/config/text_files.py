@@ -45,10 +45,11 @@ def read_text(path: Path, limit: Limit) -> str:
         text = content.decode(encoding)
     except UnicodeDecodeError:
         raise FormatError(
-            f"{path} is not text", remedy="Name another file, or save this one as UTF-8"
+            f"{path} is not text",
+            remedy="Choose another file, or save this one in the encoding UTF-8",
         ) from None
     if not text.strip():
         raise FormatError(
-            f"{path} is empty", remedy="Check its name, and whether the copy is complete"
+            f"{path} is empty", remedy="Check the file's name, and whether the copy is complete"
         )
     return text

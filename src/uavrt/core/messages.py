@@ -313,12 +313,12 @@ class Beep:
             case BeepKind.OFF_LABEL | BeepKind.LISTED if self.tag_ids:
                 return " or ".join([*self._names(), *mirrored])
             case BeepKind.OTHER_RATE:
-                first = f"tag {self.tag_ids[0]} at another rate{reason}"
+                first = f"tag {self.tag_ids[0]} with another pulse rate{reason}"
                 return " or ".join([first, *self._names()[1:], *mirrored])
             case BeepKind.MIRRORED:
                 return f"tag {self.tag_ids[0]} mirrored at the centre: I and Q are swapped"
             case BeepKind.IMAGE:
-                of = f"an image of {(self.image_of_hz or 0.0) / 1e6:.6f} MHz"
+                of = f"spurious image of {(self.image_of_hz or 0.0) / 1e6:.6f} MHz"
                 return of + (f" (tag {self.tag_ids[0]})" if self.tag_ids else "")
             case BeepKind.DOUBTFUL if self.tag_ids:
                 return (

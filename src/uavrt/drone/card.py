@@ -46,11 +46,11 @@ class Card:
         """Return one text for each fault of the file system or card; empty without faults."""
         found = []
         if self.read_only:
-            found.append("read-only: nothing more is recorded")
+            found.append("the file system is read-only and records nothing more")
         if self.errors:
             found.append(f"file-system errors: {self.errors}")
         if (self.life_used_tenths or 0) >= WORN_TENTHS:
-            found.append("worn out")
+            found.append("the memory is worn out")
         return found
 
 
@@ -140,5 +140,5 @@ def clock_fault() -> str | None:
     off_s = battery_clock_off_s()
     if off_s is not None and abs(off_s) > BATTERY_CLOCK_OFF_S:
         way = "ahead" if off_s > 0 else "behind"
-        return f"the battery clock is {rough_duration(off_s)} {way}"
+        return f"the battery-backed clock is {rough_duration(off_s)} {way}"
     return None

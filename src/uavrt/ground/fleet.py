@@ -86,7 +86,9 @@ class Fleet:
         if not 1 <= system_id <= 255:
             raise UsageError("system_id must be a vehicle's number, 1 to 255")
         if system_id == self.first.vehicle.identity.system_id:
-            raise UsageError(f"vehicle {system_id} already has the main page of this station")
+            raise UsageError(
+                f"vehicle {system_id} is already shown on the main page of this station"
+            )
         if len(self.sessions) >= MOST_VEHICLES:
             raise UsageError(f"this station can serve at most {MOST_VEHICLES} vehicles")
         store = await self._store.disk.run(self._store.of_vehicle, system_id)

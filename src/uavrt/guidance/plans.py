@@ -119,7 +119,7 @@ def plan_of(order: Order, now: VehicleNow, limits: Limits, behaviour: Behaviour)
             return _survey(order, now, limits, behaviour, height)
         case _:
             raise PlanError(
-                f"there is no motion {order.action!r}", remedy="See `uavrt fly --help`"
+                f"there is no motion command {order.action!r}", remedy="See `uavrt fly --help`"
             )
 
 

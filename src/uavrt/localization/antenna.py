@@ -37,7 +37,8 @@ class AntennaPattern:
         for table in (self.e_plane_db, self.h_plane_db):
             if table is not None and (len(table) < 2 or not np.all(np.isfinite(table))):
                 raise UsageError(
-                    f"the pattern of antenna {self.name} needs two or more finite values",
+                    f"the pattern of antenna {self.name} must contain at least two finite "
+                    "values",
                     remedy="Give decibels at equal steps from 0° to 180°",
                 )
 

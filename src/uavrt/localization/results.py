@@ -75,8 +75,11 @@ class Bearing:
         if not self.accepted:
             return ("the pulses show no clear direction",)
         if self.multipath_suspected:
-            return ("a reflection is likely, or the antenna differs from the setting",)
-        return ("another direction fits nearly as well",) if self.ambiguous else ()
+            return (
+                "the signal was probably reflected, or the antenna is not the one in the "
+                "settings",
+            )
+        return ("the pulses fit another direction nearly as well",) if self.ambiguous else ()
 
 
 PositionMethod = Literal["bayes", "track", "mle", "rmr", "mest", "rmr_ahead", "mest_lenth"]

@@ -32,7 +32,7 @@ def parse_udp_address(text: str) -> tuple[str, int]:
     host = host.removeprefix("[").removesuffix("]")
     if not (colon and host and port.isascii() and port.isdigit() and 0 < int(port) < 65_536):
         raise ConfigError(
-            f"{text!r} is not a UDP address", remedy="Write it as 127.0.0.1:20000"
+            f"{text!r} is not a UDP address", remedy="Write the address as 127.0.0.1:20000"
         )
     return host, int(port)
 

@@ -175,7 +175,9 @@ def test_a_whole_flight_is_flown_through_the_page(
     page.click("#tab-check")
     expect(page.locator('.check-row[data-ok="true"]')).to_have_count(7)
     # Nobody has flown with this drone before: what noise is normal nobody knows.
-    expect(page.locator('.check-row.open[data-check="noise"]')).to_contain_text("not known yet")
+    expect(page.locator('.check-row.open[data-check="noise"]')).to_contain_text(
+        "there is no past flight"
+    )
     # In the air nobody is told to put the propellers on.
     expect(page.locator("#check-sum")).to_contain_text("The vehicle is armed")
     watched.picture("check")

@@ -49,7 +49,8 @@ def integrated(directory: Path) -> None:
         false_alarm_probability=0.41,
         interval_s=1.19,
         frequency_hz=148_792_000.0,
-        remarks="the elevation files do not cover the flight: the ground is taken as level",
+        remarks="the elevation files do not cover the flight: the ground is assumed to be "
+        "level",
     )
     beside = [PLANE.to_geodetic(east, 100.0) for east in (-300.0, 300.0)]
     twice = replace(
@@ -125,7 +126,7 @@ def test_after_the_landing_the_page_tells_of_hindsight_and_of_silence(scene: Sce
     page.click("#silence-make")
     told = page.locator("#silence-status")
     expect(told).to_contain_text("on average", timeout=60_000)
-    expect(told).to_contain_text("without --dem the ground is taken as level")
+    expect(told).to_contain_text("without --dem, the ground is assumed to be level")
     box = page.locator("#map").bounding_box()
     assert box is not None
     page.click("#absence-draw")

@@ -41,7 +41,7 @@ def test_a_wrong_label_is_corrected_by_one_press_and_undone_by_another(
     expect(box).to_contain_text("tag 2, 640 Hz above its label", timeout=4 * WAIT_MS)
     expect(box).to_contain_text("unlisted", timeout=4 * WAIT_MS)
     expect(box).to_contain_text("148.9352\u202fMHz · every 1102\u202fms")
-    expect(box).to_contain_text("an image of 148.710640 MHz (tag 2)", timeout=4 * WAIT_MS)
+    expect(box).to_contain_text("spurious image of 148.710640 MHz (tag 2)", timeout=4 * WAIT_MS)
     watched.picture("beeps")
     page.get_by_role("button", name="Set tag 2 to this frequency").click()
     expect(box).to_contain_text(

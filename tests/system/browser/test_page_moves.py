@@ -205,7 +205,7 @@ def test_before_a_flight_the_page_maps_where_a_tag_would_be_heard(
         told = page.locator("#before-status")
         expect(told).to_contain_text("on average", timeout=60_000)
         expect(told).to_contain_text("Best height: ")
-        expect(told).to_contain_text("the ground is taken as level")
+        expect(told).to_contain_text("the ground is assumed to be level")
         assert [one for one in axe_findings(page) if one[0] in ("serious", "critical")] == []
         here.watched.picture("before-flat" if flat else "before")
         until(lambda: colour_at(page, *at) != bare)  # noqa: B023 - called here alone

@@ -117,7 +117,7 @@ def test_a_card_that_turns_read_only_keeps_what_was_recorded_and_is_told(
     assert recorder.waiting_records == 20
     told = checks.check_card(settings)
     assert not told.ok
-    assert "read-only: nothing more is recorded" in told.text
+    assert "the file system is read-only and records nothing more" in told.text
     assert told.remedy
     assert not checks.check_disk(settings).ok
     guard = DiskGuard(card.place, RecordingSettings(minimum_free_mb=0.0))

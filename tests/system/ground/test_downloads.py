@@ -56,7 +56,7 @@ def test_on_the_drone_s_own_computer_nothing_is_fetched_a_second_time(
     ]
     refused = served.ask("POST", "/api/drone/download", {"flight_id": flight_id})
     assert refused.status == 422
-    assert "it is the drone's own computer" in refused.json["error"]
+    assert "this is the drone's own computer" in refused.json["error"]
 
 
 def test_a_flight_comes_over_the_page_s_own_link(

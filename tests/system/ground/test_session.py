@@ -97,18 +97,18 @@ def test_the_noise_of_one_tag_is_judged_by_past_flights(served: Any, drone: Dron
 
         return wait_until(told)[0]
 
-    first = noise(1e-3, "not known yet")
+    first = noise(1e-3, "there is no past flight")
     assert (first["ok"], first["open"]) == (False, True)
     # The station's own flight has its directory: another of this second is named differently.
     until(served, lambda _: list(served.directory.glob("*/flight.sqlite")))
     past = write_flight(served.directory, 120.0, 300.0)
     assert read_quiet_noise_db(served.directory / past) == pytest.approx(-90.0)
-    loud = noise(1e-3, "60 dB more than in past flights")
+    loud = noise(1e-3, "60 dB stronger than in past flights")
     assert (loud["ok"], loud["open"]) == (False, False)
     # Of another vehicle nobody knows what is normal for this one.
     note = "INSERT INTO notes VALUES (1, ?)"
     sql(served.directory / past, note, values=[vehicle_note(7, "kite")])
-    noise(1e-3, "not known yet")
+    noise(1e-3, "there is no past flight")
 
 
 def test_a_bursts_inside_that_is_broken_or_of_no_burst_is_counted(

@@ -77,7 +77,7 @@ def test_each_step_is_written_and_the_end_is_kept(
     assert "RA-23K" in begun["choices"]["antennas"]
     assert {row["kind"] for row in begun["choices"]["radios"]} >= {"airspy", "rtlsdr"}
     early = asked.ask("POST", "/api/set-up/finish", {})
-    assert (early.status, early.json["error"][:24]) == (422, "the step name is missing")
+    assert (early.status, early.json["error"][:24]) == (422, "the set-up step name has")
     pem = public_key(tmp_path)
     for step, values in GOOD.items():
         more = {"update_key": pem.replace("\n", "\r\n")} if step == "keys" else {}

@@ -182,7 +182,7 @@ def test_a_radio_that_works_is_described_by_its_rate(install: Install) -> None:
         ("airspy", "airspy_open() failed: AIRSPY_ERROR_NOT_FOUND (-5)", RadioMissing, "Plug"),
         ("airspyhf", "airspyhf_open() failed", RadioMissing, "Plug"),
         ("rtlsdr", "No supported devices found.", RadioMissing, "Plug"),
-        ("rtlsdr", "usb_claim_interface error -6", RadioMissing, "other program"),
+        ("rtlsdr", "usb_claim_interface error -6", RadioMissing, "program that uses"),
         ("rtlsdr", "usb_open error -3", RadioMissing, "plugdev"),
         ("hackrf", "hackrf_open() failed: HackRF not found (-5)", RadioMissing, "Plug"),
         ("airspy", "airspy_set_samplerate() failed", RadioStopped, "sample_rate_hz"),

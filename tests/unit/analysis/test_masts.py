@@ -154,8 +154,8 @@ def test_a_mast_near_the_tag_makes_a_drones_one_bearing_a_place(
     assert radius_m(both) < 0.8 * radius_m(read_positions(drone.path))
     assert holds(both)
     assert (
-        f"{mast.path.name} (vehicle 7, mast): the strengths of 200 pulses, at one place, "
-        in (" ".join(some(both[0].position).remarks))
+        f"{mast.path.name} (vehicle 7, mast): the strengths of 200 pulses, received at one "
+        "place, " in (" ".join(some(both[0].position).remarks))
     )
 
 
@@ -195,7 +195,7 @@ def test_the_page_joins_a_masts_strengths_as_the_command_line_does(
         radius_m(read_positions(mast.path, drone.path)), rel=0.01
     )
     assert (
-        "vehicle 7, mast: the strengths of 200 pulses, at one place, were used"
+        "vehicle 7, mast: the strengths of 200 pulses, received at one place, were used"
         in (position["remarks"])
     )
     # And the mast's own page shows the same place.

@@ -215,7 +215,7 @@ def test_the_page_says_for_which_time_a_walkers_place_stands(place: Path) -> Non
     }
     walker, resting = shown[WALKER], shown[RESTING]
     assert walker["end_time_ns"] == walker["track"][-1]["time_ns"]
-    assert "if it walked straight;" in walker["remarks"][-1]
+    assert "if it moved in a straight line;" in walker["remarks"][-1]
     assert "straight" not in " ".join(resting["remarks"])
 
 
@@ -227,10 +227,10 @@ def test_a_walkers_place_says_for_which_time_it_stands(
     (walker, resting) = words.findings(survey)
     rows = dict(walker.facts.rows)
     assert rows["Time"] == [f"{utc_text(last_ns)[11:19]} UTC"]
-    assert "if it walked straight;" in rows["Caution"][-1]
-    assert "if it walked straight;" not in str(resting.facts)
+    assert "if it moved in a straight line;" in rows["Caution"][-1]
+    assert "if it moved in a straight line;" not in str(resting.facts)
     assert uavrt("localize", str(place)) == 0
     plain = capsys.readouterr().out
     assert "the tag seems to have walked" in plain
-    assert plain.count("if it walked straight;") == 1
+    assert plain.count("if it moved in a straight line;") == 1
     assert f"its position at {utc_text(last_ns)}" in plain

@@ -101,7 +101,9 @@ def test_the_headline_says_what_its_bearings_say(survey: Survey) -> None:
     (plain, _), (told, _) = words.findings(survey), words.findings(doubted)
     assert "reflection" not in str(plain.facts)
     rows = dict(told.facts.rows)
-    assert rows["Caution"][0].startswith("in 1 of its 3 bearings a reflection is likely")
+    assert rows["Caution"][0].startswith(
+        "in 1 of its 3 bearings the signal was probably reflected"
+    )
     assert rows["Based on"] == ["3 bearings"]
     assert rows["Time"][0].endswith("UTC")
 

@@ -72,7 +72,7 @@ def test_the_report_maps_where_each_tag_would_have_been_heard(
     assert page.count("would be detected</h2>") == 2
     assert "confirmed pulses)" in page
     assert "not detected: where the map is yellow" in page
-    assert "the ground is taken as level" in page
+    assert "the ground is assumed to be level" in page
     assert f"Where tag {first}" in page
     assert f"Where tag {second}" in page
     assert (tmp_path / "report.pdf").stat().st_size > 10_000
@@ -224,7 +224,7 @@ def test_a_tag_that_may_be_another_train_is_not_silent(
     jobs, wanted = CoverageMapJobs(), {"tag_id": silent, "tag_power_dbm": -62}
     asked = CoverageMapRequest.from_request(flight, ANTENNA, wanted)
     assert answered(jobs, asked)["state"] == "done"
-    with pytest.raises(UsageError, match="cannot be called absent"):
+    with pytest.raises(UsageError, match="its absence cannot be shown"):
         jobs.absence(asked, wanted | {"outline": corners})
 
 

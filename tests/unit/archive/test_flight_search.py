@@ -48,7 +48,7 @@ def test_what_is_newer_than_the_kept_answer_counts(tmp_path: Path) -> None:
 
 
 def test_another_directory_is_named(tmp_path: Path) -> None:
-    with pytest.raises(FormatError, match=r"holds no recordings\.parquet.*-o"):
+    with pytest.raises(FormatError, match=r"contains no recordings\.parquet.*-o"):
         find_flights(tmp_path)
 
 

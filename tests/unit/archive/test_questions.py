@@ -74,7 +74,7 @@ def test_an_archive_without_a_pulse_answers_with_nothing(tmp_path: Path) -> None
 def test_a_wrong_question_or_place_is_named(archive: Path, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="nosuch"):
         ask(archive, "select nosuch from pulses")
-    with pytest.raises(FormatError, match=r"holds no recordings\.parquet"):
+    with pytest.raises(FormatError, match=r"contains no recordings\.parquet"):
         ask(archive / "pulses", QUESTIONS["tags"])
     (archive / "pulses" / "07.parquet").write_bytes(b"rubbish")
     with pytest.raises(FormatError, match="--verify"):

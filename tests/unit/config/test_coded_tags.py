@@ -131,7 +131,7 @@ def test_codes_nearer_than_the_tolerance_are_named() -> None:
     )
     assert [(a.tag_id, b.tag_id) for a, b, _ in near_codes(tags, 500.0)] == [(1, 2)]
     (words,) = words_of_near_codes(tags, 500.0)
-    assert words.startswith("codes 1 and 2 differ by 1 ms in all gaps together")
+    assert words.startswith("codes 1 and 2 are too similar: their gaps differ by 1 ms")
 
 
 def test_a_column_that_is_not_known_is_named_where_something_is_missing() -> None:

@@ -66,7 +66,7 @@ def test_the_gain_is_judged_by_the_kind_of_radio() -> None:
 
 
 def test_an_unknown_parameter_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(ConfigError, match="known are RADIO_GAIN"):
+    with pytest.raises(ConfigError, match="known parameters are RADIO_GAIN"):
         with_parameter(Settings(), "GAIN", 1)
 
 

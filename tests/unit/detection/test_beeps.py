@@ -276,7 +276,7 @@ def test_one_tag_at_anothers_frequency_has_another_rate_or_is_mirrored() -> None
     tag = replace(TAG, frequency_hz=CENTER_HZ + 8000.0)
     (one,) = mirror_names(train(CENTER_HZ - 8000.0, 1.254), tags=(tag, far))
     assert one.kind is BeepKind.OTHER_RATE
-    assert one.meaning == "tag 4 at another rate or tag 2 mirrored (I and Q swapped)"
+    assert one.meaning == "tag 4 with another pulse rate or tag 2 mirrored (I and Q swapped)"
 
 
 def test_a_sender_of_data_bursts_is_no_animal() -> None:

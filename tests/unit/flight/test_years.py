@@ -42,7 +42,7 @@ def test_flights_of_1970_are_as_old_as_they_are(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("ahead_s", "ok", "says"),
     [
-        (0.4, True, "battery clock agrees"),
+        (0.4, True, "the battery-backed clock agrees"),
         (-3600.0, False, "60 min behind"),
         (1e8, False, "1157 days ahead"),
         (None, True, "no battery"),
@@ -85,5 +85,5 @@ def test_a_worn_emmc_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     settings = Settings(recording=RecordingSettings(directory=str(tmp_path)))
     finding = checks.check_card(settings)
     assert not finding.ok
-    assert "file-system errors: 3 · worn out" in finding.text
+    assert "file-system errors: 3 · the memory is worn out" in finding.text
     assert "812 GB written" in finding.text

@@ -117,9 +117,9 @@ def test_what_comes_before_its_burst_is_refused_until_the_burst_is_here(
     keeper = FlightKeeper(tmp_path, Clock.start())
     flight_id = keeper.begin(())
     for _ in range(2):
-        with pytest.raises(RecordingError, match="burst with these pulses has not"):
+        with pytest.raises(RecordingError, match="not the report of their burst"):
             keeper.put_inside(inside(pulse(0)))
-    with pytest.raises(RecordingError, match="burst with these pulses has not"):
+    with pytest.raises(RecordingError, match="not the report of their burst"):
         keeper.put_inside(inside(pulse(1)))
     assert keeper.add_pulse(pulse(0))
     assert keeper.put_inside(inside(pulse(0)))

@@ -61,7 +61,7 @@ def test_a_row_becomes_a_tag_in_our_units() -> None:
     ("field", "written", "says"),
     [
         ("frequency_mhz", "148697000", "write 148.697"),
-        ("frequency_mhz", "", "needed"),
+        ("frequency_mhz", "", "field is empty"),
         ("frequency_mhz", "abc", "not a number"),
         ("interval_ms", "1.333", "Write 1333"),
         ("interval_ms", "2", "is it in seconds"),
@@ -260,7 +260,7 @@ def test_a_coded_tag_comes_back_from_its_row_and_from_every_file_with_room_for_i
 @pytest.mark.parametrize(
     ("field", "written", "says"),
     [
-        ("gaps_ms", "", "needed"),
+        ("gaps_ms", "", "field is empty"),
         ("gaps_ms", "22 x", "numbers separated by spaces"),
         ("gaps_ms", "0.022, 0.0488, 0.0366", "looks like seconds"),
         ("gaps_ms", "4 48.8 36.6", "overlap"),
@@ -290,7 +290,7 @@ def test_codes_that_are_near_are_named_in_words_that_the_page_has() -> None:
     tags, faults = tags_from_rows([CODED_ROW, near, ROW])
     assert not faults
     (words,) = warnings_of(tags)
-    assert words.startswith(f"codes {CODED_ROW['id']} and 14 differ by 0.4 ms")
+    assert words.startswith(f"codes {CODED_ROW['id']} and 14 are too similar")
     known = (re.escape(text).replace(r"\{\}", ".+") for text in SERVER.values())
     assert any(re.fullmatch(text, words) for text in known)
     assert warnings_of(tags_from_rows([CODED_ROW, ROW])[0]) == []

@@ -12,7 +12,8 @@ Bay = Any  # tests/unit/processes/conftest.py
 REASON = "Airspy: no radio is plugged in. Plug the radio in, or try another cable or port"
 RADIO = StatusText(severity=4, text=f"receiver: radio absent (reason {REASON})")
 CARD = StatusText(
-    severity=3, text=f"Memory card: read-only: nothing more is recorded. {NEW_CARD}"
+    severity=3,
+    text=f"Memory card: the file system is read-only and records nothing more. {NEW_CARD}",
 )
 
 

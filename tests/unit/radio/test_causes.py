@@ -72,10 +72,11 @@ def test_absent_forbidden_busy_and_another_one_have_each_their_remedy(
     node = tmp_path / "dev" / "001" / "004"
     node.parent.mkdir(parents=True)
     node.touch()
-    assert remedy() == "Close the other program that uses the radio"
-    other = f'Set [radio] serial to "{RADIOS[kind].serial_prefix}AB12", which is plugged in'
+    assert remedy() == "Close the program that uses the radio"
+    named = f'"{RADIOS[kind].serial_prefix}AB12"'
+    other = f"Set [radio] serial to {named}, the radio that is plugged in"
     assert remedy(serial="77") == other
-    assert "Close the other" in remedy(serial=f"{RADIOS[kind].serial_prefix}ab12")
+    assert "Close the program" in remedy(serial=f"{RADIOS[kind].serial_prefix}ab12")
 
 
 @pytest.mark.parametrize(

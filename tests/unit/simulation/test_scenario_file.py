@@ -146,7 +146,7 @@ def test_a_coded_tag_is_listed_as_a_tag_file_lists_it(tmp_path: Path) -> None:
     [
         ("[0.004, 0.0488]", "they would overlap"),
         ("[1.2, 0.0488]", "at most 1000 ms"),
-        ("[0.03, 0.03, 0.03, 0.03, 0.03, 0.03, 0.03, 0.03]", "a burst has 1 to 7 gaps"),
+        ("[0.03, 0.03, 0.03, 0.03, 0.03, 0.03, 0.03, 0.03]", "a burst can have 1 to 7 gaps"),
     ],
 )
 def test_codes_that_no_tag_file_may_list_are_refused_beforehand(gaps: str, fault: str) -> None:

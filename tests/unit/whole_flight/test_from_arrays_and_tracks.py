@@ -188,7 +188,7 @@ def test_silence_names_the_noise_that_it_is_told_by(
     assert "not found" in said
     assert (
         "the map: noise of the drone: unknown, only the radio's own is used: "
-        "a vehicle's track has no noise measurements" in said
+        "a vehicle's track contains no noise measurements" in said
     )
 
 
@@ -217,7 +217,7 @@ def test_a_radio_that_was_mostly_dead_finds_no_tag_silent(
     uavrt(*recorded, "--clock-offset", "40", "--antenna", "RA-23K")
     (said,) = json.loads(capsys.readouterr().out)
     assert (
-        "samples exist for 0% of the flight only: the rest was not searched"
+        "samples exist for only 0% of the flight, and the rest was not searched"
         in (said["limitations"])
     )
     assert said["silence"]["sure_within_m"] is None

@@ -146,7 +146,7 @@ def inside(polygon: Polygon, ground: GroundGrid) -> NDArray[np.bool_]:
         )
     raise UsageError(
         f"the {polygon.name} lies {math.ceil(away_m):,} m beyond the map",
-        remedy="Give a wider --margin",
+        remedy="Give a wider margin with --margin",
     )
 
 
@@ -166,7 +166,9 @@ def map_around(
         "cell_m": size.cell_m,
     }
     if elevation is None:
-        said = "without --dem the ground is taken as level: hills reduce the detection range"
+        said = (
+            "without --dem, the ground is assumed to be level: hills reduce the detection range"
+        )
         return MapArea(
             ground=ground_grid(None, plane, **area), hills=False, limitations=(said,)
         )
@@ -175,7 +177,10 @@ def map_around(
     row = np.rint((north_m - ground.south_m) / size.cell_m).astype(np.intp)
     beneath = float(ground.known[row, column].mean())
     if not beneath:
-        said = "the elevation files do not cover the flight path; the ground is taken as level"
+        said = (
+            "the elevation files do not cover the flight path; the ground is assumed to be "
+            "level"
+        )
         return MapArea(
             ground=ground_grid(None, plane, **area), hills=False, limitations=(said,)
         )

@@ -44,23 +44,25 @@ _FINEST_M = 20.0
 _CELLS = 120
 """Number of cells along the longer side of a coverage map; for a 20-minute flight the
 computation takes seconds."""
-_NOT_JUDGED = "whole flight not searched for this tag yet; uavrt integrate finds weaker tags"
+_NOT_JUDGED = (
+    "the whole flight has not been searched for this tag yet; uavrt integrate finds weaker tags"
+)
 _NO_DETECTORS = (
     "no record shows that a detector ran in this flight (no search report, no pulse); the map "
     "assumes one. uavrt integrate shows what its samples contain"
 )
 _ANTENNA_UNKNOWN = (
-    "an earlier version searched the whole flight and did not record frequencies and antenna: "
-    "those of the flight are assumed"
+    "an earlier version of uavrt searched the whole flight and did not record frequencies "
+    "and antenna: those of the flight are assumed"
 )
 _NOT_SILENT = (
-    "the search of the whole flight was for {} and does not apply here, so only groups of "
-    "pulses are used. Run uavrt integrate again"
+    "the whole-flight search was for {} and does not apply here, so the result uses only "
+    "groups of pulses. Run uavrt integrate again"
 )
 _WITHIN = "the result covers tags within {:g} Hz of their listed frequency"
 _ANTENNA_ASSUMED = "antenna not specified: {} assumed"
 _AMBIGUOUS = (
-    "pulses on the tag's frequency may come from this tag, so it may not be absent (uavrt "
+    "pulses on the tag's frequency may come from this tag, so it may be present (uavrt "
     "integrate lists them)"
 )
 
@@ -146,7 +148,8 @@ class ListenedFlight:
         try:
             if of_track:
                 raise RecordingError(
-                    "no noise level is known: a vehicle's track has no noise measurements"
+                    "the noise level is unknown, because a vehicle's track contains no noise "
+                    "measurements"
                 )
             noise = flight_noise_of(directory, flight)
             said = f"+{noise.median_db:.1f} dB in the air over {noise.quiet}"
@@ -393,12 +396,12 @@ def around_in_words(around: SilentAround) -> str:
     power = f"{around.tag_power_dbm:g} dBm".replace("-", "\N{MINUS SIGN}")
     if around.within_m is None:
         return (
-            f"a tag that radiates {power} would have been {what} with "
-            f"p ≥ {around.probability:g} nowhere around the flight"
+            f"nowhere around the flight would a tag that radiates {power} have been {what} "
+            f"with a probability of at least {around.probability:g}"
         )
     return (
-        f"within {_rounded_down(around.within_m):.0f} m of the flight a tag that radiates "
-        f"{power} would have been {what} with p ≥ {around.probability:g}"
+        f"within {_rounded_down(around.within_m):.0f} m of the flight, a tag that radiates "
+        f"{power} would have been {what} with a probability of at least {around.probability:g}"
     )
 
 

@@ -50,5 +50,8 @@ def remarks_of(position: Position) -> tuple[str, ...]:
     if not position.track or not walks or position.method == "track":
         return position.remarks
     time = utc_text(position.track[-1].time_ns)
-    straight = f"this was its position at {time} if it walked straight; its path may bend"
+    straight = (
+        f"this was the tag's position at {time} if it moved in a straight line; its "
+        "real path may be curved"
+    )
     return (*position.remarks, straight)

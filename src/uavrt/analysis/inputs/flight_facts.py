@@ -132,7 +132,8 @@ def _judged(entries: dict[str, Any], path: Path) -> ReportFacts:
     except (OSError, ValueError, KeyError) as error:
         raise ConfigError(
             f"{path}: there is no time zone {found.time_zone!r}",
-            remedy='Name one as "Europe/Zurich"; on Windows, pip install tzdata',
+            remedy='Give a time zone such as "Europe/Zurich"; on Windows, '
+            "run pip install tzdata",
         ) from error
     return found
 

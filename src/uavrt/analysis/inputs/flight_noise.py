@@ -79,7 +79,7 @@ def flight_noise_of(directory: Path, flight: Flight | None = None) -> FlightNois
     air = height > _ON_GROUND_M
     if not air.any():
         raise RecordingError(
-            f"{directory} has no noise measurements in the air",
+            f"{directory} has no noise measurements from the time in the air",
             remedy="Choose another flight",
         )
     tags = np.unique(tag_id)

@@ -27,7 +27,7 @@ def flight_settings(flight: Flight) -> Settings | None:
     except (ValueError, TypeError, AttributeError, RecursionError) as error:
         raise FormatError(
             f"the settings of {flight.info.directory} cannot be read: {error}",
-            remedy="Give its pulse_pose_log.txt instead, which has the pulses",
+            remedy="Give the flight's pulse_pose_log.txt instead, which has the pulses",
         ) from error
 
 

@@ -56,7 +56,7 @@ def missing_in_words(share: float) -> tuple[str, ...]:
     """
     if share >= _COMPLETE_SHARE:
         return ()
-    return (f"samples exist for {share:.0%} of the flight only: the rest was not searched",)
+    return (f"samples exist for only {share:.0%} of the flight, and the rest was not searched",)
 
 
 def with_poses(energies: SlotEnergies, poses: PoseColumns) -> SlotEnergies:

@@ -74,7 +74,7 @@ class MapFile:
             )
         except _DAMAGED as error:
             text = f"{self.path.name} cannot be read: {error}"
-            raise FormatError(text, remedy="Download it again") from error
+            raise FormatError(text, remedy="Download the file again") from error
 
     def covers(self, west: float, south: float, east: float, north: float) -> bool:
         """True if the file's bounds contain an area."""
@@ -95,7 +95,8 @@ def read_map(path: Path) -> MapFile:
     except _DAMAGED as error:
         raise FormatError(
             f"{path.name} is not a map: {_fault_text(error)}",
-            remedy="Give an MBTiles or PMTiles file: QGIS, Generate XYZ tiles (MBTiles)",
+            remedy="Give an MBTiles or PMTiles file; QGIS makes one with Generate XYZ tiles "
+            "(MBTiles)",
         ) from error
 
 
@@ -103,7 +104,7 @@ def _fault_text(error: BaseException) -> str:
     if isinstance(error, FileNotFoundError):
         return "it does not exist"
     if isinstance(error, sqlite3.Error):
-        return "it is not an MBTiles file, or is damaged"
+        return "the file is not an MBTiles file, or is damaged"
     return str(error)
 
 
@@ -171,7 +172,7 @@ def _bounds(edges: Iterable[float]) -> tuple[float, float, float, float]:
     if not (
         max(abs(south), abs(north)) <= 90.0 and max(abs(west), abs(east)) <= _MOST_LONGITUDE
     ):
-        raise ValueError("the bounds are not positions on earth")
+        raise ValueError("the map's bounds are not positions on earth")
     return west, south, east, north
 
 

@@ -175,8 +175,8 @@ def _ambiguity(one: IntegratedTag) -> tuple[str, ...]:
         return ()
     above, below = other.ratio
     return (
-        f"ambiguous: pulses on its frequency, every {other.interval_s:.4f} s ({above}/{below} "
-        "of the interval), may be this tag",
+        f"ambiguous: pulses on the tag's frequency, every {other.interval_s:.4f} s "
+        f"({above}/{below} of its interval), may come from this tag",
     )
 
 

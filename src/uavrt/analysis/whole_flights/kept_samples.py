@@ -94,12 +94,12 @@ def integrate_kept(
     without = [tag for tag in tags if channel_of_tag[tag.tag_id] is None]
     if without:
         none = (
-            f"{flight.info.directory} has no samples of tag {without[0].tag_id}, at "
+            f"{flight.info.directory} has no samples of tag {without[0].tag_id} at "
             f"{without[0].frequency_hz / 1e6:.4f} MHz"
         )
         raise RecordingError(
             "; ".join((none, *left_out_in_words(unread))),
-            remedy="Name a recording with --recording, or only tags of the flight with --tag",
+            remedy="Name a recording with --recording, or give --tag only tags of this flight",
         )
     results: dict[int, IntegratedTag] = {}
     for channel in channels:

@@ -65,13 +65,13 @@ def where_in_words(
     lines = []
     if place.bearing_deg is not None and place.arc50_deg is not None and place.arc95_deg:
         if place.arc95_deg > ALL_ROUND_DEG and not known:
-            return [f"position and direction are unknown: not constrained by {flown}"]
+            return [f"the tag's position and direction remain unknown after {flown}"]
         lines.append(
-            f"from the middle of {flown} at {place.bearing_deg:.0f}°, "
+            f"direction from the middle of {flown}: {place.bearing_deg:.0f}°, "
             f"± {0.5 * place.arc50_deg:.0f}° (50 %), ± {0.5 * place.arc95_deg:.0f}° (95 %)"
         )
     if not known:
-        return [*lines, "no position: only its direction is known"]
+        return [*lines, "no position: only the tag's direction is known"]
     return [
         *lines,
         f"at {place.latitude_deg:.5f}, {place.longitude_deg:.5f}, within "

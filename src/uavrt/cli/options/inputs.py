@@ -20,7 +20,8 @@ def require_content(paths: Sequence[Path]) -> None:
     empty = [path for path in paths if path.is_file() and _is_empty(path)]
     if empty and len(empty) == len(paths):
         raise UsageError(
-            f"{empty[0]} is empty", remedy="Check its name, and whether the copy is complete"
+            f"{empty[0]} is empty",
+            remedy="Check the file's name, and whether the copy is complete",
         )
 
 

@@ -38,7 +38,9 @@ def faults_of_gaps(
     width_ms = CODED_PULSE_WIDTH_MS if width is None else width.number
     factor, found = _faults_of_numbers(gaps, width_ms)
     if len(gaps) > MAX_GAPS:
-        found.append((gaps[0], f": a burst has 1 to {MAX_GAPS} gaps, these are {len(gaps)}"))
+        found.append(
+            (gaps[0], f": a burst can have 1 to {MAX_GAPS} gaps, but {len(gaps)} were entered")
+        )
     # Invalid gaps were reported before, and are ignored here.
     meant_ms = [factor * gap.number for gap in gaps if 0.0 < factor * gap.number <= MAX_GAP_MS]
     length_ms = sum(meant_ms) + width_ms
@@ -191,8 +193,8 @@ def words_of_near_codes(tags: Sequence[Tag], window_hz: float) -> list[str]:
     near = near_codes(tags, window_hz)
     more = [f"and {len(near) - MOST_NEAR} more pairs"] if len(near) > MOST_NEAR else []
     return [
-        f"codes {one.tag_id} and {two.tag_id} differ by {1e3 * apart_s:.2g} ms in all gaps "
-        f"together, less than the {1e3 * GAP_TOLERANCE_S:.2g} ms accuracy of a burst: "
-        "each may be reported as the other"
+        f"codes {one.tag_id} and {two.tag_id} are too similar: their gaps differ by "
+        f"{1e3 * apart_s:.2g} ms in total, less than the {1e3 * GAP_TOLERANCE_S:.2g} ms "
+        "accuracy of a burst, so either tag may be reported as the other"
         for one, two, apart_s in near[:MOST_NEAR]
     ] + more

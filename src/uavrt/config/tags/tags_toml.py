@@ -231,7 +231,7 @@ def read_gaps(draft: TagDraft, gaps: object, line: int, faults: list[Fault]) -> 
         faults.append(Fault(line=line, text=text))
         return
     if len(gaps) > _MOST_GAPS:
-        text = f"a burst has 1 to {MAX_GAPS} gaps, these are {len(gaps)}"
+        text = f"a burst can have 1 to {MAX_GAPS} gaps, but {len(gaps)} were entered"
         faults.append(Fault(line=line, text=text))
         return
     shown = ", ".join(f"{gap:.13g}" for gap in gaps)

@@ -164,10 +164,10 @@ def _open(what: str, text: str, remedy: str) -> Finding:
 
 def _drone(facts: FlightFacts) -> Finding:
     if facts.heard:
-        return passed("drone", "connected")
+        return passed("drone", "the drone is connected")
     return failed(
         "drone",
-        "no contact",
+        "no contact with the drone",
         "Check the drone's power, the telemetry radio and the connection under Set-up",
     )
 
@@ -177,12 +177,12 @@ def _radio(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
     if facts.state is not SystemState.DETECTING:
         return failed(
             what,
-            "not tested, because no detection is running",
+            "the radio was not tested, because no detection is running",
             "Send the tags and press Start, with the propellers off",
         )
     ages = [_age_s(one.detector_ns, now_ns) for one in bench.tags.values()]
     if min(ages, default=inf) <= DETECTOR_SILENT_S:
-        return passed(what, "its samples arrive and are searched")
+        return passed(what, "samples from the radio arrive and are searched for pulses")
     return failed(
         what,
         "no report from the detector arrives",
@@ -195,22 +195,24 @@ def _noise(facts: FlightFacts, bench: Bench) -> Finding:
     known = bench.noise(facts.tags)
     if not known:
         return failed(
-            what, "not measured yet", "Press Start and wait half a minute for a measurement"
+            what,
+            "the noise has not been measured yet",
+            "Press Start and wait half a minute for a measurement",
         )
     names = {tag.tag_id: _megahertz(tag) for tag in facts.tags}
     levels = {tag_id: one.noise_db or 0.0 for tag_id, one in known.items()}
     rises = {tag_id: levels[tag_id] - one.quietest_db for tag_id, one in known.items()}
     worst = max(rises, key=rises.__getitem__)
     if rises[worst] > NOISE_RISE_DB:
-        text = f"{rises[worst]:.0f} dB more than before at {names[worst]} MHz"
+        text = f"the noise has risen by {rises[worst]:.0f} dB at {names[worst]} MHz"
         return failed(what, text, NOISE_REMEDY)
     loudest = max(levels, key=levels.__getitem__)
     apart_db = levels[loudest] - min(levels.values())
     if apart_db > NOISE_APART_DB:
         at = names[loudest]
         text = (
-            f"{apart_db:.0f} dB more noise at {at} MHz than at the frequency of the quietest "
-            "tag"
+            f"the noise is {apart_db:.0f} dB stronger at {at} MHz than at the frequency of "
+            "the quietest tag"
         )
         return failed(what, text, NOISE_REMEDY)
     return _level(what, levels, apart_db, facts.usual_noise_db)
@@ -223,24 +225,26 @@ def _level(
 
     The levels must already be similar on all tags, and steady.
     """
-    even = f"within {apart_db:.0f} dB on all tags, and steady"
+    even = f"the noise is steady, and equal within {apart_db:.0f} dB on all tags"
     if usual_db is None:
         return _open(
             what,
-            f"not known yet: {even}, but there is no past flight to compare with",
+            f"{even}; there is no past flight to compare with",
             "Switch on camera, video link and motors, one after the other, and check that the "
             "noise stays the same. Later flights are compared with the first",
         )
     more_db = median(levels.values()) - usual_db
     if more_db > NOISE_RISE_DB:
-        return failed(what, f"{more_db:.0f} dB more than in past flights", LEVEL_REMEDY)
+        return failed(
+            what, f"the noise is {more_db:.0f} dB stronger than in past flights", LEVEL_REMEDY
+        )
     if more_db < -NOISE_LESS_DB:
         return failed(
             what,
-            f"{-more_db:.0f} dB less than in past flights",
+            f"the noise is {-more_db:.0f} dB weaker than in past flights",
             "Check the antenna and its cable, and that the gain is the same as in past flights",
         )
-    return passed(what, f"{even}, and within {abs(more_db):.0f} dB of past flights")
+    return passed(what, f"{even}; it differs from past flights by {abs(more_db):.0f} dB")
 
 
 def _time(facts: FlightFacts, bench: Bench) -> Finding:
@@ -261,7 +265,9 @@ def _time(facts: FlightFacts, bench: Bench) -> Finding:
     waiting = facts.time_known is None and bench.posed is None
     return failed(
         what,
-        "unknown until a pulse is detected" if waiting else "the autopilot's clock is unknown",
+        "the autopilot's clock is unknown until a pulse is detected"
+        if waiting
+        else "the autopilot's clock is unknown",
         "Switch on a tag and lay it a few metres away"
         if waiting
         else "Check the drone's cable to the autopilot, both wires, and its MAVLink port",
@@ -304,7 +310,7 @@ def _tags(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
     if all(one.clipped for _, one in heard):
         return failed(
             what,
-            "so strong that the radio is overloaded",
+            "the tag's signal is so strong that the radio is overloaded",
             "Put the test tag farther away, or lower the gain under Set-up",
         )
     names = ", ".join(tag.name or str(tag.tag_id) for tag, _ in heard[:3])
@@ -331,15 +337,19 @@ def _battery(facts: FlightFacts) -> Finding:
     if percent is None:
         return failed(
             what,
-            "not reported by the autopilot",
+            "the autopilot does not report the battery's charge",
             "Set up the battery monitor in the autopilot's parameters (BATT_MONITOR, "
             "BAT1_SOURCE)",
         )
     if percent < BATTERY_PERCENT:
-        return failed(what, f"{percent:.0f} % left", "Charge the battery, or use a charged one")
+        return failed(
+            what,
+            f"{percent:.0f} % of the charge is left",
+            "Charge the battery, or use a charged one",
+        )
     if facts.battery_v is None:
-        return passed(what, f"{percent:.0f} % left")
-    return passed(what, f"{percent:.0f} % left, {facts.battery_v:.1f} V")
+        return passed(what, f"{percent:.0f} % of the charge is left")
+    return passed(what, f"{percent:.0f} % of the charge is left, {facts.battery_v:.1f} V")
 
 
 def _age_s(at_ns: int | None, now_ns: int) -> float:

@@ -55,7 +55,8 @@ def check_radio(settings: Settings, running: SystemStatus | None) -> Finding:
     if running is not None and running.state in (SystemState.DETECTING, SystemState.CAPTURING):
         receiver = next((p for p in running.processes if p.process == "receiver"), None)
         good = receiver is not None and receiver.ok
-        text = f"in use: {receiver.status if receiver else 'no receiver'}"
+        status = receiver.status if receiver else "the receiver is not running"
+        text = f"the radio is in use: {status}"
         reason = receiver.reason if receiver is not None else ""
         return Finding(what="radio", ok=good, text=f"{text}: {reason}" if reason else text)
     try:
@@ -90,7 +91,8 @@ def check_permissions(settings: Settings) -> Finding:
                 f"{port} cannot be opened by this user",
                 'Run sudo usermod -a -G dialout "$USER", then log in again',
             )
-    text = f"groups {', '.join(_groups())}" if os.geteuid() else "all groups, as root"
+    as_root = "this program runs as root and needs no group"
+    text = f"groups {', '.join(_groups())}" if os.geteuid() else as_root
     return passed("permissions", text)
 
 
@@ -107,7 +109,7 @@ def check_autopilot(settings: Settings, running: SystemStatus | None) -> Finding
     what = "autopilot"
     address = settings.mavlink.address
     if not address:
-        return passed(what, "none configured: pulses get no position")
+        return passed(what, "no autopilot is configured, so pulses get no position")
     if running is not None:
         link = next((p for p in running.processes if p.process == "connection"), None)
         heard = link is not None and link.status in ("waiting for ground station", "ready")
@@ -149,8 +151,9 @@ def _listen(settings: Settings) -> tuple[bool, str]:
         return False, faults[0]
     status = link.status()
     if status == "waiting for autopilot":
-        return False, f"nothing received at {settings.mavlink.address} in {LISTEN_S:.0f} s"
-    return True, f"received at {settings.mavlink.address}"
+        text = f"no message from the autopilot arrived at {settings.mavlink.address}"
+        return False, f"{text} in {LISTEN_S:.0f} s"
+    return True, f"messages from the autopilot arrive at {settings.mavlink.address}"
 
 
 def check_clock() -> Finding:
@@ -163,8 +166,10 @@ def check_clock() -> Finding:
             "Connect the computer to a time server once before the flight, or check the time "
             "yourself"
         )
-        return replace(kept, ok=False, text=f"{kept.text} · not synchronized", remedy=remedy)
-    return replace(kept, text=f"{kept.text} · synchronized")
+        return replace(
+            kept, ok=False, text=f"{kept.text} · the clock is not synchronized", remedy=remedy
+        )
+    return replace(kept, text=f"{kept.text} · the clock is synchronized")
 
 
 def check_kept_time() -> Finding:
@@ -173,7 +178,11 @@ def check_kept_time() -> Finding:
     text = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime())
     if fault is None:
         kept = battery_clock_off_s() is not None
-        text += " · battery clock agrees" if kept else " · no battery clock"
+        text += (
+            " · the battery-backed clock agrees"
+            if kept
+            else " · there is no battery-backed clock"
+        )
         return passed("clock", text)
     if clock_is_lost():
         remedy = "Set the clock (sudo timedatectl set-time), or fit a battery for it"
@@ -218,7 +227,7 @@ def check_card(settings: Settings) -> Finding:
     present = next(path for path in (directory, *directory.parents) if path.exists())
     card = card_of(present)
     if card is None:
-        return passed(what, "not reported by this computer")
+        return passed(what, "this computer does not report the card's condition")
     text = f"{card.device} ({card.kind})"
     if card.written_gb is not None:
         text += f" · {card.written_gb:,.0f} GB written so far"

@@ -146,7 +146,7 @@ class FirstSetup:
         self._require_wanted()
         missing = [step for step in STEPS if step not in self.done]
         if missing:
-            raise UsageError(f"the step {missing[0]} is missing")
+            raise UsageError(f"the set-up step {missing[0]} has not been completed")
         with _writing(self.config.parent):
             write_atomically(self.config.parent / DONE, "")
         return {"name": str(self.values()["name"])}
@@ -167,7 +167,10 @@ class FirstSetup:
     def _name(self, values: dict[str, Any]) -> tuple[StepFault, ...]:
         name = _text(values, "name")
         if not NAME.fullmatch(name):
-            text = "1 to 32 small letters, digits and hyphens; no hyphen at the start or end"
+            text = (
+                "Enter 1 to 32 small letters, digits or hyphens; the name may not start "
+                "or end with a hyphen"
+            )
             return (StepFault(field="name", text=text),)
         self._hand_over(name=name)
         return ()
@@ -176,9 +179,11 @@ class FirstSetup:
         faults = []
         antenna, turned = _text(values, "antenna"), _number(values, "yaw_offset_deg")
         if antenna not in PATTERNS:
-            faults.append(StepFault(field="antenna", text="choose one from the list"))
+            faults.append(StepFault(field="antenna", text="Choose an entry from the list"))
         if turned is None or not -360.0 <= turned <= 360.0:
-            faults.append(StepFault(field="yaw_offset_deg", text="degrees from -360 to 360"))
+            faults.append(
+                StepFault(field="yaw_offset_deg", text="Enter an angle from -360° to 360°")
+            )
         if not faults:
             self._change(
                 {("bearings", "antenna"): antenna, ("antenna", "yaw_offset_deg"): turned}
@@ -188,7 +193,7 @@ class FirstSetup:
     def _radio(self, values: dict[str, Any]) -> tuple[StepFault, ...]:
         row = RADIOS.get(_text(values, "kind"))
         if row is None:
-            return (StepFault(field="kind", text="choose one from the list"),)
+            return (StepFault(field="kind", text="Choose an entry from the list"),)
         faults = []
         gain, rate_msps = _number(values, "gain"), _number(values, "sample_rate_msps")
         left_out = values.get("gain") in (None, "")
@@ -196,10 +201,10 @@ class FirstSetup:
         if not left_out and (
             gain is None or not gain.is_integer() or not lowest <= gain <= highest
         ):
-            text = f"a whole number from {lowest} to {highest}, or empty"
+            text = f"Enter a whole number from {lowest} to {highest}, or leave this field empty"
             faults.append(StepFault(field="gain", text=text))
         if rate_msps is None or not row.takes_rate(round(rate_msps * 1e6, 3)):
-            text = f"a sample rate that the radio supports [MS/s]: {row.rates_text(1e6)}"
+            text = f"Enter a sample rate that the radio supports [MS/s]: {row.rates_text(1e6)}"
             faults.append(StepFault(field="sample_rate_msps", text=text))
         if faults or rate_msps is None:
             return tuple(faults)
@@ -228,22 +233,31 @@ class FirstSetup:
         passwords = {name: _text(values, name) for name in ("page_password", "wifi_password")}
         for name, password in passwords.items():
             if password and not SECRET.fullmatch(password):
-                text = "8 to 63 letters, digits, dots, hyphens and underscores, or empty"
+                text = (
+                    "Enter 8 to 63 letters, digits, dots, hyphens or underscores, or "
+                    "leave this field empty"
+                )
                 faults.append(StepFault(field=name, text=text))
         kept = _text(values, "command_key")
         if kept not in ("", "new") and not KEY.fullmatch(kept):
-            text = "32 to 512 hexadecimal digits, or empty"
+            text = "Enter 32 to 512 hexadecimal digits, or leave this field empty"
             faults.append(StepFault(field="command_key", text=text))
         pem = _text(values, "update_key")
         if pem and (len(pem) > 10_000 or not _are_public_keys(pem)):
-            text = "an Ed25519 key that begins with -----BEGIN PUBLIC KEY-----, or empty"
+            text = (
+                "Enter an Ed25519 key that begins with -----BEGIN PUBLIC KEY-----, or "
+                "leave this field empty"
+            )
             faults.append(StepFault(field="update_key", text=text))
         elif pem and self._has_update_key():
             text = "this computer has keys already; an update changes them"
             faults.append(StepFault(field="update_key", text=text))
         ssh_key = " ".join(_text(values, "ssh_key").split())
         if ssh_key and not SSH_KEY.fullmatch(ssh_key):
-            text = "one line that begins with ssh-ed25519, ssh-rsa or ecdsa-sha2, or empty"
+            text = (
+                "Enter one line that begins with ssh-ed25519, ssh-rsa or ecdsa-sha2, or "
+                "leave this field empty"
+            )
             faults.append(StepFault(field="ssh_key", text=text))
         elif ssh_key and self._login_keys().exists():
             text = "a maintainer's key exists already. Log in with it to change it"
@@ -274,7 +288,8 @@ class FirstSetup:
         if not self.wanted:
             raise UsageError(
                 "this computer is already set up",
-                remedy=f"Remove the file {DONE} next to its settings to repeat the set-up",
+                remedy=f"Remove the file {DONE} next to the drone's settings to repeat the "
+                "set-up",
             )
 
     def _handed_over(self) -> dict[str, str]:

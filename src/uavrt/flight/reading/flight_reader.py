@@ -183,7 +183,7 @@ def flight_database(directory: Path) -> Iterator[sqlite3.Connection]:
     except DAMAGED as error:
         raise FormatError(
             f"{path} cannot be read: {error}",
-            remedy="Give its pulse_pose_log.txt instead, which has the same pulses",
+            remedy="Give the flight's pulse_pose_log.txt instead, which has the same pulses",
         ) from error
 
 

@@ -79,7 +79,7 @@ class Downloads:
         """List the flights on the drone, newest first; mark those downloaded already."""
         if self._asking.locked():
             raise LinkError(
-                "a download is already running", remedy="Wait until it has finished"
+                "a download is already running", remedy="Wait until the download has finished"
             )
         async with self._asking:
             names = await drone_flights(self._client)
@@ -94,11 +94,12 @@ class Downloads:
             raise NotFound(f"the drone has no flight {flight_id[:80]!r}")
         if self._is_own(flight_id):
             raise UsageError(
-                f"{flight_id} is already on this computer: it is the drone's own computer"
+                f"{flight_id} is already on this computer, because this is the drone's own "
+                "computer"
             )
         if self._task is not None and not self._task.done():
             raise LinkError(
-                "a download is already running", remedy="Wait until it has finished"
+                "a download is already running", remedy="Wait until the download has finished"
             )
         self.current = Download(flight_id=flight_id)
         self._task = asyncio.get_running_loop().create_task(self._fetch(flight_id, everything))

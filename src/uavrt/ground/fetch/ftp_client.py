@@ -196,7 +196,8 @@ class FileClient:
                 _check(reply, path)
                 if not reply.data:
                     raise LinkError(
-                        f"{path} is shorter than the drone reported", remedy="Fetch it again"
+                        f"{path} is shorter than the drone reported",
+                        remedy="Fetch the file again",
                     )
                 ahead[done] = reply.data[:hole]
             else:
@@ -249,7 +250,7 @@ class FileClient:
         if len(data) > DATA_SIZE:
             raise LinkError(
                 f"a file path of {len(data)} bytes is too long to be requested from the drone",
-                remedy="`uavrt fetch --list` shows what is on the drone",
+                remedy="Check with `uavrt fetch --list` which flights are on the drone",
             )
         request = self._request(opcode, data=data, offset=offset, size=size)
         wanted = (self._sequence + 1) & 0xFFFF
@@ -323,7 +324,7 @@ def require_room(entries: Iterable[RemoteEntry], place: Path, *, samples: bool) 
     if whole > MOST_BYTES and not samples:
         raise RecordingError(
             f"the drone lists {whole / 1e9:.1f} GB, which is too much for a flight without "
-            "samples",
+            "recorded samples",
             remedy="Fetch the flight's files one by one; someone may be impersonating the "
             "drone",
         )
@@ -365,14 +366,17 @@ async def fetch_file(
                 return False
     part = place.with_name(place.name + PART_SUFFIX)
     if part.exists() and not part.is_file():
-        raise RecordingError(f"{part} is not a file", remedy="Remove it, then try again")
+        raise RecordingError(
+            f"{part} is not a file", remedy="Remove this directory, then try again"
+        )
 
     def allow(size: int) -> None:
         listed = entry.size or 0
         if size > listed + max(listed, MOST_GROWTH_BYTES):
             raise LinkError(
                 f"{entry.path} has {size} bytes, but the drone listed {listed}",
-                remedy="Fetch it again; if it persists, someone may be impersonating the drone",
+                remedy="Fetch the file again; if the fault persists, someone may be "
+                "impersonating the drone",
             )
         _require_free(part, size - (_size(part) or 0))
 
@@ -462,7 +466,8 @@ def _check(reply: FtpPacket, path: str) -> None:
     if error is not None:
         why = error.name.lower().replace("_", " ")
         raise LinkError(
-            f"{path}: {why}", remedy="`uavrt fetch --list` shows what is on the drone"
+            f"{path}: {why}",
+            remedy="Check with `uavrt fetch --list` which flights are on the drone",
         )
 
 

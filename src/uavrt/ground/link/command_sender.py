@@ -214,7 +214,7 @@ class Commands:
         reason = cannot_command(now) if in_flight else wait_for(now)
         if reason is not None and lost and not now.drone_present:
             minutes = f"{_SWITCHED_OFF_S / 60:.0f} min"
-            reason += f". After {minutes} without contact, the list can be corrected"
+            reason += f". After {minutes} without contact, the tag list here can be corrected"
         if reason is not None:
             raise LinkError(reason)
         return vehicle.connection.link if in_flight else None

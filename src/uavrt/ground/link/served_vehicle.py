@@ -175,7 +175,7 @@ class ServedVehicle:
         if self.store.system_id is not None:
             raise UsageError(f"this page belongs to vehicle {self.store.system_id}")
         if any(one.identity.system_id == system_id for one in self.companions):
-            raise UsageError(f"vehicle {system_id} has a page of its own")
+            raise UsageError(f"vehicle {system_id} already has a page of its own")
         if not self.flight.keeper.ended:
             self.flight.end()
         self.identity.choose(system_id)

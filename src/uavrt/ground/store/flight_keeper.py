@@ -179,7 +179,9 @@ class FlightKeeper:
             self._early_s.clear()
         now_s = monotonic_s()
         if now_s < self._early_s.setdefault(burst.key, now_s) + BURST_TIMEOUT_S:
-            raise RecordingError("pulse times arrived, but the burst with these pulses has not")
+            raise RecordingError(
+                "the times of single pulses have arrived, but not the report of their burst"
+            )
         del self._early_s[burst.key]
         self.without_burst += 1
         log.seldom(

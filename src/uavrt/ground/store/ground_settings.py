@@ -360,7 +360,8 @@ def _receiver(text: str) -> str:
     except ConfigError as error:
         raise UsageError(
             f"{text[:60]!r} is not the address of a GPS receiver",
-            remedy="Write serial:///dev/ttyACM0, udpin://127.0.0.1:10110 or tcp://HOST:PORT",
+            remedy="Write the address as serial:///dev/ttyACM0, udpin://127.0.0.1:10110 or "
+            "tcp://HOST:PORT",
         ) from error
 
 

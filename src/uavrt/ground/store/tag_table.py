@@ -84,7 +84,8 @@ def tags_from_rows(rows: object) -> tuple[tuple[Tag, ...], list[FieldFault]]:
         raise UsageError("tags must be a list of rows")
     if len(rows) > MAX_ROWS:
         raise UsageError(
-            f"{len(rows)} tags are too many", remedy=f"Use at most {MAX_ROWS} tags"
+            f"the list has {len(rows)} tags, which is too many",
+            remedy=f"Use at most {MAX_ROWS} tags",
         )
     found: list[FieldFault] = []
     drafts = [_draft(row, index, found) for index, row in enumerate(rows)]
@@ -150,7 +151,8 @@ def import_rows(files: Mapping[str, str]) -> list[Row]:
     if not rows:
         raise UsageError(
             f"no tag was found in {', '.join(files)}",
-            remedy="TagTracker's manufacturers file has no tags; give its TagInfo.db as well",
+            remedy="TagTracker's manufacturers file has no tags; give TagTracker's "
+            "TagInfo.db as well",
         )
     return rows
 
@@ -205,15 +207,18 @@ def _draft(row: Mapping[str, Any], index: int, found: list[FieldFault]) -> TagDr
         written = row.get(field, "")
         if written is None or str(written).strip() == "":
             if field in (REQUIRED_OF_CODES if coded else REQUIRED):
-                fault(field, "is empty: enter a value")
+                fault(field, "this field is empty: enter a value")
             continue
         percent = str(written).rstrip().endswith("%") and field == "false_alarm_percent"
         if coded and field == "second_interval_ms":
-            fault(field, "must be empty: a coded tag has one interval, from burst to burst")
+            fault(
+                field,
+                "this field must be empty: a coded tag has one interval, from burst to burst",
+            )
             continue
         number = number_in_cell(str(written).rstrip().rstrip("%") if percent else written)
         if number is None:
-            fault(field, "is not a number")
+            fault(field, "this value is not a number")
             continue
         if field == "false_alarm_percent":
             most = 100.0 * MAX_FALSE_ALARM_PROBABILITY
@@ -225,7 +230,7 @@ def _draft(row: Mapping[str, Any], index: int, found: list[FieldFault]) -> TagDr
                 )
                 continue
             if not 0.0 < number <= most:
-                fault(field, f"must be above 0 and at most {most:g} %")
+                fault(field, f"this value must be above 0 and at most {most:g} %")
                 continue
             number /= 100.0
         unit = "MHz" if quantity == "frequency" else ""
@@ -234,7 +239,7 @@ def _draft(row: Mapping[str, Any], index: int, found: list[FieldFault]) -> TagDr
     if name is not None and str(name).strip():
         draft.name = str(name).strip()
         if len(draft.name) > MAX_NAME or not draft.name.isprintable():
-            fault("name", f"must be at most {MAX_NAME} printable characters")
+            fault("name", f"this name must have at most {MAX_NAME} printable characters")
     return draft
 
 
@@ -245,11 +250,11 @@ def _gaps(
     kind = str(row.get("kind") or "").strip().lower()
     written = str(row.get("gaps_ms") or "").strip().strip("[]")
     if kind and kind not in KINDS:
-        fault("kind", f"must be {' or '.join(KINDS)}")
+        fault("kind", f"this value must be {' or '.join(KINDS)}")
         return ()
     if kind == "beeping" or (not kind and not written):
         if written:
-            fault("gaps_ms", "must be empty: a tag that beeps has no gaps")
+            fault("gaps_ms", "this field must be empty: a tag that beeps has no gaps")
         return None
     entries = []
     apart = written.replace(",", " ") if "." in written else written
@@ -258,9 +263,9 @@ def _gaps(
         if number is None:
             fault(
                 "gaps_ms",
-                "must be numbers separated by spaces, for example 22 48.8 36.6"
+                "this field must contain numbers separated by spaces, for example 22 48.8 36.6"
                 if written
-                else "is empty: enter a value",
+                else "this field is empty: enter a value",
             )
             return ()
         entries.append(Entry(number=number, label="gaps_ms", line=line))
@@ -276,11 +281,15 @@ def table_version(tags: Sequence[Tag]) -> str:
 def _at_field(fault: Fault) -> FieldFault:
     field, _, text = fault.text.partition(" ")
     if field == "id" and "already" in text:
-        text = f"{text.split()[0]} is used twice"
+        text = f"the number {text.split()[0]} is used by more than one tag"
     elif fault.text.startswith("the same code"):
         field, text = "gaps_ms", fault.text.replace("tag of line", "tag of row")
-    elif field not in FIELDS:
-        field, text = "gaps_ms", fault.text.removeprefix("gaps_ms").lstrip(": ")
+    elif text.startswith(": "):
+        text = text.removeprefix(": ")
+    elif field in (*FIELDS, "gaps_ms"):
+        text = f"this value {text}"
+    else:
+        field, text = "gaps_ms", fault.text
     return FieldFault(row=fault.line - 1, field=field, text=text)
 
 

@@ -163,7 +163,7 @@ def circle(center: Place, radius_m: float) -> tuple[Place, ...]:
     """
     if not 0.0 < radius_m < 1e5:
         raise FormatError(
-            f"the circle's radius of {radius_m:g} m is not positive",
+            f"the circle's radius is {radius_m:g} m, but must be above 0",
             remedy="Give a radius above 0",
         )
     plane = TangentPlane(latitude_deg=center[0], longitude_deg=center[1])

@@ -62,7 +62,7 @@ NEVER_TURNED = (
     "it was detected, but not in a turn in place; receivers that do not turn add strengths "
     "to a position only if other receivers have bearings"
 )
-_SURVEY_ALONE = "signal strengths of a survey are located separately"
+_SURVEY_ALONE = "the signal strengths of a survey give a position of their own"
 
 _Floats = NDArray[np.float64]
 
@@ -667,7 +667,7 @@ def _stations(
     used = [one for one in bearings if one.bearing.accepted]
     if not used:
         raise UsageError(
-            "none of the tag's bearings has a clear direction", remedy="Fly nearer"
+            "none of the tag's bearings has a clear direction", remedy="Fly nearer to the tag"
         )
     origin_ns = min(one.middle_time_ns for one in used)
     times_s = [(one.middle_time_ns - origin_ns) / NANOSECONDS_PER_SECOND for one in used]
@@ -780,7 +780,7 @@ def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> Pow
     if len(own.time_ns) < 3:
         raise UsageError(
             f"only {len(own.time_ns)} of the tag's pulses have a position, three are needed",
-            remedy="Fly nearer",
+            remedy="Fly nearer to the tag",
         )
     noise_db = own.noise_db
     columns = [own.latitude_deg, own.longitude_deg, own.height_m, noise_db, own.snr_db]

@@ -46,7 +46,7 @@ def strengths_of(
         why = (
             "the pulses were received on the ground, before or after a flight"
             if len(flown) < len(pulses.time_ns)
-            else "no three pulses share a position and heading"
+            else "fewer than three pulses have the same position and heading"
         )
         return _levels(listener, pulses, yaw, height_m, pattern, [], why)
     clear = [

@@ -109,7 +109,8 @@ def geotiff_raster(path: Path) -> Raster:
         )
         why = str(error) if readable else "the TIFF tags are invalid"
         raise FormatError(
-            f"{path.name} is not a GeoTIFF, or truncated: {why}", remedy="Download it again"
+            f"{path.name} is not a GeoTIFF, or truncated: {why}",
+            remedy="Download the file again",
         ) from error
 
 
@@ -293,7 +294,7 @@ def _points(blocks: _Blocks, window: tuple[int, int, int, int]) -> NDArray[np.fl
                     points[r0 - top : r1 - top, c0 - left : c1 - left] = part
     except _DAMAGED as error:
         raise FormatError(
-            f"{blocks.path.name} is damaged: {error}", remedy="Download it again"
+            f"{blocks.path.name} is damaged: {error}", remedy="Download the file again"
         ) from error
     return points
 

@@ -142,7 +142,8 @@ class HillLosses:
         if self.level:
             return (
                 *self.limitations,
-                "the elevation files do not cover the flight: the ground is taken as level",
+                "the elevation files do not cover the flight: the ground is assumed to be "
+                "level",
             )
         unknown = self._squares.unknown_share
         if not unknown:

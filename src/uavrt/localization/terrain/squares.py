@@ -99,7 +99,7 @@ def ground_grid(
     if rows * columns > _MOST_CELLS:
         raise UsageError(
             f"the area has {rows * columns:,} squares of {cell_m:g} m, which is too many",
-            remedy="Choose larger squares (cells) or a smaller area",
+            remedy="Choose larger map cells, or a smaller area",
         )
     east = west_m + cell_m * np.arange(columns)
     height = np.zeros((rows, columns), np.float32)

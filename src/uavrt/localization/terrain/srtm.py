@@ -23,7 +23,7 @@ SUFFIXES = (".hgt", ".hgt.zip")
 _NAME = re.compile(r"([NS])(\d{2})([EW])(\d{3})", re.IGNORECASE)
 _SIDES = {side * side * 2: side for side in (1201, 3601)}
 _VOID = -32768
-_AGAIN = "Download it again"
+_AGAIN = "Download the file again"
 _DAMAGED = (
     OSError,
     EOFError,

@@ -124,7 +124,7 @@ def exit_error(
         )
     if cause is Cause.FREQUENCY:
         return RadioStopped(
-            f"{row.title}: it does not receive the frequency",
+            f"{row.title}: the radio does not receive the frequency",
             remedy=f"Set [radio] center_frequency_hz within {row.receives_text()}",
         )
     if cause is Cause.SLOW_READER:
@@ -153,8 +153,8 @@ def serial_error(settings: RadioSettings, serials: Iterable[str]) -> RadioMissin
 def _other_serial(settings: RadioSettings, serials: Iterable[str]) -> tuple[str, str]:
     there = " or ".join(f'"{one}"' for one in serials)
     return (
-        f"none has the serial number {settings.serial}",
-        f"Set [radio] serial to {there}, which is plugged in",
+        f"no radio has the serial number {settings.serial}",
+        f"Set [radio] serial to {there}, the radio that is plugged in",
     )
 
 
@@ -175,7 +175,7 @@ def _missing(
             "plug the radio in again",
         )
     if cause is Cause.BUSY or chosen:
-        return "another program uses it", "Close the other program that uses the radio"
+        return "another program is using the radio", "Close the program that uses the radio"
     if not row.usb:
         return (
             "no radio is found",

@@ -108,7 +108,7 @@ def check_archive(archive: Path) -> None:
     """Raise `FormatError` for a directory to which no batch has written."""
     if not (archive / RECORDINGS).is_file():
         raise FormatError(
-            f"{archive} holds no {RECORDINGS}",
+            f"{archive} contains no {RECORDINGS}",
             remedy="Name the directory that uavrt batch wrote with -o",
         )
 
@@ -149,11 +149,12 @@ def in_archive(
             f"{archive}: {text}",
             remedy="Give this user access to the archive"
             if denied
-            else "Run the same uavrt batch again with --verify: it writes damaged files again",
+            else "Run the same uavrt batch again with --verify, which writes damaged files "
+            "again",
         ) from error
     except duckdb.Error as error:
         raise UsageError(
-            str(error), remedy=f"The tables are recordings, flights, {', '.join(TABLES)}"
+            str(error), remedy=f"Available tables: recordings, flights, {', '.join(TABLES)}"
         ) from error
 
 

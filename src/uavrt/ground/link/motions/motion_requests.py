@@ -28,7 +28,9 @@ def motion_request(
     """Build a motion request with a new number; raises `UsageError` for an unknown action."""
     if action not in MOTION_ACTIONS:
         known = ", ".join(sorted(MOTION_ACTIONS))
-        raise UsageError(f"there is no motion {action[:40]!r}", remedy=f"Choose from {known}")
+        raise UsageError(
+            f"there is no motion command {action[:40]!r}", remedy=f"Choose from {known}"
+        )
     named: MotionAction = action
     return MotionRequest(
         request_id=new_number(),

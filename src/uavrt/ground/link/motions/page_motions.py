@@ -149,10 +149,14 @@ class MotionCommands:
         """Confirm the proposed order that the page shows; the drone then moves."""
         number, unseen, offered = body.get("order_id"), body.get("sticks_unseen"), self._offered
         if offered is None or number != offered.state.order_id or page != offered.page:
-            raise CommandRefused("the proposed motion has expired", remedy="Request it again")
+            raise CommandRefused(
+                "the proposed motion has expired", remedy="Request the motion again"
+            )
         self._offered = None
         if self._vehicle.clock.now_ns() - offered.time_ns > OFFER_NS:
-            raise CommandRefused("the proposed motion has expired", remedy="Request it again")
+            raise CommandRefused(
+                "the proposed motion has expired", remedy="Request the motion again"
+            )
         state = await confirm(self._link(), offered.state, sticks_unseen=unseen is True)
         self._flown = offered
         self.receive_state(state)
@@ -167,7 +171,9 @@ class MotionCommands:
         await call(survey_items, order)  # what is none is refused without a link, too
         link = self._vehicle.connection.link
         if link is None:
-            raise LinkError("not connected", remedy="Connect to the drone")
+            raise LinkError(
+                "the ground station is not connected to a drone", remedy="Connect to the drone"
+            )
         done = await link.missions.upload_survey(order, Limits(), call)
         self._vehicle.feed.note(
             5,
@@ -233,7 +239,7 @@ def area_of_file(body: dict[str, Any]) -> dict[str, Any]:
     places, keep_out = area_in(text, name[:80]), keep_out_in(text, name[:80])
     if len(places) > MAX_PLACES:
         raise FormatError(
-            f"{name[:80]} has {len(places)} corners, which are too many",
+            f"{name[:80]} has {len(places)} corners, which is too many",
             remedy=f"Draw an outline of {MAX_PLACES} corners or fewer",
         )
     if sum(len(one.places) for one in keep_out) > 2 * MOST_CORNERS:
@@ -265,7 +271,7 @@ def _request(body: dict[str, Any]) -> MotionRequest:
     places = places_in(body.get("places", []))
     if len(places) > MAX_PLACES:
         raise UsageError(
-            f"the area has {len(places)} corners, which are too many",
+            f"the area has {len(places)} corners, which is too many",
             remedy=f"Draw an area with {MAX_PLACES} corners or fewer",
         )
     return motion_request(
@@ -287,14 +293,14 @@ def _keep_out(given: Any) -> tuple[KeepOut, ...]:
     """Read excluded areas that have the form returned by `area_of_file`."""
     found = []
     if isinstance(given, list) and len(given) > MOST_KEEP_OUT:
-        raise FormatError(f"keep_out has at most {MOST_KEEP_OUT} outlines")
+        raise FormatError(f"keep_out can contain at most {MOST_KEEP_OUT} outlines")
     for one in given if isinstance(given, list) else [None]:
         if not isinstance(one, dict):
             raise FormatError("keep_out must be a list of outlines")
         radius = one.get("radius_m")
         places = places_in(one.get("places"))
         if len(places) > MOST_CORNERS:
-            raise FormatError(f"an outline has at most {MOST_CORNERS} corners")
+            raise FormatError(f"an outline can have at most {MOST_CORNERS} corners")
         if len(places) != 1 if radius is not None else len(places) < 3:
             raise FormatError(
                 "each item of keep_out must be an outline, or a place with a radius"

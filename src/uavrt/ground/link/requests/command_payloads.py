@@ -119,8 +119,8 @@ class CommandEncoder:
         if row.number is None or generation not in row.lengths:
             raise LinkError(
                 f"the drone's software has no command {name.replace('_', ' ')}",
-                remedy="Choose the software that the drone really has under Set-up, or "
-                "update the drone",
+                remedy="Under Set-up, choose the software that runs on the drone, or update "
+                "the drone",
             )
         return row.number
 

@@ -125,7 +125,7 @@ class VehicleMissions:
                 if peer.system_id in self._homes:
                     return self._homes[peer.system_id]
         raise CommandRefused(
-            "home position unknown: cannot check the fence",
+            "the home position is unknown, so the geofence cannot be checked",
             remedy="Wait for the vehicle's position, or save the survey and check it in "
             "QGroundControl",
         )
@@ -181,7 +181,7 @@ class VehicleMissions:
             raise LinkError(transfer.fault, remedy="Check the radio link, and try again")
         raise CommandRefused(
             transfer.fault,
-            remedy="Do not start a mission on the vehicle while a mission is being uploaded",
+            remedy="Wait until the upload has ended before you start a mission on the vehicle",
         )
 
     def _watch(self) -> None:
@@ -206,7 +206,7 @@ class VehicleMissions:
             raise CommandRefused(
                 f"messages from {len(heard)} autopilots arrive, so the vehicle is ambiguous: "
                 f"{', '.join(map(str, sorted(heard)))}",
-                remedy="Switch on the drone side of the vehicle that should get the survey",
+                remedy="Start uavrt on the vehicle that should get the survey",
             )
         ((number, one),) = heard.items()
         peer = Peer(number, MavComponent.COMP_ID_AUTOPILOT1)

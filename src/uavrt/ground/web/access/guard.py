@@ -82,7 +82,7 @@ class Guard:
             return
         fault = self._fault(scope)
         if fault is None and scope["type"] == "websocket" and not self._may(scope):
-            fault = "the password is needed"
+            fault = "the request has no valid password"
         if fault is not None:
             await _refuse(fault, scope, receive, send)
         elif scope["type"] == "websocket":
@@ -205,7 +205,7 @@ class Guard:
             else:
                 response = HTMLResponse(_form(scope, "wrong"), 401)
         elif for_scripts:
-            response = JSONResponse({"error": "the password is needed"}, 401)
+            response = JSONResponse({"error": "the request has no valid password"}, 401)
         else:
             response = HTMLResponse(_form(scope), 401)
         await response(scope, receive, send)

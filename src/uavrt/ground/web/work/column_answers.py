@@ -25,7 +25,7 @@ def chosen_columns(
     if unknown:
         raise NotFound(
             f"there is no column {min(unknown)[:40]!r}",
-            remedy=f"Columns are {', '.join((*columns, YAW))}",
+            remedy=f"Available columns: {', '.join((*columns, YAW))}",
         )
     # One array, sent as it is: of 100 000 pulses it is 8 MB, and a copy would be as much again.
     body = np.empty((len(wanted), cells.shape[1]), "<f8")

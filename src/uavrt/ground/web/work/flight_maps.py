@@ -90,12 +90,12 @@ class CoverageMapJobs(MapJobs[CoverageMapRequest, "SilentMap"]):
             )
         if found.ambiguous:
             raise UsageError(
-                f"pulses at the frequency of tag {asked.tag_id} may come from this tag, so it "
-                "cannot be called absent"
+                f"pulses at the frequency of tag {asked.tag_id} may come from this tag, so "
+                "its absence cannot be shown"
             )
         if found.heard:
             raise UsageError(
-                f"tag {asked.tag_id} was detected, so there is no map of where it is absent"
+                f"tag {asked.tag_id} was detected, so no map of its absence is made"
             )
         coverage, plane = found.coverage, found.coverage.ground.plane
         longitude, latitude = np.array(_outline(wanted)).T

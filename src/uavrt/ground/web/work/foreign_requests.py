@@ -20,7 +20,7 @@ def read_object(content: bytes, limit: Limit = REQUEST) -> dict[str, Any]:
     """Decode a request's body; raises `FormatError` if it is not a JSON object."""
     found = read_body(content, limit)
     if not isinstance(found, dict):
-        raise FormatError("the request must be an object")
+        raise FormatError("the request must be a JSON object")
     return found
 
 
@@ -34,7 +34,7 @@ def imported_tags(content: bytes) -> dict[str, Any]:
     """Read table rows from tag files, given as texts by file name."""
     files = read_object(content, UPLOADED_FILE)
     if not all(isinstance(one, str) for one in files.values()):
-        raise FormatError("files must be an object of texts by file name")
+        raise FormatError("files must be a JSON object with the text of each file by its name")
     rows = tag_table.import_rows(files)
     tags, _ = tag_table.tags_from_rows(rows)
     return {

@@ -33,11 +33,11 @@ WALL_S = 60.0
 _NICE = 10
 _LENGTH = struct.Struct(">Q")
 _REMEDY = "Choose a smaller file, or simplify this one"
-_TOO_LONG = f"this takes more than {CPU_S} s of computing"
+_TOO_LONG = f"the calculation takes longer than {CPU_S} s"
 _EXIT_LARGE = 70
 _ENDS = {
     -getattr(signal, "SIGXCPU", 24): _TOO_LONG,
-    _EXIT_LARGE: f"this takes more than {MEMORY_BYTES // 10**6} MB of memory",
+    _EXIT_LARGE: f"the calculation needs more than {MEMORY_BYTES // 10**6} MB of memory",
 }
 
 

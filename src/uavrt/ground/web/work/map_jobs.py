@@ -23,7 +23,7 @@ OnStep = Callable[[int, int], None]
 """Function that receives the number of finished steps and their total."""
 Asked = TypeVar("Asked")
 Found = TypeVar("Found")
-_ANOTHER = "another map was requested meanwhile. Request this map again"
+_ANOTHER = "another map was requested in the meantime. Request this map again"
 
 
 @dataclass(slots=True, kw_only=True, eq=False)

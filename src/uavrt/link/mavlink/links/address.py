@@ -17,8 +17,8 @@ DEFAULT_BAUD = 57_600
 """Default rate of PX4's and ArduPilot's telemetry ports [baud]."""
 
 FORMS = (
-    "Write serial:///dev/ttyUSB0:57600, udpin://127.0.0.1:14540, udpout://HOST:PORT or "
-    "tcp://HOST:PORT"
+    "Write the address as serial:///dev/ttyUSB0:57600, udpin://127.0.0.1:14540, "
+    "udpout://HOST:PORT or tcp://HOST:PORT"
 )
 
 

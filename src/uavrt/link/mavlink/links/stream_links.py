@@ -53,7 +53,7 @@ class TcpLink(Link):
         with os_errors_as(
             LinkError,
             self.address,
-            "Check the host and port, and that the other side is listening",
+            "Check the host and port, and that the program at the other end is running",
         ):
             reader = await self._connect()
         self._task = asyncio.get_running_loop().create_task(self._run(reader))

@@ -219,14 +219,14 @@ def _inlier(residual: _Floats, sigma: _Floats, outlier_share: float) -> _Floats:
 
 UNCHECKED = Caution(
     name="unchecked",
-    text="an error shared by all bearings (compass, a moving tag) cannot be checked: this "
-    f"needs {COMMON.least_stations} bearings from around the tag",
+    text="an error shared by all bearings (of the compass, or by a moving tag) cannot be "
+    f"checked: this needs {COMMON.least_stations} bearings from different sides of the tag",
 )
 
 UNKNOWN_SIGMAS = Caution(
     name="unchecked",
-    text="an error shared by all bearings (compass, a moving tag) cannot be checked, "
-    "because the bearings have no error estimates",
+    text="an error shared by all bearings (of the compass, or by a moving tag) cannot be "
+    "checked, because the bearings have no error estimates",
 )
 
 
@@ -278,9 +278,9 @@ def _contradicting(numbers: NDArray[np.int64]) -> str:
     if not len(numbers):
         return "the bearings contradict each other more than their errors allow"
     if len(numbers) == 1:
-        return f"bearing {numbers[0]} contradicts the others"
+        return f"bearing {numbers[0]} contradicts the other bearings"
     first = ", ".join(str(one) for one in numbers[:-1])
-    return f"bearings {first} and {numbers[-1]} contradict the others"
+    return f"bearings {first} and {numbers[-1]} contradict the other bearings"
 
 
 def _odd(fit: Fit, outlier_probabilities: tuple[float, ...] | None) -> NDArray[np.bool_]:

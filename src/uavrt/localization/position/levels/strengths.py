@@ -42,4 +42,7 @@ class Strengths:
         if self.unused is not None:
             return self.because(self.unused)
         stood = "one place" if len(self.level_db) == 1 else f"{len(self.level_db)} places"
-        return f"{self.listener}: the strengths of {self.pulses} pulses, at {stood}, were used"
+        return (
+            f"{self.listener}: the strengths of {self.pulses} pulses, received at {stood}, "
+            "were used"
+        )

@@ -288,8 +288,8 @@ def cautions_of_survey(evidence: SurveyEvidence) -> tuple[Caution, ...]:
         found.append(Caution(name="height", text=text))
     if evidence.foreign >= max(2, 0.01 * len(evidence.kept)):
         text = (
-            f"{evidence.foreign} of {len(evidence.kept)} pulses do not fit the others and are "
-            "left out: they may come from another transmitter"
+            f"{evidence.foreign} of {len(evidence.kept)} pulses do not fit the other pulses "
+            "and are not used: they may come from another transmitter"
         )
         found.append(Caution(name="foreign", text=text))
     return tuple(found)
