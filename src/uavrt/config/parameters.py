@@ -213,9 +213,7 @@ OFFERED: dict[str, Parameter] = {**PARAMETERS, RUN.name: RUN}
 def run_wanted(value: float) -> bool:
     """True if a value of `DET_RUN` starts detection; raises `ConfigError` if not 0 or 1."""
     if not (math.isfinite(value) and RUN.allows(value)):
-        raise ConfigError(
-            f"{RUN.name} cannot be {value:g}: set 1 to start detection or 0 to stop it"
-        )
+        raise ConfigError(f"{RUN.name} cannot be {value:g}: 1 starts, 0 stops")
     return bool(value)
 
 
@@ -238,12 +236,9 @@ def with_parameter(settings: Settings, name: str, value: float) -> Settings:
         parameter = replace(parameter, low=gains[0], high=gains[1])
     if not (math.isfinite(value) and parameter.allows(value)):
         low, high = parameter.low, parameter.high
-        whole = "" if parameter.kind == "real" else "whole "
+        whole = "" if parameter.kind == "real" else "whole, "
         absent = "" if parameter.absent is None else f", or {parameter.absent:g}"
-        raise ConfigError(
-            f"{name} cannot be {value:g}: choose a {whole}number from "
-            f"{low:g} to {high:g}{absent}"
-        )
+        raise ConfigError(f"{name} cannot be {value:g}: {whole}{low:g} to {high:g}{absent}")
     table = replace(
         getattr(settings, parameter.table), **{parameter.field: _setting(parameter, value)}
     )

@@ -483,7 +483,7 @@ def check_reach(area: SearchArea, farthest_m: float) -> None:
     )
     if nearest > farthest_m:
         raise PlanError(
-            f"the {area.search.name} begins {nearest:.0f} m from home, but the battery "
+            f"the {area.search.name} begins {nearest:.0f} m from home; the battery "
             f"allows {farthest_m:.0f} m and back",
             remedy="Start nearer, or draw a nearer area",
         )

@@ -169,7 +169,7 @@ def test_a_number_that_cannot_be_is_refused_by_its_key(
             "excldFreqs:\t[1, 2, 3]\n",
             "is not a detectorConfig.txt",
         ),
-        ("", "has no"),
+        ("", "lacks the key"),
         ("ID:\t2\n", "lacks the key tip"),
         ("ID:\tx\ntip:\t1\nFs:\t1\ntagFreqMHz:\t1\ntp:\t1\n", "is not a detectorConfig.txt"),
         ("ID:\t2\ntip:\t1\nFs:\t1\ntagFreqMHz:\tinf\ntp:\t1\n", "is not a detectorConfig.txt"),

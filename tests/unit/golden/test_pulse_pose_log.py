@@ -133,7 +133,7 @@ def test_a_damaged_line_inside_is_read_around_and_told_with_its_number(
     told = json.loads(capsys.readouterr().err)
     assert told["event"] == "damaged lines skipped"
     assert (told["lines"], told["first"]) == (1, 2)
-    assert told["reason"] == "2 columns instead of 23"
+    assert told["reason"] == "the line has 2 columns instead of 23"
 
 
 def test_a_file_of_damaged_lines_is_no_log(tmp_path: Path) -> None:

@@ -182,7 +182,7 @@ def test_what_cannot_be_searched_is_refused(values: dict[str, Any], said: str) -
 
 def test_without_tags_or_battery_it_is_refused() -> None:
     search = Searched("px4", [])
-    with pytest.raises(PlanError, match="no tag"):
+    with pytest.raises(PlanError, match="not searching for any tag"):
         search.seeker_of(search.order())
     search = Searched("px4", [Animal(50.0, 0.0)], limits=Limits())
     with pytest.raises(PlanError, match="battery capacity"):

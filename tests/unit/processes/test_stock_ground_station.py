@@ -168,7 +168,7 @@ async def test_it_starts_and_stops_by_a_parameter_that_shows_the_actual_state(ba
         station.set_run(1)
         await until(lambda: station.runs == [0])
         await until(lambda: station.texts)
-        assert station.texts == ["no tags are stored: send them once with uavrt ground"]
+        assert station.texts == ["no tags stored: send them once with uavrt ground"]
         behind.send_tags()
         station.set_run(1)
         await until(lambda: station.runs == [0, 1])

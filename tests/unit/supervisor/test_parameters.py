@@ -127,8 +127,7 @@ def test_what_is_neither_start_nor_stop_changes_nothing(tmp_path: Path, value: f
     operator = with_tags(Operator(tmp_path, RADIO))
     reply = operator.set("DET_RUN", value)
     assert not reply.accepted
-    expected = f"DET_RUN cannot be {value:g}: set 1 to start detection or 0 to stop it"
-    assert reply.message == expected
+    assert reply.message == f"DET_RUN cannot be {value:g}: 1 starts, 0 stops"
     assert operator.mission.state is SystemState.HAS_TAGS
 
 
@@ -136,7 +135,7 @@ def test_without_any_tags_the_parameter_is_refused_with_the_remedy(tmp_path: Pat
     operator = Operator(tmp_path, RADIO)
     reply = operator.set("DET_RUN", 1)
     assert not reply.accepted
-    assert reply.message == "no tags are stored: send them once with uavrt ground"
+    assert reply.message == "no tags stored: send them once with uavrt ground"
     assert operator.mission.state is SystemState.IDLE
     assert operator.set("DET_RUN", 0).accepted
     assert operator.flights == []

@@ -74,7 +74,7 @@ def test_an_impossible_gain_is_refused_with_the_radio_s_range(
     drone.send_tags(TAGS, source)
     reply = drone.ask("start_detection", source, gain=9)
     assert not reply.accepted
-    assert reply.message == "RADIO_GAIN cannot be 9: choose a whole number from 0 to 8, or -1"
+    assert reply.message == "RADIO_GAIN cannot be 9: whole, 0 to 8, or -1"
 
 
 def test_where_the_radio_is_not_known_the_widest_range_holds() -> None:

@@ -95,7 +95,7 @@ class TagUpload:
         """Load the last complete list from the disk."""
         tags = self._last.read() or ()
         if not tags:
-            raise UavrtError("no tags are stored: send them once with uavrt ground")
+            raise UavrtError("no tags stored: send them once with uavrt ground")
         self.begin()
         try:
             for tag in tags:
