@@ -188,7 +188,8 @@ def test_silence_names_the_noise_that_it_is_told_by(
     assert "not found" in said
     assert (
         "the map: noise of the drone: unknown, only the radio's own is used: "
-        "a vehicle's track contains no noise measurements" in said
+        "the noise level is unknown, because a vehicle's track contains no noise "
+        "measurements" in said
     )
 
 
