@@ -351,7 +351,7 @@ def test_near_codes_of_a_list_are_named_when_it_is_imported_and_when_it_is_typed
     codes = "id,tagFreq,g1,g2,g3,bi\n12,166.38,22,48.8,36.6,5.3\n14,166.38,22.4,48.8,36.6,5.3\n"
     read = served.ask("POST", "/api/tags/import", {"codes.csv": codes}).json
     (words,) = read["warnings"]
-    assert words.startswith("codes 12 and 14 differ by 0.4 ms")
+    assert words.startswith("codes 12 and 14 are too similar")
     typed = served.ask("POST", "/api/tags/check", read["rows"]).json
     assert typed == {"faults": [], "warnings": [words]}
     alone = served.ask("POST", "/api/tags/check", read["rows"][:1]).json

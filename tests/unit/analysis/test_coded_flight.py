@@ -193,7 +193,7 @@ def test_near_codes_of_a_list_are_named_wherever_it_is_given(
     (tag,) = read_flight(flight).info.tags
     listed = tmp_path / "tags.toml"
     write_tags(listed, [tag, replace(tag, tag_id=13, gaps_s=(0.0224, 0.0488, 0.0366))])
-    said = "warning: codes 12 and 13 differ by 0.4 ms in all gaps together"
+    said = "warning: codes 12 and 13 are too similar: their gaps differ by 0.4 ms"
     recording = flight.parent / "simulated" / "simulation.sigmf-meta"
     track = flight.parent / "simulated" / "telemetry.csv"
     pulses = tmp_path / "sensorgnome.txt"

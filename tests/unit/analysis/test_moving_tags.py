@@ -233,4 +233,4 @@ def test_a_walkers_place_says_for_which_time_it_stands(
     plain = capsys.readouterr().out
     assert "the tag seems to have walked" in plain
     assert plain.count("if it moved in a straight line;") == 1
-    assert f"its position at {utc_text(last_ns)}" in plain
+    assert f"position at {utc_text(last_ns)}" in plain

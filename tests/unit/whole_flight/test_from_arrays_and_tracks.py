@@ -65,7 +65,7 @@ def test_lost_samples_in_python_are_a_limitation_and_no_zeros(weak: Rotation) ->
     samples = weak.samples.copy()
     samples[len(samples) // 2 :] = np.nan
     found = judged(weak, samples)
-    assert any("samples exist for 50% of the flight" in text for text in found.limitations)
+    assert any("samples exist for only 50% of the flight" in text for text in found.limitations)
     half_ns = START_NS + round(0.5e9 * len(samples) / RATE_HZ)
     assert all(one.time_ns < half_ns for one in found.integrated_pulses)
 
@@ -93,7 +93,7 @@ def test_a_dead_radio_is_no_silence_of_the_tag(weak: Rotation) -> None:
     samples = weak.samples.copy()
     samples[len(samples) // 2 :] = 0.0
     found = judged(weak, samples)
-    assert any("samples exist for 50% of the flight" in text for text in found.limitations)
+    assert any("samples exist for only 50% of the flight" in text for text in found.limitations)
     lost = weak.samples.copy()
     lost[len(samples) // 2 :] = np.nan
     assert found.score == pytest.approx(judged(weak, lost).score, abs=0.2)
@@ -188,7 +188,8 @@ def test_silence_names_the_noise_that_it_is_told_by(
     assert "not found" in said
     assert (
         "the map: noise of the drone: unknown, only the radio's own is used: "
-        "a vehicle's track contains no noise measurements" in said
+        "the noise level is unknown, because a vehicle's track contains no noise "
+        "measurements" in said
     )
 
 
