@@ -178,7 +178,7 @@ def test_a_fresh_stations_season_says_in_german_what_is_wrong_and_what_to_do(
     page.click("#tab-flights")
     page.click("#season-show")
     note = page.locator("#season-note")
-    expect(note).to_contain_text("liegt kein lesbarer Flug. Den Ordner angeben, in dem Flüge")
+    expect(note).to_contain_text("ist kein lesbarer Flug. Den Ordner angeben, in dem Flüge")
     assert page.evaluate("() => [...window.uavrt.missing]") == []
 
 

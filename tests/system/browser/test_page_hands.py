@@ -55,7 +55,7 @@ OVERLAPS = """() => {
 
 MOVING = (
     "turn the drone here",
-    "see the way over an imported area",
+    "see the path over an imported area",
     "fly the way that is shown",
     "take the drone back",
 )
@@ -145,7 +145,7 @@ def test_each_task_of_the_manual_takes_the_clicks_it_says_and_at_most_three(
     expect(page.locator("#tag-state")).to_have_text("saved")
     took["enter a tag"] = hand.took()
     hand.give("#tag-import", tags, makers)
-    watched.toasted("left out of this flight: 6")
+    watched.toasted("not ticked for this flight: 6")
     hand.click("#tag-save")
     expect(page.locator("#tag-state")).to_have_text("saved")
     assert page.locator(".fly-tag").evaluate_all("all => all.map(one => one.checked)") == [

@@ -128,7 +128,7 @@ def test_an_area_is_imported_drawn_and_surveyed_and_any_page_takes_it_back(
     hand.give("#area-import", area)
     expect(page.locator("#move-hint")).to_have_text("Area with 20 corners.")
     expect(page.locator("#move-plan")).to_contain_text("from home")
-    took = {"see the way over an imported area": hand.took()}
+    took = {"see the path over an imported area": hand.took()}
     lines = page.locator("#move-plan").inner_text()
     page.select_option("#move-pattern", "around")
     expect(page.locator("#move-plan")).not_to_have_text(lines)

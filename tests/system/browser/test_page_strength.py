@@ -87,7 +87,7 @@ def test_the_strength_of_each_height_is_seen_by_itself(scene: Scene) -> None:
     expect(page.locator("#walk-title")).to_contain_text("strongest signal")
     page.click(".layers summary")
     expect(page.locator("#heights option")).to_have_text(
-        ["all", "29–31\u202fm", "89–91\u202fm"]
+        ["all heights", "29–31\u202fm", "89–91\u202fm"]
     )
     page.uncheck("#layer-pulses")
     page.check("#layer-strength")

@@ -22,7 +22,7 @@ def test_a_key_with_a_pass_phrase_says_how_to_write_it_without(tmp_path: Path) -
     (tmp_path / "page.key").write_bytes(key)
     open_page(tmp_path)
     encrypted(tmp_path / "page.key")
-    with pytest.raises(ConfigError, match=r"has a pass phrase.*openssl pkey"):
+    with pytest.raises(ConfigError, match=r"protected by a pass phrase.*openssl pkey"):
         open_page(tmp_path)
     (tmp_path / "page.key").unlink()
     with pytest.raises(ConfigError, match=r"page\.key cannot be read"):

@@ -82,7 +82,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("attach empty.jsonl junk -o x.csv", "empty.jsonl is empty"),
         ("attach pulses.jsonl empty.ulg -o x.csv", "empty.ulg is empty"),
         ("attach pulses.jsonl broken.ulg -o x.csv", "Copy it from the autopilot again"),
-        ("report pulses.jsonl --no-html --no-pdf", "Leave out"),
+        ("report pulses.jsonl --no-html --no-pdf", "Leave one of them out"),
         ("report pulses.jsonl --map junk", "Give an MBTiles or PMTiles"),
         ("coverage nowhere --tag-power -25", "nowhere does not exist"),
         ("coverage junk --tag-power -25", "junk is not text"),

@@ -22,9 +22,9 @@ def test_one_thing_is_not_told_as_several() -> None:
 def test_states_are_told_in_words_and_an_unknown_one_as_such() -> None:
     for state in SystemState:
         said = _text_of({"event": "state", "state": state.value})
-        assert said == f"drone is {state.words}"
+        assert said == f"the drone is {state.words}"
         assert "_" not in said
-    assert _text_of({"event": "state", "state": None}) == "drone is in an unknown state"
+    assert _text_of({"event": "state", "state": None}) == "the drone is in an unknown state"
 
 
 def test_a_report_does_not_list_which_stations_the_link_counts(tmp_path: Path) -> None:

@@ -23,8 +23,8 @@ async def test_a_killed_connection_does_not_end_the_flight_on_the_ground(
             state = await page.until(lambda one: one["drone"]["state"] == "detecting")
             assert state["flight"]["ended"] is False
         states = [one["text"] for one in (await page.ask("GET", "/api/log")).json]
-        assert [one for one in states if one.startswith("drone is")] == [
-            "drone is idle",
-            "drone is detecting",
+        assert [one for one in states if one.startswith("the drone is")] == [
+            "the drone is idle",
+            "the drone is detecting",
         ]
         assert len((await page.ask("GET", "/api/flights")).json) == 1

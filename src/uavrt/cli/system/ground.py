@@ -296,7 +296,7 @@ def _text_of(event: dict[str, Any]) -> str | None:
         case {"event": "state", "state": str(state)}:
             return f"the drone is {SystemState(state).words}"
         case {"event": "state"}:
-            return "drone is in an unknown state"
+            return "the drone is in an unknown state"
         case {"event": "waiting", "reason": reason}:
             return f"waiting: {reason}"
         case {"event": "drone", "system": system}:

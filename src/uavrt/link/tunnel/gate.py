@@ -88,7 +88,7 @@ class Gate:
     def refusal(self, sender: Ids, *, sealed: bool) -> str | None:
         """Reason why a sender may not command, by a sealed or open message; None if it may."""
         if self._commanders and sender[0] not in self._commanders:
-            return f"system {sender[0]} may not command this drone: see mavlink.commanders"
+            return f"system {sender[0]} may not command: see mavlink.commanders"
         if self.locked and not sealed:
             return "this drone has a key and only accepts sealed (authenticated) commands"
         return None
