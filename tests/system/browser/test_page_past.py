@@ -52,7 +52,8 @@ def test_a_flight_is_starred_by_one_press_and_loses_the_star_by_another(scene: S
     box = until(star.bounding_box)
     assert box["x"] + box["width"] <= 1024, "in sight at 1024 x 600"
     page.click("#season-show")
-    expect(page.locator("#season-note")).to_contain_text("2 flights in 4 minutes of flight time · 1 of 1")
+    season = "2 flights in 4 minutes of flight time · 1 of 1"
+    expect(page.locator("#season-note")).to_contain_text(season)
     expect(page.locator('[data-animal="2"]')).to_contain_text("2 lynx")
     watched.picture("star")
     page.reload()

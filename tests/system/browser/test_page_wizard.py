@@ -93,7 +93,8 @@ def test_a_drone_is_set_up_by_keyboard_in_german_and_asks_no_more(scene: Scene) 
             break
         page.keyboard.press("Tab")
     page.keyboard.press("Enter")
-    expect(page.locator("#wizard-found [data-ok=true]")).to_contain_text("Nachrichten des Autopiloten")
+    passed = page.locator("#wizard-found [data-ok=true]")
+    expect(passed).to_contain_text("Nachrichten des Autopiloten")
     # A reload costs no step.
     page.reload()
     at(page, "Schlüssel")
