@@ -168,7 +168,7 @@ def test_only_the_steps_asked_for_are_done(archive: Path, tmp_path: Path) -> Non
     # Nothing is detected: the flight has no pulse of its own.
     assert (first.done_now, first.placed_now) == (0, 1)
     assert first.flights[0].pulses == 0
-    with pytest.raises(UsageError, match="localize needs bearing"):
+    with pytest.raises(UsageError, match="localize needs the step bearing"):
         run(archive, tmp_path, BatchSettings(steps=("attach", "localize")))
     with pytest.raises(UsageError, match="no step fly"):
         run(archive, tmp_path, BatchSettings(steps=("fly",)))
