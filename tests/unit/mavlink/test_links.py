@@ -92,7 +92,7 @@ def test_a_udp_port_in_use_is_named_with_its_remedy() -> None:
 
 def test_a_tcp_address_where_nobody_listens_is_named_with_its_remedy() -> None:
     async def main(port: int) -> None:
-        with pytest.raises(LinkError, match=r"[Cc]onnect.*the program at the other end is running"):
+        with pytest.raises(LinkError, match=r"[Cc]onnect.*at the other end is running"):
             await open_link(f"tcp://127.0.0.1:{port}", lambda frame: None)
 
     with socket.socket() as unheard:
