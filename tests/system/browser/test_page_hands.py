@@ -56,7 +56,7 @@ OVERLAPS = """() => {
 MOVING = (
     "turn the drone here",
     "see the path over an imported area",
-    "fly the way that is shown",
+    "fly the path that is shown",
     "take the drone back",
 )
 """Tasks that `test_page_moves` counts: they need a drone that flies."""

@@ -138,7 +138,7 @@ def test_an_area_is_imported_drawn_and_surveyed_and_any_page_takes_it_back(
     assert page.evaluate(TARGETS) == []
     here.watched.picture("move")
     assert "survey 4 lines" in here.fly(hand)
-    took["fly the way that is shown"] = hand.took()
+    took["fly the path that is shown"] = hand.took()
     assert took == {task: in_manual()[task] for task in took}
     page.wait_for_function("() => window.uavrt?.store.state.motion.way.length > 4")
     page.wait_for_timeout(3000)

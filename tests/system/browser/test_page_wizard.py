@@ -97,7 +97,7 @@ def test_a_drone_is_set_up_by_keyboard_in_german_and_asks_no_more(scene: Scene) 
     expect(passed).to_contain_text("Nachrichten des Autopiloten")
     # A reload costs no step.
     page.reload()
-    at(page, "Schlüssel")
+    at(page, "Passwörter und Schlüssel")
     typed(page, "short")
     page.keyboard.press("Enter")
     expect(page.locator("#wizard-page_password-fault")).to_contain_text("8 bis 63")
