@@ -101,7 +101,8 @@ def test_a_capture_months_after_the_one_before_is_refused_in_words(
     }
     path = tmp_path / "air.sigmf-meta"
     path.write_text(json.dumps(described))
-    with pytest.raises(FormatError, match=r"air.sigmf-meta (lacks|has) ") as refused:
+    said = r"air.sigmf-meta: .*(are missing|is not a valid time)"
+    with pytest.raises(FormatError, match=said) as refused:
         sigmf_layout(path)
     assert refused.value.remedy
 

@@ -89,5 +89,5 @@ def test_a_whip_judges_whole_flights_as_any_antenna_does(tmp_path: Path) -> None
         replace(ASKED, placing=placing),
     )
     assert "antenna's pattern" not in str(done.flights[0].fault)
-    with pytest.raises(UsageError, match="integrate needs attach"):
+    with pytest.raises(UsageError, match="integrate needs the step attach"):
         replace(ASKED, steps=("detect", "integrate")).check()

@@ -77,7 +77,7 @@ def test_detections_are_read_whatever_columns_stand_between(tmp_path: Path) -> N
     assert math.isnan(one.pose.altitude_amsl_m)
     assert two.pose is None
     path.write_text("ts,id,sig\n1466441002.25,-3,5\n1466441002.5,1,5\n")
-    with pytest.raises(FormatError, match="line 2: id -3"):
+    with pytest.raises(FormatError, match="line 2: the tag id -3"):
         read_pulse_log(path)
 
 

@@ -173,7 +173,7 @@ def test_of_a_file_of_buildings_every_outline_counts() -> None:
             "int",
         ),
         (geojson([[8.0, 460.5], [8.0, 46.6], [8.1, 46.5]]), "not a position on earth"),
-        (json.dumps({"type": "MultiPolygon", "coordinates": [[RING]] * 101}), "most is 100"),
+        (json.dumps({"type": "MultiPolygon", "coordinates": [[RING]] * 101}), "at most 100"),
     ],
 )
 def test_what_gives_nothing_to_keep_out_of_is_refused(text: str, reason: str) -> None:

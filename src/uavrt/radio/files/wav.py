@@ -151,7 +151,7 @@ def wav_layout(
 def _read_chunks(file: BinaryIO, path: Path, size: int) -> _Header:
     start = file.read(12)
     if len(start) < 12 or start[:4] not in (b"RIFF", b"RF64", b"BW64") or start[8:] != b"WAVE":
-        raise FormatError(f"{path} is not a WAV file", remedy="Name its format with --format")
+        raise FormatError(f"{path} is not a WAV file", remedy="Give its --format")
     header = _Header()
     at = 12
     for _ in range(_MOST_CHUNKS):
