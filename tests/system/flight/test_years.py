@@ -123,9 +123,10 @@ def test_a_card_that_turns_read_only_keeps_what_was_recorded_and_is_told(
     guard = DiskGuard(card.place, RecordingSettings(minimum_free_mb=0.0))
     guard.flying(flight)
     # The order of flights cannot be noted, which stops nothing. Each flight is told once.
-    assert [text[:22] for _, text in guard.check()] == ["Memory card: read-only"]
+    read_only = "Memory card: the file system is read-only"
+    assert [text[:41] for _, text in guard.check()] == [read_only]
     assert guard.check() == []
-    assert [fault.text[:22] for fault in guard.faults] == ["Memory card: read-only"]
+    assert [fault.text[:41] for fault in guard.faults] == [read_only]
     guard.flying(flight)
     assert len(guard.check()) == 1
     assert len(read_flight(flight).pulse_poses) == 40

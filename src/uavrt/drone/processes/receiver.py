@@ -337,7 +337,7 @@ def run(kind: Callable[[ProcessFrame, FlightInfo], Receiver]) -> None:
                     receiver.restart_filters()
                     reason = str(error) or "the stream ended"
                     if reason != last_reason or delay_s == 0.0:
-                        log.warning("radio unavailable", reason=reason)
+                        log.warning("radio absent", reason=reason)
                     last_reason = reason
                     wait(frame, receiver, delay_s, reason)
         finally:
