@@ -43,7 +43,7 @@ def test_pulses_go_on_to_the_ground_and_the_operator_is_told(
     card.fail()
     ground.listen(
         lambda: len(ground.pulses) >= 5,
-        lambda: any("Memory card: the file system is read-only" in text for text in ground.texts),
+        lambda: any("the file system is read-only" in text for text in ground.texts),
         lambda: any("cannot write the flight" in text for text in ground.texts),
     )
     now = next(s for s in statuses(drone) if s["recorder"].status == "cannot write the flight")
