@@ -98,7 +98,7 @@ def test_a_request_id_used_for_something_else_is_refused() -> None:
     other = BareG2(command=CommandId.SAVE_LOGS, request_id=5).encode()
     answer = some(one.hear(other))
     assert answer.result == FAILURE
-    assert "request_id was already used" in answer.message
+    assert "request_id reuse" in answer.message
     again = some(one.hear(stop(5)))
     assert again.result == SUCCESS  # the first one's is still kept
     assert one.hear(other, (254, 190)) is not None  # another station's ids are its own
@@ -126,7 +126,7 @@ def test_an_upload_is_complete_only_with_every_tag() -> None:
     assert one.hear(first).result == SUCCESS  # type: ignore[union-attr]
     assert one.hear(inside[0]).result == SUCCESS  # type: ignore[union-attr]
     incomplete = some(one.hear(last))
-    assert incomplete.message == "the upload lacks the tags with index 1,2"
+    assert incomplete.message == "incomplete: missing 1,2"
     one.refuse = "tag 4 was already sent with other values: send START_TAGS to begin again"
     assert one.hear(inside[1]).result == FAILURE  # type: ignore[union-attr]
     one.refuse = ""
@@ -162,8 +162,8 @@ def test_tags_of_another_upload_and_counts_that_differ_are_refused_by_name() -> 
         assert answer.result == FAILURE
         return answer.message
 
-    assert "is stale: upload" in frame(CommandId.END_TAGS, 1, upload_id + 1, 1)
-    assert "but START_TAGS announced" in frame(CommandId.END_TAGS, 2, upload_id, 2)
+    assert "stale upload_id" in frame(CommandId.END_TAGS, 1, upload_id + 1, 1)
+    assert "tag_count mismatch" in frame(CommandId.END_TAGS, 2, upload_id, 2)
     assert "tag_count is 0" in frame(CommandId.START_TAGS, 3, 9, 0)
     wire = decode(tag)
     assert isinstance(wire, TagG2)
@@ -222,7 +222,7 @@ def test_inferred_layouts_are_used_only_where_the_settings_say_so() -> None:
     refused = some(one.hear(tag))
     assert "experimental command" in refused.message
     answered = one.hear(last)
-    assert answered.message == "the upload lacks the tags with index 0"  # type: ignore[union-attr]
+    assert answered.message == "incomplete: missing 0"  # type: ignore[union-attr]
     assert one.exchange.generation == "G1"  # pulses are not sent in it
 
 

@@ -111,7 +111,7 @@ def test_a_train_that_may_be_the_tags_own_is_kept_with_the_verdict(
     save_integrated(flight, [replace(result, found=False, place=None, others=(twice,))])
     (verdict,), _ = read_integrated(flight.info.directory)
     assert verdict.ambiguous
-    assert "every 1.8810 s (3/2 of the interval)" in verdict.remarks
+    assert "every 1.8810 s (3/2 of its interval)" in verdict.remarks
     # The channel was recorded from the flight's beginning to its end.
     (heard,) = parse_iso_intervals(verdict.listened)
     assert heard[1] - heard[0] > 0.98 * (flight.poses[-1].time_ns - flight.poses[0].time_ns)

@@ -149,7 +149,7 @@ def test_a_flight_without_samples_and_an_unknown_tag_are_named(
     on_disk: Callable[[], list[str]],
 ) -> None:
     arguments = on_disk()
-    with pytest.raises(UavrtError, match="holds no samples"):
+    with pytest.raises(UavrtError, match="contains no samples"):
         app(arguments[:2], exit_on_error=False, result_action="return_value")
     with pytest.raises(UavrtError, match="the tag list contains no tag 9"):
         app([*arguments, "--tag", "9"], exit_on_error=False, result_action="return_value")

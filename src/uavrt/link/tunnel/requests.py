@@ -43,9 +43,7 @@ class RequestCache:
         known = self._requests.get(key)
         if known is not None and now_s - known.asked_s <= KEPT_S:
             if known.payload != payload:
-                raise TunnelError(
-                    "the request_id was already used for another command", payload
-                )
+                raise TunnelError("request_id reuse: another command had this id", payload)
             return True if known.answer is None else known.answer
         self._requests[key] = _Request(payload, now_s)
         return False
@@ -70,7 +68,7 @@ class TagUpload:
         """Raise `TunnelError` if a tag belongs to another upload or has a wrong index."""
         if (message.upload_id, requester) != (self.upload_id, self.requester):
             raise TunnelError(
-                f"upload_id {message.upload_id} is stale: upload {self.upload_id} is open",
+                f"stale upload_id {message.upload_id}: {self.upload_id} is open",
                 message.encode(),
             )
         if message.tag_index >= self.tag_count:
@@ -84,18 +82,18 @@ class TagUpload:
         payload = message.encode()
         if (message.upload_id, requester) != (self.upload_id, self.requester):
             raise TunnelError(
-                f"upload_id {message.upload_id} is stale: upload {self.upload_id} is open",
+                f"stale upload_id {message.upload_id}: {self.upload_id} is open",
                 payload,
             )
         if message.tag_count != self.tag_count:
             raise TunnelError(
-                f"tag_count is {message.tag_count}, but START_TAGS announced {self.tag_count}",
+                f"tag_count mismatch: {message.tag_count}, but {self.tag_count} at the start",
                 payload,
             )
         missing = sorted(set(range(self.tag_count)) - self.indices)
         if missing:
             some = ",".join(map(str, missing[:20]))
-            raise TunnelError(f"the upload lacks the tags with index {some}", payload)
+            raise TunnelError(f"incomplete: missing {some}", payload)
 
 
 def open_upload(message: UploadG2, requester: Requester) -> TagUpload:
