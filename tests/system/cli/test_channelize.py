@@ -243,7 +243,7 @@ def test_a_file_gives_the_samples_of_the_originals_formula(
     [
         (["--channels", "101"], "channel 101"),
         (["--channels", "x"], "not a list of channel numbers"),
-        (["--channels", "-3", "--ports", "thesis"], "second"),
+        (["--channels", "-3", "--ports", "thesis"], "needs two"),
         (["--sample-rate", "250e3"], "give 66 channels of 3787.88"),
         (["--sample-rate", "374e3"], "--mode default"),
         (["--sample-rate", "2.5e6"], "3e6"),

@@ -135,5 +135,5 @@ def test_the_vehicles_fence_is_shown_and_saved(
 def test_only_a_survey_is_uploaded_and_a_fence_is_a_plan(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="only a survey can be uploaded"):
         fly("hold", upload=True)
-    with pytest.raises(ConfigError, match="only a fence is saved"):
+    with pytest.raises(ConfigError, match="a fence can be saved only as"):
         fly("fence", save=tmp_path / "fence.json")

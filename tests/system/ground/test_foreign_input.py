@@ -158,7 +158,7 @@ def worker(monkeypatch: pytest.MonkeyPatch) -> Iterator[ForeignWorker]:
 
 def test_what_takes_too_much_is_ended_and_the_next_one_is_read(worker: ForeignWorker) -> None:
     assert worker.result(spin, 0.01) == "done"
-    with pytest.raises(FormatError, match=f"more than {CPU_S} s") as caught:
+    with pytest.raises(FormatError, match=f"longer than {CPU_S} s") as caught:
         worker.result(spin, 600.0)
     assert caught.value.remedy
     with pytest.raises(FormatError, match="MB of memory"):

@@ -42,6 +42,6 @@ def test_an_order_that_ends_on_its_way_says_how_far_it_was(
     link.flown.vehicle.set_mode(3 << 16)
     link.run(1.0)
     assert link.states[-1].standing == "out"
-    ended = logged(capsys, "motion control")[-1]
+    ended = logged(capsys, "state of motion control changed")[-1]
     assert ended is not None
     assert left_m - 5.0 < ended < left_m + 1.0

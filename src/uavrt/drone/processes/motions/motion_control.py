@@ -198,9 +198,7 @@ class MotionControl:
             return False
         self._out.command(command_message(command, self._own_place()[0]))
         nearest_m = authority.nearest_m
-        log.info(
-            "motion command sent", command=command.name, order=order_id, nearest_m=nearest_m
-        )
+        log.info("command sent", command=command.name, order=order_id, nearest_m=nearest_m)
         return True
 
     def _report_late(self, authority: Authority) -> None:
