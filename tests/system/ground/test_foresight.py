@@ -167,7 +167,7 @@ def test_a_question_that_is_none_is_refused(wrong: Any) -> None:
 @pytest.mark.parametrize(
     ("plan", "why"),
     [
-        ({"outline": places((0, 0), (9000, 0), (9000, 40_000)), "spacing_m": 5}, "at most 1000"),
+        ({"outline": places((0, 0), (9000, 0), (9000, 40_000)), "spacing_m": 5}, "1000 are"),
         ({"outline": places((0, 0), (90, 90), (90, 0), (0, 90))}, "crosses itself"),
         ({"outline": places((0, 0), (50, 0), (100, 0))}, "too small: 0 m²"),
         ({"way": places((0, 0), (20_000, 0)), "speed_m_s": 0.5}, "in reasonable time"),
