@@ -73,7 +73,7 @@ async def test_flights_are_copied_to_the_drive_and_then_removed(tmp_path: Path) 
     drone = Drone(flights, drive)
     reply = drone.say("save_logs")
     assert reply.accepted, reply.message
-    assert drone.say("clean_logs").message == "the drone is busy: save logs in progress"
+    assert drone.say("clean_logs").message == "busy: save logs in progress"
     assert drone.say("raw_capture", center_frequency_hz=148.7e6).accepted is False
     assert (await drone.done()).state == "complete"
     assert tree(drive) == before
@@ -259,5 +259,5 @@ def test_a_capture_ends_as_the_receiver_says(word: str, state: str, text: str) -
 def test_nothing_runs_beside_an_operation(tmp_path: Path) -> None:
     drone = Drone(tmp_path, None)
     drone.operations.running = Operation(name="clean_logs", state="running")
-    with pytest.raises(UavrtError, match="the drone is busy: clean logs in progress"):
+    with pytest.raises(UavrtError, match="busy: clean logs in progress"):
         drone.operations.check_free()

@@ -1,9 +1,7 @@
 """Compare a resting tag with a tag of constant velocity, in a survey by signal power.
 
-A tag that moves past a drone is equivalent to a drone that moves past a tag. So the same
-likelihood applies after each position of the drone has been shifted back by the tag's movement.
-The evidence of both explanations is summed over a coarse grid of positions and velocities, with
-some of the pulses. If it favours walking, a finer grid follows.
+A coarse grid of positions and velocities is examined with some of the pulses. If it favours a
+walk, `walks` compares both on finer grids with all pulses.
 """
 
 from dataclasses import dataclass, replace

@@ -475,12 +475,12 @@ class _StoredPaths:
 
 
 class ParticleTracker:
-    """Particle filter with hypotheses of a tag that rests, browses or travels, each with its
-    strength.
+    """Particle filter with hypotheses of a tag that rests, browses or travels, each with the
+    unknowns of its level.
 
     `prior`: assumptions about area, strength, antenna and motion. `rng`: random numbers; the
     same seed gives the same track. `particles`: number of hypotheses; with 10 000, a pulse
-    takes 0.5 ms in single precision. `first`: number of hypotheses at the beginning, if larger;
+    takes 0.8 ms in single precision. `first`: number of hypotheses at the beginning, if larger;
     each resampling halves it, down to `particles`, since a wide prior needs more hypotheses.
     """
 

@@ -303,7 +303,7 @@ class Narrowing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WalkTuning:
-    """Constants for comparing a walking tag with a resting tag by the powers of a survey."""
+    """Constants for comparing a walking tag with a resting tag."""
 
     least_span_s: Guard[float] = 60.0
     """Minimum duration of a survey for a walk of the tag to be recognised [s]."""

@@ -78,8 +78,10 @@ class PlaceBelief:
 
 
 def place_belief(heard: Sequence[HeardTrain]) -> PlaceBelief:
-    """Estimate the posterior of the position of the tag that sent a train; likely cells are
-    divided.
+    """Estimate the posterior of the position of the tag that sent a train.
+
+    Likely cells of the ground are divided. In a single flight, it is tested whether the tag
+    rested; if it seems to have walked, the position is that at the last pulse.
     """
     reading = _Reading.of(heard)
     found = _placed(reading)
@@ -227,8 +229,9 @@ def _all_logs(
     """Log likelihood ratio of all flights plus log-prior of the exponents, shape (exponents,
     places, levels).
 
-    The error common to all headings is integrated out, by a parabola through one standard
-    deviation on both sides. `falls` is True to examine all path loss exponents.
+    The error common to all headings is integrated out, by a parabola through no error and the
+    largest ones to both sides. Velocities of a tag that walks are averaged. `falls` is True to
+    examine all path loss exponents.
     """
     if reading.walkers:
         each = [

@@ -114,11 +114,11 @@ def censored_fit(
 ) -> PowerFit:
     """Fit level, exponent, fading and the share of random misses at each position.
 
-    `loss` and `level_heard_db` (places, received) are -10 log10 of the distance over 100 m, and
-    the levels minus the antenna's gain. `missed_loss` and `limit_db` (places, missed) are the
-    same loss for missed pulses, and upper limits of their levels. `miss_weight` is the number
-    of missed pulses that each represents. `foreign` is True if some received pulses may come
-    from another sender.
+    `loss` and `level_heard_db` (places, received) are -10 log10 of the distance over 100 m,
+    and the levels minus the antenna's gain. `missed_loss` and `limit_db` (places, missed) are
+    the same loss for missed pulses, and upper limits of their levels. `miss_weight` (missed,)
+    is the number of missed pulses that each represents. `foreign` is True if some received
+    pulses may come from another sender.
     """
     heard = regression_sums(loss, level_heard_db)
     x, z = heard[:2]
@@ -242,8 +242,11 @@ def correlation_over_hills(residual: _Floats, error_db: float, alike: float) -> 
 
 
 def lasting_correlation(residual: _Floats) -> float:
-    """Correlation of neighbouring residuals (n,), minus the value by chance 1/√n, limited to 0
-    … 0.95.
+    """Correlation of neighbouring residuals (n,), 0 to 0.95, less the part that is due to
+    chance.
+
+    The variance of a correlation by chance, 1/n, is subtracted from its square. Strong
+    correlations hardly change; weak ones become 0.
     """
     energy = max(float(residual @ residual), 1e-9)
     lag = float(residual[1:] @ residual[:-1]) / energy

@@ -1,7 +1,7 @@
 """Model losses by the ground between drone and tag, and the uncertainty of these losses.
 
-Level ground has shadowing, for example by plants; hills have losses computed from an elevation
-map. `effect` is for single pulses, `along` for whole paths of the drone.
+Level ground has shadowing, for example by plants, and reflects; hills have losses computed
+from an elevation map. `effect` is for single pulses, `along` for whole paths of the drone.
 """
 
 from dataclasses import dataclass

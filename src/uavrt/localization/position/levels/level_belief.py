@@ -1,10 +1,11 @@
-"""Estimate a tag's strength for each possible position, and update it with each received or
-missed pulse.
+"""Estimate the unknowns of a tag's level for each possible position, from its pulses and
+misses.
 
-Published trackers assume that the strength is known. Here every position (cell or particle) has
-a normal distribution of the strength, given that the tag is there. A received pulse updates it
-exactly, a missed pulse by its first two moments. So the search itself estimates the
-strength.
+Published trackers assume that the strength is known. Here every position (particle) has a
+joint normal distribution of the tag's strength, the path loss exponent and the errors that
+many pulses share, given that the tag is there: a level is linear in all of them. A received
+pulse updates the distribution exactly, a missed pulse by its first two moments. So the search
+itself estimates these unknowns.
 """
 
 from dataclasses import dataclass
@@ -253,10 +254,12 @@ class LevelBelief:
         elsewhere: float = 0.0,
         learns: bool = True,
     ) -> _Floats:
-        """Update with a received or a missed pulse; return the log-likelihood at each position.
+        """Update with a received or a missed pulse; return the log-likelihood at each
+        position.
 
-        `fading_db` includes other unknown parts of the level. `elsewhere` is the density [1/dB]
-        of a pulse of this level from another source.
+        `fading_db` includes other unknown parts of the level. `elsewhere` is the density
+        [1/dB] of a pulse of this level from another source. If `learns` is False, only the
+        likelihood is computed.
         """
         variance = expected.variance_db2 + fading_db**2
         if heard.snr_db is not None:

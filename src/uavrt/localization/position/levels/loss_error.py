@@ -1,14 +1,13 @@
-"""Estimate the lasting error of received levels for each tag position, together with the tag's
-strength.
+"""Compute how strongly the lasting error of losses behind hills affects a level.
 
 Behind a rounded hilltop, in woods, or with an elevation map that is off by some metres, pulses
-lose more or less than the map predicts. The error persists while the drone flies along the same
-side of the hill. On level ground the same holds for shadowing: reflections from the ground,
-plants, and the animal's body change the level by some decibels over tens of metres. If each
-pulse had an independent error, twenty pulses would rule out the true position. The error is
-therefore one unknown, which pulses update and which decorrelates along the drone's path. Behind
-hills, the independent part must be small, because otherwise each pulse would make positions
-deeper behind a hill less probable.
+lose more or less than the map predicts. The error persists while the drone flies along the
+same side of the hill. On level ground the same holds for shadowing: plants and the animal's
+body change the level by some decibels over tens of metres. If each pulse had an independent
+error, twenty pulses would rule out the true position. The error is therefore one unknown,
+which pulses update and which decorrelates along the drone's path. Behind hills, the
+independent part must be small, because otherwise each pulse would make positions deeper behind
+a hill less probable.
 """
 
 from typing import Any

@@ -65,7 +65,7 @@ class Operations:
     def check_free(self) -> None:
         """Raise `UavrtError` while a job runs."""
         if self.running is not None:
-            raise UavrtError(f"the drone is busy: {words(self.running.name)} in progress")
+            raise UavrtError(f"busy: {words(self.running.name)} in progress")
 
     def begin(self, name: CommandName, source: str = "") -> str:
         """Begin a job, copying or removing flights; return the text of the acknowledgement."""
