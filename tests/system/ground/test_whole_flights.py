@@ -35,7 +35,7 @@ def test_a_flight_without_samples_cannot_be_judged_and_the_page_is_told_why(
 
     answer = until(judged, 60.0)
     assert answer.json["state"] == "failed"
-    assert "holds no samples" in answer.json["error"]
+    assert "contains no samples" in answer.json["error"]
     assert "fetch them" in answer.json["error"]
     assert served.ask("GET", f"/api/flights/{flight_id}/folds").json == {}
 

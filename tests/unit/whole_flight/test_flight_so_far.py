@@ -136,7 +136,7 @@ def test_a_tag_below_the_noise_is_found_before_the_flight_has_ended(
     assert not found[9].found
     text = found_in_flight(mine)
     assert text.startswith(
-        f"Tag {weak.tag.tag_id} found over the flight so far, from the middle "
+        f"Tag {weak.tag.tag_id} found over the flight so far, direction from the middle "
     )
     assert len(text) <= 200
 

@@ -354,8 +354,8 @@ def _warnings(found: Sequence[PulsePose], layout: _Layout | None) -> list[str]:
     times = {one.pulse.start_time_ns for one in found}
     if len(found) > 3 and len(times) <= len(found) // 3:
         texts.append(
-            "The times of this log are rounded so much that several pulses have the same time; "
-            "only the order of the rows shows which came first."
+            "The times of this log are rounded so coarsely that several pulses have the same "
+            "time; only the order of the rows shows which came first."
         )
     if layout is not None and layout.quaternion and found:
         texts.append(
