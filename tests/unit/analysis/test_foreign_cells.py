@@ -11,8 +11,8 @@ import pytest
 from past_flight import TAG, write_flight
 
 from uavrt.analysis.measure.bag import export_bag
-from uavrt.config.tags.code_lists import parse_code_csv
 from uavrt.config.tags.tag_files import parse_tags
+from uavrt.config.tags.tag_lists import parse_tag_csv
 from uavrt.core.errors import FormatError, TagFileError
 from uavrt.formats.csv_line import TableWriter, text_of_cell
 from uavrt.ground.store.tag_csv import read_csv
@@ -69,7 +69,7 @@ def test_a_bag_that_fails_leaves_nothing_in_the_way_of_the_next_try(
 def test_a_cell_of_200_kb_in_a_list_of_codes_is_a_fault_of_its_line() -> None:
     faults: list[object] = []
     good = "tag_id,frequency_hz,gaps_ms\n"
-    parse_code_csv(f'{good}"{"x" * 200_000},1,2\n', faults)  # type: ignore[arg-type]
+    parse_tag_csv(f'{good}"{"x" * 200_000},1,2\n', faults)  # type: ignore[arg-type]
     assert "131 072" in str(faults[0])
     with pytest.raises(TagFileError, match="131 072"):
         parse_tags(f'{good}"{"x" * 200_000}",1,2\n'.encode(), name="codes.csv")

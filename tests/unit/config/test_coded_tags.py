@@ -135,8 +135,8 @@ def test_codes_nearer_than_the_tolerance_are_named() -> None:
 
 
 def test_a_column_that_is_not_known_is_named_where_something_is_missing() -> None:
-    text = "id,freq_mhz,colour,g1,g2,bi\n1,150.34,red,22,30,5\n"
-    said = "line 2: this tag has no frequency_mhz; freq_mhz, colour are not known here"
+    text = "id,mhz,colour,g1,g2,bi\n1,150.34,red,22,30,5\n"
+    said = "line 2: this tag has no frequency_mhz; mhz, colour are not known here"
     assert_faults("codes.csv", text, said)
 
 

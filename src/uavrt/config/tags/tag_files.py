@@ -7,9 +7,9 @@ import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from uavrt.config.tags.code_lists import is_code_csv, parse_code_csv, parse_code_yaml
 from uavrt.config.tags.tag_drafts import Entry, Fault, Quantity, TagDraft
 from uavrt.config.tags.tag_info import format_tag_info, parse_tag_info
+from uavrt.config.tags.tag_lists import is_tag_csv, parse_code_yaml, parse_tag_csv
 from uavrt.config.tags.tag_rules import tags_from_drafts
 from uavrt.config.tags.tags_toml import format_tags_toml, parse_tags_toml
 from uavrt.config.text_files import decode_text
@@ -36,8 +36,7 @@ def parse_tags(content: bytes, *, name: str) -> tuple[Tag, ...]:
     """Read tags from a file's bytes; `name` appears in messages and helps to select the format.
 
     A name that ends in ``.toml`` means TOML, one that ends in ``.yaml`` a list of codes. Any
-    other file is recognised by a line that begins with ``[`` or by a heading with gap
-    columns.
+    other file is recognised by a heading of a list, or by a line that begins with ``[``.
     """
     try:
         text = decode_text(content)
@@ -61,8 +60,8 @@ def _reader(text: str, name: str) -> Callable[[str, list[Fault]], list[TagDraft]
     """
     if name.endswith((".yaml", ".yml")):
         return parse_code_yaml
-    if not name.endswith(".toml") and is_code_csv(text):
-        return parse_code_csv
+    if not name.endswith(".toml") and is_tag_csv(text):
+        return parse_tag_csv
     toml = name.endswith(".toml") or _TOML_LINE.search(text) is not None
     return parse_tags_toml if toml else parse_tag_info
 

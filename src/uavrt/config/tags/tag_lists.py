@@ -1,8 +1,10 @@
-"""Read lists of coded tags: CSV files with a heading, or YAML files.
+"""Read lists of tags: CSV files with a heading, or YAML files (coded tags only).
 
-The heading names the columns; common variants are accepted: ``tagFreq``, ``g1`` to ``g7`` and
-``bi``. Gaps are in milliseconds, burst intervals in seconds and frequencies in megahertz. A
-YAML file contains either a list of mappings, or one mapping from tag names to mappings.
+The heading names the columns; common variants are accepted, such as ``tagFreq``, ``g1`` to
+``g7`` and ``bi`` of coded tags, ``Frequency (MHz)`` and ``Pulse rate (ppm)`` of beeping tags.
+Gaps are in milliseconds, burst intervals in seconds, frequencies in megahertz, pulse rates in
+pulses a minute. A YAML file contains either a list of mappings, or one mapping from tag names
+to mappings.
 """
 
 import csv
@@ -19,7 +21,12 @@ _NAMES: dict[str, Quantity | str] = {
     "tag_id": "id",
     "mfgid": "id",
     "name": "name",
+    "animal": "name",
     "frequency_mhz": "frequency",
+    "frequency_hz": "frequency",
+    "frequency": "frequency",
+    "freq_mhz": "frequency",
+    "freq_hz": "frequency",
     "tagfreq": "frequency",
     "nomfreq": "frequency",
     "freq": "frequency",
@@ -27,18 +34,35 @@ _NAMES: dict[str, Quantity | str] = {
     "bi": "burst_interval",
     "period": "burst_interval",
     "gaps_ms": "gaps",
+    "interval_ms": "interval",
+    "pulse_interval_ms": "interval",
+    "ip_msecs": "interval",
+    "second_interval_ms": "second_interval",
     "pulse_width_ms": "pulse_width",
     "interval_uncertainty_ms": "interval_uncertainty",
+    "interval_jitter_ms": "interval_jitter",
     "k": "k",
+    "false_alarm_probability": "false_alarm_probability",
 }
+_UNIT = r"(?:ppm|bpm|(?:pulses|beats)_(?:per|a)_min(?:ute)?)"
+_RATE = re.compile(rf"(mort(?:ality)?_)?(?:pulse_)?(?:rate(?:_{_UNIT})?|{_UNIT})")
+"""Columns of pulse rates [1/min]; the rate of a dead animal is the tag's second rate."""
 _GAP = re.compile(r"(?:g|gap|gap_?ms_?)([1-9])(?:_ms)?", re.I)
-_HEADING = re.compile(r"""(?:^|[,;\t"' ])(?:g1|gap1|gaps_ms)(?:_ms)?(?:$|[,;\t"' ])""", re.I)
+_TAG_INFO = ("id", "freq_hz")
+"""First columns of a TagInfo.txt with a heading."""
 _NEEDED = {
     "id": "id",
     "frequency": "frequency_mhz",
     "burst_interval": "burst_interval_s",
     "gaps": "gaps (g1, g2 … or gaps_ms)",
 }
+_NEEDED_OF_BEEPS = {
+    "frequency": "frequency_mhz",
+    "interval": "interval_ms or pulse_rate_ppm",
+    "pulse_width": "pulse_width_ms",
+}
+_DECIMAL_COMMA = re.compile(r"^(\d+),(\d+)$")
+_MINUTE_MS = 60_000.0
 _NO_LIST = "not a list of tags: write - id: 12"
 
 
@@ -55,28 +79,36 @@ class _Cell:
         return tuple((part, self.line) for part in re.split(r"[\s,;]+", self.text.strip("[] ")))
 
 
-def is_code_csv(text: str) -> bool:
-    """True if the first non-empty line of a text is the heading of a list of coded tags."""
+def is_tag_csv(text: str) -> bool:
+    """True if the first non-empty line of a text is the heading of a list of tags; False for
+    the heading of a TagInfo.txt.
+    """
     for line in text.split("\n"):
         content = line.strip().lstrip("#").strip()
         if content:
-            return _HEADING.search(content) is not None
+            names = [cell.strip("\"' ") for cell in re.split(r"[,;\t]", content)]
+            known = set(map(_quantity, names))
+            named = "gaps" in known or known >= {"frequency", "interval"}
+            return named and tuple(names[:2]) != _TAG_INFO
     return False
 
 
-def parse_code_csv(text: str, faults: list[Fault]) -> list[TagDraft]:
-    """Read a CSV list of coded tags and return one draft per tag; errors are appended to
-    `faults`.
+def parse_tag_csv(text: str, faults: list[Fault]) -> list[TagDraft]:
+    """Read a CSV list of tags and return one draft per tag; errors are appended to `faults`.
+
+    If the list has no column of ids, its beeping tags are numbered from 1.
     """
     names: list[str] = []
-    drafts = []
+    separator = ","
+    drafts: list[TagDraft] = []
     for number, line in enumerate(text.split("\n"), start=1):
         content = line.strip()
         if not names:
             content = content.lstrip("#").strip()
         if not content or content.startswith("#"):
             continue
-        separator = next((one for one in ",;\t" if one in content), ",")
+        if not names:
+            separator = next((one for one in ";\t" if one in content), ",")
         try:
             cells = [cell.strip() for cell in next(csv.reader([content], delimiter=separator))]
         except csv.Error:
@@ -92,9 +124,16 @@ def parse_code_csv(text: str, faults: list[Fault]) -> list[TagDraft]:
             faults.append(Fault(line=number, text=fault + last))
         if len(cells) > len(names):
             continue  # cells cannot be matched to columns
+        if separator != ",":
+            cells = [_DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in cells]
         pairs = zip(names, cells, strict=False)
         table = {name: _Cell(text=cell, line=number) for name, cell in pairs if cell}
-        drafts.append(_draft(table, number, faults, absent))
+        if "gaps" in map(_quantity, names):
+            drafts.append(_draft(table, number, faults, absent))
+            continue
+        if "id" not in map(_quantity, names):
+            table["id"] = _Cell(text=str(len(drafts) + 1), line=number)
+        drafts.append(_beeping(table, number, faults, absent))
     return drafts
 
 
@@ -168,39 +207,82 @@ def _draft(
     `absent`.
     """
     draft = TagDraft(line=line, gaps=())
-    given = {quantity for key in (*table, *absent) if (quantity := _quantity(key))}
-    interval_s: float | None = None
-    interval_line = line
-    for key, cell in table.items():
-        quantity = _quantity(key)
-        if quantity == "name":
-            draft.name = cell.text
-        elif quantity is not None and quantity != "gaps":
-            number = _number(key, cell.text, cell.line, faults)
-            if number is None:
-                continue
-            if quantity == "burst_interval":
-                interval_s, interval_line = number, cell.line
-            else:
-                unit = "MHz" if quantity == "frequency" else ""
-                label = f"{key} {cell.text[:40]}"
-                known: Quantity = quantity  # type: ignore[assignment]
-                draft.entries[known] = Entry(
-                    number=number, label=label, line=cell.line, unit=unit
-                )
+    interval = _read_numbers(draft, table, faults)
     gaps, gaps_line = _gaps(table, line, faults)
     if gaps is not None:
         read_gaps(draft, gaps, gaps_line, faults)
-    if interval_s is not None:
-        read_burst_interval(draft, interval_s, interval_line, faults)
-    missing = [name for key, name in _NEEDED.items() if key not in given]
-    others = _words_of_unknown(table) if missing else ""
-    faults += [Fault(line=line, text=f"this tag has no {name}{others}") for name in missing]
+    if interval is not None:
+        read_burst_interval(draft, interval.number, interval.line, faults)
+    _report_missing(table, line, faults, absent, _NEEDED)
     return draft
 
 
+def _beeping(
+    table: dict[str, _Cell], line: int, faults: list[Fault], absent: Sequence[str]
+) -> TagDraft:
+    """Convert a table row to the draft of a beeping tag, like `_draft`."""
+    draft = TagDraft(line=line)
+    _read_numbers(draft, table, faults)
+    _report_missing(table, line, faults, absent, _NEEDED_OF_BEEPS)
+    return draft
+
+
+def _read_numbers(
+    draft: TagDraft, table: dict[str, _Cell], faults: list[Fault]
+) -> Entry | None:
+    """Read a row's name and numbers into `draft`; return its burst interval [s] if it has
+    one.
+    """
+    burst = None
+    for key, cell in table.items():
+        quantity = _quantity(key)
+        if quantity == "name":
+            draft.name = draft.name or cell.text
+            continue
+        if quantity is None or quantity == "gaps":
+            continue
+        number = _number(key, cell.text, cell.line, faults)
+        if number is None:
+            continue
+        if _RATE.fullmatch(_plain(key)):
+            if number <= 0.0:
+                faults.append(Fault(line=cell.line, text=f"{key} {cell.text} must be above 0"))
+                continue
+            number = _MINUTE_MS / number
+        unit = "" if quantity != "frequency" else "Hz" if _plain(key).endswith("_hz") else "MHz"
+        entry = Entry(number=number, label=f"{key} {cell.text[:40]}", line=cell.line, unit=unit)
+        if quantity == "burst_interval":
+            burst = entry
+        else:
+            known: Quantity = quantity  # type: ignore[assignment]
+            draft.entries[known] = entry
+    return burst
+
+
+def _report_missing(
+    table: dict[str, _Cell],
+    line: int,
+    faults: list[Fault],
+    absent: Sequence[str],
+    needed: dict[str, str],
+) -> None:
+    given = {quantity for key in (*table, *absent) if (quantity := _quantity(key))}
+    missing = [name for key, name in needed.items() if key not in given]
+    others = _words_of_unknown(table) if missing else ""
+    faults += [Fault(line=line, text=f"this tag has no {name}{others}") for name in missing]
+
+
+def _plain(key: str) -> str:
+    """Name of a column in lower case with underscores: "Pulse rate (ppm)" is pulse_rate_ppm."""
+    return re.sub(r"[^a-z0-9]+", "_", key.lower()).strip("_")
+
+
 def _quantity(key: str) -> Quantity | str | None:
-    return "gaps" if _GAP.fullmatch(key) else _NAMES.get(key.lower())
+    if _GAP.fullmatch(key):
+        return "gaps"
+    if (rate := _RATE.fullmatch(_plain(key))) is not None:
+        return "second_interval" if rate[1] else "interval"
+    return _NAMES.get(_plain(key))
 
 
 def _gaps(
