@@ -12,8 +12,12 @@ from uavrt.formats.tracks.track import VehicleTrack
 from uavrt.formats.tracks.ulog import read_ulog
 
 
-def read_track(path: Path) -> VehicleTrack:
-    """Read a track file, whose kind is recognised by its content."""
+def read_track(path: Path, vehicle: int | None = None) -> VehicleTrack:
+    """Read a track file, whose kind is recognised by its content.
+
+    `vehicle` is the MAVLink system id of the vehicle to read from a .tlog, which may contain
+    several; None: the only one. Raises `FormatError` if the file cannot be read.
+    """
     with os_errors_as(FormatError, f"cannot read {path}", "Check the name"):
         require_plain_file(path)
         with path.open("rb") as file:
@@ -27,7 +31,7 @@ def read_track(path: Path) -> VehicleTrack:
     elif b"<gpx" in head:
         track = read_gpx(path)
     elif len(head) > 11 and head[8] in (0xFD, 0xFE):
-        track = read_tlog(path)
+        track = read_tlog(path, vehicle)
     elif head.startswith(FIRST_COLUMN):
         track = read_simulated(path)
     elif b"$G" in head:

@@ -5,12 +5,13 @@
     microseconds since 1970, 8 bytes big endian | one MAVLink frame | …
 
 Samples are timed by the autopilot's boot time. UTC comes from SYSTEM_TIME (GPS) if present,
-else from the ground station's clock, using the messages with the least delay.
+else from the ground station's clock, using the messages with the least delay. A ground station
+with several drones writes all of them into one log.
 """
 
 import math
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from uavrt.core.earth.attitude import from_euler_deg
@@ -32,15 +33,18 @@ from uavrt.link.mavlink.frame import (
 
 _ATTITUDE_ID, _ATTITUDE_SEED = 30, 39
 """MAVLink id and checksum seed of the message ATTITUDE, which uavrt's message set lacks."""
+_AUTOPILOT = 1
+"""MAVLink component id of an autopilot."""
 _MOST_WRONG = 300_000
 """Maximum number of frame markers that are not followed by a valid frame; reading stops
 there."""
 _SANE_UNIX_US = 1_400_000_000_000_000
 
 
-class _Log:
+class _Vehicle:
+    """Samples of one vehicle of the log."""
+
     def __init__(self) -> None:
-        self.system_id: int | None = None
         self.attitudes: dict[str, list[AttitudeSample]] = {"quaternion": [], "euler": []}
         self.positions: list[PositionSample] = []
         self.armed: list[tuple[int, bool]] = []
@@ -52,10 +56,6 @@ class _Log:
 
     def add(self, frame: Frame, stamp_us: int) -> None:
         message = frame.message()
-        if isinstance(message, dialect.Heartbeat) and frame.component_id == 1:
-            self.system_id = self.system_id or frame.system_id
-        if frame.component_id != 1 or self.system_id not in (None, frame.system_id):
-            return
         self._keep_ground(message)
         if isinstance(message, dialect.SystemTime):
             if message.time_unix_usec > _SANE_UNIX_US:
@@ -96,18 +96,23 @@ class _Log:
             kept.append(sample)  # type: ignore[arg-type]
 
 
-def read_tlog(path: Path) -> VehicleTrack:
-    """Read a telemetry log. Raises `FormatError` if it is unreadable or contains no MAVLink
-    frame.
+def read_tlog(path: Path, vehicle: int | None = None) -> VehicleTrack:
+    """Read one vehicle of a telemetry log, by its MAVLink system id; None: the only one.
+
+    Raises `FormatError` if the log is unreadable, contains no MAVLink frame or not this
+    vehicle, or contains several and `vehicle` is None.
     """
     with os_errors_as(FormatError, f"cannot read {path}"):
         content = read_file(path, TRACK)
-    log, empty = _Log(), True
+    vehicles: dict[int, _Vehicle] = {}
+    empty = True
     for stamp_us, frame in stamped_frames(content):
-        log.add(frame, stamp_us)
         empty = False
+        if frame.component_id == _AUTOPILOT:
+            vehicles.setdefault(frame.system_id, _Vehicle()).add(frame, stamp_us)
     if empty:
         raise FormatError(f"{path} contains no MAVLink frame", remedy="Give a .tlog file")
+    log = _chosen(path, vehicles, vehicle)
     offset_ns = log.gps_offset_ns or log.ground_offset_ns or 0
     attitudes = log.attitudes["quaternion"] or log.attitudes["euler"]
     track = VehicleTrack(
@@ -117,6 +122,24 @@ def read_tlog(path: Path) -> VehicleTrack:
         on_ground_ns=spans_on_ground(log.armed, log.landed),
     )
     return track.shifted(offset_ns)
+
+
+def _chosen(path: Path, vehicles: Mapping[int, _Vehicle], wanted: int | None) -> _Vehicle:
+    flown = {number: one for number, one in vehicles.items() if one.positions}
+    if wanted is None and len(flown) < 2:
+        return next(iter((flown or vehicles).values()), _Vehicle())
+    if wanted in flown:
+        return flown[wanted]
+    names = " and ".join(map(str, sorted(flown))) or "no position of any vehicle"
+    if wanted is None:
+        raise FormatError(
+            f"{path} contains vehicles {names}",
+            remedy="Name the one with the receiver (--vehicle of `uavrt attach` and `uavrt "
+            "integrate`)",
+        )
+    raise FormatError(
+        f"{path} contains no vehicle {wanted}", remedy=f"The log contains {names}"
+    )
 
 
 def stamped_frames(content: bytes) -> Iterator[tuple[int, Frame]]:

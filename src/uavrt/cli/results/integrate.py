@@ -38,6 +38,7 @@ def integrate(
     recording: Path | None = None,
     track: Path | None = None,
     clock_offset: SecondsApart | None = None,
+    vehicle: int | None = None,
     yaw_offset: Degrees = 0.0,
     tags: Path | None = None,
     tag: TagIds = (),
@@ -79,6 +80,9 @@ def integrate(
         sentences, GPX, or a telemetry.csv of uavrt simulate. Nothing is saved.
     clock_offset
         Seconds by which the recording's clock is ahead of the track's; 0 by default.
+    vehicle
+        MAVLink system id of the drone with the receiver, if the .tlog of --track contains
+        several drones.
     yaw_offset
         Antenna's boresight clockwise from the vehicle's nose, degrees, with --track; a flight
         has its own.
@@ -135,12 +139,18 @@ def integrate(
     warn_of_near_codes(listed or (), frequency_window)
     opened = stated.options()
     if track is None:
-        flown = _flights(flight, others, clock_offset=clock_offset, yaw_offset=yaw_offset)
+        if clock_offset is not None or vehicle is not None or yaw_offset:
+            raise ConfigError(
+                "--clock-offset, --vehicle and --yaw-offset need --track",
+                remedy="Leave them out, or name the track with --track",
+            )
+        flown = _flights(flight, others)
         remarks: tuple[str, ...] = ()
     else:
         flown, remarks = _tracked(
             *(track, flight, recording, listed),
             clock_offset=clock_offset,
+            vehicle=vehicle,
             yaw_offset=yaw_offset,
         )
     if plot is not None:
@@ -177,13 +187,7 @@ def integrate(
         sys.exit(1)
 
 
-def _flights(
-    first: Path | None,
-    others: tuple[Path, ...],
-    *,
-    clock_offset: float | None,
-    yaw_offset: float,
-) -> "list[Flight]":
+def _flights(first: Path | None, others: tuple[Path, ...]) -> "list[Flight]":
     from uavrt.flight.reading.flight_reader import read_flight
 
     if first is None:
@@ -191,11 +195,6 @@ def _flights(
             "no flight was given",
             remedy="Name the directory of a flight, or a recording of another program "
             "with --recording, --track and --tags",
-        )
-    if clock_offset is not None or yaw_offset:
-        raise ConfigError(
-            "--clock-offset and --yaw-offset need --track",
-            remedy="Leave them out, or name the track with --track",
         )
     for one in (first, *others):
         if one.is_file():
@@ -214,6 +213,7 @@ def _tracked(
     listed: "Sequence[Tag] | None",
     *,
     clock_offset: float | None,
+    vehicle: int | None,
     yaw_offset: float,
 ) -> "tuple[list[Flight], tuple[str, ...]]":
     """Create a flight from a recording and a track; also returns notes on missing data."""
@@ -232,7 +232,7 @@ def _tracked(
             remedy="Name the samples, the track and the tags: --recording FILE --track FILE "
             "--tags FILE",
         )
-    way = read_track(track)
+    way = read_track(track, vehicle)
     flown = flight_of_track(
         way, listed, name=str(track), offset_s=clock_offset or 0.0, yaw_offset_deg=yaw_offset
     )

@@ -21,6 +21,7 @@ def attach(
     yaw_offset: Degrees = 0.0,
     antenna: str = "RA-23K",
     tags: Path | None = None,
+    vehicle: int | None = None,
 ) -> None:
     """Add poses from an autopilot's log or a GPS track to pulses.
 
@@ -42,6 +43,8 @@ def attach(
     tags
         Tag list with codes: pulses of a log without codes, such as a SensorGnome's, are
         grouped into bursts of these codes; all other pulses are left out.
+    vehicle
+        MAVLink system id of the drone with the receiver, if a .tlog contains several drones.
     """
     check_place(output, overwrite=True)
     keep_inputs(output, (pulses, track, *([] if tags is None else [tags])))
@@ -60,7 +63,7 @@ def attach(
     from uavrt.flight.logs.pulse_files import PulseWriter, pulse_format
     from uavrt.flight.reading.recognise import read_pulse_log
 
-    log, way = read_pulse_log(pulses), read_track(track)
+    log, way = read_pulse_log(pulses), read_track(track, vehicle)
     heard = log.pulse_poses
     if tags is not None:
         listed = read_tags(tags)
