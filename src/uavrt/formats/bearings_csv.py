@@ -6,7 +6,7 @@ which the original's readers ignore::
     tag_id,parent_file,bearing_deg,tau,lat,lon,alt_agl,alt_asl,t_start,t_end[,sigma_deg]
 
 A file of bearings noted by hand has a heading, and columns in any order; these are the names,
-of which the first four are required::
+of which the first four are required (`uavrt.formats.noted_headings` has other names)::
 
     tag_id,latitude_deg,longitude_deg,bearing_deg[,sigma_deg][,time_utc][,observer]
 
@@ -17,9 +17,11 @@ true_longitude_deg.
 import math
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from uavrt.core.clock import parse_iso_utc
+from uavrt.core.units import wrap_degrees_360
+from uavrt.formats.noted_headings import check_noted, is_noted, noted_columns
 from uavrt.formats.text import (
     finite,
     latitude,
@@ -32,11 +34,10 @@ from uavrt.formats.text import (
     with_commas,
     wrong_line,
 )
+from uavrt.formats.tracks.declination import declination_deg
 from uavrt.formats.whole_file import require_plain_name, write_whole
 
 _COLUMNS = 10
-_NOTED = frozenset(("tag_id", "latitude_deg", "longitude_deg", "bearing_deg"))
-"""Required column names in a file of bearings noted by hand."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,6 +45,9 @@ class BearingRow:
     """One line of a bearings.csv, or one bearing noted by hand."""
 
     tag_id: int
+    """Number of the tag; if it was noted by name, the place of this name in the file."""
+    tag_name: str | None = None
+    """Name of the tag if the table has names instead of numbers."""
     parent_file: str
     bearing_deg: float
     confidence: float | None = None
@@ -66,18 +70,24 @@ def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
 
     Raises `FormatError` if the file cannot be read.
     """
-    rows = []
+    rows: list[BearingRow] = []
     names: list[str] = []
+    columns: dict[str, int] = {}
     for number, line in enumerate(with_commas(read_lines(path)), start=1):
         cells = [cell.strip() for cell in line.split(",")]
         if not line.strip() or line.startswith("#"):
             continue
-        if "tag_id" in cells:
-            names = cells if is_noted(cells) else []
-            continue
         try:
-            noted = dict(zip(names, [*cells, *[""] * len(names)], strict=False))
-            rows.append(_noted_row(noted) if names else _row(cells))
+            if is_noted(cells):
+                names, columns = cells, noted_columns(cells)
+                check_noted(columns)
+            elif "tag_id" in cells:
+                names, columns = [], {}
+            elif columns:
+                padded = [*cells, *[""] * len(names)]
+                rows.append(_noted_row({name: padded[at] for name, at in columns.items()}))
+            else:
+                rows.append(_row(cells))
         except (ValueError, IndexError) as error:
             remedy = (
                 f"The heading names the columns: {', '.join(names)}"
@@ -85,7 +95,17 @@ def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
                 else "A bearings.csv has 10 columns: tag, file, bearing, tau, latitude, …"
             )
             raise wrong_line(path, number, error, remedy) from None
-    return tuple(rows)
+    return tuple(_numbered(rows))
+
+
+def _numbered(rows: Iterable[BearingRow]) -> Iterable[BearingRow]:
+    """Number the tags that a file names, in order of appearance."""
+    numbers: dict[str, int] = {}
+    for row in rows:
+        if row.tag_name is None:
+            yield row
+        else:
+            yield replace(row, tag_id=numbers.setdefault(row.tag_name, len(numbers) + 1))
 
 
 def _row(cells: list[str]) -> BearingRow:
@@ -106,28 +126,60 @@ def _row(cells: list[str]) -> BearingRow:
     )
 
 
-def is_noted(heading: Iterable[str]) -> bool:
-    """True if a CSV heading belongs to a file of bearings that were noted by hand."""
-    return set(heading) >= _NOTED
-
-
 def _noted_row(cells: Mapping[str, str]) -> BearingRow:
-    time = cells.get("time_utc")
-    truth = [cells.get(name, "") for name in ("true_latitude_deg", "true_longitude_deg")]
+    """Convert a row of a table of noted bearings, by the meanings of its columns."""
+    truth = [cells.get(name, "") for name in ("true_latitude", "true_longitude")]
     observer = cells.get("observer", "")
     if any(truth) and not (all(truth) and observer):
         raise ValueError("a test trial needs an observer and both true coordinates")
+    tag, numbered = cells["tag"], _is_whole(cells["tag"])
+    if not tag:
+        raise ValueError("the tag has no name or number")
+    place = latitude(cells["latitude"]), longitude(cells["longitude"])
+    time_ns = _noted_time_ns(cells)
     return BearingRow(
-        tag_id=whole(cells["tag_id"]),
+        tag_id=whole(tag) if numbered else 0,
+        tag_name=None if numbered else tag,
         parent_file="noted",
-        bearing_deg=finite(cells["bearing_deg"]),
-        latitude_deg=latitude(cells["latitude_deg"]),
-        longitude_deg=longitude(cells["longitude_deg"]),
-        start_time_ns=parse_iso_utc(time) if time else None,
-        sigma_deg=_sigma_deg(cells.get("sigma_deg") or "NaN"),
+        bearing_deg=_from_true_north(cells, place, time_ns),
+        latitude_deg=place[0],
+        longitude_deg=place[1],
+        start_time_ns=time_ns,
+        sigma_deg=_sigma_deg(cells.get("sigma") or "NaN"),
         observer=observer,
         true_place=(latitude(truth[0]), longitude(truth[1])) if all(truth) else None,
     )
+
+
+def _is_whole(cell: str) -> bool:
+    try:
+        whole(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _noted_time_ns(cells: Mapping[str, str]) -> int | None:
+    text = cells.get("time") or " ".join(
+        cells[name] for name in ("date", "clock") if cells.get(name)
+    )
+    return parse_iso_utc(text) if text else None
+
+
+def _from_true_north(
+    cells: Mapping[str, str], place: tuple[float, float], time_ns: int | None
+) -> float:
+    """Bearing from true north [deg]; a magnetic one needs the table's declination, or a time
+    for the World Magnetic Model.
+    """
+    if "true" in cells:
+        return finite(cells["true"])
+    noted = cells["magnetic"] if "magnetic" in cells else cells["bearing"]
+    if declination := cells.get("declination"):
+        return wrap_degrees_360(finite(noted) + finite(declination))
+    if time_ns is None:
+        raise ValueError("a magnetic bearing needs a declination, or a date to compute it")
+    return wrap_degrees_360(finite(noted) + declination_deg(*place, 0.0, time_ns))
 
 
 def _known(cell: str) -> float | None:

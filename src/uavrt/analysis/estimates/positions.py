@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
+from itertools import count
 from operator import attrgetter
 from pathlib import Path
 from typing import get_args
@@ -25,7 +26,8 @@ from uavrt.core.earth.geodesy import distance_m
 from uavrt.core.errors import UsageError
 from uavrt.core.messages import PulsePose
 from uavrt.flight.reading.recognise import ORIGINAL_POSES, pulse_logs_in
-from uavrt.formats.bearings_csv import BearingRow, is_noted, read_bearing_file
+from uavrt.formats.bearings_csv import BearingRow, read_bearing_file
+from uavrt.formats.noted_headings import is_noted
 from uavrt.formats.positions_csv import read_position_file
 from uavrt.formats.pulses.ucsd import TargetEstimate, read_ucsd_estimates, tag_numbers
 from uavrt.formats.text import cells_of, read_lines, with_commas
@@ -58,6 +60,8 @@ _USUAL_SIGMA_DEG = 6.0
 _FIRST_LINES = 100
 """Maximum number of lines that are read to recognise a file's format, since comments may
 precede the data."""
+
+_Tables = list[tuple[Path, Sequence[BearingRow]]]
 
 
 def read_positions(
@@ -109,8 +113,13 @@ def read_positions(
     for text in dict.fromkeys(text for one in logs for text in one.log.warnings):
         warn(text)
     logs = _without_copies(logs, warn)
-    tables = [(Path(path), read_bearing_file(path)) for path in files]
+    tables: _Tables = [(Path(path), read_bearing_file(path)) for path in files]
     known = observers_of(tables, observers, warn)
+    same = same_tags(
+        [one.log for one in logs],
+        [() if one.flight is None else one.flight.info.tags for one in logs],
+    )
+    tables, names = _numbered(tables, same)
     noted = _without_repeats(
         [(os.fspath(path), _noted(every, known)) for path, every in tables], warn
     )
@@ -123,10 +132,6 @@ def read_positions(
     ]
     for text in clock_doubts(times):
         warn(text)
-    same = same_tags(
-        [one.log for one in logs],
-        [() if one.flight is None else one.flight.info.tags for one in logs],
-    )
     trains = [(one.path, _times(one, keys)) for one, keys in zip(logs, same.keys, strict=True)]
     for text in (*same.warnings, *pulse_doubts(trains)):
         warn(text)
@@ -134,7 +139,33 @@ def read_positions(
     found = _positions_of_logs(
         [*zip(logs, same.keys, strict=True)], _under_keys(rows, same), how, warn
     )
-    return _with_names(found, same)
+    return _with_names(found, same, names)
+
+
+def _numbered(tables: _Tables, same: SameTags) -> tuple[_Tables, dict[int, str]]:
+    """Number tags that tables name: as the flights' tag of that name, else by unused numbers.
+
+    Also returns the names by number.
+    """
+    rows = [row for _, every in tables for row in every]
+    numbers = {one.name: one.tag_id for one in same.tags.values() if one.name}
+    used = {one.tag_id for one in same.tags.values()}
+    used |= {row.tag_id for row in rows if row.tag_name is None}
+    unused = (number for number in count(1) if number not in used)
+    for row in rows:
+        if row.tag_name is not None and row.tag_name not in numbers:
+            numbers[row.tag_name] = next(unused)
+    numbered: _Tables = [
+        (
+            path,
+            [
+                row if row.tag_name is None else replace(row, tag_id=numbers[row.tag_name])
+                for row in every
+            ],
+        )
+        for path, every in tables
+    ]
+    return numbered, {number: name for name, number in numbers.items()}
 
 
 def _times(log: Recorded, keys: Mapping[int, int]) -> dict[int, list[int]]:
@@ -214,10 +245,12 @@ def _under_keys(rows: Sequence[TagBearing], same: SameTags) -> list[TagBearing]:
     return [replace(one, tag_id=keys.get(one.tag_id, [one.tag_id])[0]) for one in rows]
 
 
-def _with_names(found: Sequence[TagPosition], same: SameTags) -> list[TagPosition]:
+def _with_names(
+    found: Sequence[TagPosition], same: SameTags, names: Mapping[int, str]
+) -> list[TagPosition]:
     named = []
     for one in found:
-        unknown = NamedTag(tag_id=one.tag_id, frequency_hz=None, name=None)
+        unknown = NamedTag(tag_id=one.tag_id, frequency_hz=None, name=names.get(one.tag_id))
         tag = same.tags.get(one.tag_id, unknown)
         named.append(
             replace(one, tag_id=tag.tag_id, frequency_hz=tag.frequency_hz, name=tag.name)

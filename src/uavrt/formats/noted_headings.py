@@ -1,0 +1,73 @@
+"""Column names of tables in which people note bearings taken by hand.
+
+uavrt's own names are ``tag_id``, ``latitude_deg``, ``longitude_deg``, ``bearing_deg`` (true
+north), ``sigma_deg``, ``time_utc`` and ``observer``. Tables of other groups have columns such
+as animal, lat, long, azimuth, date and time; case, units and blanks do not matter. A bearing
+may be magnetic (``magnetic_azimuth``, or any name with a column ``declination``).
+"""
+
+import re
+from collections.abc import Iterable
+
+_NAMES = {
+    "tag": ("tag_id", "id", "tag", "animal", "animal_id", "name", "individual", "frequency"),
+    "latitude": ("latitude", "lat"),
+    "longitude": ("longitude", "lon", "long", "lng"),
+    "true": ("bearing_deg", "true_bearing", "true_azimuth", "bearing_true", "azimuth_true"),
+    "magnetic": (
+        *("magnetic_bearing", "magnetic_azimuth", "bearing_magnetic", "azimuth_magnetic"),
+        *("bearing_mag", "azimuth_mag", "compass_bearing"),
+    ),
+    "bearing": ("bearing", "azimuth"),
+    "declination": ("declination", "magnetic_declination"),
+    "sigma": ("sigma",),
+    "time": ("time_utc", "datetime", "date_time", "timestamp"),
+    "date": ("date", "date_utc"),
+    "clock": ("time",),
+    "observer": ("observer", "recorder"),
+    "true_latitude": ("true_latitude",),
+    "true_longitude": ("true_longitude",),
+}
+"""Meaning of a column, and its names in order of preference."""
+_BEARINGS = ("true", "magnetic", "bearing")
+_UNIT = re.compile(r"\s*[(\[].*[)\]]\s*$")
+
+
+def noted_columns(heading: Iterable[str]) -> dict[str, int]:
+    """Return the places of the columns that a heading names, by their meanings.
+
+    The meanings are tag, latitude, longitude, true, magnetic or bearing, declination, sigma,
+    time, date, clock, observer, true_latitude and true_longitude.
+    """
+    places = {_plain(name): place for place, name in reversed([*enumerate(heading)])}
+    found: dict[str, int] = {}
+    for meaning, names in _NAMES.items():
+        place = next((places[name] for name in names if name in places), None)
+        if place is not None:
+            found[meaning] = place
+    return found
+
+
+def is_noted(heading: Iterable[str]) -> bool:
+    """True if a CSV heading belongs to a table of bearings that were noted by hand."""
+    known = set(noted_columns(heading))
+    return bool(known & set(_BEARINGS)) and len(known & {"tag", "latitude", "longitude"}) >= 2
+
+
+def check_noted(columns: Iterable[str]) -> None:
+    """Raise `ValueError` if a table of noted bearings lacks a column that is needed."""
+    known = set(columns)
+    missing = [name for name in ("tag", "latitude", "longitude") if name not in known]
+    if missing:
+        raise ValueError(f"the heading has no column {', '.join(missing)}")
+    if not known & {"true", "magnetic", "declination"}:
+        raise ValueError(
+            "the heading does not say from which north bearings count: name the column "
+            "bearing_deg (true north) or magnetic_bearing, or add a column declination"
+        )
+
+
+def _plain(name: str) -> str:
+    """Name in lower case, without its unit: "Bearing (°)" is bearing."""
+    plain = re.sub(r"[^a-z0-9]+", "_", _UNIT.sub("", name.lower())).strip("_")
+    return plain if plain in ("bearing_deg", "tag_id") else plain.removesuffix("_deg")
