@@ -6,7 +6,9 @@ below a millimetre inside a zone. Metres around a point: `uavrt.core.earth.tange
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import median
 
 from uavrt.core.units import wrap_degrees_180
 
@@ -19,6 +21,7 @@ SECOND_ECCENTRICITY2 = ECCENTRICITY2 / (1.0 - ECCENTRICITY2)
 
 _N = FLATTENING / (2.0 - FLATTENING)
 _E = math.sqrt(ECCENTRICITY2)
+_STANDING_M = 50.0
 _SCALE = 0.9996
 _FALSE_EASTING, _FALSE_NORTHING = 500_000.0, 10_000_000.0
 _RADIUS = SEMI_MAJOR_M / (1 + _N) * (1 + _N**2 / 4 + _N**4 / 64 + _N**6 / 256)
@@ -152,3 +155,13 @@ def _zone(latitude_deg: float, longitude_deg: float) -> int:
     if latitude_deg >= 72.0 and 0.0 <= longitude_deg < 42.0:
         return 31 + 2 * int((longitude_deg + 3.0) // 12.0)
     return int((longitude_deg + 180.0) // 6.0) + 1
+
+
+def are_one_place(places: Sequence[tuple[float, float]]) -> bool:
+    """True if two or more positions (latitude, longitude [deg]) are those of a standing
+    receiver: all within 50 m of their median. GPS without correction scatters by 5 to 10 m.
+    """
+    if len(places) < 2:
+        return False
+    middle = median(place[0] for place in places), median(place[1] for place in places)
+    return all(distance_m(*place, *middle) <= _STANDING_M for place in places)

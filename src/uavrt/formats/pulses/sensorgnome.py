@@ -6,24 +6,32 @@ A pulse file has a line for each record; the first cell is the kind of record::
     S,1366227421.0,1,-m,166.376,0,            port, parameter, value: -m or frequency is MHz
     G,1366227448.0,44.3405,-66.1185,21.7      time, latitude, longitude, altitude
 
-Other lines are ignored. Detections have a heading with ``ts``, ``id`` and ``sig``; ``freq`` is
-in kilohertz from the tag's nominal frequency, which ``tagFreq`` or ``nomFreq`` gives in MHz.
-Neither kind has compass headings, so the poses have none, and bearings are impossible.
+Other lines are ignored. A SensorGnome begins a new file each hour, but writes the S lines only
+after its start: a file without them takes those of other files in its folder.
+
+Detections have a heading with ``ts``, ``id`` and ``sig``; ``freq`` is in kilohertz from the
+tag's nominal frequency, which ``tagFreq`` or ``nomFreq`` gives in MHz. Neither kind has compass
+headings, so the poses have none, and bearings are impossible.
 """
 
 import math
 import os
 import re
 from bisect import bisect_left
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 
+from uavrt.core.earth.geodesy import are_one_place
+from uavrt.core.errors import FormatError
 from uavrt.core.messages import Pose, Pulse, PulsePose
 from uavrt.core.units import hz_from_mhz, ns_from_s
 from uavrt.formats.damaged_lines import passed_over
 from uavrt.formats.pulses.pulse_log import PulseLog, ungrouped_pulse
 from uavrt.formats.pulses.ucsd import tag_numbers
 from uavrt.formats.text import (
+    MAX_TIME_NS,
     cells_of,
     finite,
     latitude,
@@ -42,11 +50,16 @@ DETECTION_NAMES = {"ts", "id", "sig"}
 _PORT = re.compile(r"p[A-Za-z]?(\d+)")
 _PULSE_NS = ns_from_s(0.0025)
 _TUNED = ("-m", "frequency", "freq")
+_MOST_SIBLINGS = 100
+"""Maximum number of files of a folder that are searched for S lines."""
 _NOMINAL = ("tagfreq", "nomfreq", "mfgfreq")
 _LONGEST_NS = ns_from_s(60.0)
-"""Maximum time between a pulse and a position that is used for it [ns]; a SensorGnome records a
-position every five minutes."""
-_REMEDY = "A pulse line is p1,time,kHz,signal,noise; a detection has ts, id, sig"
+"""Maximum time between a pulse and a position of a moving receiver that is used for it [ns]; a
+SensorGnome records a position every five minutes."""
+_REMEDY = (
+    "A pulse line is p1,time,kHz,signal,noise; a detection has ts, id, sig. Put the first file "
+    "after the receiver's start, which has the S lines, into the same folder"
+)
 NO_HEADINGS = (
     "This log has no headings: positions follow from strength alone, as with a monopole. "
     "`uavrt attach` gives its pulses the poses of another log."
@@ -81,12 +94,13 @@ def is_detections(cells: Sequence[str]) -> bool:
 
 def read_pulse_lines(path: str | os.PathLike[str]) -> PulseLog:
     """Read a pulse file and count damaged lines; raises `FormatError` if most are damaged."""
-    tuned_hz: dict[str, float] = {}
+    lines = read_lines(path)
+    tuned_hz, sources = _tuned_elsewhere(Path(path), lines)
     pulses: list[Pulse] = []
     places: list[Place] = []
     damaged = 0
     first: tuple[int, object] | None = None
-    for number, line in enumerate(read_lines(path), start=1):
+    for number, line in enumerate(lines, start=1):
         cells = cells_of(line)
         kind = _kind(cells[0]) if cells else None
         try:
@@ -95,7 +109,7 @@ def read_pulse_lines(path: str | os.PathLike[str]) -> PulseLog:
                 if port not in tuned_hz:
                     raise ValueError(f"no earlier S line gives the frequency of port {port}")
                 pulses.append(_pulse(cells, tuned_hz[port]))
-            elif kind == "S" and len(cells) >= 5 and cells[3].strip('"') in _TUNED:
+            elif kind == "S" and _is_tuning(cells):
                 tuned_hz[cells[2]] = hz_from_mhz(finite(cells[4]))
             elif kind == "G":
                 places.append(_place(cells[1:5]))
@@ -104,7 +118,7 @@ def read_pulse_lines(path: str | os.PathLike[str]) -> PulseLog:
             first = first or (number, error)
     if first is not None and damaged > len(pulses):
         raise wrong_line(path, *first, _REMEDY)
-    warnings = [NUMBERED, NO_HEADINGS] if places else [NUMBERED]
+    warnings = [NUMBERED, NO_HEADINGS, *sources] if places else [NUMBERED, *sources]
     if first is not None:
         warnings.append(passed_over(os.fspath(path), damaged, *first))
     numbers = tag_numbers([pulse.frequency_hz for pulse in pulses], SAME_TAG_HZ)
@@ -115,6 +129,49 @@ def read_pulse_lines(path: str | os.PathLike[str]) -> PulseLog:
         warnings=tuple(warnings) if pulses else (),
         passed_over=damaged,
     )
+
+
+def _is_tuning(cells: Sequence[str]) -> bool:
+    """True if an S line gives the frequency to which a port is tuned."""
+    return len(cells) >= 5 and cells[3].strip('"') in _TUNED
+
+
+def _tuned_elsewhere(path: Path, lines: Sequence[str]) -> tuple[dict[str, float], list[str]]:
+    """Return the frequencies [Hz] of ports for which a file has no S line, from the pulse files
+    in its folder, and a note on each.
+
+    A port on which those files disagree has no frequency.
+    """
+    firsts = {line.partition(",")[0] for line in lines}
+    wanted = {_port(first) for first in firsts if _kind(first) == "p"}
+    wanted -= {cells[2] for cells in _tunings(lines)}
+    found: dict[str, dict[float, Path]] = {port: {} for port in wanted}
+    siblings = sorted(path.parent.glob("*.txt*")) if wanted else []
+    for other in siblings[:_MOST_SIBLINGS]:
+        if other == path or not other.name.endswith((".txt", ".txt.gz")):
+            continue
+        with suppress(FormatError, ValueError):
+            for cells in _tunings(read_lines(other)):
+                if cells[2] in wanted:
+                    found[cells[2]].setdefault(hz_from_mhz(finite(cells[4])), other)
+    tuned_hz: dict[str, float] = {}
+    notes = []
+    for port, frequencies in sorted(found.items()):
+        if len(frequencies) == 1:
+            ((tuned_hz[port], other),) = frequencies.items()
+            notes.append(
+                f"{path.name} has no S line for port {port}: its frequency, "
+                f"{tuned_hz[port] / 1e6:.3f} MHz, is that of {other.name}"
+            )
+    return tuned_hz, notes
+
+
+def _tunings(lines: Sequence[str]) -> Iterator[list[str]]:
+    for line in lines:
+        if line.startswith("S"):
+            cells = cells_of(line)
+            if cells[0] == "S" and _is_tuning(cells):
+                yield cells
 
 
 def _port(cell: str) -> str:
@@ -150,25 +207,28 @@ def _place(cells: Sequence[str]) -> Place:
 
 def _posed(pulses: list[tuple[Pulse, int]], places: list[Place]) -> tuple[PulsePose, ...]:
     times_ns = [place[0] for place in places]
+    longest_ns = MAX_TIME_NS if are_one_place([place[1:3] for place in places]) else _LONGEST_NS
     base_m = next((place[3] for place in places if math.isfinite(place[3])), math.nan)
     return tuple(
         PulsePose(
             pulse=replace(pulse, tag_id=tag_id),
-            pose=_between(pulse.start_time_ns, places, times_ns, base_m),
+            pose=_between(pulse.start_time_ns, places, times_ns, base_m, longest_ns),
         )
         for pulse, tag_id in pulses
     )
 
 
 def _between(
-    time_ns: int, places: list[Place], times_ns: list[int], base_m: float
+    time_ns: int, places: list[Place], times_ns: list[int], base_m: float, longest_ns: int
 ) -> Pose | None:
-    """Pose without heading at a time, interpolated between positions; None if too far away."""
+    """Pose without heading at a time, interpolated between positions at most `longest_ns` away;
+    None without one.
+    """
     after = bisect_left(times_ns, time_ns)
     near = [
         place
         for place in places[max(0, after - 1) : after + 1]
-        if abs(place[0] - time_ns) <= _LONGEST_NS
+        if abs(place[0] - time_ns) <= longest_ns
     ]
     if not near:
         return None

@@ -23,12 +23,14 @@ from uavrt.formats.text import place_or_none, read_lines
 from uavrt.formats.tracks.declination import declination_deg
 from uavrt.formats.tracks.track import (
     COURSE,
+    STANDING,
     VehicleTrack,
     attitude,
     filled,
     headings_of_course,
     over_the_first,
     position,
+    standing,
 )
 
 MAGNETIC = (
@@ -147,11 +149,13 @@ def _track(
         )
     positions = over_the_first(places)
     attitudes = tuple(turns) or tuple(headings_of_course(positions))
+    if not turns:
+        warnings = (COURSE,) if attitudes else (STANDING,)
     return filled(
         VehicleTrack(
             kind=kind,
-            attitudes=attitudes,
+            attitudes=attitudes or tuple(standing(positions)),
             positions=positions,
-            warnings=warnings if turns else (COURSE,),
+            warnings=warnings,
         )
     )

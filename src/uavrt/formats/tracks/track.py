@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import TypeVar
 
 from uavrt.core.earth.attitude import from_euler_deg, normalised, slerp
+from uavrt.core.earth.geodesy import are_one_place
 from uavrt.core.messages import AttitudeSample, PositionSample
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 
@@ -14,8 +15,13 @@ COURSE = (
     "This track has no attitude: the vehicle is taken as level, with the course over ground "
     "as heading, which stays unchanged below 0.5 m/s. Bearings need a real heading."
 )
+STANDING = (
+    "This track neither moves nor has an attitude, so its poses have no heading: bearings are "
+    "impossible, and positions follow from strength alone."
+)
 _STEP_NS = NANOSECONDS_PER_SECOND
 _LONGEST_GAP_S = 15.0
+_LONGEST_STANDING_GAP_S = 86_400.0
 _SLOWEST_M_S = 0.5
 
 S = TypeVar("S", AttitudeSample, PositionSample)
@@ -110,12 +116,23 @@ def headings_of_course(positions: Sequence[PositionSample]) -> list[AttitudeSamp
     return found
 
 
+def standing(positions: Sequence[PositionSample]) -> list[AttitudeSample]:
+    """Attitudes for the positions of a receiver that stands at one place: level, and without a
+    meaning as heading; empty if it moved.
+    """
+    places = [(one.latitude_deg, one.longitude_deg) for one in positions]
+    return [_level(one.time_ns, 0.0) for one in positions] if are_one_place(places) else []
+
+
 def filled(track: VehicleTrack) -> VehicleTrack:
-    """Add samples in gaps of up to 15 s, because poses are interpolated over 2 s at most."""
+    """Add samples in gaps of up to 15 s, or up to a day for a receiver that stands, because
+    poses are interpolated over 2 s at most.
+    """
+    longest_s = _LONGEST_GAP_S if STANDING not in track.warnings else _LONGEST_STANDING_GAP_S
     return replace(
         track,
-        attitudes=tuple(_filled(track.attitudes, _between_attitudes)),
-        positions=tuple(_filled(track.positions, _between_positions)),
+        attitudes=tuple(_filled(track.attitudes, _between_attitudes, longest_s)),
+        positions=tuple(_filled(track.positions, _between_positions, longest_s)),
     )
 
 
@@ -124,11 +141,13 @@ def _level(time_ns: int, heading_deg: float) -> AttitudeSample:
     return AttitudeSample(time_ns=time_ns, quaternion_wxyz=turned)
 
 
-def _filled(samples: Sequence[S], between: Callable[[S, S, float], S]) -> list[S]:
+def _filled(
+    samples: Sequence[S], between: Callable[[S, S, float], S], longest_s: float
+) -> list[S]:
     found: list[S] = list(samples[:1])
     for before, after in pairwise(samples):
         gap_ns = after.time_ns - before.time_ns
-        steps = gap_ns // _STEP_NS if gap_ns <= _LONGEST_GAP_S * NANOSECONDS_PER_SECOND else 0
+        steps = gap_ns // _STEP_NS if gap_ns <= longest_s * NANOSECONDS_PER_SECOND else 0
         found += [between(before, after, step / steps) for step in range(1, steps)]
         found.append(after)
     return found
