@@ -14,6 +14,7 @@ A test trial with a tag at a known place has two more columns: true_latitude_deg
 true_longitude_deg.
 """
 
+import csv
 import math
 import os
 from collections.abc import Iterable, Mapping
@@ -74,10 +75,10 @@ def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
     names: list[str] = []
     columns: dict[str, int] = {}
     for number, line in enumerate(with_commas(read_lines(path)), start=1):
-        cells = [cell.strip() for cell in line.split(",")]
         if not line.strip() or line.startswith("#"):
             continue
         try:
+            cells = [cell.strip() for cell in next(csv.reader([line]))]
             if is_noted(cells):
                 names, columns = cells, noted_columns(cells)
                 check_noted(columns)
@@ -88,7 +89,7 @@ def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
                 rows.append(_noted_row({name: padded[at] for name, at in columns.items()}))
             else:
                 rows.append(_row(cells))
-        except (ValueError, IndexError) as error:
+        except (ValueError, IndexError, csv.Error) as error:
             remedy = (
                 f"The heading names the columns: {', '.join(names)}"
                 if names
@@ -163,7 +164,13 @@ def _noted_time_ns(cells: Mapping[str, str]) -> int | None:
     text = cells.get("time") or " ".join(
         cells[name] for name in ("date", "clock") if cells.get(name)
     )
-    return parse_iso_utc(text) if text else None
+    if not text:
+        return None
+    try:
+        return parse_iso_utc(text)
+    except ValueError as error:
+        text = f"{text} is not a date, or date and time, such as 2026-08-01 08:00 (UTC)"
+        raise ValueError(text) from error
 
 
 def _from_true_north(

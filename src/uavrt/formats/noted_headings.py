@@ -29,7 +29,7 @@ _NAMES = {
     "true_longitude": ("true_longitude",),
 }
 """Meaning of a column, and its names in order of preference."""
-_BEARINGS = ("true", "magnetic", "bearing")
+_NEEDED = ("tag", "latitude", "longitude")
 _UNIT = re.compile(r"\s*[(\[].*[)\]]\s*$")
 
 
@@ -49,17 +49,21 @@ def noted_columns(heading: Iterable[str]) -> dict[str, int]:
 
 
 def is_noted(heading: Iterable[str]) -> bool:
-    """True if a CSV heading belongs to a table of bearings that were noted by hand."""
-    known = set(noted_columns(heading))
-    return bool(known & set(_BEARINGS)) and len(known & {"tag", "latitude", "longitude"}) >= 2
+    """True if a CSV heading belongs to a table of bearings that were noted by hand; False for
+    that of the original system's bearings.csv.
+    """
+    cells = [*heading]
+    known = set(noted_columns(cells))
+    noted = bool(known & {"true", "magnetic", "bearing"}) and bool(known & set(_NEEDED))
+    return noted and "parent_file" not in cells
 
 
 def check_noted(columns: Iterable[str]) -> None:
     """Raise `ValueError` if a table of noted bearings lacks a column that is needed."""
     known = set(columns)
-    missing = [name for name in ("tag", "latitude", "longitude") if name not in known]
-    if missing:
-        raise ValueError(f"the heading has no column {', '.join(missing)}")
+    if missing := [name for name in _NEEDED if name not in known]:
+        degrees = " in degrees" if "latitude" in missing else ""
+        raise ValueError(f"the heading has no column {', '.join(missing)}{degrees}")
     if not known & {"true", "magnetic", "declination"}:
         raise ValueError(
             "the heading does not say from which north bearings count: name the column "

@@ -41,6 +41,7 @@ def test_magnetic_bearings_of_a_named_animal_meet_at_its_place(tmp_path: Path) -
         ("tag;latitude;longitude;True bearing (°)", "7;46,0;8,0;39,5", 39.5),
         ("Observer,ID,Latitude,Long,azimuth_mag,declination", "Ann,7,46.0,8.0,358,4", 2.0),
         ("id,lat,lng,bearing,declination", "7,46.0,8.0,2,-5.5", 356.5),
+        ('"","id","lat","lng","true azimuth","date"', '"1","7",46.0,8.0,2,"2026-08-01"', 2.0),
     ],
 )
 def test_names_of_columns_are_read_without_case_and_units(
@@ -65,7 +66,7 @@ def test_a_magnetic_bearing_without_declination_uses_the_magnetic_model(tmp_path
     ("heading", "said"),
     [
         ("animal,lat,lon,azimuth", "does not say from which north bearings count"),
-        ("animal,lat,easting,azimuth", "has no column longitude"),
+        ("animal,northing,easting,azimuth", "has no column latitude, longitude in degrees"),
     ],
 )
 def test_a_heading_that_leaves_a_doubt_is_refused_with_what_to_write(
@@ -74,6 +75,21 @@ def test_a_heading_that_leaves_a_doubt_is_refused_with_what_to_write(
     path = written(tmp_path / "t.csv", f"{heading}\nF01,46.0,8.0,36\n")
     with pytest.raises(FormatError, match=f"line 1: the heading {said}"):
         read_positions(path)
+
+
+def test_a_date_in_another_order_is_refused_with_an_example(tmp_path: Path) -> None:
+    path = written(tmp_path / "t.csv", TABLE.replace("2026-08-01", "01.08.2026"))
+    with pytest.raises(
+        FormatError, match=r"line 2: 01\.08\.2026 08:00 is not a date.* such as"
+    ):
+        read_bearing_file(path)
+
+
+def test_a_bearings_csv_with_a_heading_is_not_taken_for_a_table_by_hand(tmp_path: Path) -> None:
+    heading = "tag_id,parent_file,bearing_deg,tau,lat,lon,alt_agl,alt_asl,t_start,t_end"
+    row = "2,a.csv,92.5,0.9,47.4,8.5,40.0,500.0,1700000000,1700000060"
+    (found,) = read_bearing_file(written(tmp_path / "bearings.csv", f"{heading}\n{row}\n"))
+    assert (found.parent_file, found.observer) == ("a.csv", None)
 
 
 def test_animals_of_several_tables_keep_one_number_each(tmp_path: Path) -> None:

@@ -51,7 +51,8 @@ _FIRST_LINES = 20
 _REMEDY = (
     "Choose from flight directories, pulses of `uavrt detect`, pulse_pose_log.txt, and the "
     "CSV of TagTracker, UCSD's tracker and pyradiotracking, a SensorGnome's pulses, find_tags' "
-    "detections; for positions also a bearings.csv"
+    "detections; for positions also a bearings.csv, and a table with the columns tag_id, "
+    "latitude_deg, longitude_deg and bearing_deg"
 )
 
 
