@@ -13,17 +13,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from uavrt.config.tags.tag_drafts import Entry, Fault, Quantity, TagDraft
-from uavrt.config.tags.tags_toml import read_burst_interval, read_gaps
+from uavrt.config.tags.tags_toml import KEYS, read_burst_interval, read_gaps
 from uavrt.config.tags.yaml_nodes import Node, read_yaml
 
 _NAMES: dict[str, Quantity | str] = {
-    "id": "id",
+    **KEYS,
     "tag_id": "id",
     "mfgid": "id",
     "name": "name",
     "animal": "name",
-    "frequency_mhz": "frequency",
-    "frequency_hz": "frequency",
     "frequency": "frequency",
     "freq_mhz": "frequency",
     "freq_hz": "frequency",
@@ -34,15 +32,8 @@ _NAMES: dict[str, Quantity | str] = {
     "bi": "burst_interval",
     "period": "burst_interval",
     "gaps_ms": "gaps",
-    "interval_ms": "interval",
     "pulse_interval_ms": "interval",
     "ip_msecs": "interval",
-    "second_interval_ms": "second_interval",
-    "pulse_width_ms": "pulse_width",
-    "interval_uncertainty_ms": "interval_uncertainty",
-    "interval_jitter_ms": "interval_jitter",
-    "k": "k",
-    "false_alarm_probability": "false_alarm_probability",
 }
 _UNIT = r"(?:ppm|bpm|(?:pulses|beats)_(?:per|a)_min(?:ute)?)"
 _RATE = re.compile(rf"(mort(?:ality)?_)?(?:pulse_)?(?:rate(?:_{_UNIT})?|{_UNIT})")
