@@ -32,6 +32,16 @@ def test_an_hour_takes_its_frequency_from_the_first_file_and_says_so(tmp_path: P
     assert not any("no S line" in text for text in own.warnings)
 
 
+def test_the_last_tuning_before_an_hour_of_the_same_start_counts(tmp_path: Path) -> None:
+    hours = (("08", START), ("09", ""), ("10", START.replace("166.376", "150.1")), ("11", ""))
+    for hour, tuning in hours:
+        (tmp_path / f"site-1-12-2026-08-01T{hour}-00-all.txt").write_text(tuning + HOUR)
+    (tmp_path / "site-1-13-2026-08-02T08-00-all.txt").write_text(START + HOUR)
+    for hour, mhz in (("08", 166.376), ("09", 166.376), ("10", 150.1), ("11", 150.1)):
+        log = read_pulse_log(tmp_path / f"site-1-12-2026-08-01T{hour}-00-all.txt")
+        assert log.pulse_poses[0].pulse.frequency_hz == pytest.approx(1e6 * mhz + 4000.0)
+
+
 def test_files_that_disagree_about_the_frequency_give_none(tmp_path: Path) -> None:
     for name, mhz in (("a.txt", "166.376"), ("b.txt", "150.1")):
         (tmp_path / name).write_text(START.replace("166.376", mhz) + HOUR)

@@ -18,9 +18,10 @@ import math
 import os
 import re
 from bisect import bisect_left
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 from uavrt.core.earth.geodesy import are_one_place
@@ -140,20 +141,20 @@ def _tuned_elsewhere(path: Path, lines: Sequence[str]) -> tuple[dict[str, float]
     """Return the frequencies [Hz] of ports for which a file has no S line, from the pulse files
     in its folder, and a note on each.
 
-    A port on which those files disagree has no frequency.
+    Earlier files of the same start of the receiver come first (their names begin alike:
+    station-serial-start-); if there are none, all files of the folder that agree.
     """
-    firsts = {line.partition(",")[0] for line in lines}
-    wanted = {_port(first) for first in firsts if _kind(first) == "p"}
-    wanted -= {cells[2] for cells in _tunings(lines)}
+    wanted = {_port(first) for line in lines if _kind(first := line.partition(",")[0]) == "p"}
+    wanted -= set(_tunings(lines))
+    every = sorted(path.parent.glob("*.txt*")) if wanted else []
+    files = [one for one in every if one != path and one.name.endswith((".txt", ".txt.gz"))]
+    same = [one for one in files if _start_of(one) == _start_of(path) and one.name < path.name]
+    read = [*reversed(same[1:][-_MOST_SIBLINGS:]), *same[:1]] or files[:_MOST_SIBLINGS]
     found: dict[str, dict[float, Path]] = {port: {} for port in wanted}
-    siblings = sorted(path.parent.glob("*.txt*")) if wanted else []
-    for other in siblings[:_MOST_SIBLINGS]:
-        if other == path or not other.name.endswith((".txt", ".txt.gz")):
-            continue
-        with suppress(FormatError, ValueError):
-            for cells in _tunings(read_lines(other)):
-                if cells[2] in wanted:
-                    found[cells[2]].setdefault(hz_from_mhz(finite(cells[4])), other)
+    for other in read:
+        for port, hz in _tunings_of(other, other.stat().st_mtime_ns).items():
+            if port in wanted and not (same and found[port]):
+                found[port].setdefault(hz, other)
     tuned_hz: dict[str, float] = {}
     notes = []
     for port, frequencies in sorted(found.items()):
@@ -166,12 +167,29 @@ def _tuned_elsewhere(path: Path, lines: Sequence[str]) -> tuple[dict[str, float]
     return tuned_hz, notes
 
 
-def _tunings(lines: Sequence[str]) -> Iterator[list[str]]:
+def _start_of(path: Path) -> str:
+    """Beginning of a file's name that is the same for all files of one start of a receiver."""
+    parts = path.name.split("-")
+    return "-".join(parts[:3]) if len(parts) > 3 else path.name
+
+
+@lru_cache(maxsize=10_000)
+def _tunings_of(path: Path, _changed_ns: int) -> dict[str, float]:
+    try:
+        return _tunings(read_lines(path))
+    except FormatError:
+        return {}
+
+
+def _tunings(lines: Sequence[str]) -> dict[str, float]:
+    """Return the last frequency to which each port is tuned by the S lines [Hz]."""
+    found = {}
     for line in lines:
-        if line.startswith("S"):
-            cells = cells_of(line)
-            if cells[0] == "S" and _is_tuning(cells):
-                yield cells
+        cells = cells_of(line) if line.startswith("S,") else []
+        if _is_tuning(cells):
+            with suppress(ValueError):
+                found[cells[2]] = hz_from_mhz(finite(cells[4]))
+    return found
 
 
 def _port(cell: str) -> str:
