@@ -21,8 +21,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from uavrt.core.clock import parse_iso_utc
+from uavrt.core.earth.geodesy import geodetic_of_epsg
 from uavrt.core.units import wrap_degrees_360
-from uavrt.formats.noted_headings import check_noted, is_noted, noted_columns
+from uavrt.formats.noted_headings import check_noted, epsg_of_zone, is_noted, noted_columns
 from uavrt.formats.text import (
     finite,
     latitude,
@@ -136,7 +137,7 @@ def _noted_row(cells: Mapping[str, str]) -> BearingRow:
     tag, numbered = cells["tag"], _is_whole(cells["tag"])
     if not tag:
         raise ValueError("the tag has no name or number")
-    place = latitude(cells["latitude"]), longitude(cells["longitude"])
+    place = _noted_place(cells)
     time_ns = _noted_time_ns(cells)
     return BearingRow(
         tag_id=whole(tag) if numbered else 0,
@@ -150,6 +151,13 @@ def _noted_row(cells: Mapping[str, str]) -> BearingRow:
         observer=observer,
         true_place=(latitude(truth[0]), longitude(truth[1])) if all(truth) else None,
     )
+
+
+def _noted_place(cells: Mapping[str, str]) -> tuple[float, float]:
+    if "latitude" in cells and "longitude" in cells:
+        return latitude(cells["latitude"]), longitude(cells["longitude"])
+    metres = finite(cells["easting"]), finite(cells["northing"])
+    return geodetic_of_epsg(epsg_of_zone(cells["zone"]), *metres)
 
 
 def _is_whole(cell: str) -> bool:

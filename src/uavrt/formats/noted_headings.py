@@ -3,7 +3,8 @@
 uavrt's own names are ``tag_id``, ``latitude_deg``, ``longitude_deg``, ``bearing_deg`` (true
 north), ``sigma_deg``, ``time_utc`` and ``observer``. Tables of other groups have columns such
 as animal, lat, long, azimuth, date and time; case, units and blanks do not matter. A bearing
-may be magnetic (``magnetic_azimuth``, or any name with a column ``declination``).
+may be magnetic (``magnetic_azimuth``, or any name with a column ``declination``), and a place
+in UTM (``easting``, ``northing`` and ``utm_zone``).
 """
 
 import re
@@ -13,6 +14,9 @@ _NAMES = {
     "tag": ("tag_id", "id", "tag", "animal", "animal_id", "name", "individual", "frequency"),
     "latitude": ("latitude", "lat"),
     "longitude": ("longitude", "lon", "long", "lng"),
+    "easting": ("easting", "utm_easting", "utm_x", "utm_e", "x"),
+    "northing": ("northing", "utm_northing", "utm_y", "utm_n", "y"),
+    "zone": ("utm_zone", "zone"),
     "true": ("bearing_deg", "true_bearing", "true_azimuth", "bearing_true", "azimuth_true"),
     "magnetic": (
         *("magnetic_bearing", "magnetic_azimuth", "bearing_magnetic", "azimuth_magnetic"),
@@ -30,14 +34,15 @@ _NAMES = {
 }
 """Meaning of a column, and its names in order of preference."""
 _NEEDED = ("tag", "latitude", "longitude")
+_ZONE = re.compile(r"(?:utm\s*)?(\d{1,2})\s*([NS])", re.I)
 _UNIT = re.compile(r"\s*[(\[].*[)\]]\s*$")
 
 
 def noted_columns(heading: Iterable[str]) -> dict[str, int]:
     """Return the places of the columns that a heading names, by their meanings.
 
-    The meanings are tag, latitude, longitude, true, magnetic or bearing, declination, sigma,
-    time, date, clock, observer, true_latitude and true_longitude.
+    The meanings are tag, latitude, longitude, easting, northing, zone, true, magnetic or
+    bearing, declination, sigma, time, date, clock, observer, true_latitude and true_longitude.
     """
     places = {_plain(name): place for place, name in reversed([*enumerate(heading)])}
     found: dict[str, int] = {}
@@ -61,14 +66,24 @@ def is_noted(heading: Iterable[str]) -> bool:
 def check_noted(columns: Iterable[str]) -> None:
     """Raise `ValueError` if a table of noted bearings lacks a column that is needed."""
     known = set(columns)
-    if missing := [name for name in _NEEDED if name not in known]:
-        degrees = " in degrees" if "latitude" in missing else ""
-        raise ValueError(f"the heading has no column {', '.join(missing)}{degrees}")
+    given = known | ({"latitude", "longitude"} if known >= {"easting", "northing"} else set())
+    if missing := [name for name in _NEEDED if name not in given]:
+        raise ValueError(f"the heading has no column {', '.join(missing)}")
+    if not known >= {"latitude", "longitude"} and "zone" not in known:
+        raise ValueError("eastings and northings need a column utm_zone, such as 32N or 18S")
     if not known & {"true", "magnetic", "declination"}:
         raise ValueError(
             "the heading does not say from which north bearings count: name the column "
             "bearing_deg (true north) or magnetic_bearing, or add a column declination"
         )
+
+
+def epsg_of_zone(zone: str) -> int:
+    """EPSG number of a UTM zone and hemisphere such as 32N or 18S; raises `ValueError`."""
+    found = _ZONE.fullmatch(zone.strip())
+    if found is None or not 1 <= int(found[1]) <= 60:
+        raise ValueError(f"{zone!r} is not a UTM zone such as 32N (north) or 18S (south)")
+    return (32600 if found[2] in "Nn" else 32700) + int(found[1])
 
 
 def _plain(name: str) -> str:

@@ -66,7 +66,7 @@ def test_a_magnetic_bearing_without_declination_uses_the_magnetic_model(tmp_path
     ("heading", "said"),
     [
         ("animal,lat,lon,azimuth", "does not say from which north bearings count"),
-        ("animal,northing,easting,azimuth", "has no column latitude, longitude in degrees"),
+        ("animal,easting,azimuth", "has no column latitude, longitude"),
     ],
 )
 def test_a_heading_that_leaves_a_doubt_is_refused_with_what_to_write(
@@ -90,6 +90,28 @@ def test_a_bearings_csv_with_a_heading_is_not_taken_for_a_table_by_hand(tmp_path
     row = "2,a.csv,92.5,0.9,47.4,8.5,40.0,500.0,1700000000,1700000060"
     (found,) = read_bearing_file(written(tmp_path / "bearings.csv", f"{heading}\n{row}\n"))
     assert (found.parent_file, found.observer) == ("a.csv", None)
+
+
+def test_places_in_utm_need_a_zone(tmp_path: Path) -> None:
+    heading = "animal,utm_x,utm_y,utm_zone,true azimuth"
+    for zone, northing_m, latitude_deg in (
+        ("32N", 5_094_533.6, 46.0),
+        ("32s", 4_905_466.4, -46.0),
+    ):
+        row = f"F01,422567.8,{northing_m},{zone},39"
+        path = written(tmp_path / "t.csv", f"{heading}\n{row}\n")
+        (found,) = read_bearing_file(path)
+        assert found.latitude_deg == pytest.approx(latitude_deg, abs=1e-3)
+        assert found.longitude_deg == pytest.approx(8.0, abs=1e-3)
+    for text, said in (
+        (
+            "animal,x,y,true azimuth\nF01,1,2,3\n",
+            "line 1: eastings and northings need a column",
+        ),
+        ("animal,x,y,zone,true azimuth\nF01,1,2,T,3\n", "line 2: 'T' is not a UTM zone"),
+    ):
+        with pytest.raises(FormatError, match=said):
+            read_bearing_file(written(tmp_path / "t.csv", text))
 
 
 def test_animals_of_several_tables_keep_one_number_each(tmp_path: Path) -> None:
