@@ -25,7 +25,7 @@ def test_a_makers_sheet_gives_pulses_a_minute_and_a_rate_of_mortality() -> None:
     [
         "id,name,frequency_mhz,interval_ms,pulse_width_ms\n7,Luna,150.123,1500,18\n",
         "ID;Name;Frequency (MHz);BPM;Pulse width (ms);Sex\n7;Luna;150,123;40;18;f\n",
-        "name\tid\tfreq_hz\tip_msecs\tpulse_width_ms\nLuna\t7\t150123000\t1500\t18\n",
+        "name\tid\tfreq_hz\tinterval_ms\tpulse_width_ms\nLuna\t7\t150123000\t1500\t18\n",
         "# id, frequency, pulses per minute, pulse_width_ms, name\n7, 150.123, 40, 18, Luna\n",
     ],
 )

@@ -33,14 +33,11 @@ _NAMES: dict[str, Quantity | str] = {
     "period": "burst_interval",
     "gaps_ms": "gaps",
     "pulse_interval_ms": "interval",
-    "ip_msecs": "interval",
 }
 _UNIT = r"(?:ppm|bpm|(?:pulses|beats)_(?:per|a)_min(?:ute)?)"
 _RATE = re.compile(rf"(mort(?:ality)?_)?(?:pulse_)?(?:rate(?:_{_UNIT})?|{_UNIT})")
 """Columns of pulse rates [1/min]; the rate of a dead animal is the tag's second rate."""
 _GAP = re.compile(r"(?:g|gap|gap_?ms_?)([1-9])(?:_ms)?", re.I)
-_TAG_INFO = ("id", "freq_hz")
-"""First columns of a TagInfo.txt with a heading."""
 _NEEDED = {
     "id": "id",
     "frequency": "frequency_mhz",
@@ -71,16 +68,15 @@ class _Cell:
 
 
 def is_tag_csv(text: str) -> bool:
-    """True if the first non-empty line of a text is the heading of a list of tags; False for
-    the heading of a TagInfo.txt.
+    """True if the first non-empty line of a text is the heading of a list of tags; that of a
+    TagInfo.txt is not, because its intervals are called ip_msecs.
     """
     for line in text.split("\n"):
         content = line.strip().lstrip("#").strip()
         if content:
             names = [cell.strip("\"' ") for cell in re.split(r"[,;\t]", content)]
             known = set(map(_quantity, names))
-            named = "gaps" in known or known >= {"frequency", "interval"}
-            return named and tuple(names[:2]) != _TAG_INFO
+            return "gaps" in known or known >= {"frequency", "interval"}
     return False
 
 
