@@ -1,6 +1,7 @@
 """Sums of coded bursts in kernels and in NumPy, and what waits and what is left out of them."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
