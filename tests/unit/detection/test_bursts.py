@@ -92,7 +92,7 @@ def test_a_hopper_confirms_no_tag_that_is_not_there() -> None:
 )
 def test_bursts_confirm_no_tag_of_long_groups(on_air: Hopper | Slots) -> None:
     rng = np.random.default_rng([7, 0])
-    samples = noise(rng, round(40.0 * RATE_HZ))
+    samples = noise(rng, round(28.0 * RATE_HZ))
     samples += on_air(rng, len(samples))
     pulses, _ = detect(samples, replace(THESIS_TAG, k=10), frequency_window_hz=500.0)
     assert sum(pulse.confirmed for pulse in pulses) <= 1

@@ -91,12 +91,9 @@ def test_the_weakest_level_follows_the_threshold_in_force() -> None:
 
 def test_the_flight_directory_keeps_the_report(tmp_path: Path) -> None:
     info = numbered.info(tmp_path / "flight")
-    plain = SearchReport(
-        tag_id=2, time_ns=1, frequency_hz=148e6, noise_psd=1e-9, best_score=0.5
-    )
+    plain = made.search_report(2, 1)
     full = replace(plain, time_ns=2, usable_share=0.5, weakest_enr_db=10.5)
     recorder = FlightRecorder.create(info)
-    recorder.write(plain)
-    recorder.write(full)
+    recorder.write(plain, full)
     recorder.close()
     assert read_search_reports(info.directory) == (plain, full)

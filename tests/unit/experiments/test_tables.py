@@ -4,6 +4,8 @@ import csv
 import re
 from pathlib import Path
 
+import pytest
+
 from uavrt_experiments.recovery.report import Kill, RecoveryReport
 from uavrt_experiments.resources.report import Load, cpu_table
 from uavrt_experiments.result import Row
@@ -86,16 +88,15 @@ def test_recovery_holds_only_if_each_kill_kept_its_limit_and_nothing_is_lost() -
     ]
 
 
-def test_a_load_is_in_real_time_without_delay_and_loss() -> None:
-    def load(behind_s: float, lost_samples: float) -> bool:
-        return Load(
-            tags=100, cpu_percent=20.0, behind_s=behind_s, lost_samples=lost_samples
-        ).real_time
-
-    assert load(0.5, 0.0)
-    assert not load(2.5, 0.0)
-    assert not load(0.5, 1.0)
-    assert not load(float("inf"), 0.0)
+@pytest.mark.parametrize(
+    ("behind_s", "lost", "real_time"),
+    [(0.5, 0.0, True), (2.5, 0.0, False), (0.5, 1.0, False), (float("inf"), 0.0, False)],
+)
+def test_a_load_is_in_real_time_without_delay_and_loss(
+    behind_s: float, lost: float, real_time: bool
+) -> None:
+    load = Load(tags=100, cpu_percent=20.0, behind_s=behind_s, lost_samples=lost)
+    assert load.real_time is real_time
 
 
 def test_a_table_of_processors_has_the_statistics_of_the_thesis_and_a_bar() -> None:
