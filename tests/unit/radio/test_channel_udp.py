@@ -96,8 +96,8 @@ def listening() -> ChannelDatagramSource:
     )
 
 
-@pytest.fixture
-def source() -> Iterator[ChannelDatagramSource]:
+@pytest.fixture(name="source")
+def source_fixture() -> Iterator[ChannelDatagramSource]:
     with closing(listening()) as opened:
         yield opened
 
