@@ -34,28 +34,28 @@ def test_a_stopped_run_prints_what_there_is_and_goes_on(
     taken = KeptOutcomes.take
 
     def until(self: KeptOutcomes, name: str, trial: object) -> object:
-        if name == "C1 0 2":
+        if name == "C1 0 4":
             raise KeyboardInterrupt
         return taken(self, name, trial)  # type: ignore[arg-type]
 
     monkeypatch.setattr(KeptOutcomes, "take", until)
     with pytest.raises(SystemExit) as ended:
-        coverage(tags=4, kept=path, **asked)  # type: ignore[arg-type]
+        coverage(tags=6, kept=path, **asked)  # type: ignore[arg-type]
     assert ended.value.code == 130
     told = capsys.readouterr()
     assert "repeat it to go on" in told.err
     (row,) = json.loads(told.out)
-    assert 0 < row["n"] < 4
+    assert 0 < row["n"] < 6
     monkeypatch.setattr(KeptOutcomes, "take", taken)
     with path.open("ab") as file:
-        file.write(b'{"trial": "C1 0 2", "outc')  # what a crash leaves
+        file.write(b'{"trial": "C1 0 4", "outc')  # what a crash leaves
     at_once = []
     for kept in (path, None):
         with pytest.raises(SystemExit):
-            coverage(tags=4, kept=kept, **asked)  # type: ignore[arg-type]
+            coverage(tags=6, kept=kept, **asked)  # type: ignore[arg-type]
         at_once.append(json.loads(capsys.readouterr().out))
     assert at_once[0] == at_once[1]
-    assert at_once[0][0]["n"] == 4
+    assert at_once[0][0]["n"] == 6
     # Every line is of a trial of its own: those of the first run were not made again.
     names = [json.loads(line).get("trial") for line in path.read_text().splitlines()]
     assert len(names) == len(set(names))
