@@ -61,31 +61,30 @@ def test_numbers_stand_flush_right() -> None:
     assert aligned([("name", "n"), ("a", "100")], numbers_from=1) == "name    n\na     100"
 
 
-def test_recovery_holds_only_if_each_kill_kept_its_limit_and_nothing_is_lost() -> None:
-    def report(resumed_s: float, **lost: int) -> RecoveryReport:
-        kill = Kill(process="detector-1", how="SIGKILL", resumed_s=resumed_s, limit_s=2.0)
-        return RecoveryReport(
-            seed=1,
-            kills=(kill,),
-            pulses_recorded=9,
-            pulses_detected=10,
-            pulses_promised=10,
-            without_pose=1,
-            flights=1,
-            lost_from_database=lost.get("database", 0),
-            lost_from_log=lost.get("log", 0),
-            lost_on_ground=lost.get("ground", 0),
-            orphans=lost.get("orphans", 0),
-        )
+LOSSES = ("lost_from_database", "lost_from_log", "lost_on_ground", "orphans")
 
-    assert report(1.9).ok
-    assert not report(2.1).ok
-    for name in ("database", "log", "ground", "orphans"):
-        assert not report(1.0, **{name: 1}).ok
-    text = drawn(report(2.1, ground=3).rows())
-    assert [line for line in text.splitlines() if "NOT met" in line] == [
-        line for line in text.splitlines() if "detector" in line or "the ground" in line
-    ]
+
+def recovery(resumed_s: float, **lost: int) -> RecoveryReport:
+    kill = Kill(process="detector-1", how="SIGKILL", resumed_s=resumed_s, limit_s=2.0)
+    return RecoveryReport(
+        seed=1,
+        kills=(kill,),
+        pulses_recorded=9,
+        pulses_detected=10,
+        pulses_promised=10,
+        without_pose=1,
+        flights=1,
+        **(dict.fromkeys(LOSSES, 0) | lost),
+    )
+
+
+def test_recovery_holds_only_if_each_kill_kept_its_limit_and_nothing_is_lost() -> None:
+    assert recovery(1.9).ok
+    assert not recovery(2.1).ok
+    assert not any(recovery(1.0, **{name: 1}).ok for name in LOSSES)
+    lines = drawn(recovery(2.1, lost_on_ground=3).rows()).splitlines()
+    missed = [line for line in lines if "NOT met" in line]
+    assert missed == [line for line in lines if "detector" in line or "the ground" in line]
 
 
 @pytest.mark.parametrize(

@@ -42,6 +42,11 @@ PULSE = replace(
 POSE = numbered.pose(1_700_205_419_240_494_966)
 
 
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "pulse_pose_log.txt"
+
+
 def test_our_line_has_the_thesis_columns_at_full_precision() -> None:
     assert format_line(PulsePose(pulse=PULSE, pose=POSE)) == OUR_ROW
     assert len(OUR_ROW.split(", ")) == len(THESIS_ROW.split(", ")) == 23
@@ -87,8 +92,7 @@ def test_both_flags_together_tell_the_status(
     assert line.split(", ")[14:16] == [detection, confirmed]
 
 
-def test_groups_are_counted_again_from_the_place_in_the_group(tmp_path: Path) -> None:
-    path = tmp_path / "pulse_pose_log.txt"
+def test_groups_are_counted_again_from_the_place_in_the_group(path: Path) -> None:
     fields = THESIS_ROW.split(", ")
     for place in ("1", "2", "3", "1", "3", "2"):
         fields[12] = place
@@ -99,16 +103,14 @@ def test_groups_are_counted_again_from_the_place_in_the_group(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("tail", ["2, 148.71, 17002", "\0" * 30, "2, 148.71, 17002\n"])
-def test_a_line_cut_off_by_a_power_cut_is_passed_over(tmp_path: Path, tail: str) -> None:
-    path = tmp_path / "pulse_pose_log.txt"
+def test_a_line_cut_off_by_a_power_cut_is_passed_over(path: Path, tail: str) -> None:
     path.write_text(THESIS_ROW * 2 + tail)
     assert len(read_pulse_pose_log(path)) == 2
 
 
 def test_a_damaged_line_inside_is_read_around_and_told_with_its_number(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = tmp_path / "pulse_pose_log.txt"
     path.write_text(THESIS_ROW + "2, 148.71\n" + THESIS_ROW)
     assert len(read_pulse_pose_log(path)) == 2
     told = json.loads(capsys.readouterr().err)
@@ -117,8 +119,7 @@ def test_a_damaged_line_inside_is_read_around_and_told_with_its_number(
     assert told["reason"] == "the line has 2 columns instead of 23"
 
 
-def test_a_file_of_damaged_lines_is_no_log(tmp_path: Path) -> None:
-    path = tmp_path / "pulse_pose_log.txt"
+def test_a_file_of_damaged_lines_is_no_log(path: Path) -> None:
     path.write_text("2, 148.71\n" + THESIS_ROW + "3, 1\n" * 2)
     with pytest.raises(
         FormatError, match="line 1 is not a pulse: the line has 2 columns instead of 23"
@@ -126,13 +127,12 @@ def test_a_file_of_damaged_lines_is_no_log(tmp_path: Path) -> None:
         read_pulse_pose_log(path)
 
 
-def test_a_missing_log_is_refused_with_its_name(tmp_path: Path) -> None:
+def test_a_missing_log_is_refused_with_its_name(path: Path) -> None:
     with pytest.raises(FormatError, match="pulse_pose_log"):
-        read_pulse_pose_log(tmp_path / "pulse_pose_log.txt")
+        read_pulse_pose_log(path)
 
 
-def test_repair_finds_the_last_line_however_long_what_follows_it_is(tmp_path: Path) -> None:
-    path = tmp_path / "pulse_pose_log.txt"
+def test_repair_finds_the_last_line_however_long_what_follows_it_is(path: Path) -> None:
     log = PulsePoseLog(path)
     for rest in ("x", "x" * READ_BYTES, "x" * (3 * READ_BYTES - len(THESIS_ROW))):
         path.write_text(THESIS_ROW + rest)
@@ -143,8 +143,7 @@ def test_repair_finds_the_last_line_however_long_what_follows_it_is(tmp_path: Pa
         assert path.read_text() == ""
 
 
-def test_repair_cuts_the_unfinished_line_and_tells_what_is_there(tmp_path: Path) -> None:
-    path = tmp_path / "pulse_pose_log.txt"
+def test_repair_cuts_the_unfinished_line_and_tells_what_is_there(path: Path) -> None:
     log = PulsePoseLog(path)
     log.repair()
     assert list(log.keys()) == []
