@@ -55,6 +55,6 @@ def test_neither_noise_nor_the_receivers_own_offset_is_a_carrier() -> None:
 
 def test_a_carrier_that_ends_is_forgotten() -> None:
     carriers = check(Carriers(), 96_000.0, [(7_000.0, 40.0, None)])
-    assert len(carriers.frequencies_hz) == 1
+    before = len(carriers.frequencies_hz)
     check(carriers, 96_000.0, [], from_s=6.0)
-    assert carriers.frequencies_hz == ()
+    assert (before, len(carriers.frequencies_hz)) == (1, 0)

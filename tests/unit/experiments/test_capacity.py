@@ -39,8 +39,8 @@ async def test_through_links_every_loss_is_the_autopilots() -> None:
     )
     task = asyncio.create_task(autopilot.run())
     try:
-        links = [f"udpin://{host}:{port}" for host, port in (companion, ground)]
-        rows = await run_links(*links, (60,), (0, 20))
+        here, there = (f"udpin://{host}:{port}" for host, port in (companion, ground))
+        rows = await run_links(here, there, (60,), (0, 20))
     finally:
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)

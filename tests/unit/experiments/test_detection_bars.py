@@ -199,7 +199,7 @@ def row(
     least: float | None = None,
     most: float | None = None,
 ) -> Row:
-    interval = {"figure": figure, "low": low, "high": high}
+    interval: dict[str, Any] = {"figure": figure, "low": low, "high": high}
     return Row(experiment="E2", quantity="", case="", n=1, least=least, most=most, **interval)
 
 

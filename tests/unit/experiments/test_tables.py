@@ -3,6 +3,7 @@
 import csv
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -65,6 +66,7 @@ LOSSES = ("lost_from_database", "lost_from_log", "lost_on_ground", "orphans")
 
 
 def recovery(resumed_s: float, **lost: int) -> RecoveryReport:
+    nothing: dict[str, Any] = dict.fromkeys(LOSSES, 0)
     kill = Kill(process="detector-1", how="SIGKILL", resumed_s=resumed_s, limit_s=2.0)
     return RecoveryReport(
         seed=1,
@@ -74,7 +76,7 @@ def recovery(resumed_s: float, **lost: int) -> RecoveryReport:
         pulses_promised=10,
         without_pose=1,
         flights=1,
-        **(dict.fromkeys(LOSSES, 0) | lost),
+        **(nothing | lost),
     )
 
 

@@ -4,6 +4,7 @@ import io
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from some import some
@@ -264,7 +265,7 @@ def test_the_golden_bearing_line_survives_and_a_new_one_replaces_its_parents(
     path = tmp_path / "bearings.csv"
     path.write_text(golden)
     (row,) = read_bearing_file(path)
-    unknown = dict.fromkeys(
+    unknown: dict[str, Any] = dict.fromkeys(
         ("confidence", "altitude_relative_m", "altitude_amsl_m", "start_time_ns", "end_time_ns")
     )
     other = replace(row, parent_file="other.csv", bearing_deg=10.0, sigma_deg=2.5, **unknown)

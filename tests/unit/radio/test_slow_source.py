@@ -1,5 +1,7 @@
 """A stream slower than real time is a slow source; a loss is a step."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -85,7 +87,7 @@ def test_a_small_shortfall_is_known_within_15_s_also_on_a_busy_computer(
     ("loss_s", "loss_share"), [(0.005, 0.02), (0.005, 0.2), (0.02, 0.05), (0.1, 0.03)]
 )
 def test_losses_of_a_radio_in_a_pipe_are_counted(loss_s: float, loss_share: float) -> None:
-    busy = {"duration_s": 20.0, "jitter_s": 0.002, "stall_share": 0.01}
+    busy: dict[str, Any] = {"duration_s": 20.0, "jitter_s": 0.002, "stall_share": 0.01}
     expected = loss_s * loss_share * 20.0 / WRITE_S * RATE_HZ
     for seed in range(2):
         placer, _ = placed(1.0, **busy, loss_s=loss_s, loss_share=loss_share, seed=seed)
