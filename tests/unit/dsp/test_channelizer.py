@@ -117,6 +117,12 @@ def test_few_channels_give_the_same_samples_as_all_channels() -> None:
         np.testing.assert_allclose(few, everything[list(chosen)], atol=2e-6)
 
 
+def test_rates_and_spacing_are_those_of_the_thesis() -> None:
+    assert Channelizer(mode="compatible").channel_rate_hz == 3750
+    assert Channelizer().channel_rate_hz == 7500
+    assert Channelizer().spacing_hz == 3750
+
+
 def test_impossible_channels_are_refused() -> None:
     with pytest.raises(UsageError, match="even"):
         Channelizer(channels=101)
