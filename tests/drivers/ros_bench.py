@@ -9,7 +9,7 @@ from pulses import pulse_at
 
 from uavrt.config.settings import Ros2Settings, Settings
 from uavrt.core.commands import SystemState
-from uavrt.core.messages import ProcessStatus, SystemStatus, Tag
+from uavrt.core.messages import ProcessStatus, Tag
 from uavrt.link.ros2.gateway import Gateway
 from uavrt.link.ros2.graph import TOPICS
 from uavrt.link.ros2.inbox import Inbox
@@ -79,17 +79,20 @@ class Bench:
             self.gateway.tick()
             self.now_ns += 50_000_000
 
+    def hear(self, topic: str, message: RosMessage, sender: Sender = OPERATOR) -> None:
+        """Hear a message and act on it."""
+        self.line.hear(topic, message, sender)
+        self.run(0.1)
+
     def status(self, state: SystemState, *processes: ProcessStatus) -> None:
-        self.gateway.receive(
-            SystemStatus(
-                time_ns=self.now_ns,
-                state=state,
-                flight_directory=None,
-                center_frequency_hz=148.7e6,
-                tags=(TAG,),
-                processes=processes,
-            )
+        told = made.system_status(
+            self.now_ns,
+            state=state,
+            center_frequency_hz=148.7e6,
+            tags=(TAG,),
+            processes=processes,
         )
+        self.gateway.receive(told)
 
     def commands(self) -> list[str]:
         return [record.name for topic, record in self.sent if topic == "command"]

@@ -1,11 +1,13 @@
 """Everything that beeps is found and named, and nothing else is."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from some import some
 
 from uavrt.config.ghost_places import Receiver
 from uavrt.config.tags.tag_corrections import correction_of, shared_offset_ppm, words_of_beeps
@@ -30,7 +32,6 @@ RATE_HZ = 24_000.0
 CENTER_HZ = 148_700_000.0
 RADIO = Receiver(0.0, RATE_HZ)
 TAG = replace(THESIS_TAG, frequency_hz=CENTER_HZ)
-OTHER = replace(TAG, tag_id=4, frequency_hz=CENTER_HZ + 4000.0)
 
 
 def scene(*beepers: Beeper, duration_s: float = 30.0, **disturbed: Any) -> Scene:
@@ -40,12 +41,8 @@ def scene(*beepers: Beeper, duration_s: float = 30.0, **disturbed: Any) -> Scene
 def beeper(
     offset_hz: float, interval_s: float, *, enr_db: float = 20.0, first_s: float = 0.3
 ) -> Beeper:
-    return Beeper(
-        offset_hz=offset_hz,
-        enr_db=enr_db,
-        width_s=0.02,
-        starts_s=regular(600.0, interval_s, first_s),
-    )
+    starts_s = regular(600.0, interval_s, first_s)
+    return Beeper(offset_hz=offset_hz, enr_db=enr_db, width_s=0.02, starts_s=starts_s)
 
 
 def points_of(samples: NDArray[np.complex64]) -> Points:
@@ -115,44 +112,48 @@ def test_the_edges_of_a_strong_tags_pulses_are_no_other_tags(enr_db: float) -> N
 
 
 def test_tags_that_always_beep_together_are_two_and_an_image_is_none() -> None:
-    pair = beeper(3000.0, 1.1), replace(beeper(-5000.0, 2.2), enr_db=25.0)
+    pair = beeper(3000.0, 1.1), beeper(-5000.0, 2.2, enr_db=25.0)
     assert all(one.image_of_hz is None for one in trains_of(scene(*pair)))
     mirrored = beeper(-10_500.0, 1.1, enr_db=17.0), beeper(10_500.0, 1.1, enr_db=30.0)
-    found = named(
-        scene(*mirrored), [replace(THESIS_TAG, frequency_hz=CENTER_HZ + 10_500.0)], 500.0
-    )
+    found = named(scene(*mirrored), [listed(2, 10_500.0)], 500.0)
     image = next(one for one in found if one.frequency_hz < CENTER_HZ)
     assert image.kind is BeepKind.IMAGE
     assert image.image_of_hz == pytest.approx(CENTER_HZ + 10_500.0, abs=10.0)
 
 
-def train(
-    frequency_hz: float, interval_s: float, *, first_s: float = 0.5, level_db: float = 20.0
-) -> Train:
-    """Make a train of one minute without errors."""
+def train(offset_hz: float, interval_s: float = 1.254, *, first_s: float = 0.5) -> Train:
+    """Make a train of one minute and 20 dB without errors."""
     times_s = np.arange(first_s, 60.0, interval_s)
     values = np.ones(times_s.size)
-    points = Points(times_s, frequency_hz * values, 0.02 * values, level_db * values)
+    points = Points(times_s, (CENTER_HZ + offset_hz) * values, 0.02 * values, 20.0 * values)
     beat = FoundBeat(fit_beat(times_s, interval_s), np.arange(times_s.size))
-    return Train(points, (beat,), frequency_hz, level_db)
+    return Train(points, (beat,), CENTER_HZ + offset_hz, 20.0)
 
 
-def names(*trains: Train, tags: tuple[Tag, ...]) -> list[Beep]:
-    return name_trains(trains, tags, 500.0)
+def listed(tag_id: int, offset_hz: float, interval_s: float = 1.254) -> Tag:
+    frequency_hz = CENTER_HZ + offset_hz
+    return replace(
+        TAG, tag_id=tag_id, frequency_hz=frequency_hz, pulse_intervals_s=(interval_s,)
+    )
 
 
-def mirror_names(*trains: Train, tags: tuple[Tag, ...]) -> list[Beep]:
-    return name_trains(trains, tags, 500.0, center_hz=CENTER_HZ)
+OTHER = listed(4, 4000.0)
+
+
+def names(*trains: Train, tags: Sequence[Tag], center_hz: float | None = None) -> list[Beep]:
+    return name_trains(trains, tags, 500.0, center_hz=center_hz)
+
+
+def mirror_names(*trains: Train, tags: Sequence[Tag]) -> list[Beep]:
+    return names(*trains, tags=tags, center_hz=CENTER_HZ)
 
 
 def test_where_two_listed_tags_could_be_meant_both_are_named_the_nearer_first() -> None:
-    (one,) = names(train(CENTER_HZ + 2500.0, 1.254), tags=(TAG, OTHER))
+    (one,) = names(train(2500.0), tags=(TAG, OTHER))
     assert one.tag_ids == (4, 2)
     assert "tag 4, 1.5 kHz below its label or tag 2, 2.5 kHz above its label?" in str(one)
     # A tag that beeps at its own place is not meant.
-    found = names(
-        train(CENTER_HZ + 2500.0, 1.254), train(CENTER_HZ + 4000.0, 1.254), tags=(TAG, OTHER)
-    )
+    found = names(train(2500.0), train(4000.0), tags=(TAG, OTHER))
     assert found[0].tag_ids == (2,)
 
 
@@ -160,121 +161,85 @@ def test_where_two_listed_tags_could_be_meant_both_are_named_the_nearer_first() 
 def test_another_rate_at_a_listed_frequency_is_named_and_twice_the_rate_explained(
     interval_s: float,
 ) -> None:
-    (one,) = names(train(CENTER_HZ + 300.0, interval_s), tags=(TAG,))
+    (one,) = names(train(300.0, interval_s), tags=(TAG,))
     assert one.kind is BeepKind.OTHER_RATE
     assert one.interval_s == pytest.approx(interval_s)
     assert ("(mortality)" in str(one)) is (interval_s == 0.627)
 
 
 def test_of_two_tags_within_reach_that_with_twice_or_half_the_rate_is_meant_else_both() -> None:
-    near = replace(TAG, tag_id=6, frequency_hz=CENTER_HZ + 400.0, pulse_intervals_s=(0.9,))
+    near = listed(6, 400.0, 0.9)
     for interval_s in (0.627, 2.508):
-        (one,) = names(train(CENTER_HZ + 350.0, interval_s), tags=(TAG, near))
+        (one,) = names(train(350.0, interval_s), tags=(TAG, near))
         assert (one.kind, one.tag_ids) == (BeepKind.OTHER_RATE, (2,))
-    (one,) = names(train(CENTER_HZ + 350.0, 0.75), tags=(TAG, near))
+    (one,) = names(train(350.0, 0.75), tags=(TAG, near))
     assert one.tag_ids == (6, 2)
-    for tag in (TAG, near):
-        correction = correction_of(tag, one, 0)
-        assert correction is not None
-        assert correction.what == "interval"
+    assert {some(correction_of(tag, one, 0)).what for tag in (TAG, near)} == {"interval"}
 
 
 @pytest.mark.parametrize("beyond_s", [-0.003, 0.0005, 0.002, 0.004])
 def test_a_tag_named_at_another_rate_is_corrected_as_it_is_named(beyond_s: float) -> None:
     tag = replace(TAG, interval_uncertainty_s=0.01)
-    far = replace(tag, tag_id=4, frequency_hz=CENTER_HZ + 4000.0)
+    far = replace(OTHER, interval_uncertainty_s=0.01)
     interval_s = 1.01 * tag.pulse_intervals_s[0] + beyond_s
-    tags = (replace(tag, pulse_intervals_s=(0.9,)), far)
-    for listed in ((tag, far), tags):
-        (one,) = names(train(CENTER_HZ + 200.0, interval_s), tags=listed)
-        for each in listed:
+    for near in (tag, replace(tag, pulse_intervals_s=(0.9,))):
+        (one,) = names(train(200.0, interval_s), tags=(near, far))
+        for each in (near, far):
             if one.kind is BeepKind.OTHER_RATE and each.tag_id in one.tag_ids:
-                correction = correction_of(each, one, 0)
-                assert correction is not None
-                assert correction.what == ("interval" if each is listed[0] else "frequency")
+                what = some(correction_of(each, one, 0)).what
+                assert what == ("interval" if each is near else "frequency")
     assert one.tag_ids == ((2, 4) if beyond_s < 0.0 else (2,))
 
 
 def test_the_same_error_of_all_tags_is_the_receivers() -> None:
     shift = 50e-6 * CENTER_HZ
-    found = names(
-        train(TAG.frequency_hz + shift, 1.254),
-        train(OTHER.frequency_hz + shift, 1.27, first_s=0.9),
-        tags=(TAG, OTHER),
-    )
+    two = train(shift), train(4000.0 + shift, 1.27, first_s=0.9)
+    found = names(*two, tags=(TAG, OTHER))
     assert shared_offset_ppm(found) is None  # 4 kHz apart, either tag may be meant
     # Each may be one of two tags: that one pair agrees is chance.
-    pairs = tuple(
-        replace(TAG, tag_id=n, frequency_hz=CENTER_HZ + at_hz)
-        for n, at_hz in enumerate((0.0, 9_000.0, 40_000.0, 49_000.0), 2)
-    )
-    found = names(
-        train(CENTER_HZ + 4_000.0, 1.254), train(CENTER_HZ + 44_000.0, 1.27), tags=pairs
-    )
+    pairs = [listed(n, hz) for n, hz in enumerate((0.0, 9_000.0, 40_000.0, 49_000.0), 2)]
+    found = names(train(4_000.0), train(44_000.0, 1.27), tags=pairs)
     assert [one.tag_ids for one in found] == [(2, 3), (4, 5)]
     assert shared_offset_ppm(found) is None
-    far = replace(OTHER, frequency_hz=CENTER_HZ + 40_000.0)
-    found = names(
-        train(TAG.frequency_hz + shift, 1.254),
-        train(far.frequency_hz + shift, 1.27, first_s=0.9),
-        tags=(TAG, far),
-    )
+    two = train(shift), train(40_000.0 + shift, 1.27, first_s=0.9)
+    found = names(*two, tags=(TAG, listed(4, 40_000.0)))
     assert shared_offset_ppm(found) == pytest.approx(50.0, abs=0.1)
     assert "+50.0 ppm off their labels: the receiver's own error" in words_of_beeps(found)[-1]
 
 
 def test_i_and_q_are_not_swapped_if_a_tag_is_at_its_label_or_all_share_an_error() -> None:
-    near, far = (
-        replace(TAG, frequency_hz=CENTER_HZ + 3000.0),
-        replace(OTHER, frequency_hz=CENTER_HZ + 40_000.0),
-    )
-    here = train(far.frequency_hz, 1.27, first_s=0.9)
+    far = listed(4, 40_000.0)
+    here = train(40_000.0, 1.27, first_s=0.9)
     for at_hz, kind in ((3000.0, BeepKind.OFF_LABEL), (9000.0, BeepKind.UNLISTED)):
-        tag = replace(TAG, frequency_hz=CENTER_HZ + at_hz)
-        one, _ = mirror_names(train(CENTER_HZ - at_hz, 1.254), here, tags=(tag, far))
+        one, _ = mirror_names(train(-at_hz), here, tags=(listed(2, at_hz), far))
         assert (one.kind, one.reason) == (kind, "")
     # Both 6 kHz below their labels: the receiver is off, though one is where its mirror is.
-    found = mirror_names(
-        train(CENTER_HZ - 3000.0, 1.254),
-        train(far.frequency_hz - 6000.0, 1.27),
-        tags=(near, far),
-    )
+    both = train(-3000.0), train(34_000.0, 1.27)
+    found = mirror_names(*both, tags=(listed(2, 3000.0), far))
     assert [(one.kind, one.reason) for one in found] == [(BeepKind.OFF_LABEL, "")] * 2
 
 
 def test_some_mirror_frequencies_fit_by_chance_in_a_list_of_one_interval() -> None:
-    tags = tuple(
-        replace(TAG, tag_id=2 + n, frequency_hz=CENTER_HZ + at_hz)
-        for n, at_hz in enumerate((-8000.0, 5800.0, 0.0, -3000.0))
-    )
+    places_hz = (-8000.0, 5800.0, 0.0, -3000.0)
     # All are 2.2 kHz above their labels, which may also be another's label.
     found = mirror_names(
-        *(
-            train(tag.frequency_hz + 2200.0, 1.254, first_s=0.1 + 0.2 * tag.tag_id)
-            for tag in tags
-        ),
-        tags=tags,
+        *(train(hz + 2200.0, first_s=0.5 + 0.2 * n) for n, hz in enumerate(places_hz)),
+        tags=[listed(2 + n, hz) for n, hz in enumerate(places_hz)],
     )
     assert {(one.kind, one.reason) for one in found} == {(BeepKind.OFF_LABEL, "")}
 
 
 def test_two_tags_side_by_side_may_be_mirrored_or_the_receiver_off() -> None:
-    tags = tuple(
-        replace(TAG, tag_id=n, frequency_hz=CENTER_HZ + hz, pulse_intervals_s=(interval_s,))
-        for n, hz, interval_s in ((2, 3000.0, 1.254), (4, 3050.0, 0.9))
-    )
-    found = mirror_names(
-        train(CENTER_HZ - 3000.0, 1.254), train(CENTER_HZ - 3050.0, 0.9), tags=tags
-    )
+    tags = listed(2, 3000.0), listed(4, 3050.0, 0.9)
+    found = mirror_names(train(-3000.0), train(-3050.0, 0.9), tags=tags)
     assert [one.kind for one in found] == [BeepKind.OFF_LABEL] * 2
     assert all("mirrored (I and Q swapped)" in str(one) for one in found)
     assert shared_offset_ppm(found) is not None
 
 
 def test_one_tag_at_anothers_frequency_has_another_rate_or_is_mirrored() -> None:
-    far = replace(OTHER, frequency_hz=CENTER_HZ - 8000.0, pulse_intervals_s=(0.9,))
-    tag = replace(TAG, frequency_hz=CENTER_HZ + 8000.0)
-    (one,) = mirror_names(train(CENTER_HZ - 8000.0, 1.254), tags=(tag, far))
+    tags = listed(2, 8000.0), listed(4, -8000.0, 0.9)
+    (one,) = mirror_names(train(-8000.0), tags=tags)
     assert one.kind is BeepKind.OTHER_RATE
     assert one.meaning == "tag 4 with another pulse rate or tag 2 mirrored (I and Q swapped)"
 
@@ -308,11 +273,9 @@ def test_an_electric_fence_is_no_beeper(amplitude: float, width_s: float) -> Non
 
 
 def test_a_listed_tag_is_not_mentioned_and_an_unlisted_one_is() -> None:
-    listed, stranger = names(
-        train(CENTER_HZ - 460.0, 1.26), train(CENTER_HZ + 235_200.0, 1.102), tags=(TAG,)
-    )
-    assert (listed.kind, stranger.kind) == (BeepKind.LISTED, BeepKind.UNLISTED)
-    (line,) = words_of_beeps([listed, stranger])
+    own, stranger = names(train(-460.0, 1.26), train(235_200.0, 1.102), tags=(TAG,))
+    assert (own.kind, stranger.kind) == (BeepKind.LISTED, BeepKind.UNLISTED)
+    (line,) = words_of_beeps([own, stranger])
     assert line == "20 dB at 148.935200 MHz, 54 pulses every 1102 ms (54 a minute): unlisted"
 
 
@@ -320,12 +283,8 @@ def test_pulses_without_a_steady_interval_at_a_tags_frequency_are_doubtful() -> 
     rng = np.random.default_rng(5)
     steady = beeper(2000.0, 1.254).starts_s[:9]
     other = np.sort(rng.uniform(12.0, 59.0, 40))
-    one = Beeper(
-        offset_hz=2000.0, enr_db=25.0, width_s=0.02, starts_s=np.concatenate((steady, other))
-    )
-    found = named(
-        scene(one, duration_s=60.0), [replace(TAG, frequency_hz=CENTER_HZ + 2000.0)], 500.0
-    )
+    one = replace(beeper(2000.0, 1.0, enr_db=25.0), starts_s=np.concatenate((steady, other)))
+    found = named(scene(one, duration_s=60.0), [listed(2, 2000.0)], 500.0)
     assert all(each.kind in (BeepKind.DOUBTFUL, BeepKind.LISTED) for each in found)
 
 
@@ -377,12 +336,8 @@ def test_a_live_stream_names_each_beeper_once_while_it_runs() -> None:
 
 def test_a_live_stream_names_a_known_tag_anew_once_its_rate_changes() -> None:
     slow = regular(60.0, 1.26, 0.3)
-    changing = Beeper(
-        offset_hz=300.0,
-        enr_db=20.0,
-        width_s=0.02,
-        starts_s=np.concatenate((slow, slow[-1] + 1.26 + regular(60.0, 0.63, 0.0))),
-    )
+    fast = slow[-1] + 1.26 + regular(60.0, 0.63, 0.0)
+    changing = replace(beeper(300.0, 1.26), starts_s=np.concatenate((slow, fast)))
     search = BeepSearch([TAG], 500.0, Receiver(CENTER_HZ, RATE_HZ), live=True)
     said: list[tuple[float, Beep]] = []
     for block in blocks_of(scene(changing, duration_s=90.0)):
@@ -390,8 +345,7 @@ def test_a_live_stream_names_a_known_tag_anew_once_its_rate_changes() -> None:
         at_s = block.sample_index / RATE_HZ
         said += [(at_s, one) for one in search.news(block.time_ns)]
     assert said[0][0] < 13.0
-    fast = [at_s for at_s, one in said if one.kind is BeepKind.OTHER_RATE]
-    assert 60.0 < fast[0] < 75.0
+    assert 60.0 < next(at_s for at_s, one in said if one.kind is BeepKind.OTHER_RATE) < 75.0
 
 
 def test_pulses_that_continue_a_train_are_no_reason_to_search_again_others_are() -> None:

@@ -6,11 +6,12 @@ import made
 import numpy as np
 import pytest
 from depth import share
+from streams import fed, sent, start_s
 
 from uavrt.core.messages import Pulse, Tag
 from uavrt.detection.modes import OperatingMode
 from uavrt_experiments.detection.signals import THESIS_TAG, make_samples
-from uavrt_experiments.detection.trials import RATE_HZ, blocks_of
+from uavrt_experiments.detection.trials import RATE_HZ, detect
 
 SECONDS = 40.0
 CENTER_HZ = THESIS_TAG.frequency_hz
@@ -45,10 +46,7 @@ def heard(
         operating_mode=mode,
         excluded_hz=[(CENTER_HZ + low, CENTER_HZ + high) for low, high in excluded_hz],
     )
-    found = []
-    for block, time_ns in blocks_of(samples):
-        found += detector.process(block, time_ns)
-    return found + detector.flush()
+    return fed(detector, samples) + detector.flush()
 
 
 @pytest.mark.parametrize(
@@ -79,6 +77,17 @@ def test_a_tag_at_the_bound_of_its_interval_is_heard(share: float) -> None:
     assert sum(pulse.confirmed for pulse in pulses) >= len(pulses) - 3
 
 
+@pytest.mark.parametrize("enr_db", [12.0, 16.0, 25.0])
+def test_no_pulse_is_confirmed_half_way_between_two(enr_db: float) -> None:
+    """The tag beeps at twice the listed interval."""
+    tag = replace(THESIS_TAG, pulse_intervals_s=(0.9,))
+    truth, samples = sent(101, 45.0, enr_db, interval_s=1.8, jitter_s=0.005, offset_hz=60.0)
+    starts_s = np.array([pulse.start_s for pulse in truth])
+    sure_s = [start_s(pulse) for pulse in detect(samples, tag)[0] if pulse.confirmed]
+    assert all(np.abs(starts_s - one).min() <= 0.01 for one in sure_s)
+    assert len(sure_s) >= 0.6 * len(truth)
+
+
 @pytest.mark.parametrize(("offset_hz", "enr_db"), [(150.0, 20.0), (200.0, 27.0), (250.0, 40.0)])
 def test_a_known_frequency_is_kept_to_whatever_is_heard_beside_it(
     offset_hz: float, enr_db: float
@@ -90,12 +99,7 @@ def test_a_known_frequency_is_kept_to_whatever_is_heard_beside_it(
 
 
 @pytest.mark.parametrize(
-    "mode",
-    [
-        OperatingMode.SEARCH_SOFT_LOCK,
-        OperatingMode.SEARCH_HARD_LOCK,
-        OperatingMode.ALL_NEVER_LOCK,
-    ],
+    "mode", [mode for mode in OperatingMode if mode is not OperatingMode.KNOWN_HARD_LOCK]
 )
 def test_a_signal_in_an_excluded_stretch_does_not_hide_the_tag(mode: OperatingMode) -> None:
     signals = ((0.0, 1.254, 24.0), (300.0, 1.254, 16.0))

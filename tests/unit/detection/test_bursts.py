@@ -3,10 +3,10 @@
 import math
 from dataclasses import replace
 
-import made
 import numpy as np
 import pytest
 from depth import share
+from streams import sent
 
 from uavrt.detection.modes import OperatingMode
 from uavrt.detection.search.thresholds import decision_interval_s
@@ -20,7 +20,7 @@ from uavrt.detection.track.chance import (
 )
 from uavrt_experiments.detection.false_alarms import detected_groups
 from uavrt_experiments.detection.on_air import Hopper, Slots
-from uavrt_experiments.detection.signals import THESIS_TAG, make_samples, noise
+from uavrt_experiments.detection.signals import THESIS_TAG, noise
 from uavrt_experiments.detection.trials import RATE_HZ, compare, detect
 
 pytestmark = pytest.mark.slow
@@ -92,7 +92,7 @@ def test_a_hopper_confirms_no_tag_that_is_not_there() -> None:
 )
 def test_bursts_confirm_no_tag_of_long_groups(on_air: Hopper | Slots) -> None:
     rng = np.random.default_rng([7, 0])
-    samples = noise(rng, round(40.0 * RATE_HZ))
+    samples = noise(rng, round(28.0 * RATE_HZ))
     samples += on_air(rng, len(samples))
     pulses, _ = detect(samples, replace(THESIS_TAG, k=10), frequency_window_hz=500.0)
     assert sum(pulse.confirmed for pulse in pulses) <= 1
@@ -121,10 +121,9 @@ def test_without_a_lock_a_hopper_confirms_no_more() -> None:
 
 
 def test_a_tag_among_the_slots_of_a_frame_is_confirmed_and_they_are_not() -> None:
-    rng = np.random.default_rng(6)
-    truth = made.train(rng, 80.0, 14.0, interval_s=1.27, offset_hz=100.0, jitter_s=0.005)
-    samples = make_samples(rng, truth, duration_s=80.0)
-    samples += Slots(0.060, slot_s=0.015, busy=0.05)(rng, len(samples))
+    truth, samples = sent(6, 80.0, 14.0, interval_s=1.27, offset_hz=100.0, jitter_s=0.005)
+    slots = Slots(0.060, slot_s=0.015, busy=0.05)
+    samples += slots(np.random.default_rng(16), len(samples))
     pulses, _ = detect(samples, THESIS_TAG, frequency_window_hz=500.0)
     result = compare(pulses, truth, THESIS_TAG)
     assert result.confirmed >= 0.85 * result.true
@@ -132,13 +131,10 @@ def test_a_tag_among_the_slots_of_a_frame_is_confirmed_and_they_are_not() -> Non
 
 
 def test_a_tag_that_was_there_before_the_bursts_goes_on_being_confirmed() -> None:
-    rng = np.random.default_rng(7)
-    truth = made.train(rng, 80.0, 14.0, interval_s=1.23, offset_hz=100.0, jitter_s=0.005)
-    samples = make_samples(rng, truth, duration_s=80.0)
+    truth, samples = sent(7, 80.0, 14.0, interval_s=1.23, offset_hz=100.0, jitter_s=0.005)
     half = len(samples) // 2
-    samples[half:] += Hopper(6.0)(rng, len(samples) - half)
-    result = compare(
-        detect(samples, THESIS_TAG, frequency_window_hz=500.0)[0], truth, THESIS_TAG
-    )
+    samples[half:] += Hopper(6.0)(np.random.default_rng(17), len(samples) - half)
+    pulses, _ = detect(samples, THESIS_TAG, frequency_window_hz=500.0)
+    result = compare(pulses, truth, THESIS_TAG)
     assert result.confirmed >= 0.85 * result.true
     assert result.false_confirmed <= 1

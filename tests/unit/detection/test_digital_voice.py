@@ -1,10 +1,11 @@
 """A tag beside a transmitter of digital voice, whose signal is no Gaussian noise."""
 
+import made
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from streams import Samples, add_pulses
 
-from uavrt.core.messages import IQBlock
+from uavrt.core.messages import Pulse
 from uavrt.detection.detector import PulseDetector
 from uavrt.dsp.frontend import FrontEnd
 from uavrt_experiments.detection.interference import impulses
@@ -13,11 +14,9 @@ from uavrt_experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
     TruePulse,
-    add_pulse,
     noise,
-    pulse_train,
 )
-from uavrt_experiments.detection.trials import Comparison, compare, detect, detect_blocks
+from uavrt_experiments.detection.trials import compare, detect, detect_blocks
 
 RATE_HZ = 48000.0
 CHANNEL_HZ = 3750.0
@@ -28,8 +27,8 @@ DEVIATION_HZ = 650.0
 
 
 def digital_voice(
-    rng: np.random.Generator, count: int, *, level_db: float, slot_s: float
-) -> NDArray[np.complex64]:
+    rng: np.random.Generator, count: int, level_db: float, slot_s: float
+) -> Samples:
     """Four-level frequency-shift keying 12.5 kHz wide.
 
     `level_db`: density within 8 kHz over that of the noise.
@@ -51,21 +50,11 @@ def digital_voice(
 
 def train(rng: np.random.Generator, offset_hz: float) -> list[TruePulse]:
     """Pulses of 14 dB near an offset, with the tag's interval."""
-    return pulse_train(
-        rng,
-        duration_s=SECONDS,
-        interval_s=1.27,
-        offset_hz=offset_hz,
-        enr_db=14.0,
-        jitter_s=0.005,
-        width_s=0.02,
-    )
+    return made.train(rng, SECONDS, 14.0, interval_s=1.27, offset_hz=offset_hz, jitter_s=0.005)
 
 
-def channel_of(
-    samples: NDArray[np.complex64], center_hz: float
-) -> tuple[list[tuple[NDArray[np.complex64], int]], FrontEnd]:
-    """Filter the tag's channel out of a band."""
+def searched(samples: Samples, center_hz: float) -> tuple[list[Pulse], PulseDetector]:
+    """Filter the tag's channel out of a band, and search it."""
     front_end = FrontEnd(
         sample_rate_hz=RATE_HZ,
         center_frequency_hz=center_hz,
@@ -75,36 +64,16 @@ def channel_of(
         (block.samples, block.time_ns)
         for first in range(0, len(samples), 4800)
         for block in front_end.process(
-            IQBlock(
-                samples=samples[first : first + 4800],
-                sample_index=first,
-                time_ns=START_NS + round(first / RATE_HZ * 1e9),
-                sample_rate_hz=RATE_HZ,
-                lost_before=0,
-            )
+            made.iq_block(samples[first : first + 4800], first, RATE_HZ, START_NS)
         )
     ]
-    return blocks, front_end
-
-
-def heard_beside_voice(*, offset_hz: float, level_db: float, slot_s: float) -> Comparison:
-    """Search for a tag at an offset from the middle of a transmission."""
-    rng = np.random.default_rng(48)
-    center_hz = THESIS_TAG.frequency_hz - offset_hz
-    samples = noise(rng, round(SECONDS * RATE_HZ))
-    samples += digital_voice(rng, len(samples), level_db=level_db, slot_s=slot_s)
-    truth = train(rng, offset_hz + 37.0)
-    for one in truth:
-        add_pulse(samples, one, sample_rate_hz=RATE_HZ, width_s=0.02, phase=rng.uniform(0, 6))
-    blocks, front_end = channel_of(samples, center_hz)
-    pulses, _ = detect_blocks(
+    return detect_blocks(
         blocks,
         THESIS_TAG,
         sample_rate_hz=front_end.plan.channel_rate_hz,
         center_frequency_hz=front_end.plan.channel_centers_hz[0],
         frequency_window_hz=500.0,
     )
-    return compare(pulses, truth, THESIS_TAG, center_frequency_hz=center_hz)
 
 
 @pytest.mark.parametrize(
@@ -122,21 +91,12 @@ def test_voice_on_the_frequency_of_the_tag_is_counted_steady_or_in_slots(
 ) -> None:
     # A level that is never left was taken for that of noise: 100 % usable.
     rng = np.random.default_rng(49)
-    samples = noise(rng, round(28.0 * RATE_HZ))
-    samples += digital_voice(rng, len(samples), level_db=level_db, slot_s=slot_s)
-    blocks, front_end = channel_of(samples, THESIS_TAG.frequency_hz - offset_hz)
-    plan = front_end.plan
-    detector = PulseDetector(
-        THESIS_TAG,
-        sample_rate_hz=plan.channel_rate_hz,
-        center_frequency_hz=plan.channel_centers_hz[0],
-    )
-    for block, time_ns in blocks:
-        detector.process(block, time_ns)
+    samples = noise(rng, round(21.0 * RATE_HZ))
+    samples += digital_voice(rng, len(samples), level_db, slot_s)
+    _, detector = searched(samples, THESIS_TAG.frequency_hz - offset_hz)
     shares = [one.usable_share for one in detector.search_reports()]
-    assert np.mean([share for share in shares if share is not None]) == pytest.approx(
-        free, abs=0.05
-    )
+    known = [share for share in shares if share is not None]
+    assert np.mean(known) == pytest.approx(free, abs=0.05)
 
 
 @pytest.mark.parametrize(
@@ -146,7 +106,14 @@ def test_a_tag_of_14_db_beside_digital_voice_is_found(
     offset_hz: float, level_db: float, slot_s: float
 ) -> None:
     # Of 32 pulses 28 were found beside steady voice, and 20 beside slots of 30 ms.
-    heard = heard_beside_voice(offset_hz=offset_hz, level_db=level_db, slot_s=slot_s)
+    rng = np.random.default_rng(48)
+    center_hz = THESIS_TAG.frequency_hz - offset_hz
+    samples = noise(rng, round(SECONDS * RATE_HZ))
+    samples += digital_voice(rng, len(samples), level_db, slot_s)
+    truth = train(rng, offset_hz + 37.0)
+    add_pulses(samples, truth, rate_hz=RATE_HZ, rng=rng)
+    pulses, _ = searched(samples, center_hz)
+    heard = compare(pulses, truth, THESIS_TAG, center_frequency_hz=center_hz)
     assert heard.matched >= 0.9 * heard.true
     assert heard.false_confirmed == 0
 
@@ -157,10 +124,7 @@ def test_impulses_beside_a_neighbour_cost_few_pulses() -> None:
     samples = noise(rng, round(SECONDS * CHANNEL_HZ))
     samples += Neighbour(edge_hz=1000.0, level_db=30.0)(rng, len(samples))
     truth = train(rng, 20.0)
-    for one in truth:
-        add_pulse(
-            samples, one, sample_rate_hz=CHANNEL_HZ, width_s=0.02, phase=rng.uniform(0, 6)
-        )
+    add_pulses(samples, truth, rng=rng)
     samples += impulses(rng, len(samples), per_s=5.0, level_db=30.0, length_s=0.002)
     pulses, detector = detect(samples, THESIS_TAG, frequency_window_hz=500.0)
     heard = compare(pulses, truth, THESIS_TAG)

@@ -5,42 +5,35 @@ from dataclasses import replace
 import made
 import numpy as np
 import pytest
+from streams import fed, sent, start_s
 
-from uavrt.core.messages import Pulse
 from uavrt.detection.search.hypotheses import Candidate, best_first
 from uavrt.detection.search.noise import RowNoise
 from uavrt.detection.search.thresholds import young_margin
 from uavrt.detection.search.tuning import THRESHOLDS
-from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, make_samples, noise
-from uavrt_experiments.detection.trials import Flight, compare, detect
+from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, noise
+from uavrt_experiments.detection.trials import Emission, Flight, compare, detect, emissions
 
 RATE_HZ = 7500.0
-BLOCK = 653
-"""87 ms: how samples arrive in a flight."""
 
 
-def records_in_time(enr_db: float, first_s: float, seed: int) -> list[tuple[float, Pulse]]:
-    """Every record with the time in the stream at which it came [s]; checks the truth, too."""
+def records_in_time(enr_db: float, first_s: float, seed: int) -> list[Emission]:
+    """Every record with the time in the stream at which it came; checks the truth, too."""
     rng = np.random.default_rng(seed)
-    truth = made.train(
-        rng,
+    interval_s = 1.254 + rng.uniform(-0.05, 0.05)
+    truth, samples = sent(
+        seed,
         5.5,
         enr_db,
-        interval_s=1.254 + rng.uniform(-0.05, 0.05),
+        rate_hz=RATE_HZ,
+        interval_s=interval_s,
         offset_hz=120.0,
         jitter_s=0.005,
         first_s=first_s,
     )
-    samples = make_samples(rng, truth, duration_s=5.5, sample_rate_hz=RATE_HZ)
-    detector = made.detector(THESIS_TAG, RATE_HZ)
-    records: list[tuple[float, Pulse]] = []
-    for first in range(0, len(samples), BLOCK):
-        time_ns = START_NS + round(first / RATE_HZ * 1e9)
-        found = detector.process(samples[first : first + BLOCK], time_ns)
-        records += [((first + BLOCK) / RATE_HZ, pulse) for pulse in found]
-    starts_s = [(p.start_time_ns - START_NS) * 1e-9 for _, p in records]
+    records = emissions(samples, THESIS_TAG, sample_rate_hz=RATE_HZ)
     for true in truth[:3]:
-        assert any(abs(start_s - true.start_s) < 0.01 for start_s in starts_s)
+        assert any(abs(start_s(one.pulse) - true.start_s) < 0.01 for one in records)
     return records
 
 
@@ -48,9 +41,9 @@ def records_in_time(enr_db: float, first_s: float, seed: int) -> list[tuple[floa
 def test_the_first_group_is_reported_half_a_second_after_its_last_pulse(enr_db: float) -> None:
     for phase in range(12):
         records = records_in_time(enr_db, 0.01 + phase * 1.19 / 12, seed=60 + phase)
-        came_s = records[0][0]
-        ended_s = max((p.end_time_ns - START_NS) * 1e-9 for at, p in records if at == came_s)
-        assert came_s - ended_s < 0.5
+        came_s = records[0].at_s
+        first = [one.pulse for one in records if one.at_s == came_s]
+        assert came_s - max((p.end_time_ns - START_NS) * 1e-9 for p in first) < 0.5
 
 
 def test_a_noise_hardly_known_is_compensated_by_a_higher_threshold() -> None:
@@ -71,14 +64,11 @@ def test_the_higher_threshold_ends_when_the_noise_is_known() -> None:
     tag = replace(THESIS_TAG, k=5)
     detector = made.detector(tag, RATE_HZ, frequency_window_hz=100.0)
     (search,) = detector.band.anchor_searches
-    samples = noise(np.random.default_rng(5), round(20.0 * RATE_HZ))
-    margins = {}
-    for first in range(0, len(samples), BLOCK):
-        time_ns = START_NS + round(first / RATE_HZ * 1e9)
-        detector.process(samples[first : first + BLOCK], time_ns)
-        margins[round(first / RATE_HZ)] = search.margin
-    assert margins[4] > 1.01
-    assert margins[19] == 1.0
+    samples = noise(np.random.default_rng(5), 20 * 7500)
+    fed(detector, samples[: 4 * 7500], rate_hz=RATE_HZ)
+    assert search.margin > 1.01
+    fed(detector, samples[4 * 7500 :], rate_hz=RATE_HZ, start_ns=START_NS + 4 * 10**9)
+    assert search.margin == 1.0
 
 
 def test_the_noise_of_the_first_rows_is_as_good_as_that_of_the_middle() -> None:

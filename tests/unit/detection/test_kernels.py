@@ -85,12 +85,8 @@ def test_the_pulses_are_the_same(tag: Tag, window_hz: float, enr_db: float) -> N
     assert len(one) == len(two)
     assert len(one) > (0 if enr_db < 0.0 else 5)
     for mine, other in zip(one, two, strict=True):
-        assert mine.tag_id == other.tag_id
-        assert (mine.group_index, mine.group_sequence) == (
-            other.group_index,
-            other.group_sequence,
-        )
-        assert mine.detection_status == other.detection_status
+        for name in ("tag_id", "group_index", "group_sequence", "detection_status"):
+            assert getattr(mine, name) == getattr(other, name)
         assert abs(mine.start_time_ns - other.start_time_ns) < 0.01 / RATE_HZ * 1e9
         assert mine.frequency_hz == pytest.approx(other.frequency_hz, abs=0.01)
         assert mine.snr_db == pytest.approx(other.snr_db, abs=1e-3)

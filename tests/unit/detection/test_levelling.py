@@ -4,6 +4,7 @@ import made
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from streams import add_pulses, fed
 
 from uavrt.detection.search.grid import Spectrogram, make_grid
 from uavrt.detection.search.levelling import Leveller
@@ -14,7 +15,6 @@ from uavrt_experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
     TruePulse,
-    add_pulse,
     noise,
 )
 
@@ -79,9 +79,10 @@ def test_a_strong_pulse_is_no_rise_of_the_noise(enr_db: float) -> None:
     rng = np.random.default_rng(5)
     samples = noise(rng, round(10 * RATE_HZ))
     starts_s = np.arange(1.0, 9.0, 0.7)
-    for start_s in starts_s:
-        pulse = TruePulse(start_s=float(start_s), offset_hz=40.0, enr_db=enr_db)
-        add_pulse(samples, pulse, sample_rate_hz=RATE_HZ, width_s=0.02, phase=1.0)
+    add_pulses(
+        samples,
+        [TruePulse(start_s=at_s, offset_hz=40.0, enr_db=enr_db) for at_s in starts_s.tolist()],
+    )
     _, leveller = levelled(samples)
     levels = [leveller.record.at(44, round(start_s / GRID.hop_s)) for start_s in starts_s[:-2]]
     assert max(abs(10.0 * np.log10(levels))) < 1.0
@@ -115,7 +116,7 @@ def test_loud_noise_is_no_impulse_though_most_of_a_step_is_quiet() -> None:
     samples = noise(rng, 1000)
     samples[:620] *= np.float32(10.0)
     pulse = TruePulse(start_s=500 / RATE_HZ, offset_hz=40.0, enr_db=34.0)
-    add_pulse(samples, pulse, sample_rate_hz=RATE_HZ, width_s=0.02, phase=1.0)
+    add_pulses(samples, [pulse])
     buffer = SampleBuffer(sample_rate_hz=RATE_HZ, keep=len(samples), tolerance_s=0.02)
     buffer.append(samples, START_NS)
     refiner = Refiner(GRID, buffer)
@@ -134,13 +135,10 @@ def test_silence_and_what_follows_it_are_survived() -> None:
 
 
 def test_the_noise_that_is_told_follows_a_step() -> None:
-    rng = np.random.default_rng(7)
-    samples = noise(rng, round(24 * RATE_HZ))
+    samples = noise(np.random.default_rng(7), round(24 * RATE_HZ))
     samples[round(12 * RATE_HZ) :] *= np.float32(10.0)
     detector = made.detector(THESIS_TAG, RATE_HZ)
-    for first in range(0, len(samples), 653):
-        time_ns = START_NS + round(first / RATE_HZ * 1e9)
-        detector.process(samples[first : first + 653], time_ns)
+    fed(detector, samples)
     told = [(r.time_ns - START_NS, r.noise_psd * RATE_HZ) for r in detector.search_reports()]
     before = [psd for at, psd in told if 3e9 < at < 12e9]
     after = [psd for at, psd in told if at > 12.6e9]

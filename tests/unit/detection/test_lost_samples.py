@@ -2,20 +2,26 @@
 
 import functools
 
+import made
 import numpy as np
 from depth import count
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from streams import start_s
 
-from uavrt.core.messages import IQBlock, Pulse
-from uavrt.detection.detector import PulseDetector
+from uavrt.core.messages import Pulse
 from uavrt.dsp.frontend import FrontEnd
-from uavrt_experiments.detection.signals import THESIS_TAG
+from uavrt_experiments.detection.signals import (
+    START_NS,
+    THESIS_TAG,
+    TruePulse,
+    add_pulse,
+    noise,
+)
 
 RATE_HZ = 60_000.0
 CENTER_HZ = THESIS_TAG.frequency_hz - 6_000.0
-START_NS = 1_700_000_000_000_000_000
 DURATION_S = 12.0
 ENR_DB = 30.0
 WIDTH_S = THESIS_TAG.pulse_width_s
@@ -25,15 +31,10 @@ SWEPT_S = STARTS_S[5]
 
 @functools.cache
 def samples() -> NDArray[np.complex64]:
-    rng = np.random.default_rng(5)
-    count = round(DURATION_S * RATE_HZ)
-    parts = rng.standard_normal((count, 2)) / np.sqrt(2.0)
-    x: NDArray[np.complex64] = (parts[:, 0] + 1j * parts[:, 1]).astype(np.complex64)
-    wave = np.exp(2j * np.pi * 6_040.0 / RATE_HZ * np.arange(round(WIDTH_S * RATE_HZ)))
-    for start_s in STARTS_S:
-        first = round(start_s * RATE_HZ)
-        level = np.sqrt(10.0 ** (ENR_DB / 10.0) / len(wave))
-        x[first : first + len(wave)] += (level * wave).astype(np.complex64)
+    x = noise(np.random.default_rng(5), round(DURATION_S * RATE_HZ))
+    for at_s in STARTS_S:
+        pulse = TruePulse(start_s=at_s, offset_hz=6_040.0, enr_db=ENR_DB)
+        add_pulse(x, pulse, sample_rate_hz=RATE_HZ, width_s=WIDTH_S, phase=0.0)
     return x
 
 
@@ -45,9 +46,9 @@ def found(*gaps_s: tuple[float, float]) -> list[Pulse]:
         center_frequency_hz=CENTER_HZ,
         frequencies_hz=[THESIS_TAG.frequency_hz],
     )
-    detector = PulseDetector(
+    detector = made.detector(
         THESIS_TAG,
-        sample_rate_hz=front.plan.channel_rate_hz,
+        front.plan.channel_rate_hz,
         center_frequency_hz=front.plan.channel_centers_hz[0],
     )
     pulses: list[Pulse] = []
@@ -59,22 +60,12 @@ def found(*gaps_s: tuple[float, float]) -> list[Pulse]:
         if (len(edges) - len(ahead)) % 2:
             lost += end - at
         else:
-            block = IQBlock(
-                samples=x[at:end],
-                sample_index=at,
-                time_ns=START_NS + round(at / RATE_HZ * 1e9),
-                sample_rate_hz=RATE_HZ,
-                lost_before=lost,
-            )
+            block = made.iq_block(x[at:end], at, RATE_HZ, START_NS, lost_before=lost)
             for part in front.process(block):
                 pulses += detector.process(part.samples, part.time_ns)
             lost = 0
         at = end
     return pulses + detector.flush()
-
-
-def start_s(pulse: Pulse) -> float:
-    return (pulse.start_time_ns - START_NS) * 1e-9
 
 
 def lost_share(begin_s: float, gap_s: tuple[float, float]) -> float:

@@ -6,8 +6,8 @@ from itertools import pairwise
 import made
 import numpy as np
 import pytest
+from streams import fed, sent, start_s
 
-from uavrt.core.messages import Pulse
 from uavrt.detection.detector import PulseDetector
 from uavrt.detection.modes import LOCK_HALF_WIDTH_HZ, OperatingMode
 from uavrt.detection.search.grid import make_grid
@@ -21,20 +21,8 @@ NEVER = OperatingMode.ALL_NEVER_LOCK
 RATE_HZ = 3750.0
 
 
-def make_detector(mode: OperatingMode, frequency_window_hz: float = 500.0) -> PulseDetector:
-    return made.detector(
-        THESIS_TAG, RATE_HZ, frequency_window_hz=frequency_window_hz, operating_mode=mode
-    )
-
-
-def feed(
-    detector: PulseDetector, samples: np.ndarray, start_ns: int, block: int = 653
-) -> list[Pulse]:
-    pulses = []
-    for first in range(0, len(samples), block):
-        time_ns = start_ns + round(first / RATE_HZ * 1e9)
-        pulses += detector.process(samples[first : first + block], time_ns)
-    return pulses
+def make_detector(mode: OperatingMode) -> PulseDetector:
+    return made.detector(THESIS_TAG, RATE_HZ, frequency_window_hz=500.0, operating_mode=mode)
 
 
 def two_places(
@@ -52,7 +40,7 @@ def test_only_a_soft_lock_follows_a_tag_to_another_frequency(
 ) -> None:
     samples, first, then = two_places(np.random.default_rng(800), (300.0, -250.0))
     detector = make_detector(mode)
-    pulses = feed(detector, samples, START_NS)
+    pulses = fed(detector, samples)
     assert compare(pulses, first, THESIS_TAG).matched >= len(first) - 1
     assert compare(pulses, then, THESIS_TAG).matched == pytest.approx(found, abs=1)
     assert (detector.locked_frequency_hz is not None) == (mode is HARD)
@@ -61,7 +49,7 @@ def test_only_a_soft_lock_follows_a_tag_to_another_frequency(
 def test_a_hard_lock_finds_its_tag_again_after_a_silence_and_ends_with_a_reset() -> None:
     samples, first, then = two_places(np.random.default_rng(801), (300.0, 280.0))
     detector = make_detector(HARD)
-    pulses = feed(detector, samples, START_NS)
+    pulses = fed(detector, samples)
     assert compare(pulses, first + then, THESIS_TAG).matched >= len(first + then) - 2
     assert detector.locked_frequency_hz == pytest.approx(
         THESIS_TAG.frequency_hz + 300.0, abs=5.0
@@ -69,21 +57,20 @@ def test_a_hard_lock_finds_its_tag_again_after_a_silence_and_ends_with_a_reset()
     samples, first, _ = two_places(np.random.default_rng(803), (-250.0, -250.0))
     later_ns = START_NS + 1_000_000_000_000
     # A jump of the clock begins the stream anew; the lock outlives it.
-    found = feed(detector, samples[: round(15 * RATE_HZ)], later_ns)
+    found = fed(detector, samples[: round(15 * RATE_HZ)], start_ns=later_ns)
     # The last pulses of the first stream are found when it ends.
     assert [pulse for pulse in found if pulse.start_time_ns >= later_ns] == []
     detector.reset()
     assert detector.locked_frequency_hz is None
-    pulses = feed(detector, samples, later_ns + 100_000_000_000)
+    pulses = fed(detector, samples, start_ns=later_ns + 100_000_000_000)
     shifted = [p for p in pulses if p.frequency_hz < THESIS_TAG.frequency_hz]
     assert len(shifted) >= len(first) - 1
 
 
 def test_a_hard_lock_goes_with_a_tag_that_drifts() -> None:
-    rng = np.random.default_rng(803)
-    truth = made.train(rng, 80.0, 16.0, offset_hz=-120.0, drift_hz_per_s=4.0)
+    truth, samples = sent(803, 80.0, 16.0, offset_hz=-120.0, drift_hz_per_s=4.0)
     detector = make_detector(HARD)
-    pulses = feed(detector, make_samples(rng, truth, duration_s=80.0), START_NS)
+    pulses = fed(detector, samples)
     assert compare(pulses, truth, THESIS_TAG).matched >= len(truth) - 2
     assert detector.locked_frequency_hz == pytest.approx(
         THESIS_TAG.frequency_hz - 120.0 + 4.0 * 80.0, abs=60.0
@@ -106,10 +93,9 @@ def test_a_locked_band_has_a_lower_threshold_for_the_same_false_alarms() -> None
 
 
 def test_without_a_lock_every_pulse_is_in_one_group_and_the_groups_are_numbered() -> None:
-    rng = np.random.default_rng(805)
-    truth = made.train(rng, 40.0, 16.0, interval_s=1.27, offset_hz=-700.0, jitter_s=0.005)
-    samples = make_samples(rng, truth, duration_s=40.0)
-    pulses, _ = detect(samples, THESIS_TAG, operating_mode=NEVER)
+    truth, samples = sent(805, 40.0, 16.0, interval_s=1.27, offset_hz=-700.0, jitter_s=0.005)
+    # A window of frequencies bounds the other modes alone.
+    pulses, _ = detect(samples, THESIS_TAG, frequency_window_hz=100.0, operating_mode=NEVER)
     result = compare(pulses, truth, THESIS_TAG)
     assert result.matched == len(truth) == len(pulses)
     keys = [(pulse.group_sequence, pulse.group_index) for pulse in pulses]
@@ -120,18 +106,13 @@ def test_without_a_lock_every_pulse_is_in_one_group_and_the_groups_are_numbered(
 
 
 def test_without_a_lock_no_pulse_is_looked_for_where_a_track_would_expect_it() -> None:
-    found = dict.fromkeys((NEVER, SOFT), 0)
-    for mode in found:
-        rng = np.random.default_rng(806)
-        truth = made.train(
-            rng, 60.0, lambda at_s: 20.0 if at_s < 12.0 else 7.0, offset_hz=300.0
-        )
-        samples = make_samples(rng, truth, duration_s=60.0)
+    truth, samples = sent(806, 60.0, lambda at_s: 20.0 if at_s < 12.0 else 7.0, offset_hz=300.0)
+    late = {}
+    for mode in (NEVER, SOFT):
         pulses, _ = detect(samples, THESIS_TAG, operating_mode=mode)
         assert compare(pulses, truth, THESIS_TAG).matched >= 9
-        late = [p for p in pulses if p.start_time_ns - START_NS > 14e9]
-        found[mode] = len(late)
-    assert found[SOFT] > 2 * found[NEVER]
+        late[mode] = sum(start_s(pulse) > 14.0 for pulse in pulses)
+    assert late[SOFT] > 2 * late[NEVER]
 
 
 def test_without_a_lock_the_groups_of_another_tag_are_told_too() -> None:

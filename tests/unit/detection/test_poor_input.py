@@ -95,27 +95,22 @@ def test_a_tag_on_the_dc_line_is_named_where_there_is_a_line() -> None:
     assert found(with_line(noise(0.05)), CENTER_HZ + 2000.0) == []
 
 
-def scene(enr_db: float = 22.0) -> Scene:
-    starts_s = regular(60.0, 1.254, 0.4)
-    beeper = Beeper(offset_hz=2000.0, enr_db=enr_db, width_s=0.02, starts_s=starts_s)
-    return Scene(duration_s=60.0, sample_rate_hz=RATE_HZ, seed=3, beepers=(beeper,))
+def beeper(offset_hz: float, interval_s: float = 1.254, first_s: float = 0.4) -> Beeper:
+    starts_s = regular(60.0, interval_s, first_s)
+    return Beeper(offset_hz=offset_hz, enr_db=22.0, width_s=0.02, starts_s=starts_s)
+
+
+def scene(*beepers: Beeper) -> Scene:
+    return Scene(duration_s=60.0, sample_rate_hz=RATE_HZ, seed=3, beepers=beepers)
 
 
 def swapped(*tags: tuple[float, float]) -> list[Beep]:
     """Identify tags of (offset [Hz], interval [s]) in samples with I and Q swapped."""
-    beepers = tuple(
-        replace(
-            scene().beepers[0], offset_hz=hz, starts_s=regular(60.0, interval_s, 0.4 + at_s)
-        )
-        for at_s, (hz, interval_s) in enumerate(tags)
-    )
+    beepers = [beeper(*tag, first_s=0.4 + at_s) for at_s, tag in enumerate(tags)]
     listed = [
         made.tag(2 + n, CENTER_HZ + hz, interval_s) for n, (hz, interval_s) in enumerate(tags)
     ]
-    wrong = (
-        replace(block, samples=block.samples.conj())
-        for block in blocks_of(replace(scene(), beepers=beepers))
-    )
+    wrong = (replace(one, samples=one.samples.conj()) for one in blocks_of(scene(*beepers)))
     return sorted(searched_blocks(wrong, listed, 500.0), key=lambda one: one.tag_ids)
 
 
@@ -171,15 +166,13 @@ def test_a_second_tag_replaces_what_a_live_stream_named_before() -> None:
 
 
 def test_a_tag_on_the_other_side_is_unlisted_while_the_listed_one_beeps() -> None:
-    here, there = (replace(scene().beepers[0], offset_hz=hz) for hz in (8000.0, -8000.0))
-    there = replace(there, starts_s=there.starts_s + 0.6)
-    tag = made.tag(2, CENTER_HZ + 8000.0, 1.254)
-    both = named(replace(scene(), beepers=(here, there)), [tag], 500.0)
+    two = scene(beeper(8000.0), beeper(-8000.0, first_s=1.0))
+    both = named(two, [made.tag(2, CENTER_HZ + 8000.0, 1.254)], 500.0)
     assert {one.kind for one in both} == {BeepKind.LISTED, BeepKind.UNLISTED}
 
 
 def test_samples_that_are_missing_without_a_mark_are_named() -> None:
-    samples = np.concatenate([block.samples for block in blocks_of(scene())])
+    samples = np.concatenate([block.samples for block in blocks_of(scene(beeper(2000.0)))])
     rng = np.random.default_rng(5)
     keep, place = np.ones(len(samples), dtype=bool), 0
     while place < len(samples):

@@ -66,9 +66,5 @@ def test_a_list_that_the_computer_cannot_carry_is_refused(
     monkeypatch.setattr(search_plan, "search_cost", lambda *_, **__: 2.4)
     assert planned([148e6], spare_cores=3).cores == 2.4
     assert planned([148e6], spare_cores=math.inf).cores == 2.4
-    with pytest.raises(
-        TunerError,
-        match=r"needs 2\.4 processor cores, but only 2 are "
-        "available",
-    ):
+    with pytest.raises(TunerError, match=r"needs 2\.4 processor cores, but only 2 are avail"):
         planned([148e6], spare_cores=2)

@@ -10,12 +10,13 @@ import made
 import numpy as np
 import pytest
 from depth import share
+from streams import start_s
 
 from uavrt.core.messages import Pulse, Tag
 from uavrt.detection.group import DetectorGroup
 from uavrt.detection.track.transmitters.train_senders import interval_separation, small_ratio
 from uavrt_experiments.detection.one_band import OneBand
-from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, TruePulse, make_samples
+from uavrt_experiments.detection.signals import THESIS_TAG, TruePulse, make_samples
 from uavrt_experiments.detection.trials import RATE_HZ, blocks_of
 
 pytestmark = pytest.mark.slow
@@ -44,9 +45,8 @@ def heard(
     sent: Sequence[Sent],
     *,
     seed: int = 1,
-    duration_s: float = 60.0,
-    begin_s: Sequence[float] = (),
-    end_s: Sequence[float] = (),
+    duration_s: float = 45.0,
+    ends_s: Sequence[float] = (),
     apart_hz: Sequence[float] = (),
 ) -> tuple[list[list[TruePulse]], list[Pulse]]:
     """What was sent, each train, and all pulses that were told."""
@@ -62,26 +62,17 @@ def heard(
         )
         for at, (interval_s, enr_db) in enumerate(sent)
     ]
-    for at, (first_s, last_s) in enumerate(zip(begin_s, end_s, strict=True)):
-        trains[at] = [p for p in trains[at] if first_s <= p.start_s < last_s]
+    for at, end_s in enumerate(ends_s):
+        trains[at] = [p for p in trains[at] if p.start_s < end_s]
     samples = make_samples(rng, [p for t in trains for p in t], duration_s=duration_s)
+    center_hz = THESIS_TAG.frequency_hz
     group = DetectorGroup()
-    group.add(
-        0,
-        [
-            made.detector(tag, RATE_HZ, center_frequency_hz=THESIS_TAG.frequency_hz)
-            for tag in tags
-        ],
-    )
+    group.add(0, [made.detector(tag, RATE_HZ, center_frequency_hz=center_hz) for tag in tags])
     pulses: list[Pulse] = []
     for block, time_ns in blocks_of(samples):
         group.put(0, block, time_ns)
         pulses += group.collect()
     return trains, pulses + group.flush()
-
-
-def time_s(pulse: Pulse) -> float:
-    return (pulse.start_time_ns - START_NS) * 1e-9
 
 
 def kept(train: list[TruePulse], others: list[list[TruePulse]], pulses: list[Pulse]) -> float:
@@ -91,7 +82,7 @@ def kept(train: list[TruePulse], others: list[list[TruePulse]], pulses: list[Pul
         for p in train
         if all(abs(p.start_s - q.start_s) > 0.04 for other in others for q in other)
     ]
-    told = [time_s(pulse) for pulse in pulses if pulse.confirmed]
+    told = [start_s(pulse) for pulse in pulses if pulse.confirmed]
     return sum(any(abs(p.start_s - t) < 0.015 for t in told) for p in free) / len(free)
 
 
@@ -107,16 +98,11 @@ def test_a_tag_alone_is_not_told_twice_and_may_be_the_other(at: int) -> None:
     assert {p.also_possible_tag_ids for p in pulses if p.confirmed} == {(TWO[1 - at].tag_id,)}
 
 
+LEVELS_DB = ((16.0, 16.0), (24.0, 14.0), (14.0, 24.0))
+
+
 @pytest.mark.parametrize(
-    ("levels_db", "order"),
-    share(
-        [
-            (one, order)
-            for one in ((16.0, 16.0), (24.0, 14.0), (14.0, 24.0))
-            for order in (1, -1)
-        ],
-        3,
-    ),
+    ("levels_db", "order"), share([(one, order) for one in LEVELS_DB for order in (1, -1)], 3)
 )
 def test_two_tags_at_once_are_told_apart_also_when_one_is_10_db_stronger(
     levels_db: tuple[float, float], order: int
@@ -151,8 +137,8 @@ def test_the_order_of_the_tags_changes_nothing() -> None:
 def test_what_was_learnt_while_both_were_heard_tells_one_that_is_left() -> None:
     # Alone at 1.27 s it could be either by what was declared.
     sent = [(1.262, 16.0), (1.294, 16.0)]
-    _, pulses = heard(TWO, sent, duration_s=100.0, begin_s=(0.0, 0.0), end_s=(100.0, 40.0))
-    late = [p for p in pulses if p.confirmed and time_s(p) > 70.0]
+    _, pulses = heard(TWO, sent, duration_s=100.0, ends_s=(100.0, 40.0))
+    late = [p for p in pulses if p.confirmed and start_s(p) > 70.0]
     assert len(late) > 20
     assert {p.tag_id for p in late} == {2}
     assert {p.also_possible_tag_ids for p in late} == {()}
@@ -180,35 +166,20 @@ MULTIPLES = share(
 
 
 @pytest.mark.parametrize(("slow_s", "fast_s", "slow_first"), MULTIPLES)
-def test_the_pulses_of_a_fast_tag_are_not_those_of_an_absent_one_at_a_ratio_of_its_interval(
-    slow_s: float, fast_s: float, slow_first: bool
+@pytest.mark.parametrize("on_air", ["fast", "slow", "both"])
+def test_of_two_tags_at_a_ratio_of_intervals_those_that_send_are_told(
+    on_air: str, slow_s: float, fast_s: float, slow_first: bool
 ) -> None:
     slow, fast = tag_of(2 if slow_first else 6, slow_s), tag_of(4, fast_s)
-    [train], pulses = heard((slow, fast), [(fast_s, 20.0)])
-    assert kept(train, [], of(fast, pulses)) > 0.9
-    assert not [p for p in of(slow, pulses) if p.confirmed]
-    assert {p.also_possible_tag_ids for p in pulses if p.confirmed} == {()}
-
-
-@pytest.mark.parametrize(("slow_s", "fast_s", "slow_first"), MULTIPLES)
-def test_a_slow_tag_alone_is_not_a_fast_one_that_misses_pulses(
-    slow_s: float, fast_s: float, slow_first: bool
-) -> None:
-    slow, fast = tag_of(2 if slow_first else 6, slow_s), tag_of(4, fast_s)
-    [train], pulses = heard((slow, fast), [(slow_s, 20.0)])
-    assert kept(train, [], of(slow, pulses)) > 0.9
-    assert not [p for p in of(fast, pulses) if p.confirmed]
-
-
-@pytest.mark.parametrize(("slow_s", "fast_s", "slow_first"), MULTIPLES)
-def test_two_tags_at_a_ratio_of_intervals_are_both_told(
-    slow_s: float, fast_s: float, slow_first: bool
-) -> None:
-    slow, fast = tag_of(2 if slow_first else 6, slow_s), tag_of(4, fast_s)
-    trains, pulses = heard((slow, fast), [(slow_s, 20.0), (fast_s, 20.0)])
-    for tag, own, other in zip((slow, fast), trains, trains[::-1], strict=True):
-        assert kept(own, [other], of(tag, pulses)) >= 0.9
-        assert kept(other, [own], of(tag, pulses)) < 0.1
+    sending = {"fast": [fast], "slow": [slow], "both": [slow, fast]}[on_air]
+    trains, pulses = heard((slow, fast), [(tag.pulse_intervals_s[0], 20.0) for tag in sending])
+    for tag, own in zip(sending, trains, strict=True):
+        others = [train for train in trains if train is not own]
+        assert kept(own, others, of(tag, pulses)) >= 0.9
+        assert all(kept(other, [own], of(tag, pulses)) < 0.1 for other in others)
+    sure = [pulse for pulse in pulses if pulse.confirmed]
+    assert {pulse.tag_id for pulse in sure} == {tag.tag_id for tag in sending}
+    assert on_air != "fast" or {pulse.also_possible_tag_ids for pulse in sure} == {()}
 
 
 def test_two_tags_of_one_interval_go_by_frequency() -> None:
@@ -220,10 +191,10 @@ def test_two_tags_of_one_interval_go_by_frequency() -> None:
 
 def test_two_of_the_very_same_interval_are_each_told_once() -> None:
     tags = (tag_of(2, 1.254), tag_of(4, 1.254))
-    trains, pulses = heard(tags, [(1.254, 14.0), (1.266, 24.0)])
+    trains, pulses = heard(tags, [(1.254, 14.0), (1.266, 24.0)], duration_s=60.0)
     for own, other in zip(trains, trains[::-1], strict=True):
         assert kept(own, [other], pulses) >= 0.9
-    told = sorted(time_s(p) for p in pulses if p.confirmed)
+    told = sorted(start_s(p) for p in pulses if p.confirmed)
     assert min(b - a for a, b in pairwise(told)) > 0.005
     assert all(p.also_possible_tag_ids for p in pulses if p.confirmed)
 
@@ -245,42 +216,43 @@ def test_the_figures_at_which_two_tags_part() -> None:
     assert fine.seconds == pytest.approx(fine.pulses * 1.264)
 
 
-def test_intervals_at_a_small_ratio_are_known_from_their_bounds() -> None:
-    def ratio(slow_s: float, fast_s: float, uncertainty_s: float) -> tuple[int, int] | None:
-        slow, fast = (
-            tag_of(number, interval_s, uncertainty_s=uncertainty_s)
-            for number, interval_s in ((2, slow_s), (4, fast_s))
-        )
-        assert small_ratio(slow, fast) == small_ratio(fast, slow)
-        return small_ratio(slow, fast)
+@pytest.mark.parametrize(
+    ("slow_s", "fast_s", "uncertainty_s", "ratio"),
+    [
+        (1.5, 0.75, 0.005, (2, 1)),
+        (1.5, 0.5, 0.005, (3, 1)),
+        (1.254, 0.836, 0.005, (3, 2)),
+        (1.5, 0.77, 0.005, None),
+        (1.5, 0.77, 0.02, (2, 1)),
+        (1.254, 1.294, 0.06, None),
+    ],
+)
+def test_intervals_at_a_small_ratio_are_known_from_their_bounds(
+    slow_s: float, fast_s: float, uncertainty_s: float, ratio: tuple[int, int] | None
+) -> None:
+    slow = tag_of(2, slow_s, uncertainty_s=uncertainty_s)
+    fast = tag_of(4, fast_s, uncertainty_s=uncertainty_s)
+    assert small_ratio(slow, fast) == small_ratio(fast, slow) == ratio
 
-    assert ratio(1.5, 0.75, 0.005) == (2, 1)
-    assert ratio(1.5, 0.5, 0.005) == (3, 1)
-    assert ratio(1.254, 0.836, 0.005) == (3, 2)
-    assert ratio(1.5, 0.77, 0.005) is None
-    assert ratio(1.5, 0.77, 0.02) == (2, 1)
-    assert ratio(1.254, 1.294, 0.06) is None
 
-
-def test_tags_do_not_change_places_where_their_trains_cross() -> None:
-    """What was learnt of each holds when a track goes over to the other's pulses."""
+@pytest.mark.parametrize(
+    ("seed", "index", "wrong"),
+    [
+        # What was learnt of each holds when a track goes over to the other's pulses.
+        ((21, 6), 6, 6),
+        # Where a track of two tags' pulses, 1386 ms apart, once had one tag take another's.
+        ((1, zlib.crc32(b"E21 three tags, one of two rates"), 3), 3, 2),
+    ],
+)
+def test_tags_do_not_change_places_where_their_trains_cross(
+    seed: tuple[int, ...], index: int, wrong: int
+) -> None:
     scene = OneBand(
         intervals_s=((1.254, 1.881), (1.294,), (1.334,)), levels_db=(16.0, 14.0, 18.0)
     )
-    heard = scene.fly(np.random.default_rng([21, 6]), 6)
-    assert heard.confirmed >= 0.9 * heard.true
-    assert heard.wrong <= 6
-
-
-def test_what_has_hardly_a_pulse_of_its_own_changes_no_tags_places() -> None:
-    """Where a track of two tags' pulses, 1386 ms apart, once had one tag take another's."""
-    scene = OneBand(
-        intervals_s=((1.254, 1.881), (1.294,), (1.334,)), levels_db=(16.0, 14.0, 18.0)
-    )
-    name = zlib.crc32(b"E21 three tags, one of two rates")
-    flight = scene.fly(np.random.default_rng((1, name, 3)), 3)
-    assert flight.wrong <= 2
+    flight = scene.fly(np.random.default_rng(seed), index)
     assert flight.confirmed >= 0.9 * flight.true
+    assert flight.wrong <= wrong
 
 
 @pytest.mark.parametrize(
@@ -294,14 +266,13 @@ def test_pulses_of_one_tag_and_noise_beside_them_are_not_another_silent_one(
     [train], pulses = heard((TWO[0], silent), [(1.254, enr_db)], duration_s=120.0, seed=5)
     assert kept(train, [], of(TWO[0], pulses)) > 0.95
     assert not [p for p in of(silent, pulses) if p.confirmed]
-    times_s = [p.start_s for p in train]
-    assert not [
-        p for p in of(silent, pulses) if any(abs(time_s(p) - t) < 0.01 for t in times_s)
-    ]
+    for other in of(silent, pulses):
+        assert min(abs(start_s(other) - p.start_s) for p in train) >= 0.01
 
 
 def test_a_weak_tag_beside_a_strong_one_of_another_interval_keeps_its_pulses() -> None:
     weak = tag_of(4, 1.5, apart_hz=200.0)
-    trains, pulses = heard((TWO[0], weak), [(1.254, 30.0), (1.51, 14.0)], apart_hz=(0.0, 200.0))
+    sent = [(1.254, 30.0), (1.51, 14.0)]
+    trains, pulses = heard((TWO[0], weak), sent, duration_s=60.0, apart_hz=(0.0, 200.0))
     assert kept(trains[0], trains[1:], of(TWO[0], pulses)) > 0.95
     assert kept(trains[1], trains[:1], of(weak, pulses)) > 0.9

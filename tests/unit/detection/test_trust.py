@@ -53,15 +53,15 @@ def test_a_track_that_one_peak_confirmed_ends_after_three_empty_places() -> None
     assert empty_places(track) <= 4
 
 
-def test_a_track_of_many_clear_pulses_outlives_ten_empty_places() -> None:
-    track = begun(9.0)
-    for _ in range(6):
-        step(track, 14.0)
-    assert empty_places(track) == FOLLOW.most_missed + 1
-
-
-def test_a_strong_group_is_trusted_at_once() -> None:
-    track = begun(30.0)
+@pytest.mark.parametrize(
+    ("power", "later"), [(9.0, [14.0] * 6), (30.0, [])], ids=["many pulses", "strong group"]
+)
+def test_a_track_of_many_clear_pulses_or_a_strong_group_outlives_ten_empty_places(
+    power: float, later: list[float]
+) -> None:
+    track = begun(power)
+    for one in later:
+        step(track, one)
     assert track.confirmed
     assert empty_places(track) == FOLLOW.most_missed + 1
 

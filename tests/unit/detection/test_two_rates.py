@@ -6,10 +6,11 @@ import made
 import numpy as np
 import pytest
 from depth import seeds
+from streams import start_s
 
 from uavrt.core.messages import Pulse
 from uavrt.detection.track.two_rates import log_evidence
-from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, TruePulse, make_samples
+from uavrt_experiments.detection.signals import THESIS_TAG, TruePulse, make_samples
 from uavrt_experiments.detection.trials import detect
 
 RATES_S = (1.254, 2.508)
@@ -43,7 +44,7 @@ def labelled(pulses: list[Pulse], truth: list[TruePulse]) -> dict[int, int]:
     starts_s = np.array([pulse.start_s for pulse in truth])
     rates = {}
     for pulse in pulses:
-        away_s = np.abs(starts_s - (pulse.start_time_ns - START_NS) * 1e-9)
+        away_s = np.abs(starts_s - start_s(pulse))
         if pulse.confirmed and away_s.min() < 0.015:
             rates[int(away_s.argmin())] = pulse.rate
     return rates
@@ -76,10 +77,7 @@ def test_noise_where_one_rate_has_a_place_is_not_confirmed_at_a_switch(
         peak = replace(truth[0], start_s=between_s, enr_db=7.0)
         samples = make_samples(rng, [*truth, peak], duration_s=50.0)
         pulses, _ = detect(samples, TAG, frequency_window_hz=500.0)
-        there = [
-            p for p in pulses if abs((p.start_time_ns - START_NS) * 1e-9 - between_s) < 0.02
-        ]
-        assert not any(pulse.confirmed for pulse in there)
+        assert not any(p.confirmed for p in pulses if abs(start_s(p) - between_s) < 0.02)
         found = labelled(pulses, truth)
         # The pulse of the switch itself is of both rates.
         assert all(labels[i] == rate for i, rate in found.items() if i != switch)
@@ -94,7 +92,7 @@ def test_a_pulse_that_waits_for_its_label_is_reported_when_the_stream_ends() -> 
     truth.append(replace(truth[-1], start_s=after))
     samples = make_samples(rng, truth, duration_s=after + 0.1)
     pulses, _ = detect(samples, TAG, frequency_window_hz=500.0)
-    last = [p for p in pulses if abs((p.start_time_ns - START_NS) * 1e-9 - after) < 0.015]
+    last = [p for p in pulses if abs(start_s(p) - after) < 0.015]
     assert len(last) == 1
     assert not last[0].confirmed or last[0].rate == 2
 

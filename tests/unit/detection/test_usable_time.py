@@ -8,35 +8,29 @@ import numbered
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from streams import fed, sent
 
-from uavrt.core.messages import SearchReport, Tag
+from uavrt.core.messages import SearchReport
 from uavrt.detection.track.search_band import SearchBand
 from uavrt.flight.flight_recorder import FlightRecorder
 from uavrt.flight.reading.flight_reader import read_search_reports
 from uavrt_experiments.detection.neighbours import MainsSparks, Neighbour, Noise
-from uavrt_experiments.detection.signals import THESIS_TAG, add_pulse, noise, pulse_train
-from uavrt_experiments.detection.trials import Decision, blocks_of
+from uavrt_experiments.detection.signals import THESIS_TAG, noise
+from uavrt_experiments.detection.trials import Decision
 
 RATE_HZ = 3750.0
 
 
-def reports_of(samples: NDArray[np.complex64], tag: Tag = THESIS_TAG) -> list[SearchReport]:
+def reports_of(samples: NDArray[np.complex64]) -> list[SearchReport]:
     """Search reports of a detector over samples, without its first five seconds."""
-    detector = made.detector(tag, RATE_HZ)
-    for block, time_ns in blocks_of(samples):
-        detector.process(block, time_ns)
+    detector = made.detector(THESIS_TAG, RATE_HZ)
+    fed(detector, samples)
     return detector.search_reports()[5:]
 
 
 def usable(reports: list[SearchReport]) -> float:
     """Mean usable share."""
     return float(np.mean([r.usable_share for r in reports if r.usable_share is not None]))
-
-
-def slots(on_s: float, off_s: float, seconds: float) -> tuple[NDArray[np.bool_], int]:
-    """Which samples lie in the slots of a frame."""
-    count = round(seconds * RATE_HZ)
-    return (np.arange(count) / RATE_HZ) % (on_s + off_s) < on_s, count
 
 
 @pytest.mark.parametrize(
@@ -48,9 +42,9 @@ def test_the_usable_share_leaves_out_what_another_transmitter_takes(
     on_s: float, off_s: float
 ) -> None:
     rng = np.random.default_rng(70)
-    sending, count = slots(on_s, off_s, 40.0)
-    samples = noise(rng, count)
-    samples += np.where(sending, 56.0 * noise(rng, count), 0.0).astype(np.complex64)
+    samples = noise(rng, round(40.0 * RATE_HZ))
+    sending = np.arange(len(samples)) / RATE_HZ % (on_s + off_s) < on_s
+    samples += np.where(sending, 56.0 * noise(rng, len(samples)), 0.0).astype(np.complex64)
     share = usable(reports_of(samples))
     assert share == pytest.approx(off_s / (on_s + off_s), abs=0.05)
 
@@ -65,37 +59,25 @@ def test_the_usable_share_leaves_out_what_another_transmitter_takes(
     ids=["white", "neighbour", "sparks"],
 )
 def test_a_frequency_with_noise_and_a_tag_is_usable(make: Noise | None) -> None:
-    rng = np.random.default_rng(71)
-    samples = noise(rng, round(30.0 * RATE_HZ))
+    _, samples = sent(71, 30.0, 25.0, interval_s=1.25)
     if make is not None:
-        samples += make(rng, len(samples))
-    for pulse in pulse_train(
-        rng,
-        duration_s=30.0,
-        interval_s=1.25,
-        offset_hz=0.0,
-        enr_db=25.0,
-        jitter_s=0.0,
-        width_s=0.02,
-    ):
-        add_pulse(samples, pulse, sample_rate_hz=RATE_HZ, width_s=0.02, phase=0.0)
+        samples += make(np.random.default_rng(72), len(samples))
     assert usable(reports_of(samples)) > 0.95
 
 
 @pytest.mark.slow
 def test_eight_to_ten_of_ten_groups_are_found_at_the_weakest_level() -> None:
     reports = reports_of(noise(np.random.default_rng(72), round(20.0 * RATE_HZ)))
-    weakest_db = np.mean([r.weakest_enr_db for r in reports if r.weakest_enr_db is not None])
+    weakest_db = float(np.mean([r.weakest_enr_db for r in reports if r.weakest_enr_db]))
     decision = Decision(frequency_window_hz=500.0, band_hz=400.0)
-    found = [
-        decision.found(np.random.default_rng([73, i]), float(weakest_db)) for i in range(90)
-    ]
-    assert 0.8 <= np.mean(found) <= 1.0
-    weaker = [
-        decision.found(np.random.default_rng([74, i]), float(weakest_db) - 2.0)
-        for i in range(40)
-    ]
-    assert np.mean(weaker) < 0.8
+
+    def found(below_db: float, count: int) -> float:
+        level_db = weakest_db - below_db
+        rngs = (np.random.default_rng([73, n]) for n in range(count))
+        return float(np.mean([decision.found(rng, level_db) for rng in rngs]))
+
+    assert 0.8 <= found(0.0, 60) <= 1.0
+    assert found(2.0, 30) < 0.8
 
 
 def test_the_weakest_level_follows_the_threshold_in_force() -> None:
@@ -109,12 +91,9 @@ def test_the_weakest_level_follows_the_threshold_in_force() -> None:
 
 def test_the_flight_directory_keeps_the_report(tmp_path: Path) -> None:
     info = numbered.info(tmp_path / "flight")
-    plain = SearchReport(
-        tag_id=2, time_ns=1, frequency_hz=148e6, noise_psd=1e-9, best_score=0.5
-    )
+    plain = made.search_report(2, 1)
     full = replace(plain, time_ns=2, usable_share=0.5, weakest_enr_db=10.5)
     recorder = FlightRecorder.create(info)
-    recorder.write(plain)
-    recorder.write(full)
+    recorder.write(plain, full)
     recorder.close()
     assert read_search_reports(info.directory) == (plain, full)

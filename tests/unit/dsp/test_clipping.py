@@ -2,6 +2,7 @@
 
 import made
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from uavrt.dsp.clipping import Clipping
@@ -21,13 +22,9 @@ def noise(scale: float) -> NDArray[np.complex64]:
     return np.ascontiguousarray(values, np.float32).view(np.complex64)[:, 0]
 
 
-def test_what_a_converter_cut_off_is_clipped() -> None:
-    parts = np.clip(noise(0.5).view(np.float32), -1.0, 1.0)
-    assert share(parts.view(np.complex64)) > 0.5
-
-
-def test_a_filter_that_passes_full_scale_by_a_little_hides_no_clipping() -> None:
-    parts = np.clip(noise(0.5).view(np.float32), -1.0, 1.0) * np.float32(1.2)
+@pytest.mark.parametrize("gain", [1.0, 1.2], ids=["converter", "filter beyond full scale"])
+def test_what_a_converter_cut_off_is_clipped(gain: float) -> None:
+    parts = np.clip(noise(0.5).view(np.float32), -1.0, 1.0) * np.float32(gain)
     assert share(parts.view(np.complex64)) > 0.5
 
 

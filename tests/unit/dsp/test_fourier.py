@@ -1,5 +1,6 @@
 """Transforms of many columns, with SciPy's own module or its documented function."""
 
+from collections.abc import Iterator
 from importlib.util import spec_from_file_location
 from pathlib import Path
 
@@ -18,41 +19,36 @@ def test_each_column_is_transformed(make: object) -> None:
     assert np.allclose(ours, np.fft.fft(rows.T.astype(np.complex128), axis=0), atol=2e-5)
 
 
+@pytest.fixture
+def fresh() -> Iterator[None]:
+    """Let the transform be chosen again, before and after the test."""
+    fourier.column_transform.cache_clear()
+    yield
+    fourier.column_transform.cache_clear()
+
+
+@pytest.mark.usefixtures("fresh")
 def test_where_the_module_is_not_found_the_documented_function_is_taken(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(fourier, "EXTENSION_SUFFIXES", [".nothing"])
-    fourier.column_transform.cache_clear()
-    try:
-        values = np.eye(4, dtype=np.complex64)
-        assert np.allclose(fourier.transform_columns(values), np.fft.fft(values, axis=0))
-    finally:
-        fourier.column_transform.cache_clear()
+    values = np.eye(4, dtype=np.complex64)
+    assert np.allclose(fourier.transform_columns(values), np.fft.fft(values, axis=0))
 
 
-@pytest.mark.parametrize(
-    "line",
-    [
-        "if out is not None: raise ValueError('no place is taken')",
-        "if out is not None: return out * 0",
-    ],
-)
+@pytest.mark.usefixtures("fresh")
+@pytest.mark.parametrize("does", ["raise ValueError('no place is taken')", "return out * 0"])
 def test_a_module_that_takes_a_place_for_the_result_otherwise_is_not_used(
-    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    does: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "changed.py"
     path.write_text(
         "import numpy\n"
         "def c2c(values, axes, forward, norm, out, workers):\n"
-        f"    {line}\n"
+        f"    if out is not None: {does}\n"
         "    return numpy.fft.fft(values, axis=0).astype(values.dtype)\n"
     )
     monkeypatch.setattr(fourier, "_extension", lambda: spec_from_file_location("changed", path))
-    fourier.column_transform.cache_clear()
-    try:
-        rows = np.eye(4, dtype=np.complex64)
-        place = np.empty((4, 4), np.complex64)
-        ours = fourier.transform_columns(rows.T, place.T)
-        assert np.allclose(ours, np.fft.fft(rows.T, axis=0))
-    finally:
-        fourier.column_transform.cache_clear()
+    rows = np.eye(4, dtype=np.complex64)
+    ours = fourier.transform_columns(rows.T, np.empty((4, 4), np.complex64).T)
+    assert np.allclose(ours, np.fft.fft(rows.T, axis=0))

@@ -10,7 +10,16 @@ from uavrt.dsp.frontend import FrontEnd
 
 CENTER_HZ = 148.7e6
 START_NS = 1_700_205_419_230_494_976
+Mode = Literal["default", "compatible"]
 Complex = np.ndarray[tuple[int], np.dtype[np.complex64]]
+
+
+def front(rate_hz: float, *offsets_hz: float, mode: Mode = "default") -> FrontEnd:
+    """Make a front end for tags at some offsets from the centre."""
+    tags_hz = [CENTER_HZ + offset_hz for offset_hz in offsets_hz]
+    return FrontEnd(
+        sample_rate_hz=rate_hz, center_frequency_hz=CENTER_HZ, frequencies_hz=tags_hz, mode=mode
+    )
 
 
 def block(samples: Complex, index: int, rate_hz: float, lost: int = 0) -> IQBlock:
@@ -60,15 +69,10 @@ def centroid_ns(blocks: list[ChannelBlock]) -> float:
     ],
 )
 def test_every_usual_rate_gets_channels_of_the_thesis_width_and_right_times(
-    rate_hz: float, factor: int, mode: Literal["default", "compatible"]
+    rate_hz: float, factor: int, mode: Mode
 ) -> None:
     offset_hz = 0.2 * min(rate_hz, 375e3)
-    front_end = FrontEnd(
-        sample_rate_hz=rate_hz,
-        center_frequency_hz=CENTER_HZ,
-        frequencies_hz=[CENTER_HZ + offset_hz],
-        mode=mode,
-    )
+    front_end = front(rate_hz, offset_hz, mode=mode)
     plan = front_end.plan
     assert plan.decimation_factor == factor
     assert 3500 <= plan.channel_spacing_hz <= 4200
@@ -87,9 +91,7 @@ def test_every_usual_rate_gets_channels_of_the_thesis_width_and_right_times(
 
 @pytest.mark.parametrize("rate_hz", [3000.0, 3750.0, 7500.0, 10_000.0])
 def test_a_slow_recording_is_one_channel_and_passes_untouched(rate_hz: float) -> None:
-    front_end = FrontEnd(
-        sample_rate_hz=rate_hz, center_frequency_hz=CENTER_HZ, frequencies_hz=[CENTER_HZ + 900]
-    )
+    front_end = front(rate_hz, 900.0)
     samples = np.arange(10).astype(np.complex64)
     (channel,) = front_end.process(block(samples, 40, rate_hz, lost=3))
     np.testing.assert_array_equal(channel.samples, samples)
@@ -102,14 +104,14 @@ def test_a_slow_recording_is_one_channel_and_passes_untouched(rate_hz: float) ->
 
 
 def test_a_tag_appears_in_its_channel_at_its_offset() -> None:
-    tags = [CENTER_HZ - 100e3, CENTER_HZ + 1234.0, CENTER_HZ + 61_875.0, CENTER_HZ + 126e3]
-    front_end = FrontEnd(sample_rate_hz=3e6, center_frequency_hz=CENTER_HZ, frequencies_hz=tags)
-    plan = front_end.plan
+    offsets_hz = [-100e3, 1234.0, 61_875.0, 126e3]
+    front_end = front(3e6, *offsets_hz)
     index = np.arange(600_000)
-    for tag, number in zip(tags, plan.frequency_channels, strict=True):
+    for offset_hz, number in zip(offsets_hz, front_end.plan.frequency_channels, strict=True):
+        tag = CENTER_HZ + offset_hz
         assert front_end.channel_of(tag) == number
         front_end.reset()
-        tone = np.exp(2j * np.pi * (tag - CENTER_HZ) / 3e6 * index).astype(np.complex64)
+        tone = np.exp(2j * np.pi * offset_hz / 3e6 * index).astype(np.complex64)
         channels = {part.channel: part for part in front_end.process(block(tone, 0, 3e6))}
         part = channels[number]
         settled = part.samples[20:]
@@ -120,9 +122,7 @@ def test_a_tag_appears_in_its_channel_at_its_offset() -> None:
 
 
 def test_band_times_and_rates_follow_the_measured_rate() -> None:
-    front_end = FrontEnd(
-        sample_rate_hz=3e6, center_frequency_hz=CENTER_HZ, frequencies_hz=[CENTER_HZ + 5e3]
-    )
+    front_end = front(3e6, 5e3)
     measured = 3e6 * (1 + 150e-6)
     first = block(np.zeros(80_000, dtype=np.complex64), 0, measured)
     second = block(np.zeros(80_000, dtype=np.complex64), 80_000, measured)
@@ -138,58 +138,40 @@ def test_band_times_and_rates_follow_the_measured_rate() -> None:
 
 
 def test_frequencies_outside_the_span_are_all_named() -> None:
-    with pytest.raises(
-        TunerError, match=r"148\.500000, 149\.000000 MHz.*Tune the radio"
-    ) as info:
-        FrontEnd(
-            sample_rate_hz=250e3,
-            center_frequency_hz=CENTER_HZ,
-            frequencies_hz=[148.5e6, 148.71e6, 149e6],
-        )
+    both = r"148\.500000, 149\.000000 MHz.*Tune the radio"
+    with pytest.raises(TunerError, match=both) as info:
+        front(250e3, -200e3, 10e3, 300e3)
     assert "148.71" not in str(info.value)
-    front_end = FrontEnd(
-        sample_rate_hz=3e6, center_frequency_hz=CENTER_HZ, frequencies_hz=[CENTER_HZ]
-    )
-    with pytest.raises(TunerError, match="span"):
-        front_end.channel_of(CENTER_HZ + 130e3)
-    with pytest.raises(TunerError, match="span"):
-        front_end.channel_of(float("nan"))
+    front_end = front(3e6, 0.0)
+    for outside_hz in (CENTER_HZ + 130e3, float("nan")):
+        with pytest.raises(TunerError, match="span"):
+            front_end.channel_of(outside_hz)
 
 
 def test_a_tag_beyond_the_usual_band_widens_it() -> None:
-    front_end = FrontEnd(
-        sample_rate_hz=3e6,
-        center_frequency_hz=CENTER_HZ,
-        frequencies_hz=[CENTER_HZ - 10e3, CENTER_HZ + 400e3],
-    )
-    assert front_end.plan.decimation_factor == 2
-    assert front_end.plan.usable_half_span_hz >= 400e3
+    plan = front(3e6, -10e3, 400e3).plan
+    assert plan.decimation_factor == 2
+    assert plan.usable_half_span_hz >= 400e3
 
 
 @pytest.mark.parametrize("rate_hz", [0.0, -3e6, 2999.0, 1e9, float("nan")])
 def test_a_rate_that_cannot_be_served_is_refused(rate_hz: float) -> None:
     with pytest.raises(UsageError, match="sample rate"):
-        FrontEnd(sample_rate_hz=rate_hz, center_frequency_hz=CENTER_HZ, frequencies_hz=[])
+        front(rate_hz)
 
 
 def test_without_frequencies_every_channel_is_computed() -> None:
-    front_end = FrontEnd(sample_rate_hz=3e6, center_frequency_hz=CENTER_HZ, frequencies_hz=[])
-    channels = front_end.process(block(np.zeros(8000, dtype=np.complex64), 0, 3e6))
+    channels = front(3e6).process(block(np.zeros(8000, dtype=np.complex64), 0, 3e6))
     assert [part.channel for part in channels] == list(range(100))
     centers = [part.center_frequency_hz - CENTER_HZ for part in channels]
     assert centers[:3] == [0, 3750, 7500]
     assert centers[49:52] == [183_750, -187_500, -183_750]
-
-
-def test_too_few_samples_for_an_output_give_no_blocks() -> None:
-    front_end = FrontEnd(sample_rate_hz=3e6, center_frequency_hz=CENTER_HZ, frequencies_hz=[])
-    assert front_end.process(block(np.zeros(392, dtype=np.complex64), 0, 3e6)) == []
+    # Too few samples for an output give no blocks.
+    assert front(3e6).process(block(np.zeros(392, dtype=np.complex64), 0, 3e6)) == []
 
 
 def test_a_short_gap_is_a_gap_in_the_band_and_zeros_in_the_channels() -> None:
-    front_end = FrontEnd(
-        sample_rate_hz=3e6, center_frequency_hz=CENTER_HZ, frequencies_hz=[CENTER_HZ + 5e3]
-    )
+    front_end = front(3e6, 5e3)
     ones = np.ones(80_000, dtype=np.complex64)
     band = front_end.decimate(block(ones, 0, 3e6))
     after = front_end.decimate(block(ones, 100_000, 3e6, lost=20_000))
@@ -202,9 +184,7 @@ def test_a_short_gap_is_a_gap_in_the_band_and_zeros_in_the_channels() -> None:
 
 
 def test_a_long_gap_is_reported_in_samples_of_the_channel() -> None:
-    front_end = FrontEnd(
-        sample_rate_hz=3e6, center_frequency_hz=CENTER_HZ, frequencies_hz=[CENTER_HZ + 5e3]
-    )
+    front_end = front(3e6, 5e3)
     ones = np.ones(80_000, dtype=np.complex64)
     (first,) = front_end.process(block(ones, 0, 3e6))
     (second,) = front_end.process(block(ones, 8_000_003, 3e6, lost=7_920_003))
@@ -215,9 +195,7 @@ def test_a_long_gap_is_reported_in_samples_of_the_channel() -> None:
 
 
 def test_a_source_that_starts_again_starts_the_front_end_again() -> None:
-    front_end = FrontEnd(
-        sample_rate_hz=3e6, center_frequency_hz=CENTER_HZ, frequencies_hz=[CENTER_HZ + 5e3]
-    )
+    front_end = front(3e6, 5e3)
     ones = np.ones(80_000, dtype=np.complex64)
     front_end.process(block(ones, 400_000, 3e6))
     (again,) = front_end.process(block(ones, 0, 3e6))

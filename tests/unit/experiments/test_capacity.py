@@ -7,7 +7,6 @@ import made
 import pytest
 
 from uavrt.core.clock import Clock
-from uavrt.core.messages import Pose
 from uavrt.simulation.demo.demo_programs import free_udp_port
 from uavrt.simulation.vehicle.fake_autopilot import AutopilotSettings, FakeAutopilot
 from uavrt_experiments.capacity.links import run_links
@@ -34,21 +33,14 @@ def test_our_sender_loses_none_in_4_ms_and_8_ms_loops(gap_s: float) -> None:
 
 
 async def test_through_links_every_loss_is_the_autopilots() -> None:
-    companion, ground = free_udp_port(), free_udp_port()
-    settings = AutopilotSettings(
-        companion=("127.0.0.1", companion), ground=("127.0.0.1", ground)
+    companion, ground = ("127.0.0.1", free_udp_port()), ("127.0.0.1", free_udp_port())
+    autopilot = FakeAutopilot(
+        made.pose, AutopilotSettings(companion=companion, ground=ground), Clock.start()
     )
-
-    def still(time_ns: int) -> Pose:
-        return made.pose(
-            time_ns, 35.0, -111.0, altitude_relative_m=50.0, altitude_amsl_m=2000.0
-        )
-
-    autopilot = FakeAutopilot(still, settings, Clock.start())
     task = asyncio.create_task(autopilot.run())
     try:
-        at = "udpin://127.0.0.1"
-        rows = await run_links(f"{at}:{companion}", f"{at}:{ground}", (60,), (0, 20))
+        here, there = (f"udpin://{host}:{port}" for host, port in (companion, ground))
+        rows = await run_links(here, there, (60,), (0, 20))
     finally:
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)

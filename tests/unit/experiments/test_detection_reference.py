@@ -1,4 +1,4 @@
-"""Ours against the original's statistic and an energy detector, on identical data."""
+"""Ours against the original's statistic, on identical data."""
 
 import math
 from collections.abc import Sequence
@@ -6,12 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from energy_detector import EnergyDetector
 from original_detector import Group, OriginalDetector
 from some import some
 
 from uavrt.detection.search.thresholds import decision_span_s
-from uavrt_experiments.detection import original, theory
+from uavrt_experiments.detection import original
 from uavrt_experiments.detection.false_alarms import detected_groups
 from uavrt_experiments.detection.interference import carrier, impulses
 from uavrt_experiments.detection.signals import THESIS_TAG, TruePulse, noise
@@ -25,12 +24,6 @@ TRIALS = 20
 @pytest.fixture(scope="module")
 def the_original() -> OriginalDetector:
     return OriginalDetector(THESIS_TAG)
-
-
-@pytest.fixture(scope="module")
-def energy() -> EnergyDetector:
-    span_s = decision_span_s(THESIS_TAG)
-    return EnergyDetector(pulse_width_s=THESIS_TAG.pulse_width_s, segment_s=span_s)
 
 
 def reported_right(group: Group | None, truth: Sequence[TruePulse]) -> bool:
@@ -127,34 +120,3 @@ def test_what_fools_the_originals_statistic_does_not_fool_ours(
     ours = sum(bool(detect(samples, THESIS_TAG)[0]) for samples in stretches)
     assert theirs >= 8
     assert ours <= 1
-
-
-def test_an_energy_detector_keeps_within_the_bound_of_single_pulses_and_below_ours(
-    energy: EnergyDetector,
-) -> None:
-    """Any of the stretch's pulses counts for it; 3.3 standard deviations are allowed for."""
-    for level in (10.0, 12.0):
-        hits = ours = bound = 0.0
-        for trial in range(TRIALS):
-            rng = np.random.default_rng((24, round(10 * level), trial))
-            samples, truth = Decision().stretch(rng, level)
-            cell = energy.detect(samples)
-            hits += cell is not None and any(
-                abs(cell[0] - t.start_s) < 0.015 and abs(cell[1] - t.offset_hz) < 50.0
-                for t in truth
-            )
-            ours += group_found(detect(samples, THESIS_TAG)[0], truth, THESIS_TAG)
-            # K - 1 stretches of one pulse each searched at once: a third of the pf for each.
-            single = theory.single_pulse(level, 0.01 / len(truth))
-            bound += 1.0 - (1.0 - single) ** len(truth)
-        spread = math.sqrt(TRIALS * 0.25)
-        assert hits <= bound + 3.3 * spread
-        assert hits >= 0.4 * bound - 3.3 * spread
-        assert ours > hits
-
-
-def test_the_energy_detector_hears_a_strong_pulse_where_it_is(energy: EnergyDetector) -> None:
-    samples, truth = Decision().stretch(np.random.default_rng(2), 22.0)
-    cell = some(energy.detect(samples))
-    assert min(abs(cell[0] - t.start_s) for t in truth) < 0.004
-    assert cell[1] == pytest.approx(truth[0].offset_hz, abs=15.0)

@@ -3,6 +3,7 @@
 import csv
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -79,21 +80,21 @@ def test_a_tag_a_decibel_above_the_bar_is_found(course: Course, enr_db: float) -
     assert sum(one.found for one in flights) >= 2
 
 
-def test_lanes_past_a_tag_find_it() -> None:
-    course = lawnmower(exponent=2.0, legs=4, speed_m_s=20.0)
-    assert fly(np.random.default_rng(7), course, 4.5).found
-
-
-def test_drift_and_losses_cost_little() -> None:
-    drifting = fly(np.random.default_rng(8), turning(200), 6.0, drift=0.01, searched_drift=0.01)
-    assert drifting.found
-    assert fly(np.random.default_rng(9), turning(), 4.5, lost=True).found
-    assert fly(np.random.default_rng(3), turning(), 4.5, missing=True).found
-
-
-def test_a_tag_that_changes_its_rate_half_way_is_found() -> None:
-    flown = fly(np.random.default_rng(3), turning(200), 8.0, second_s=1.1 * INTERVAL_S)
-    assert flown.found
+@pytest.mark.parametrize(
+    ("seed", "course", "enr_db", "options"),
+    [
+        (7, lawnmower(exponent=2.0, legs=4, speed_m_s=20.0), 4.5, {}),
+        (8, turning(200), 6.0, {"drift": 0.01, "searched_drift": 0.01}),
+        (9, turning(), 4.5, {"lost": True}),
+        (3, turning(), 4.5, {"missing": True}),
+        (3, turning(200), 8.0, {"second_s": 1.1 * INTERVAL_S}),
+    ],
+    ids=["lanes past it", "drift", "losses", "missing pulses", "another rate"],
+)
+def test_a_tag_is_found_by_lanes_past_it_and_despite_drift_losses_and_another_rate(
+    seed: int, course: Course, enr_db: float, options: dict[str, Any]
+) -> None:
+    assert fly(np.random.default_rng(seed), course, enr_db, **options).found
 
 
 def test_energies_kept_in_flight_give_the_verdict_of_all_samples() -> None:
@@ -118,22 +119,19 @@ def test_regions_hold_the_tag_and_a_straight_pass_has_two_places() -> None:
     assert all(one is not None and one.off_m <= 1.3 * one.bound_m for one in passed)
 
 
-def test_regions_hold_the_tag_in_its_own_world_and_another() -> None:
-    for number, case in enumerate(EXPERIMENTS["I8"].cases[: count(2, 5)]):
-        flights = count(4, 40)
+def test_regions_hold_the_tag_in_another_world() -> None:
+    """Ranks below try its own world."""
+    for number, case in enumerate(EXPERIMENTS["I8"].cases[count(1, 0) : count(2, 5)]):
         outcomes = [
-            case.trial(np.random.default_rng((12, number, n)), n) for n in range(flights)
+            case.trial(np.random.default_rng((12, number, n)), n) for n in range(count(4, 40))
         ]
         assert not [row for row in case.rows(outcomes) if row.contradicted]
 
 
 def test_headings_that_are_wrong_show_in_the_ranks_of_whole_flights() -> None:
-    sound, wrong = EXPERIMENTS["I8"].cases[-2:]
-    chances = []
-    for case in (sound, wrong):
+    for case in EXPERIMENTS["I8"].cases[-2:]:
         outcomes = [case.trial(np.random.default_rng((13, n)), n) for n in range(count(14, 60))]
-        chances.append(case.rows(outcomes)[0])
-    assert all(row.met for row in chances)
+        assert case.rows(outcomes)[0].met
 
 
 def test_the_command_prints_and_files_its_table(
@@ -169,15 +167,6 @@ def test_flights_a_kilometre_apart_find_together_where_a_tag_rests() -> None:
     assert any(one.held for one in flown)
 
 
-def _pulses(course: Course) -> np.ndarray:
-    """Levels of a tag's pulses, relative to the strongest, on a course."""
-    east, north = course.tag_at(np.random.default_rng(13))
-    at_s = np.arange(0.0, course.duration_s, 1.254)
-    return np.asarray(
-        10.0 ** (0.1 * np.interp(at_s, course.time_s, course.gain_db(east, north)))
-    )
-
-
 def test_the_tag_of_the_barred_lanes_lies_250_metres_beside_two_of_five() -> None:
     course = lawnmower(exponent=4.0, tag="midway")
     for seed in range(8):
@@ -186,7 +175,9 @@ def test_the_tag_of_the_barred_lanes_lies_250_metres_beside_two_of_five() -> Non
         assert np.diff(lanes) == pytest.approx([500.0] * 4)
         assert np.sort(np.abs(lanes - north))[:2] == pytest.approx([250.0, 250.0])
     # Two passes: 60 pulses within 6 dB, the strongest seen from two lanes alike.
-    assert 40 < int((_pulses(course) > 0.25).sum()) < 90
+    gain_db = course.gain_db(*course.tag_at(np.random.default_rng(13)))
+    levels_db = np.interp(np.arange(0.0, course.duration_s, 1.254), course.time_s, gain_db)
+    assert 40 < int((levels_db > 10.0 * np.log10(0.25)).sum()) < 90
 
 
 def test_only_rows_of_the_stated_geometry_have_a_bar() -> None:
@@ -234,5 +225,5 @@ def found_in_a_foreign_flight(seed: int, strongest_db: float) -> bool:
 
 def test_half_of_the_tags_are_found_in_flights_that_the_simulator_did_not_make() -> None:
     # At 2.7 dB 27 of 40 were found.
-    assert sum(found_in_a_foreign_flight(seed, 3.0) for seed in range(12)) >= 6
-    assert not any(found_in_a_foreign_flight(seed, -20.0) for seed in range(3))
+    assert sum(found_in_a_foreign_flight(seed, 3.0) for seed in range(8)) >= 4
+    assert not any(found_in_a_foreign_flight(seed, -20.0) for seed in range(2))

@@ -100,16 +100,22 @@ def test_each_flight_has_its_line_and_a_failed_one_its_reason() -> None:
     assert third.endswith("failed: the search did not end. Run it again")
 
 
-def test_the_table_stands_behind_the_others_on_the_page(tmp_path: Path) -> None:
+def test_the_table_stands_behind_the_others_on_the_page_in_place_of_its_earlier_one(
+    tmp_path: Path,
+) -> None:
     page = tmp_path / "bars.md"
+    page.write_text("# Bars\n\nWords.\n", encoding="utf-8")
     flights = [ALL_FOUND, ONE_MISSED, FAILED]
     rows = process_rows(flights)
     put_section(page, PROCESSES, process_page(flights, rows, "first", "Measured now."))
-    put_section(page, "T10", "## T10: other")
+    for name in ("T10", "T9"):
+        put_section(page, name, f"## {name}: other")
     put_section(page, PROCESSES, process_page(flights, rows, "second", "Measured now."))
     written = page.read_text(encoding="utf-8")
+    assert written.startswith("# Bars\n\nWords.\n")
     assert "`first`" not in written
-    assert written.index("<!-- begin T10 -->") < written.index("<!-- begin processes -->")
+    marks = [f"<!-- begin {name} -->" for name in ("T9", "T10", "processes")]
+    assert sorted(marks, key=written.index) == marks
     assert "**0.5 (0.188–0.812)**" in written
     tables = [line for line in written.splitlines() if line.startswith("|")]
     assert len({line.count("|") for line in tables[:5]}) == 1

@@ -3,6 +3,9 @@
 import csv
 import re
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 from uavrt_experiments.recovery.report import Kill, RecoveryReport
 from uavrt_experiments.resources.report import Load, cpu_table
@@ -59,43 +62,42 @@ def test_numbers_stand_flush_right() -> None:
     assert aligned([("name", "n"), ("a", "100")], numbers_from=1) == "name    n\na     100"
 
 
+LOSSES = ("lost_from_database", "lost_from_log", "lost_on_ground", "orphans")
+
+
+def recovery(resumed_s: float, **lost: int) -> RecoveryReport:
+    nothing: dict[str, Any] = dict.fromkeys(LOSSES, 0)
+    kill = Kill(process="detector-1", how="SIGKILL", resumed_s=resumed_s, limit_s=2.0)
+    return RecoveryReport(
+        seed=1,
+        kills=(kill,),
+        pulses_recorded=9,
+        pulses_detected=10,
+        pulses_promised=10,
+        without_pose=1,
+        flights=1,
+        **(nothing | lost),
+    )
+
+
 def test_recovery_holds_only_if_each_kill_kept_its_limit_and_nothing_is_lost() -> None:
-    def report(resumed_s: float, **lost: int) -> RecoveryReport:
-        kill = Kill(process="detector-1", how="SIGKILL", resumed_s=resumed_s, limit_s=2.0)
-        return RecoveryReport(
-            seed=1,
-            kills=(kill,),
-            pulses_recorded=9,
-            pulses_detected=10,
-            pulses_promised=10,
-            without_pose=1,
-            flights=1,
-            lost_from_database=lost.get("database", 0),
-            lost_from_log=lost.get("log", 0),
-            lost_on_ground=lost.get("ground", 0),
-            orphans=lost.get("orphans", 0),
-        )
-
-    assert report(1.9).ok
-    assert not report(2.1).ok
-    for name in ("database", "log", "ground", "orphans"):
-        assert not report(1.0, **{name: 1}).ok
-    text = drawn(report(2.1, ground=3).rows())
-    assert [line for line in text.splitlines() if "NOT met" in line] == [
-        line for line in text.splitlines() if "detector" in line or "the ground" in line
-    ]
+    assert recovery(1.9).ok
+    assert not recovery(2.1).ok
+    assert not any(recovery(1.0, **{name: 1}).ok for name in LOSSES)
+    lines = drawn(recovery(2.1, lost_on_ground=3).rows()).splitlines()
+    missed = [line for line in lines if "NOT met" in line]
+    assert missed == [line for line in lines if "detector" in line or "the ground" in line]
 
 
-def test_a_load_is_in_real_time_without_delay_and_loss() -> None:
-    def load(behind_s: float, lost_samples: float) -> bool:
-        return Load(
-            tags=100, cpu_percent=20.0, behind_s=behind_s, lost_samples=lost_samples
-        ).real_time
-
-    assert load(0.5, 0.0)
-    assert not load(2.5, 0.0)
-    assert not load(0.5, 1.0)
-    assert not load(float("inf"), 0.0)
+@pytest.mark.parametrize(
+    ("behind_s", "lost", "real_time"),
+    [(0.5, 0.0, True), (2.5, 0.0, False), (0.5, 1.0, False), (float("inf"), 0.0, False)],
+)
+def test_a_load_is_in_real_time_without_delay_and_loss(
+    behind_s: float, lost: float, real_time: bool
+) -> None:
+    load = Load(tags=100, cpu_percent=20.0, behind_s=behind_s, lost_samples=lost)
+    assert load.real_time is real_time
 
 
 def test_a_table_of_processors_has_the_statistics_of_the_thesis_and_a_bar() -> None:

@@ -2,7 +2,9 @@
 
 import io
 import math
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from some import some
@@ -12,7 +14,6 @@ from uavrt.core.errors import FormatError
 from uavrt.flight.logs.pulse_files import read_pulse_file
 from uavrt.flight.reading.recognise import read_pulse_log, read_pulses, recognised
 from uavrt.formats.bearings_csv import (
-    BearingRow,
     read_bearing_file,
     write_bearing_file,
 )
@@ -88,10 +89,10 @@ def test_every_variant_of_2023_says_the_same(tmp_path: Path, lines: tuple[str, .
     assert (one.pulse.snr_db, one.pulse.group_snr_db) == (36.843531, 36.563833)
     assert (one.pulse.group_sequence, one.pulse.group_index) == (13, 1)
     assert math.isnan(one.pulse.noise_psd)
-    assert one.pose is not None
-    assert (one.pose.latitude_deg, one.pose.longitude_deg) == (35.178241, -111.656588)
-    assert one.pose.altitude_relative_m == 9.693001
-    assert yaw_deg(one.pose.quaternion_wxyz) == pytest.approx(91.0, abs=0.05)
+    pose = some(one.pose)
+    assert (pose.latitude_deg, pose.longitude_deg) == (35.178241, -111.656588)
+    assert pose.altitude_relative_m == 9.693001
+    assert yaw_deg(pose.quaternion_wxyz) == pytest.approx(91.0, abs=0.05)
     assert any("half of each turn" in warning for warning in found.warnings)
 
 
@@ -112,10 +113,10 @@ def test_every_variant_with_a_noise_density_says_the_same(
     (one,) = read_pulses(log(tmp_path, *heading, ROW_2024 + attitude))
     assert one.pulse.noise_psd == 1e-10
     assert one.pulse.detection_status == "confirmed"
-    assert one.pose is not None
-    assert (one.pose.latitude_deg, one.pose.longitude_deg) == (47.3978, 8.54561)
-    assert one.pose.altitude_relative_m == 12.5
-    assert yaw_deg(one.pose.quaternion_wxyz) == pytest.approx(91.0, abs=0.05)
+    pose = some(one.pose)
+    assert (pose.latitude_deg, pose.longitude_deg) == (47.3978, 8.54561)
+    assert pose.altitude_relative_m == 12.5
+    assert yaw_deg(pose.quaternion_wxyz) == pytest.approx(91.0, abs=0.05)
 
 
 def test_the_antennas_offset_turns_the_heading_once(tmp_path: Path) -> None:
@@ -136,12 +137,8 @@ def test_rows_of_2026_and_slices_with_nothing_found(tmp_path: Path) -> None:
 
 def test_minus_infinity_is_kept_and_the_placeholder_is_unknown(tmp_path: Path) -> None:
     attitude = "0.1, -0.2, 91.0, 0.0"
-    found = read_pulses(
-        log(
-            tmp_path,
-            *(ROW_2024.replace("70.218000", snr) + attitude for snr in ("-inf", "-9999")),
-        )
-    )
+    lines = [ROW_2024.replace("70.218000", snr) + attitude for snr in ("-inf", "-9999")]
+    found = read_pulses(log(tmp_path, *lines))
     assert found[0].pulse.snr_db == -math.inf
     assert math.isnan(found[1].pulse.snr_db)
 
@@ -174,9 +171,8 @@ def test_what_we_write_for_tagtracker_is_read_back(tmp_path: Path) -> None:
     assert stream.getvalue().startswith("# 7, tag_id")
     again = read_pulses(log(tmp_path, *stream.getvalue().splitlines(), name="again.csv"))
     assert again[0].pulse == ours[0].pulse
-    assert again[0].pose is not None
     expected = from_euler_deg(91.0, -4.0, 3.0)
-    assert again[0].pose.quaternion_wxyz == pytest.approx(expected, abs=1e-6)
+    assert some(again[0].pose).quaternion_wxyz == pytest.approx(expected, abs=1e-6)
 
 
 def test_the_log_of_the_original_is_read_with_the_reason_why_its_poses_are_unusable(
@@ -222,10 +218,10 @@ def test_pings_of_ucsd_have_places_from_utm(tmp_path: Path) -> None:
     first, second = found.pulse_poses
     assert (first.pulse.tag_id, second.pulse.tag_id) == (1, 2)
     assert second.pulse.start_time_ns - first.pulse.start_time_ns == 1_500_000_000
-    assert first.pose is not None
-    assert first.pose.latitude_deg == pytest.approx(43.642567, abs=1e-5)
-    assert first.pose.longitude_deg == pytest.approx(-79.387139, abs=1e-5)
-    assert yaw_deg(first.pose.quaternion_wxyz) == pytest.approx(45.0)
+    pose = some(first.pose)
+    assert pose.latitude_deg == pytest.approx(43.642567, abs=1e-5)
+    assert pose.longitude_deg == pytest.approx(-79.387139, abs=1e-5)
+    assert yaw_deg(pose.quaternion_wxyz) == pytest.approx(45.0)
     assert "unknown reference" in found.warnings[0]
 
 
@@ -269,19 +265,10 @@ def test_the_golden_bearing_line_survives_and_a_new_one_replaces_its_parents(
     path = tmp_path / "bearings.csv"
     path.write_text(golden)
     (row,) = read_bearing_file(path)
-    other = BearingRow(
-        tag_id=2,
-        parent_file="other.csv",
-        bearing_deg=10.0,
-        confidence=None,
-        latitude_deg=35.0,
-        longitude_deg=-111.0,
-        altitude_relative_m=None,
-        altitude_amsl_m=None,
-        start_time_ns=None,
-        end_time_ns=None,
-        sigma_deg=2.5,
+    unknown: dict[str, Any] = dict.fromkeys(
+        ("confidence", "altitude_relative_m", "altitude_amsl_m", "start_time_ns", "end_time_ns")
     )
+    other = replace(row, parent_file="other.csv", bearing_deg=10.0, sigma_deg=2.5, **unknown)
     write_bearing_file(path, [other])
     assert read_bearing_file(path) == (row, other)
     write_bearing_file(path, [row])
@@ -291,13 +278,8 @@ def test_the_golden_bearing_line_survives_and_a_new_one_replaces_its_parents(
 
 def test_positions_are_written_as_the_original_does_and_read_back(tmp_path: Path) -> None:
     path = tmp_path / "positions.csv"
-    row = PositionRow(
-        tag_id=2,
-        bearing_file="bearings.csv",
-        mle=(35.17, -111.65),
-        rmr=None,
-        mest=(35.171234567, -111.651234567),
-    )
+    mle, mest = (35.17, -111.65), (35.171234567, -111.651234567)
+    row = PositionRow(tag_id=2, bearing_file="bearings.csv", mle=mle, rmr=None, mest=mest)
     write_position_file(path, [row])
     write_position_file(path, [row])
     assert read_position_file(path) == (row,)

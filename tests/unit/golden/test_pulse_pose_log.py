@@ -1,11 +1,12 @@
 """Lines of ``pulse_pose_log.txt``: the thesis's own, and ours beside them."""
 
 import json
-import math
+from dataclasses import replace
 from pathlib import Path
 
-import made
+import numbered
 import pytest
+from some import some
 
 from uavrt.core.earth.attitude import yaw_deg
 from uavrt.core.errors import FormatError
@@ -29,30 +30,27 @@ OUR_ROW = (
     "1700205420, 554494972, 69.64840000001, 0.219541, 1, 69.8253, 1, 1, 47.397812345, "
     "8.545611234, 488.0771, 0.001890660, -0.001090680, 0.713390000, 0.700764000\n"
 )
-PULSE = made.pulse(
-    1_700_205_419_230_494_976,
-    frequency_hz=148_710_000.125,
+PULSE = replace(
+    numbered.pulse(),
+    start_time_ns=numbered.START_NS,
     end_time_ns=1_700_205_419_250_494_957,
     snr_db=69.64840000001,
-    group_snr_db=69.8253,
-    score=0.219541,
     group_sequence=7,
     predicted_next_start_ns=1_700_205_420_434_494_972,
     predicted_next_end_ns=1_700_205_420_554_494_972,
 )
-POSE = made.pose(
-    1_700_205_419_240_494_966,
-    47.397812345,
-    8.545611234,
-    altitude_amsl_m=488.0771,
-    altitude_relative_m=12.5,
-    quaternion_wxyz=(0.700764, 0.00189066, -0.00109068, 0.71339),
-)
+POSE = numbered.pose(1_700_205_419_240_494_966)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "pulse_pose_log.txt"
 
 
 def test_our_line_has_the_thesis_columns_at_full_precision() -> None:
     assert format_line(PulsePose(pulse=PULSE, pose=POSE)) == OUR_ROW
     assert len(OUR_ROW.split(", ")) == len(THESIS_ROW.split(", ")) == 23
+    assert some(parse_line(OUR_ROW).pose).time_ns == POSE.time_ns
 
 
 def test_the_thesis_line_is_read_as_its_author_meant_it() -> None:
@@ -62,21 +60,9 @@ def test_the_thesis_line_is_read_as_its_author_meant_it() -> None:
     assert row.pulse.predicted_next_start_ns == 1_700_205_420_434_494_972
     assert row.pulse.predicted_next_end_ns is None  # saturated, so unknown
     assert row.pulse.detection_status == "confirmed"
-    assert row.pose is not None
-    assert row.pose.latitude_deg == 47.3978
-    assert yaw_deg(row.pose.quaternion_wxyz) == pytest.approx(91.0, abs=0.05)
-
-
-def test_our_line_is_read_back_but_for_what_it_has_no_column_for() -> None:
-    row = parse_line(OUR_ROW, group_sequence=7)
-    assert row.pulse.frequency_hz == PULSE.frequency_hz
-    assert row.pulse.start_time_ns == PULSE.start_time_ns
-    assert row.pulse.snr_db == PULSE.snr_db
-    assert row.pulse.predicted_next_end_ns == PULSE.predicted_next_end_ns
-    assert math.isnan(row.pulse.noise_psd)
-    assert row.pose is not None
-    assert row.pose.quaternion_wxyz == POSE.quaternion_wxyz
-    assert row.pose.time_ns == POSE.time_ns
+    pose = some(row.pose)
+    assert pose.latitude_deg == 47.3978
+    assert yaw_deg(pose.quaternion_wxyz) == pytest.approx(91.0, abs=0.05)
 
 
 def test_a_pulse_without_pose_has_nan_and_never_zeros() -> None:
@@ -106,8 +92,7 @@ def test_both_flags_together_tell_the_status(
     assert line.split(", ")[14:16] == [detection, confirmed]
 
 
-def test_groups_are_counted_again_from_the_place_in_the_group(tmp_path: Path) -> None:
-    path = tmp_path / "pulse_pose_log.txt"
+def test_groups_are_counted_again_from_the_place_in_the_group(path: Path) -> None:
     fields = THESIS_ROW.split(", ")
     for place in ("1", "2", "3", "1", "3", "2"):
         fields[12] = place
@@ -118,16 +103,14 @@ def test_groups_are_counted_again_from_the_place_in_the_group(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("tail", ["2, 148.71, 17002", "\0" * 30, "2, 148.71, 17002\n"])
-def test_a_line_cut_off_by_a_power_cut_is_passed_over(tmp_path: Path, tail: str) -> None:
-    path = tmp_path / "pulse_pose_log.txt"
+def test_a_line_cut_off_by_a_power_cut_is_passed_over(path: Path, tail: str) -> None:
     path.write_text(THESIS_ROW * 2 + tail)
     assert len(read_pulse_pose_log(path)) == 2
 
 
 def test_a_damaged_line_inside_is_read_around_and_told_with_its_number(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = tmp_path / "pulse_pose_log.txt"
     path.write_text(THESIS_ROW + "2, 148.71\n" + THESIS_ROW)
     assert len(read_pulse_pose_log(path)) == 2
     told = json.loads(capsys.readouterr().err)
@@ -136,8 +119,7 @@ def test_a_damaged_line_inside_is_read_around_and_told_with_its_number(
     assert told["reason"] == "the line has 2 columns instead of 23"
 
 
-def test_a_file_of_damaged_lines_is_no_log(tmp_path: Path) -> None:
-    path = tmp_path / "pulse_pose_log.txt"
+def test_a_file_of_damaged_lines_is_no_log(path: Path) -> None:
     path.write_text("2, 148.71\n" + THESIS_ROW + "3, 1\n" * 2)
     with pytest.raises(
         FormatError, match="line 1 is not a pulse: the line has 2 columns instead of 23"
@@ -145,13 +127,12 @@ def test_a_file_of_damaged_lines_is_no_log(tmp_path: Path) -> None:
         read_pulse_pose_log(path)
 
 
-def test_a_missing_log_is_refused_with_its_name(tmp_path: Path) -> None:
+def test_a_missing_log_is_refused_with_its_name(path: Path) -> None:
     with pytest.raises(FormatError, match="pulse_pose_log"):
-        read_pulse_pose_log(tmp_path / "pulse_pose_log.txt")
+        read_pulse_pose_log(path)
 
 
-def test_repair_finds_the_last_line_however_long_what_follows_it_is(tmp_path: Path) -> None:
-    path = tmp_path / "pulse_pose_log.txt"
+def test_repair_finds_the_last_line_however_long_what_follows_it_is(path: Path) -> None:
     log = PulsePoseLog(path)
     for rest in ("x", "x" * READ_BYTES, "x" * (3 * READ_BYTES - len(THESIS_ROW))):
         path.write_text(THESIS_ROW + rest)
@@ -162,8 +143,7 @@ def test_repair_finds_the_last_line_however_long_what_follows_it_is(tmp_path: Pa
         assert path.read_text() == ""
 
 
-def test_repair_cuts_the_unfinished_line_and_tells_what_is_there(tmp_path: Path) -> None:
-    path = tmp_path / "pulse_pose_log.txt"
+def test_repair_cuts_the_unfinished_line_and_tells_what_is_there(path: Path) -> None:
     log = PulsePoseLog(path)
     log.repair()
     assert list(log.keys()) == []

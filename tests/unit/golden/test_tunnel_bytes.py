@@ -2,6 +2,7 @@
 
 import struct
 
+import made
 import pytest
 
 from uavrt.link.mavlink.dialect import CRC_EXTRAS, MESSAGES, Tunnel
@@ -41,21 +42,12 @@ def test_the_thesis_tag_has_the_original_bytes() -> None:
     assert decode(bytes.fromhex(TAG_G0)) == tag
 
 
-def test_the_acknowledgement_of_a_tag_has_the_original_bytes() -> None:
+def test_an_acknowledgement_and_its_whole_frame_have_the_original_bytes() -> None:
     ack = AckG0(acked_command=4, result=SUCCESS)
-    assert ack.encode().hex() == ACK_G0
-    assert decode(bytes.fromhex(ACK_G0)) == ack
-
-
-def test_the_whole_frame_of_an_acknowledgement_has_the_original_bytes() -> None:
     payload = bytes.fromhex(ACK_G0)
-    message = Tunnel(
-        target_system=255,
-        target_component=190,
-        payload_type=PAYLOAD_TYPE,
-        payload_length=len(payload),
-        payload=payload,
-    )
+    assert ack.encode() == payload
+    assert decode(payload) == ack
+    message = made.tunnel(PAYLOAD_TYPE, payload, target_system=255)
     assert FrameWriter(1, 191).encode(message).hex() == ACK_FRAME
     (frame,) = FrameParser().feed(bytes.fromhex(ACK_FRAME))
     read = frame.message()

@@ -31,18 +31,18 @@ def watched(share: float, *, seconds: float, seed: int, stall_s: float = 0.0) ->
     return reported
 
 
-@pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize("share", [0.5, 0.9, 0.97, 1.03, 2.0, 4.1])
-def test_a_rate_that_is_off_shows_within_five_seconds(share: float, seed: int) -> None:
-    reported = watched(share, seconds=8.0, seed=seed)
-    assert reported
-    assert reported[0] < 5.0
-    assert reported[-1] > 7.5, "it stays reported"
+def test_a_rate_that_is_off_shows_within_five_seconds(share: float) -> None:
+    for seed in range(20):
+        reported = watched(share, seconds=8.0, seed=seed)
+        assert reported
+        assert reported[0] < 5.0
+        assert reported[-1] > 7.5, "it stays reported"
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_the_rate_asked_for_is_never_reported_however_the_computer_stalls(seed: int) -> None:
-    for share in (1 - 200e-6, 1.0, 1 + 200e-6):
+@pytest.mark.parametrize("share", [1 - 200e-6, 1.0, 1 + 200e-6])
+def test_the_rate_asked_for_is_never_reported_however_the_computer_stalls(share: float) -> None:
+    for seed in range(10):
         assert not watched(share, seconds=60.0, seed=seed, stall_s=1.5)
 
 
@@ -106,13 +106,12 @@ def test_a_sender_that_catches_up_after_pauses_is_at_its_rate(
 
 def test_a_wrong_rate_shows_also_after_a_pause() -> None:
     watch = ArrivalRate(RATE_HZ)
-    reported_s = None
+    reported_s = []
     for number in range(1, round(20.0 * RATE_HZ / TRANSFER)):
         arrived_s = number * TRANSFER / (1.1 * RATE_HZ)
         if arrived_s > 1.0:
             arrived_s = max(arrived_s, 3.0)
         watch.arrived(number * TRANSFER, round(arrived_s * 1e9))
-        if watch.wrong_hz is not None and reported_s is None:
-            reported_s = arrived_s
-    assert reported_s is not None
-    assert reported_s < 12.0
+        if watch.wrong_hz is not None:
+            reported_s.append(arrived_s)
+    assert min(reported_s) < 12.0

@@ -28,16 +28,19 @@ def packed(stamp: bytes, samples: np.ndarray) -> bytes:
     return stamp + struct.pack(f"<{len(parts)}f", *parts)
 
 
-def test_a_frame_of_today_has_the_bytes_of_the_original() -> None:
-    expected = packed(struct.pack("<II", 1_700_205_419, 230_494_976), RAMP)
+@pytest.mark.parametrize(
+    ("style", "stamp"),
+    [
+        ("seconds", struct.pack("<II", 1_700_205_419, 230_494_976)),
+        # 1 700 205 419 230 ms = 170 020 · 10⁷ + 5 419 230.
+        ("milliseconds", struct.pack("<ff", 170_020.0, 5_419_230.0)),
+    ],
+    ids=["today", "thesis"],
+)
+def test_a_frame_has_the_bytes_of_the_original(style: StampStyle, stamp: bytes) -> None:
+    expected = packed(stamp, RAMP)
     assert len(expected) == BYTES == 8200
-    assert encode_channel_datagram(RAMP, TIME_NS) == expected
-
-
-def test_a_frame_of_the_thesis_has_the_bytes_of_the_original() -> None:
-    # 1 700 205 419 230 ms = 170 020 · 10⁷ + 5 419 230.
-    expected = packed(struct.pack("<ff", 170_020.0, 5_419_230.0), RAMP)
-    assert encode_channel_datagram(RAMP, TIME_NS, "milliseconds") == expected
+    assert encode_channel_datagram(RAMP, TIME_NS, style) == expected
 
 
 def test_nanoseconds_that_are_a_denormal_float_survive() -> None:

@@ -1,6 +1,7 @@
 """The tags' channels at the original's ports, from the receiver's band."""
 
 import socket
+from contextlib import suppress
 from pathlib import Path
 
 import made
@@ -25,11 +26,10 @@ def tag(offset_hz: float, *intervals_s: float) -> Tag:
 
 def frames_at(sock: socket.socket) -> list[tuple[int, np.ndarray]]:
     found = []
-    while True:
-        try:
+    with suppress(BlockingIOError):
+        while True:
             found.append(decode_channel_datagram(sock.recv(65_536)))
-        except BlockingIOError:
-            return found
+    return found
 
 
 def output(*tags: Tag, **settings: str) -> ChannelOutput:

@@ -1,7 +1,8 @@
 """Channels over UDP on the loopback: sent, received, lost, out of order."""
 
 import socket
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import closing
 
 import made
 import numpy as np
@@ -20,6 +21,7 @@ from uavrt.simulation.demo.demo_programs import free_udp_port
 
 RATE_HZ = 3750.0
 START_NS = 1_700_000_000_000_000_000
+Taken = list[tuple[int, int]]
 FRAME_NS = round(1024 * 1e9 / RATE_HZ)
 
 
@@ -30,11 +32,13 @@ def frame(number: int, start_ns: int = START_NS) -> tuple[int, np.ndarray]:
     )
 
 
-def taken(order: FrameOrder) -> list[tuple[int, int]]:
-    """All that can be taken: each frame's number, and the samples lost before it."""
+def taken_of(order: FrameOrder, numbers: Iterable[int], start_ns: int = START_NS) -> Taken:
+    """All that can be taken while frames come: each one's number, samples lost before it."""
     found = []
-    while (got := order.take()) is not None:
-        found.append((int(got[1][0].real) // 1024, got[2]))
+    for number in numbers:
+        order.put(*frame(number, start_ns))
+        while (got := order.take()) is not None:
+            found.append((int(got[1][0].real) // 1024, got[2]))
     return found
 
 
@@ -42,10 +46,7 @@ def taken(order: FrameOrder) -> list[tuple[int, int]]:
 @given(st.permutations(range(1, 1 + HELD_FRAMES)))
 def test_frames_that_overtake_each_other_are_put_in_order(arrival: list[int]) -> None:
     order = FrameOrder(RATE_HZ)
-    found = []
-    for number in (0, *arrival, 5, 6):
-        order.put(*frame(number))
-        found += taken(order)
+    found = taken_of(order, (0, *arrival, 5, 6))
     assert found == [(number, 0) for number in range(7)]
     assert order.late == 0
 
@@ -53,14 +54,9 @@ def test_frames_that_overtake_each_other_are_put_in_order(arrival: list[int]) ->
 @settings(max_examples=50)
 @given(st.sets(st.integers(1, 30), max_size=20))
 def test_frames_that_never_come_are_gaps_of_their_length(missing: set[int]) -> None:
-    order = FrameOrder(RATE_HZ)
-    found = []
-    for number in range(40):
-        if number not in missing:
-            order.put(*frame(number))
-        found += taken(order)
-    assert [number for number, _ in found] == [n for n in range(40) if n not in missing]
-    assert sum(lost for _, lost in found) == 1024 * len(missing)
+    came = [number for number in range(40) if number not in missing]
+    found = taken_of(FrameOrder(RATE_HZ), came)
+    assert [number for number, _ in found] == came
     # Each gap stands before the frame that follows it.
     index = 0
     for number, lost in found:
@@ -71,23 +67,15 @@ def test_frames_that_never_come_are_gaps_of_their_length(missing: set[int]) -> N
 
 def test_a_frame_after_its_turn_or_twice_is_dropped_and_counted() -> None:
     order = FrameOrder(RATE_HZ)
-    found = []
-    for number in (0, 1, 3, 3, 4, 5, 6, 7, 2, 8):
-        order.put(*frame(number))
-        found += taken(order)
+    found = taken_of(order, (0, 1, 3, 3, 4, 5, 6, 7, 2, 8))
     assert [number for number, _ in found] == [0, 1, 3, 4, 5, 6, 7, 8]
     assert order.late == 2
 
 
 def test_a_clock_that_is_set_back_starts_anew_after_three_frames() -> None:
     order = FrameOrder(RATE_HZ)
-    for number in range(4):
-        order.put(*frame(number))
-        taken(order)
-    found = []
-    for number in range(4, 9):
-        order.put(*frame(number, START_NS - 3_600_000_000_000))
-        found += taken(order)
+    taken_of(order, range(4))
+    found = taken_of(order, range(4, 9), START_NS - 3_600_000_000_000)
     assert found == [(4, 0), (5, 0), (6, 0), (7, 0), (8, 0)]
     assert order.late == 0
 
@@ -96,20 +84,22 @@ def test_stamps_that_creep_are_followed_without_a_gap() -> None:
     order = FrameOrder(RATE_HZ)
     for number in range(2000):
         # A clock 200 ppm off: 109 ms after 2000 frames, 55 µs in each.
-        time_ns, samples = frame(number)
-        order.put(time_ns + number * FRAME_NS // 5000, samples)
-        assert taken(order) == [(number, 0)]
+        late_ns = number * FRAME_NS // 5000
+        assert taken_of(order, [number], START_NS + late_ns) == [(number, 0)]
 
 
-@pytest.fixture(name="source")
-def source_fixture() -> Iterator[ChannelDatagramSource]:
-    opened = ChannelDatagramSource(
+def listening() -> ChannelDatagramSource:
+    return ChannelDatagramSource(
         f"udp://127.0.0.1:{free_udp_port()}",
         sample_rate_hz=RATE_HZ,
         center_frequency_hz=148.71e6,
     )
-    yield opened
-    opened.close()
+
+
+@pytest.fixture(name="source")
+def source_fixture() -> Iterator[ChannelDatagramSource]:
+    with closing(listening()) as opened:
+        yield opened
 
 
 def block(first: int, count: int, *, lost: int = 0, channel: int = 45) -> ChannelBlock:
@@ -150,14 +140,7 @@ def test_what_is_sent_arrives_whole_however_the_blocks_are_cut(
 
 
 def test_a_hundred_channels_in_a_burst_of_a_second_lose_nothing() -> None:
-    sources = {
-        channel: ChannelDatagramSource(
-            f"udp://127.0.0.1:{free_udp_port()}",
-            sample_rate_hz=RATE_HZ,
-            center_frequency_hz=148.71e6,
-        )
-        for channel in range(100)
-    }
+    sources = {channel: listening() for channel in range(100)}
     sender = ChannelDatagramSender(
         {channel: [parse_udp_address(source.name)[1]] for channel, source in sources.items()}
     )

@@ -15,6 +15,7 @@ from some import some
 from uavrt.core.clock import parse_iso_utc
 from uavrt.core.errors import FormatError
 from uavrt.radio.files.file_names import read_name
+from uavrt.radio.files.recording_source import RecordingSource
 from uavrt.radio.opening import open_recording
 
 
@@ -71,6 +72,13 @@ def raw(path: Path, samples: int = 4000) -> Path:
     return path
 
 
+def described(path: Path, **options: float) -> RecordingSource:
+    """Open a recording only to see what it tells of itself."""
+    source = open_recording(path, **options)  # type: ignore[arg-type]
+    source.close()
+    return source
+
+
 def wav(path: Path, auxi: bytes = b"") -> Path:
     data = bytes(4 * 2000)
     chunks = b"fmt " + struct.pack("<IHHIIHH", 16, 1, 2, 250_000, 1_000_000, 4, 16)
@@ -88,32 +96,27 @@ HDSDR_AUXI = struct.pack(
 
 
 def test_a_gqrx_recording_opens_by_its_name_alone(tmp_path: Path) -> None:
-    path = raw(tmp_path / "gqrx_20200101_123456_145000000_1800000_fc.raw")
-    source = open_recording(path)
+    source = described(raw(tmp_path / "gqrx_20200101_123456_145000000_1800000_fc.raw"))
     assert (source.center_frequency_hz, source.sample_rate_hz) == (145e6, 1.8e6)
     assert source.start_time_ns == parse_iso_utc("2020-01-01T12:34:56Z")
     assert source.origin.count("the file's name (as gqrx gives)") == 3
-    source.close()
+
+
+HDSDR = "HDSDR_20130105_123456Z_14100kHz_RF.wav"
 
 
 def test_what_is_said_wins_over_the_header_and_the_header_over_the_name(tmp_path: Path) -> None:
-    name = "HDSDR_20130105_123456Z_14100kHz_RF.wav"
-    plain = open_recording(wav(tmp_path / name))
+    plain = described(wav(tmp_path / HDSDR))
     assert plain.center_frequency_hz == 14.1e6
     assert plain.start_time_ns == parse_iso_utc("2013-01-05T12:34:56Z")
-    plain.close()
-    told = open_recording(wav(tmp_path / name, HDSDR_AUXI))
+    told = described(wav(tmp_path / HDSDR, HDSDR_AUXI))
     assert told.center_frequency_hz == 14.15e6
     assert told.start_time_ns == parse_iso_utc("2013-01-05T12:34:57.25Z")
     assert "begun 2013-01-05T12:34:57.250000Z by the file's header" in told.origin
-    told.close()
-    said = open_recording(
-        tmp_path / name, center_frequency_hz=14.2e6, start_time_ns=1_000_000_000
-    )
+    said = described(tmp_path / HDSDR, center_frequency_hz=14.2e6, start_time_ns=1_000_000_000)
     assert (said.center_frequency_hz, said.start_time_ns) == (14.2e6, 1_000_000_000)
     assert "MHz" not in said.origin
     assert "begun" not in said.origin
-    said.close()
 
 
 SDR_CONSOLE = (
@@ -126,42 +129,34 @@ SDR_CONSOLE = (
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-8"])
 def test_a_header_in_xml_is_read_as_xml(encoding: str, tmp_path: Path) -> None:
-    told = open_recording(wav(tmp_path / "field.wav", SDR_CONSOLE.encode(encoding)))
+    told = described(wav(tmp_path / "field.wav", SDR_CONSOLE.encode(encoding)))
     assert told.center_frequency_hz == 148.65e6
     assert told.start_time_ns == parse_iso_utc("2014-09-26T22:47:44Z")
-    told.close()
 
 
 def test_a_header_in_xml_without_figures_leaves_the_name_its_word(tmp_path: Path) -> None:
-    path = tmp_path / "HDSDR_20130105_123456Z_14100kHz_RF.wav"
-    named = open_recording(wav(path, ("<Nothing/>" + 40 * " ").encode("utf-16")))
+    named = described(wav(tmp_path / HDSDR, ("<Nothing/>" + 40 * " ").encode("utf-16")))
     assert named.center_frequency_hz == 14.1e6
     assert named.start_time_ns == parse_iso_utc("2013-01-05T12:34:56Z")
-    named.close()
 
 
 def test_local_time_in_a_name_says_so(tmp_path: Path) -> None:
-    source = open_recording(wav(tmp_path / "baseband_145000000Hz_12-34-56_01-02-2023.wav"))
-    assert "local time" in source.origin
-    source.close()
+    path = wav(tmp_path / "baseband_145000000Hz_12-34-56_01-02-2023.wav")
+    assert "local time" in described(path).origin
 
 
 @pytest.mark.parametrize("length", [1, 37, 165])
 def test_a_chunk_of_odd_length_does_not_hide_the_samples(length: int, tmp_path: Path) -> None:
-    path = tmp_path / "HDSDR_20130105_123456Z_14100kHz_RF.wav"
-    source = open_recording(wav(path, bytes(length)))
-    assert source.total_samples == 2000
-    source.close()
+    assert described(wav(tmp_path / HDSDR, bytes(length))).total_samples == 2000
 
 
 def test_the_date_of_the_file_is_the_last_resort_and_says_so(tmp_path: Path) -> None:
     path = raw(tmp_path / "night.cf32", 250_000)
     os.utime(path, ns=(10**18, 10**18))
-    source = open_recording(path, sample_rate_hz=250e3, center_frequency_hz=148e6)
+    source = described(path, sample_rate_hz=250e3, center_frequency_hz=148e6)
     assert source.start_time_ns == 10**18 - 10**9
     assert "the date of the file" in source.origin
     assert "--start-time" in source.origin
-    source.close()
 
 
 @pytest.mark.parametrize(
@@ -174,13 +169,10 @@ def test_the_date_of_the_file_is_the_last_resort_and_says_so(tmp_path: Path) -> 
     ],
 )
 def test_a_name_that_rounds_the_frequency_says_so(name: str, said: str, tmp_path: Path) -> None:
-    path = wav(tmp_path / name) if name.endswith(".wav") else tmp_path / name
-    if not path.exists():
-        path.write_bytes(bytes(4000))
-    source = open_recording(path, start_time_ns=1_000_000_000)
+    path = (wav if name.endswith(".wav") else raw)(tmp_path / name)
+    source = described(path, start_time_ns=1_000_000_000)
     assert said in source.origin
     assert ("rounded" in source.origin) == ("kHz" in said)
-    source.close()
 
 
 def test_a_frequency_in_megahertz_is_known_by_its_error(tmp_path: Path) -> None:

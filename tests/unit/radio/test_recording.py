@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from some import some
 
 from uavrt.core.clock import parse_iso_utc
 from uavrt.core.errors import FormatError
@@ -32,15 +33,23 @@ def as_cs16(samples: np.ndarray) -> bytes:
     return (samples.view(np.float32) * 32768).round().astype("<i2").tobytes()
 
 
+Recorded = Callable[..., RecordingSource]
+
+
 @pytest.fixture
-def opened() -> Iterator[Callable[..., RecordingSource]]:
-    """Open recordings, and close them at the end."""
+def recorded(tmp_path: Path) -> Iterator[Recorded]:
+    """Write recordings and open them; they are closed at the end."""
     with contextlib.ExitStack() as stack:
 
-        def open_one(*args: Any, **options: Any) -> RecordingSource:
-            return stack.enter_context(contextlib.closing(open_recording(*args, **options)))
+        def record(name: str, data: bytes, **options: Any) -> RecordingSource:
+            path = tmp_path / name
+            path.write_bytes(data)
+            told = {"center_frequency_hz": CENTER_HZ}
+            told |= {} if name.endswith("wav") else {"sample_rate_hz": RATE_HZ}
+            source = open_recording(path, **(told | options))
+            return stack.enter_context(contextlib.closing(source))
 
-        yield open_one
+        yield record
 
 
 def everything(source: RecordingSource) -> tuple[np.ndarray, list[IQBlock]]:
@@ -73,51 +82,24 @@ def write_sigmf(base: Path, data: bytes, captures: list[dict[str, Any]], **about
 
 
 CAPTURE = {"core:sample_start": 0, "core:frequency": CENTER_HZ, "core:datetime": START}
+SECOND = {"core:sample_start": 10_000, "core:frequency": CENTER_HZ}
+LATER = SECOND | {"core:datetime": "2024-05-01T06:00:00.140000Z"}
 
 
-def test_a_raw_file_is_read_whole_with_times_from_its_start(tmp_path: Path) -> None:
+def test_a_raw_file_is_read_whole_with_times_from_its_start(recorded: Recorded) -> None:
     samples = ramp(600_001)
-    path = tmp_path / "a.cf32"
-    path.write_bytes(samples.tobytes())
-    source = open_recording(
-        path, sample_rate_hz=RATE_HZ, center_frequency_hz=CENTER_HZ, start_time_ns=START_NS
-    )
+    source = recorded("a.cf32", samples.tobytes(), start_time_ns=START_NS)
     assert source.total_samples == 600_001
     read, blocks = everything(source)
     np.testing.assert_array_equal(read, samples)
-    assert [b.time_ns for b in blocks] == [
-        START_NS + round(b.sample_index / RATE_HZ * 1e9) for b in blocks
-    ]
-
-
-def test_without_a_start_time_the_recording_ended_when_the_file_was_last_changed(
-    tmp_path: Path, opened: Callable[..., RecordingSource]
-) -> None:
-    path = tmp_path / "a.cs16"
-    path.write_bytes(as_cs16(ramp(250_000)))
-    source = opened(path, sample_rate_hz=RATE_HZ, center_frequency_hz=CENTER_HZ)
-    assert source.start_time_ns == path.stat().st_mtime_ns - 1_000_000_000
-
-
-def test_a_file_cut_within_a_sample_gives_its_whole_samples_and_then_the_fault(
-    tmp_path: Path, opened: Callable[..., RecordingSource]
-) -> None:
-    path = tmp_path / "a.cs16"
-    path.write_bytes(as_cs16(ramp(1000))[:-1])
-    source = opened(path, sample_rate_hz=RATE_HZ, center_frequency_hz=CENTER_HZ)
-    block = source.read()
-    assert block is not None
-    assert len(block.samples) == 999
-    with pytest.raises(FormatError, match=r"middle of a sample .*truncated"):
-        source.read()
+    for block in blocks:
+        assert block.time_ns == START_NS + round(block.sample_index / RATE_HZ * 1e9)
 
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_sample_rate_that_cannot_be_is_refused(tmp_path: Path, rate: float) -> None:
-    path = tmp_path / "a.cs16"
-    path.write_bytes(as_cs16(ramp(100)))
+def test_a_sample_rate_that_cannot_be_is_refused(recorded: Recorded, rate: float) -> None:
     with pytest.raises(FormatError, match="--sample-rate"):
-        open_recording(path, sample_rate_hz=rate, center_frequency_hz=CENTER_HZ)
+        recorded("a.cs16", as_cs16(ramp(100)), sample_rate_hz=rate)
 
 
 @pytest.mark.parametrize(
@@ -179,15 +161,19 @@ def test_a_sigmf_recording_tells_everything_itself(tmp_path: Path) -> None:
         np.testing.assert_array_equal(read, samples)
 
 
-@pytest.mark.parametrize("by", ["core:global_index", "core:datetime"])
-def test_a_gap_between_sigmf_captures_is_a_fact_in_the_stream(tmp_path: Path, by: str) -> None:
-    second: dict[str, Any] = {"core:sample_start": 10_000, "core:frequency": CENTER_HZ}
-    first = dict(CAPTURE)
-    if by == "core:global_index":
-        first[by], second[by] = 5_000, 5_000 + 10_000 + 25_000
-    else:
-        second[by] = "2024-05-01T06:00:00.140000Z"
-    meta = write_sigmf(tmp_path / "rec", as_cs16(ramp(30_000)), [first, second])
+@pytest.mark.parametrize(
+    ("counted", "second"),
+    [
+        ({"core:global_index": 5_000}, SECOND | {"core:global_index": 5_000 + 10_000 + 25_000}),
+        ({}, LATER),
+        ({"core:global_index": 5_000}, LATER | {"core:global_index": 0}),
+    ],
+    ids=["counted", "by the times", "opened again, counts anew"],
+)
+def test_a_gap_between_sigmf_captures_is_a_fact_in_the_stream(
+    tmp_path: Path, counted: dict[str, Any], second: dict[str, Any]
+) -> None:
+    meta = write_sigmf(tmp_path / "rec", as_cs16(ramp(30_000)), [CAPTURE | counted, second])
     read, blocks = everything(open_recording(meta))
     assert len(read) == 30_000
     assert [(b.sample_index, b.lost_before, len(b.samples)) for b in blocks] == [
@@ -197,28 +183,10 @@ def test_a_gap_between_sigmf_captures_is_a_fact_in_the_stream(tmp_path: Path, by
     assert blocks[1].time_ns - blocks[0].time_ns == 140_000_000
 
 
-def test_a_radio_that_was_opened_again_and_counts_anew_has_a_gap(tmp_path: Path) -> None:
-    first = CAPTURE | {"core:global_index": 5_000}
-    second = {
-        "core:sample_start": 10_000,
-        "core:global_index": 0,
-        "core:frequency": CENTER_HZ,
-        "core:datetime": "2024-05-01T06:00:00.140000Z",
-    }
-    meta = write_sigmf(tmp_path / "rec", as_cs16(ramp(30_000)), [first, second])
-    _, blocks = everything(open_recording(meta))
-    assert [(b.sample_index, b.lost_before) for b in blocks] == [(0, 0), (35_000, 25_000)]
-
-
 def test_a_start_time_given_moves_all_captures_alike(tmp_path: Path) -> None:
-    second = {
-        "core:sample_start": 10_000,
-        "core:frequency": CENTER_HZ,
-        "core:datetime": "2024-05-01T06:00:01Z",
-    }
-    meta = write_sigmf(tmp_path / "rec", as_cs16(ramp(20_000)), [CAPTURE, second])
+    meta = write_sigmf(tmp_path / "rec", as_cs16(ramp(20_000)), [CAPTURE, LATER])
     _, blocks = everything(open_recording(meta, start_time_ns=7_000_000_000))
-    assert [b.time_ns for b in blocks] == [7_000_000_000, 8_000_000_000]
+    assert [b.time_ns for b in blocks] == [7_000_000_000, 7_140_000_000]
 
 
 @pytest.mark.parametrize(
@@ -250,16 +218,13 @@ def test_sigmf_that_cannot_be_used_is_refused_with_the_remedy(
         open_recording(meta)
 
 
-def test_a_sigmf_recording_whose_data_are_truncated_says_so_at_the_end(
-    tmp_path: Path, opened: Callable[..., RecordingSource]
-) -> None:
-    later = {**CAPTURE, "core:sample_start": 5000}
-    meta = write_sigmf(tmp_path / "rec", bytes(4000), [CAPTURE, later])
-    source = opened(meta)
-    assert source.total_samples == 1000
-    source.read()
-    with pytest.raises(FormatError, match="truncated"):
+def test_a_sigmf_recording_whose_data_are_truncated_says_so_at_the_end(tmp_path: Path) -> None:
+    meta = write_sigmf(tmp_path / "rec", bytes(4000), [CAPTURE, LATER])
+    with contextlib.closing(open_recording(meta)) as source:
+        assert source.total_samples == 1000
         source.read()
+        with pytest.raises(FormatError, match="truncated"):
+            source.read()
 
 
 @settings(max_examples=60)
@@ -312,7 +277,7 @@ AUXI = chunk(
     ("kind", "bits"), [(1, 8), (1, 16), (1, 24), (1, 32), (3, 32), (3, 64)]
 )
 def test_every_wav_encoding_gives_the_same_samples(
-    tmp_path: Path, kind: int, bits: int, extensible: bool
+    recorded: Recorded, kind: int, bits: int, extensible: bool
 ) -> None:
     samples = ramp(5000)
     values = samples.view(np.float32).astype(np.float64)
@@ -323,9 +288,7 @@ def test_every_wav_encoding_gives_the_same_samples(
     else:
         whole = (values * 2.0 ** (bits - 1)).astype("<i4").view("u1").reshape(-1, 4)
         data = whole[:, : bits // 8].tobytes()
-    path = tmp_path / "a.wav"
-    path.write_bytes(wav(data, kind=kind, bits=bits, extensible=extensible))
-    source = open_recording(path, center_frequency_hz=CENTER_HZ)
+    source = recorded("a.wav", wav(data, kind=kind, bits=bits, extensible=extensible))
     assert source.sample_rate_hz == RATE_HZ
     read, _ = everything(source)
     np.testing.assert_allclose(read, samples, atol=0.006 if bits == 8 else 1e-7)
@@ -333,42 +296,15 @@ def test_every_wav_encoding_gives_the_same_samples(
 
 @pytest.mark.parametrize("before", [True, False])
 def test_a_wav_file_of_an_sdr_program_tells_its_start_and_frequency(
-    tmp_path: Path, opened: Callable[..., RecordingSource], before: bool
+    recorded: Recorded, before: bool
 ) -> None:
     plain = wav(as_cs16(ramp(100)))
     at = plain.index(b"data")
-    path = tmp_path / "a.wav"
-    path.write_bytes(plain[:at] + AUXI + plain[at:] if before else plain + AUXI)
-    source = opened(path)
+    told = plain[:at] + AUXI + plain[at:] if before else plain + AUXI
+    source = recorded("a.wav", told, center_frequency_hz=None)
     assert source.center_frequency_hz == CENTER_HZ
     assert source.start_time_ns == START_NS + 250_000_000
     assert source.total_samples == 100
-
-
-def test_a_wav_file_whose_writer_was_killed_is_read_to_its_end(tmp_path: Path) -> None:
-    whole = wav(as_cs16(ramp(1000)))
-    at = whole.index(b"data")
-    path = tmp_path / "a.wav"
-    path.write_bytes(whole[: at + 4] + bytes(4) + whole[at + 8 :])
-    read, _ = everything(open_recording(path, center_frequency_hz=CENTER_HZ))
-    assert len(read) == 1000
-
-
-def test_a_wav_file_over_four_gigabytes_names_its_length_in_ds64(tmp_path: Path) -> None:
-    plain = wav(as_cs16(ramp(1000)))
-    at = plain.index(b"data")
-    ds64 = chunk(b"ds64", struct.pack("<QQQI", 0, 4000, 1000, 0))
-    path = tmp_path / "a.wav"
-    path.write_bytes(
-        b"RF64\xff\xff\xff\xffWAVE"
-        + ds64
-        + plain[12:at]
-        + b"data\xff\xff\xff\xff"
-        + plain[at + 8 :]
-        + chunk(b"junk", bytes(20))
-    )
-    read, _ = everything(open_recording(path, center_frequency_hz=CENTER_HZ))
-    assert len(read) == 1000
 
 
 @pytest.mark.parametrize(
@@ -383,23 +319,25 @@ def test_a_wav_file_over_four_gigabytes_names_its_length_in_ds64(tmp_path: Path)
     ],
 )
 def test_wav_that_cannot_be_used_is_refused_with_the_remedy(
-    tmp_path: Path, data: bytes, remedy: str
+    recorded: Recorded, data: bytes, remedy: str
 ) -> None:
-    path = tmp_path / "a.wav"
-    path.write_bytes(data)
     with pytest.raises(FormatError, match=remedy):
-        open_recording(path)
+        recorded("a.wav", data, center_frequency_hz=None)
 
 
-def test_a_truncated_wav_file_gives_what_is_there_and_then_the_fault(
-    tmp_path: Path, opened: Callable[..., RecordingSource]
+@pytest.mark.parametrize(
+    ("name", "data", "whole", "fault"),
+    [
+        ("a.cs16", as_cs16(ramp(1000))[:-1], 999, r"middle of a sample .*truncated"),
+        ("a.wav", wav(as_cs16(ramp(1000)))[:-400], 900, "truncated"),
+    ],
+)
+def test_a_truncated_file_gives_its_whole_samples_and_then_the_fault(
+    recorded: Recorded, name: str, data: bytes, whole: int, fault: str
 ) -> None:
-    path = tmp_path / "a.wav"
-    path.write_bytes(wav(as_cs16(ramp(1000)))[:-400])
-    source = opened(path, center_frequency_hz=CENTER_HZ)
-    assert source.total_samples == 900
-    source.read()
-    with pytest.raises(FormatError, match="truncated"):
+    source = recorded(name, data)
+    assert len(some(source.read()).samples) == whole
+    with pytest.raises(FormatError, match=fault):
         source.read()
 
 
@@ -418,8 +356,6 @@ def test_any_damage_to_a_wav_header_is_read_or_refused(
         open_recording(path, center_frequency_hz=CENTER_HZ).close()
 
 
-def test_a_rate_that_contradicts_the_file_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "a.wav"
-    path.write_bytes(wav(bytes(400)))
+def test_a_rate_that_contradicts_the_file_is_refused(recorded: Recorded) -> None:
     with pytest.raises(FormatError, match="Omit --sample-rate"):
-        open_recording(path, sample_rate_hz=3e6, center_frequency_hz=CENTER_HZ)
+        recorded("a.wav", wav(bytes(400)), sample_rate_hz=3e6)

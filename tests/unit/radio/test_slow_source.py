@@ -1,5 +1,7 @@
 """A stream slower than real time is a slow source; a loss is a step."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -85,20 +87,12 @@ def test_a_small_shortfall_is_known_within_15_s_also_on_a_busy_computer(
     ("loss_s", "loss_share"), [(0.005, 0.02), (0.005, 0.2), (0.02, 0.05), (0.1, 0.03)]
 )
 def test_losses_of_a_radio_in_a_pipe_are_counted(loss_s: float, loss_share: float) -> None:
+    busy: dict[str, Any] = {"duration_s": 20.0, "jitter_s": 0.002, "stall_share": 0.01}
+    expected = loss_s * loss_share * 20.0 / WRITE_S * RATE_HZ
     for seed in range(2):
-        placer, _ = placed(
-            1.0,
-            duration_s=20.0,
-            jitter_s=0.002,
-            stall_share=0.01,
-            loss_s=loss_s,
-            loss_share=loss_share,
-            seed=seed,
-        )
+        placer, _ = placed(1.0, **busy, loss_s=loss_s, loss_share=loss_share, seed=seed)
         assert placer.unseen is None
-        assert placer.lost == pytest.approx(
-            loss_s * loss_share * 20.0 / WRITE_S * RATE_HZ, rel=0.4
-        )
+        assert placer.lost == pytest.approx(expected, rel=0.4)
 
 
 def test_the_summary_of_a_slow_source_counts_no_loss() -> None:

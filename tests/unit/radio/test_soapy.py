@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from some import some
 
 from uavrt.config.settings import RadioSettings
 from uavrt.core.errors import RadioMissing, RadioStopped
@@ -66,9 +67,7 @@ SETTINGS = RadioSettings(kind="soapy", sample_rate_hz=250e3, gain=30, serial="dr
 @pytest.mark.usefixtures("soapy")
 def test_a_soapy_radio_is_set_up_read_and_given_back() -> None:
     source = open_radio(SETTINGS, 148.7e6)
-    blocks = [source.read() for _ in range(2)]
-    assert blocks[0] is not None
-    assert blocks[1] is not None
+    blocks = [some(source.read()) for _ in range(2)]
     count = len(blocks[0].samples)
     # Blocks share their memory: what is seen now is the second.
     np.testing.assert_array_equal(blocks[1].samples.real, np.arange(count, 2 * count))
@@ -100,9 +99,7 @@ def test_overflows_and_timeouts_are_lived_with_and_errors_end_the_stream() -> No
 def test_the_radios_own_times_give_a_gap_exactly_and_in_its_place() -> None:
     source = SoapySource(SETTINGS, 148.7e6)
     source._device.lose_at = 3000
-    first, second = source.read(), source.read()
-    assert first is not None
-    assert second is not None
+    first, second = some(source.read()), some(source.read())
     assert (first.sample_index, len(first.samples), first.lost_before) == (0, 3000, 0)
     assert (second.sample_index, second.lost_before, source.samples_lost) == (3777, 777, 777)
     source.close()

@@ -23,9 +23,5 @@ def test_no_more_is_given_than_the_burst_and_what_the_time_earns(
 
 def test_who_waits_long_enough_gets_again() -> None:
     allowance = Allowance(burst=1, per_s=2.0)
-    assert [allowance.take(t) for t in (0, 1, 500_000_000, 500_000_001)] == [
-        True,
-        False,
-        True,
-        False,
-    ]
+    given_ns = [t for t in (0, 1, 500_000_000, 500_000_001) if allowance.take(t)]
+    assert given_ns == [0, 500_000_000]

@@ -1,6 +1,9 @@
 """What is read of the DDS library's warnings, as release 11.0.1 writes them."""
 
+from collections.abc import Iterator
 from pathlib import Path
+
+import pytest
 
 from uavrt.link.ros2.network import dds_warnings
 from uavrt.link.ros2.network.dds_warnings import DdsWarnings
@@ -16,35 +19,35 @@ OTHER = (
 TOPIC = "rt/drone1/store_coded_tag_information"
 
 
+@pytest.fixture
+def warnings() -> Iterator[DdsWarnings]:
+    found = DdsWarnings()
+    yield found
+    found.opened()
+    found.close()
+    assert not Path(found.path).exists()
+
+
 def append(warnings: DdsWarnings, text: str) -> None:
     with Path(warnings.path).open("a", encoding="utf-8") as file:
         file.write(text)
 
 
-def test_each_message_that_was_too_long_is_found_once_with_its_topic() -> None:
-    warnings = DdsWarnings()
-    try:
-        assert warnings.too_long() == []
-        append(warnings, TOO_LONG + OTHER + TOO_LONG[:50])
-        assert warnings.too_long() == [TOPIC]
-        assert warnings.too_long() == [], "half a line waits for its end"
-        append(warnings, TOO_LONG[50:])
-        assert warnings.too_long() == [TOPIC]
-    finally:
-        warnings.opened()
-        warnings.close()
-    assert not Path(warnings.path).exists()
+def test_each_message_that_was_too_long_is_found_once_with_its_topic(
+    warnings: DdsWarnings,
+) -> None:
+    assert warnings.too_long() == []
+    append(warnings, TOO_LONG + OTHER + TOO_LONG[:50])
+    assert warnings.too_long() == [TOPIC]
+    assert warnings.too_long() == [], "half a line waits for its end"
+    append(warnings, TOO_LONG[50:])
+    assert warnings.too_long() == [TOPIC]
 
 
-def test_the_file_stays_short() -> None:
-    warnings = DdsWarnings()
-    try:
-        found = 0
-        for _ in range(100):
-            append(warnings, TOO_LONG * 100)
-            found += len(warnings.too_long())
-        assert found == 10_000
-        assert Path(warnings.path).stat().st_size < 2 * dds_warnings.FILE_BYTES
-    finally:
-        warnings.opened()
-        warnings.close()
+def test_the_file_stays_short(warnings: DdsWarnings) -> None:
+    found = 0
+    for _ in range(100):
+        append(warnings, TOO_LONG * 100)
+        found += len(warnings.too_long())
+    assert found == 10_000
+    assert Path(warnings.path).stat().st_size < 2 * dds_warnings.FILE_BYTES

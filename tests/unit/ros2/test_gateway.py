@@ -74,13 +74,11 @@ CODED_TAG = replace(
 
 def test_a_coded_tag_is_taken_and_shown_with_its_gaps_and_a_bad_one_refused() -> None:
     bench = Bench()
-    bench.line.hear("store_coded_tag_information", coded_tag_to_ros(CODED_TAG))
-    bench.run(0.1)
+    bench.hear("store_coded_tag_information", coded_tag_to_ros(CODED_TAG))
     assert bench.commands() == ["start_tags", "add_tag"]
     assert bench.sent[1][1].tag == CODED_TAG
     bad = replace(coded_tag_to_ros(CODED_TAG), gaps=(0.022,))
-    bench.line.hear("store_coded_tag_information", bad)
-    bench.run(0.1)
+    bench.hear("store_coded_tag_information", bad)
     assert bench.gateway.counters["ros2_messages_refused"] == 1
     bench.gateway.receive(
         Command(name="add_tag", request_id=1, tag=CODED_TAG, source="mavlink")
@@ -106,14 +104,12 @@ def test_a_burst_is_a_pulse_and_besides_what_is_inside() -> None:
 
 def test_a_refused_tag_begins_the_next_upload_anew() -> None:
     bench = Bench()
-    bench.line.hear("store_tag_information", tag_to_ros(TAG))
-    bench.run(0.1)
+    bench.hear("store_tag_information", tag_to_ros(TAG))
     assert bench.commands() == ["start_tags", "add_tag"]
     start = bench.sent[0][1]
     bench.gateway.receive(made.reply(start, "detecting: send stop first", accepted=False))
     assert "start_tags refused: detecting" in bench.line.on("rosout")[-1].msg
-    bench.line.hear("store_tag_information", tag_to_ros(TAG))
-    bench.run(0.1)
+    bench.hear("store_tag_information", tag_to_ros(TAG))
     assert bench.commands()[2:] == ["start_tags", "add_tag"]
 
 
@@ -160,8 +156,7 @@ def test_pulses_that_are_not_wanted_or_of_another_drone_s_gateway_are_not_taken(
     wanted: bool, sender: Sender
 ) -> None:
     bench = Bench(accept_pulses=wanted)
-    bench.line.hear("pulse", pulse_to_ros(PULSE, "/elsewhere"), sender)
-    bench.run(0.1)
+    bench.hear("pulse", pulse_to_ros(PULSE, "/elsewhere"), sender)
     assert bench.sent == []
 
 
@@ -192,15 +187,13 @@ def test_orders_of_another_gateway_are_not_obeyed_and_told_once() -> None:
     assert "namespace" in line.msg
     statuses = bench.line.on("status_detector_subprocess")
     assert all(array.status == () for array in statuses)  # nor refused in public
-    bench.line.hear("control_start_subprocess", STARTED)
-    bench.run(0.1)
+    bench.hear("control_start_subprocess", STARTED)
     assert bench.commands() == ["start_detection"]
 
 
 def test_an_order_whose_sender_nobody_knows_is_refused() -> None:
     bench = Bench()
-    bench.line.hear("control_start_subprocess", STARTED, Sender())
-    bench.run(0.1)
+    bench.hear("control_start_subprocess", STARTED, Sender())
     assert bench.commands() == []
     assert "DDS has not announced its sender" in bench.line.on("rosout")[-1].msg
 
@@ -257,9 +250,7 @@ def test_a_tag_that_its_release_has_overtaken_begins_no_upload_of_its_own() -> N
 
 def test_tags_of_the_ground_station_are_not_counted_by_ros_2() -> None:
     bench = Bench()
-    bench.line.hear("store_tag_information", tag_to_ros(TAG))
-    bench.run(0.1)
+    bench.hear("store_tag_information", tag_to_ros(TAG))
     bench.gateway.receive(Command(name="start_tags", request_id=1, source="mavlink 255/190"))
-    bench.line.hear("control_start_subprocess", STARTED)
-    bench.run(0.1)
+    bench.hear("control_start_subprocess", STARTED)
     assert started_with(bench) is None

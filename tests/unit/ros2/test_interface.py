@@ -1,5 +1,6 @@
 """Definitions and type hashes against independent ones."""
 
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -32,6 +33,7 @@ OURS = [
 ]
 
 
+@cache
 def with_ours(store: Stores) -> Typestore:
     types = get_typestore(store)
     for path in sorted((PACKAGE / "msg").glob("*.msg")):

@@ -39,8 +39,7 @@ def test_a_start_with_an_impossible_value_is_refused_with_the_range(
     name: str, value: str, told: str
 ) -> None:
     bench = Bench()
-    bench.line.hear("control_start_subprocess", start(**{name: value}))
-    bench.run(0.1)
+    bench.hear("control_start_subprocess", start(**{name: value}))
     assert bench.commands() == []
     (line,) = bench.line.on("rosout")
     assert re.search(told, line.msg)
@@ -48,8 +47,7 @@ def test_a_start_with_an_impossible_value_is_refused_with_the_range(
 
 def test_a_start_with_possible_values_has_them() -> None:
     bench = Bench()
-    bench.line.hear("control_start_subprocess", start(center_frequency="148.705", gain="15"))
-    bench.run(0.1)
+    bench.hear("control_start_subprocess", start(center_frequency="148.705", gain="15"))
     ((_, command),) = bench.sent
     assert (command.center_frequency_hz, command.gain) == (pytest.approx(148.705e6), 15)
 
@@ -76,8 +74,7 @@ def test_a_pulse_that_is_not_of_this_flight_is_refused(
     pulse = replace(
         PULSE, tag_id=tag_id, start_time_ns=start_ns, end_time_ns=start_ns + 20_000_000
     )
-    bench.line.hear("pulse", pulse_to_ros(pulse, ""))
-    bench.run(0.1)
+    bench.hear("pulse", pulse_to_ros(pulse, ""))
     assert bench.sent == []
     assert reason in bench.line.on("rosout")[-1].msg
     assert bench.gateway.counters["ros2_messages_refused"] == 1
@@ -117,8 +114,7 @@ def test_a_gateway_that_restarts_during_an_upload_counts_a_tag_that_may_be_lost(
 def test_an_upload_of_a_ground_station_is_not_taken_over() -> None:
     bench = Bench()
     receiving(bench, *tags(2), commander="mavlink 255/190")
-    bench.line.hear("control_start_subprocess", start())
-    bench.run(0.1)
+    bench.hear("control_start_subprocess", start())
     assert started_with(bench) is None
 
 

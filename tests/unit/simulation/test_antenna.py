@@ -30,10 +30,6 @@ def test_the_tables_are_those_of_the_reference() -> None:
     assert PATTERNS_DB["RA-2A"][18] == PATTERNS_DB["RA-23K"][18] == -10.0
 
 
-def test_between_the_table_values_the_pattern_is_interpolated() -> None:
-    assert pattern_db(Antenna(pattern="RA-23K"), towards(65.0)) == pytest.approx(-9.25)
-
-
 def test_an_own_table_may_have_any_step() -> None:
     antenna = Antenna(pattern="table", table_db=(0.0, -10.0, -4.0))
     assert pattern_db(antenna, towards(45.0)) == pytest.approx(-5.0)

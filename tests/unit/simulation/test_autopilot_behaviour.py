@@ -1,6 +1,8 @@
 """The simulated autopilot moves and reports as PX4 1.17 and ArduCopter 4.7 do."""
 
 import math
+from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import made
@@ -44,6 +46,19 @@ def fly(vehicle: FlyingVehicle, seconds: float) -> None:
         vehicle.advance(STEP_S)
 
 
+def highest(vehicle: FlyingVehicle, seconds: float, value: Callable[[], float]) -> float:
+    """Fly, and get the highest value on the way."""
+    found = value()
+    for _ in range(round(seconds / STEP_S)):
+        vehicle.advance(STEP_S)
+        found = max(found, value())
+    return found
+
+
+def yaw_deg(vehicle: FlyingVehicle) -> float:
+    return (vehicle.heading.yaw_deg + 180.0) % 360.0 - 180.0
+
+
 def target(vehicle: FlyingVehicle) -> dialect.PositionTargetGlobalInt:
     return some(target_message(vehicle, 0))
 
@@ -84,8 +99,7 @@ def test_px4_looks_along_the_bearing_from_beside_its_line() -> None:
         north, east = 100.0 - vehicle.body.north_m, target(vehicle).lon_int
         _, wanted_east = vehicle.plane.to_local(HOME.latitude_deg, east / 1e7)
         bearing = math.degrees(math.atan2(wanted_east - vehicle.body.east_m, north))
-        yaw = (vehicle.heading.yaw_deg + 180.0) % 360.0 - 180.0
-        bearings.append((north, bearing, yaw))
+        bearings.append((north, bearing, yaw_deg(vehicle)))
     far = next(one for one in bearings if one[0] < 40.0)
     assert abs(far[1]) < 6.0
     _, bearing, yaw = bearings[-1]
@@ -104,13 +118,9 @@ def test_a_stop_that_is_told_while_it_speeds_up_is_overshot_and_it_turns_back(
     fly(vehicle, after_s)
     stop_m = vehicle.body.north_m + vehicle.body.velocity_m_s[0] ** 2 / 3.0
     go(vehicle, stop_m, 0.0)
-    farthest = turned = 0.0
-    for _ in range(160):
-        vehicle.advance(STEP_S)
-        farthest = max(farthest, vehicle.body.north_m)
-        turned = max(turned, abs((vehicle.heading.yaw_deg + 180.0) % 360.0 - 180.0))
-    assert 3.0 < farthest - stop_m < 4.2
-    assert turned > 60.0
+    beyond_m = highest(vehicle, 4.0, lambda: vehicle.body.north_m - stop_m)
+    assert 3.0 < beyond_m < 4.2
+    assert highest(vehicle, 4.0, lambda: abs(yaw_deg(vehicle))) > 60.0
     fly(vehicle, 8.0)
     assert vehicle.body.north_m == pytest.approx(stop_m, abs=0.3)
 
@@ -157,11 +167,8 @@ def test_turns_reach_the_measured_rate(
     vehicle = hovering(flavour)
     towards = math.radians(vehicle.heading.yaw_deg + turn_deg)
     go(vehicle, 200.0 * math.cos(towards), 200.0 * math.sin(towards))
-    highest = 0.0
-    for _ in range(120):
-        vehicle.advance(STEP_S)
-        highest = max(highest, abs(vehicle.heading.rate_deg_s))
-    assert highest == pytest.approx(rate_deg_s, rel=0.15)
+    fastest_deg_s = highest(vehicle, 6.0, lambda: abs(vehicle.heading.rate_deg_s))
+    assert fastest_deg_s == pytest.approx(rate_deg_s, rel=0.15)
 
 
 def test_px4_goes_on_turning_for_a_while_when_it_is_told_to_look_elsewhere() -> None:
@@ -170,17 +177,7 @@ def test_px4_goes_on_turning_for_a_while_when_it_is_told_to_look_elsewhere() -> 
     fly(vehicle, 1.8)
     then = vehicle.heading.yaw_deg
     go(vehicle, 0.0, 0.0, math.radians(then))
-    furthest = then
-    for _ in range(60):
-        vehicle.advance(STEP_S)
-        furthest = max(furthest, vehicle.heading.yaw_deg)
-    assert 25.0 < furthest - then < 50.0
-
-
-def taking_off(flavour: Flavour) -> Flown:
-    flown = Flown(flavour, on_ground=True)
-    flown.order("takeoff", height_m=30.0)
-    return flown
+    assert 25.0 < highest(vehicle, 3.0, lambda: vehicle.heading.yaw_deg) - then < 50.0
 
 
 def test_px4_turns_its_setpoint_on_when_it_is_sent_elsewhere_in_a_turn() -> None:
@@ -194,12 +191,8 @@ def test_px4_turns_its_setpoint_on_when_it_is_sent_elsewhere_in_a_turn() -> None
     rate_deg_s = (setpoint_yaw_deg(vehicle) - before_deg) / STEP_S
     then_deg = setpoint_yaw_deg(vehicle)
     go(vehicle, 15.0, -21.0)
-    furthest_deg = then_deg
-    for _ in range(60):
-        vehicle.advance(STEP_S)
-        furthest_deg = max(furthest_deg, setpoint_yaw_deg(vehicle))
     assert 20.0 < rate_deg_s < 32.0
-    assert 5.0 < furthest_deg - then_deg < 15.0
+    assert 5.0 < highest(vehicle, 3.0, lambda: setpoint_yaw_deg(vehicle)) - then_deg < 15.0
     fly(vehicle, 4.0)
     assert setpoint_yaw_deg(vehicle) < -30.0
 
@@ -210,15 +203,16 @@ def setpoint_yaw_deg(vehicle: FlyingVehicle) -> float:
 
 @BOTH
 def test_only_px4_corrects_the_altitude_of_home_after_a_takeoff(flavour: Flavour) -> None:
-    flown = taking_off(flavour)
-    alt_jumps, above_jumps, last = 0, 0, None
+    flown = Flown(flavour, on_ground=True)
+    flown.order("takeoff", height_m=30.0)
+    seen = []
     for _ in range(1200):
         flown.step()
-        seen = position_message(flown.vehicle, 0)
-        if last is not None:
-            alt_jumps += abs(seen.alt - last.alt) > 700
-            above_jumps += abs(seen.relative_alt - last.relative_alt) > 700
-        last = seen
+        seen.append(position_message(flown.vehicle, 0))
+    alt_jumps, above_jumps = (
+        sum(abs(now - last) > 700 for last, now in pairwise(heights_mm))
+        for heights_mm in ([one.alt for one in seen], [one.relative_alt for one in seen])
+    )
     assert not alt_jumps
     assert (above_jumps > 20) is (flavour == "px4")
     home = home_message(flown.vehicle).altitude / 1e3 - HOME.altitude_amsl_m

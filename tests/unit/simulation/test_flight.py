@@ -28,12 +28,9 @@ def test_the_demo_turns_three_times_and_never_faster_than_60_degrees_a_second(
     assert np.abs(np.diff(headings)).max() / 0.05 <= 60.0
 
 
-def test_the_demo_plan_fills_its_duration() -> None:
-    assert demo_scenario(77.0).flight.duration_s == pytest.approx(77.0)
-
-
 @pytest.mark.parametrize("duration_s", [39.9, math.nan, math.inf, -1.0])
-def test_a_demo_too_short_to_turn_in_is_refused(duration_s: float) -> None:
+def test_a_demo_fills_its_duration_and_a_too_short_one_is_refused(duration_s: float) -> None:
+    assert demo_scenario(77.0).flight.duration_s == pytest.approx(77.0)
     with pytest.raises(ConfigError, match="at least 40 s"):
         demo_scenario(duration_s)
 
@@ -59,20 +56,11 @@ def test_velocity_is_the_change_of_position() -> None:
 
 
 def test_a_multirotor_leans_into_its_acceleration_and_against_the_wind() -> None:
-    flight = Flight(
-        height_m=30.0,
-        wobble_deg=0.0,
-        heading_deg=90.0,
-        leg=(Leg(duration_s=10.0, east_m=80.0),),
-    )
+    leg = Leg(duration_s=10.0, east_m=80.0)
+    flight = Flight(height_m=30.0, wobble_deg=0.0, heading_deg=90.0, leg=(leg,))
     scenario = Scenario(flight=flight)
-    nose_up = [
-        -geometry.rotate(
-            scenario.vehicle_pose(scenario.start_time_ns + t * 10**8).quaternion_wxyz,
-            (1.0, 0.0, 0.0),
-        )[2]
-        for t in (10, 50, 90)
-    ]
+    poses = [scenario.vehicle_pose(scenario.start_time_ns + t * 10**8) for t in (10, 50, 90)]
+    nose_up = [-geometry.rotate(one.quaternion_wxyz, (1.0, 0.0, 0.0))[2] for one in poses]
     assert nose_up[0] < nose_up[1] < 0.0 < nose_up[2]
     # At 80 m / (10 s · 0.65) the drag of 0.15/s wants 1.85 m/s² of thrust: atan(1.85/9.81).
     assert math.degrees(math.asin(nose_up[1])) == pytest.approx(-10.7, abs=0.1)
@@ -102,22 +90,13 @@ def test_the_antenna_is_turned_and_placed_as_mounted() -> None:
     assert heading_of(scenario.vehicle_pose(time_ns).quaternion_wxyz) == pytest.approx(90.0)
 
 
-def test_wobble_has_the_asked_size_in_the_air_and_none_on_the_ground() -> None:
-    def rolls(height_m: float) -> list[float]:
-        scenario = Scenario(flight=Flight(height_m=height_m, wobble_deg=2.0))
-        return [
-            math.degrees(
-                math.asin(
-                    geometry.rotate(
-                        scenario.vehicle_pose(
-                            scenario.start_time_ns + step * 37_000_000
-                        ).quaternion_wxyz,
-                        (0.0, 1.0, 0.0),
-                    )[2]
-                )
-            )
-            for step in range(3000)
-        ]
-
-    assert np.std(rolls(30.0)) == pytest.approx(2.0, rel=0.1)
-    assert np.std(rolls(0.0)) == pytest.approx(0.0, abs=1e-9)
+@pytest.mark.parametrize(("height_m", "wobble_deg"), [(30.0, 2.0), (0.0, 0.0)])
+def test_wobble_has_the_asked_size_in_the_air_and_none_on_the_ground(
+    height_m: float, wobble_deg: float
+) -> None:
+    scenario = Scenario(flight=Flight(height_m=height_m, wobble_deg=2.0))
+    times_ns = scenario.start_time_ns + 37_000_000 * np.arange(3000)
+    poses = [scenario.vehicle_pose(int(time_ns)) for time_ns in times_ns]
+    down = [geometry.rotate(pose.quaternion_wxyz, (0.0, 1.0, 0.0))[2] for pose in poses]
+    rolls_deg = np.degrees(np.arcsin(down))
+    assert np.std(rolls_deg) == pytest.approx(wobble_deg, rel=0.1, abs=1e-9)

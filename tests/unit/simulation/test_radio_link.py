@@ -20,12 +20,11 @@ def carried_bytes_s(*, both: bool, seconds: float = 60.0) -> float:
     return sum(got) / seconds
 
 
-def test_a_busy_pair_carries_3167_bytes_a_second_each_way() -> None:
-    assert carried_bytes_s(both=True) == pytest.approx(3167, rel=0.03)
-
-
-def test_one_way_alone_carries_what_the_serial_port_gives() -> None:
-    assert carried_bytes_s(both=False) == pytest.approx(50 / 0.009, rel=0.03)
+@pytest.mark.parametrize(("both", "bytes_s"), [(True, 3167), (False, 50 / 0.009)])
+def test_a_busy_pair_carries_3167_bytes_a_second_each_way_and_one_alone_all(
+    both: bool, bytes_s: float
+) -> None:
+    assert carried_bytes_s(both=both) == pytest.approx(bytes_s, rel=0.03)
 
 
 def test_what_does_not_fit_into_the_buffer_is_counted() -> None:

@@ -104,11 +104,6 @@ def test_a_file_that_is_not_text_is_refused(tmp_path: Path) -> None:
         load_scenario(path)
 
 
-def test_text_of_any_kind_is_quoted() -> None:
-    scenario = Scenario(name='a "quoted" \\ name\n\x7f ü')
-    assert parse_scenario(scenario_toml(scenario)) == scenario
-
-
 def test_the_reference_names_every_key() -> None:
     page = (Path(__file__).parents[3] / "docs/reference/scenario.md").read_text()
     keys = {

@@ -12,10 +12,20 @@ from uavrt.core.errors import ConfigError, RecordingError
 from uavrt.simulation.scene.demo_world import demo_scenario
 from uavrt.simulation.scene.scenario_file import load_scenario
 from uavrt.simulation.scene.world import World
-from uavrt.simulation.simulated_recording import simulate_to_directory
+from uavrt.simulation.simulated_recording import SimulatedRecording, simulate_to_directory
 from uavrt.simulation.synthesis import IQSynthesizer
 
 RATE_HZ = 250_000.0
+
+
+SCENARIO = demo_scenario(60.0, seed=6)
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> SimulatedRecording:
+    """Nine seconds of the demo."""
+    directory = tmp_path_factory.mktemp("nine") / "out"
+    return simulate_to_directory(SCENARIO, directory, duration_s=9.0, sample_rate_hz=RATE_HZ)
 
 
 def rows(path: Path) -> list[dict[str, str]]:
@@ -23,19 +33,17 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def test_a_recording_is_valid_sigmf_with_the_right_samples(tmp_path: Path) -> None:
-    scenario = demo_scenario(60.0, seed=6)
-    result = simulate_to_directory(
-        scenario, tmp_path / "out", duration_s=9.0, sample_rate_hz=RATE_HZ
-    )
-    recording = sigmf.fromfile(str(result.metadata))
+def test_a_recording_is_valid_sigmf_with_the_right_samples(
+    recorded: SimulatedRecording,
+) -> None:
+    recording = sigmf.fromfile(str(recorded.metadata))
     recording.validate()
     assert recording.get_global_info()["core:datatype"] == "cf32_le"
     assert recording.sample_rate == RATE_HZ
     capture = recording.get_captures()[0]
     assert capture["core:frequency"] == 148.68e6
     assert capture["core:datetime"] == "2023-11-17T07:16:59.000000Z"
-    expected = IQSynthesizer(scenario, sample_rate_hz=RATE_HZ).block(0, 2_250_000)
+    expected = IQSynthesizer(SCENARIO, sample_rate_hz=RATE_HZ).block(0, 2_250_000)
     np.testing.assert_array_equal(recording.read_samples(), expected)
 
 
@@ -66,45 +74,44 @@ def test_tags_that_the_band_does_not_reach_are_named(
     )
 
 
-def test_truth_telemetry_and_tags_stand_beside_the_samples(tmp_path: Path) -> None:
-    scenario = demo_scenario(60.0, seed=6)
-    result = simulate_to_directory(scenario, tmp_path, duration_s=9.0, sample_rate_hz=RATE_HZ)
-    start = scenario.start_time_ns
-    pulses = World(scenario).truth(start, start + 9 * 10**9)
-    written = rows(result.truth)
+def test_truth_telemetry_and_tags_stand_beside_the_samples(
+    recorded: SimulatedRecording,
+) -> None:
+    start = SCENARIO.start_time_ns
+    pulses = World(SCENARIO).truth(start, start + 9 * 10**9)
+    written = rows(recorded.truth)
     assert [int(row["start_time_ns"]) for row in written] == [p.start_time_ns for p in pulses]
     assert [float(row["enr_db"]) for row in written] == [p.enr_db for p in pulses]
-    telemetry = rows(result.telemetry)
+    telemetry = rows(recorded.telemetry)
     assert len(telemetry) == 9 * 50 + 1
     for row in telemetry[::90]:
-        pose = scenario.vehicle_pose(int(row["time_ns"]))
+        pose = SCENARIO.vehicle_pose(int(row["time_ns"]))
         assert float(row["latitude_deg"]) == pytest.approx(pose.latitude_deg, abs=1e-9)
         assert float(row["qz"]) == pytest.approx(pose.quaternion_wxyz[3], abs=1e-7)
-    assert read_tags(result.tags) == scenario.tags
-    assert [tag.tag_id for tag in read_tags(result.tag_info)] == [2, 4, 6]
-    assert load_scenario(result.scenario).tag == scenario.tag
-    notes = json.loads(result.metadata.read_text())["annotations"]
+    assert read_tags(recorded.tags) == SCENARIO.tags
+    assert [tag.tag_id for tag in read_tags(recorded.tag_info)] == [2, 4, 6]
+    assert load_scenario(recorded.scenario).tag == SCENARIO.tag
+    notes = json.loads(recorded.metadata.read_text())["annotations"]
     assert len(notes) == len(pulses)
     assert notes[0]["core:label"] == f"tag {pulses[0].tag_id}"
 
 
-def test_nothing_is_overwritten(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "duration_s", "fault"),
+    [
+        ("", 0.1, "not empty"),
+        ("precious/out", 0.1, "cannot be written"),
+        ("out", 1e9, "needs 24000000000 MB"),
+    ],
+)
+def test_what_cannot_be_recorded_is_refused_and_overwrites_nothing(
+    tmp_path: Path, name: str, duration_s: float, fault: str
+) -> None:
     (tmp_path / "precious").write_text("data")
-    with pytest.raises(RecordingError, match="not empty"):
-        simulate_to_directory(demo_scenario(), tmp_path, duration_s=0.1)
+    with pytest.raises(RecordingError, match=fault):
+        simulate_to_directory(SCENARIO, tmp_path / name, duration_s=duration_s)
     assert [path.name for path in tmp_path.iterdir()] == ["precious"]
-
-
-def test_a_recording_larger_than_the_disk_is_refused_before_it_starts(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match=r"needs 24000000000 MB"):
-        simulate_to_directory(demo_scenario(), tmp_path / "out", duration_s=1e9)
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_file_in_the_way_is_named(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(RecordingError, match="cannot be written"):
-        simulate_to_directory(demo_scenario(), tmp_path / "file" / "out", duration_s=0.1)
+    assert (tmp_path / "precious").read_text() == "data"
 
 
 @pytest.mark.parametrize("duration_s", [0.0, -1.0, float("nan"), float("inf")])

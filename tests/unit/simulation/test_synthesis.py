@@ -4,7 +4,6 @@ import made
 import numpy as np
 import pytest
 
-from uavrt.simulation.scene.demo_world import demo_scenario
 from uavrt.simulation.scene.scenario import Interferer, Radio
 from uavrt.simulation.scene.world import World
 from uavrt.simulation.synthesis import CHUNK_SAMPLES, IQSynthesizer, encode, phasor
@@ -97,15 +96,6 @@ def test_another_noise_for_every_chunk_and_seed() -> None:
     other = IQSynthesizer(made.still_scenario(tag=(), seed=6)).chunk(0)
     for samples in (second, other):
         assert abs(np.vdot(first, samples)) < 5 * 25e-6 * np.sqrt(CHUNK_SAMPLES)
-
-
-def test_a_restarted_radio_continues_the_same_world() -> None:
-    scenario = demo_scenario(60.0, seed=4)
-    begun = IQSynthesizer(scenario)
-    begun.block(10 * 3_000_000, 100_000)
-    early = begun.block(11 * 3_000_000, 200_000)
-    restarted = IQSynthesizer(scenario).block(11 * 3_000_000, 200_000)
-    np.testing.assert_array_equal(early, restarted)
 
 
 def test_a_carrier_has_its_frequency_and_power_and_no_seams() -> None:

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from typing import Any
 
 import made
 import numpy as np
@@ -8,27 +9,29 @@ from uavrt.simulation.scene.demo_world import demo_scenario
 from uavrt.simulation.scene.flight import Flight, Leg
 from uavrt.simulation.scene.propagation import SPEED_OF_LIGHT_M_S, Propagation
 from uavrt.simulation.scene.scenario import Scenario
-from uavrt.simulation.scene.world import World
+from uavrt.simulation.scene.world import TruePulse, World
 
 SECOND_NS = 10**9
 
 
-def truth(scenario: Scenario, duration_s: float = 60.0) -> list:  # type: ignore[type-arg]
+def truth(scenario: Scenario, duration_s: float = 60.0) -> list[TruePulse]:
     start_ns = scenario.start_time_ns
     return World(scenario).truth(start_ns, start_ns + round(duration_s * SECOND_NS))
+
+
+def sent(duration_s: float, **tag: Any) -> list[TruePulse]:
+    """Pulses of the tag at rest, with some changes."""
+    return truth(made.still_scenario(tag=(replace(made.STILL_TAG, **tag),)), duration_s)
 
 
 def test_pulses_come_at_the_interval_and_arrive_by_the_speed_of_light() -> None:
     scenario = made.still_scenario()
     pulses = truth(scenario, 10.0)
     assert [pulse.pulse_index for pulse in pulses] == list(range(10))
+    first_ns, way_ns = scenario.start_time_ns + SECOND_NS // 2, 100e9 / SPEED_OF_LIGHT_M_S
     for pulse in pulses:
-        assert pulse.transmit_time_ns - scenario.start_time_ns == (
-            SECOND_NS // 2 + pulse.pulse_index * SECOND_NS
-        )
-        assert pulse.start_time_ns - pulse.transmit_time_ns == round(
-            100.0 / SPEED_OF_LIGHT_M_S * 1e9
-        )
+        assert pulse.transmit_time_ns == first_ns + pulse.pulse_index * SECOND_NS
+        assert pulse.start_time_ns - pulse.transmit_time_ns == round(way_ns)
         assert pulse.end_time_ns - pulse.start_time_ns == 20_000_000
 
 
@@ -40,8 +43,7 @@ def test_the_level_is_the_link_budget() -> None:
 
 
 def test_interval_error_accumulates_and_jitter_does_not() -> None:
-    tag = replace(made.STILL_TAG, interval_error_s=0.03, jitter_s=0.02)
-    pulses = truth(made.still_scenario(tag=(tag,)), 600.0)
+    pulses = sent(600.0, interval_error_s=0.03, jitter_s=0.02)
     starts_s = np.array([p.transmit_time_ns - pulses[0].transmit_time_ns for p in pulses]) / 1e9
     off_s = starts_s - 1.03 * np.arange(len(pulses))
     off_s -= off_s.mean()
@@ -50,33 +52,24 @@ def test_interval_error_accumulates_and_jitter_does_not() -> None:
 
 
 def test_a_tag_goes_over_to_its_other_rate_and_back() -> None:
-    tag = replace(
-        made.STILL_TAG,
-        pulse_intervals_s=(1.0, 2.0),
-        first_pulse_s=0.0,
-        rate_switches_s=(3.0, 7.0),
+    pulses = sent(
+        9.5, pulse_intervals_s=(1.0, 2.0), first_pulse_s=0.0, rate_switches_s=(3.0, 7.0)
     )
-    pulses = truth(made.still_scenario(tag=(tag,)), 9.5)
     assert [p.rate for p in pulses] == [1, 1, 1, 2, 2, 1, 1, 1]
     seconds = [(p.transmit_time_ns - pulses[0].transmit_time_ns) / 1e9 for p in pulses]
     assert seconds == pytest.approx([0, 1, 2, 3, 5, 7, 8, 9])
 
 
 def test_a_tag_repeats_its_pattern_of_rates() -> None:
-    tag = replace(made.STILL_TAG, pulse_intervals_s=(1.0, 1.5), rate_pattern=(1, 1, 2))
-    pulses = truth(made.still_scenario(tag=(tag,)), 12.0)
+    pulses = sent(12.0, pulse_intervals_s=(1.0, 1.5), rate_pattern=(1, 1, 2))
     gaps = np.diff([p.transmit_time_ns for p in pulses]) / 1e9
     assert list(gaps[:7]) == pytest.approx([1.0, 1.0, 1.5, 1.0, 1.0, 1.5, 1.0])
 
 
 def test_the_crystal_is_off_and_drifts() -> None:
-    tag = replace(
-        made.STILL_TAG,
-        frequency_offset_hz=100.0,
-        frequency_offset_ppm=2.0,
-        frequency_drift_hz_s=0.5,
+    first, *_, last = sent(
+        60.0, frequency_offset_hz=100.0, frequency_offset_ppm=2.0, frequency_drift_hz_s=0.5
     )
-    first, *_, last = truth(made.still_scenario(tag=(tag,)), 60.0)
     expected_hz = made.STILL_TAG.frequency_hz * (1 + 2e-6) + 100.0 + 0.5 * 0.5
     assert first.frequency_hz == pytest.approx(expected_hz, abs=1e-3)
     assert last.frequency_hz - first.frequency_hz == pytest.approx(0.5 * 59.0, abs=1e-3)
@@ -116,11 +109,8 @@ def test_a_neighbour_tag_is_heard_but_not_listed() -> None:
 
 def test_the_demo_is_clearly_heard_once_in_the_air() -> None:
     scenario = demo_scenario(60.0, seed=3)
-    flying = [
-        pulse
-        for pulse in truth(scenario)
-        if pulse.start_time_ns > scenario.start_time_ns + 7 * SECOND_NS
-    ]
+    up_ns = scenario.start_time_ns + 7 * SECOND_NS
+    flying = [pulse for pulse in truth(scenario) if pulse.start_time_ns > up_ns]
     levels = np.array([pulse.enr_db for pulse in flying])
     assert 30.0 < np.percentile(levels, 97) < 37.0
     assert np.mean(levels >= 14.0) > 0.85
