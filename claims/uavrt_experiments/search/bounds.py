@@ -150,7 +150,7 @@ class LeastErrors:
         world = self._world
         level_1m_db = float(world.levels_1m_db[tag_id - 1])
         return pulse_information(
-            lambda place: world.level_db(state, place, level_1m_db),
+            lambda place: world.level_db(state, place, level_1m_db, tag_id - 1),
             world.places_m[tag_id - 1],
             sigma_db=self._truth.sigma_db,
             threshold_db=self._truth.threshold_db,

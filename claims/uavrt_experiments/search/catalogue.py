@@ -5,6 +5,7 @@ from dataclasses import replace
 from uavrt.planning.drone_model.drone_motion import Multirotor
 from uavrt.planning.keep_away import KeepAway
 from uavrt.planning.stopping import AccuracyStop
+from uavrt_experiments.search.reflection import Reflection
 from uavrt_experiments.search.scenario import (
     APART,
     ERROR_THAN_ONE,
@@ -106,7 +107,7 @@ T4 = Scenario(
         level_1m_db=-39.67,
         exponent=2.0,
         sigma_db=8.86,
-        two_ray=True,
+        reflection=Reflection(),
         tag_height_m=1.0,
         walk_m_per_root_s=0.5,
     ),
@@ -141,7 +142,7 @@ T3 = Scenario(
         level_1m_db=-15.28,
         exponent=2.0,
         sigma_db=2.31,
-        two_ray=True,
+        reflection=Reflection(),
         tag_height_m=1.0,
         travellers=2,
         walk_speed_m_s=1.2,

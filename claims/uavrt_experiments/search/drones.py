@@ -51,9 +51,10 @@ from uavrt_experiments.search.flight import (
     priors_of,
     start_of,
 )
+from uavrt_experiments.search.reflection import FREQUENCY_HZ
 from uavrt_experiments.search.scenario import Contender, Scenario
 from uavrt_experiments.search.terrain import PLANE
-from uavrt_experiments.search.world import FREQUENCY_HZ, World
+from uavrt_experiments.search.world import World
 
 FLAVOURS: tuple[Flavour, ...] = ("px4", "ardupilot")
 """Autopilots of runs with even and with odd seeds."""

@@ -22,9 +22,10 @@ from uavrt_experiments.search.baselines.names import any_planner
 from uavrt_experiments.search.baselines.published import Shannon
 from uavrt_experiments.search.bounds import LeastErrors
 from uavrt_experiments.search.level import at_100_m
+from uavrt_experiments.search.reflection import FREQUENCY_HZ
 from uavrt_experiments.search.scenario import Contender, Scenario, Truth
 from uavrt_experiments.search.terrain import mapped
-from uavrt_experiments.search.world import FREQUENCY_HZ, Heard, World
+from uavrt_experiments.search.world import Heard, World
 
 _Floats = NDArray[np.float64]
 _INJECTION = 0.1
@@ -105,7 +106,9 @@ def priors_of(scenario: Scenario, world: World) -> list[TagPrior]:
         motion=known.motion,
         missed_share=_share(known.missed_share, truth.missed_share),
         chance_share=_share(known.chance_share, truth.chance_share),
-        path_gain=GroundReflection(tag_height_m=truth.tag_height_m) if truth.two_ray else None,
+        path_gain=GroundReflection(tag_height_m=truth.tag_height_m)
+        if truth.reflection
+        else None,
         hills=map_of(scenario),
     )
     count = scenario.tags + scenario.absent

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from uavrt.planning.drone_model.drone_motion import Multirotor
 from uavrt.planning.keep_away import KeepAway
 from uavrt.planning.stopping import AccuracyStop, StopRule
+from uavrt_experiments.search.reflection import Reflection
 
 _Floats = NDArray[np.float64]
 Ground = Callable[[_Floats, _Floats], _Floats]
@@ -28,7 +29,8 @@ class Truth:
     exponent: float
     sigma_db: float
     antenna: str = "yagi-2"
-    two_ray: bool = False
+    reflection: Reflection | None = None
+    """Ground that reflects; None: it does not."""
     tag_height_m: float = 0.0
     threshold_db: float = -1000.0
     """Level below which pulses are missed."""

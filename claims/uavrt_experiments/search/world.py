@@ -13,12 +13,10 @@ from numpy.typing import NDArray
 
 from uavrt.localization.antenna import PATTERNS, monopole_gain_db
 from uavrt.planning.drone_model.drone_motion import VehicleState
-from uavrt.simulation.scene.propagation import Propagation, ground_reflection
+from uavrt_experiments.search.reflection import ReflectedRays
 from uavrt_experiments.search.scenario import Scenario
 
-FREQUENCY_HZ = 150e6
 _FREQUENCY_GHZ = 0.15
-_LIGHT_M_S = 299_792_458.0
 _CLUTTER_DB = (-100.0, 20.0)
 """Range of the levels of false pulses."""
 
@@ -65,6 +63,9 @@ class World:
         moving = truth.travellers
         self._velocity[:moving, 0] = truth.walk_speed_m_s * np.sin(towards[:moving])
         self._velocity[:moving, 1] = truth.walk_speed_m_s * np.cos(towards[:moving])
+        self._rays = (
+            None if truth.reflection is None else ReflectedRays(truth.reflection, count, seed)
+        )
         self._pattern = PATTERNS[truth.antenna]
 
     @property
@@ -107,7 +108,7 @@ class World:
             level = None
             if number < count and missed[number] >= truth.missed_share:
                 level = self.level_db(
-                    state, self.places_m[number], float(self.levels_1m_db[number])
+                    state, self.places_m[number], float(self.levels_1m_db[number]), number
                 ) + float(fading[number])
                 level = level if level >= truth.threshold_db else None
             if number < truth.strangers and level is None:
@@ -129,8 +130,10 @@ class World:
         )
         self._velocity = np.where(beyond, -self._velocity, self._velocity)
 
-    def level_db(self, state: VehicleState, place_m: _Floats, level_1m_db: float) -> float:
-        """Mean level at the drone of a tag at a place."""
+    def level_db(
+        self, state: VehicleState, place_m: _Floats, level_1m_db: float, tag: int = 0
+    ) -> float:
+        """Mean level at the drone of a tag at a place; `tag` is its index."""
         truth = self._scenario.truth
         dx, dy = float(place_m[0]) - state.east_m, float(place_m[1]) - state.north_m
         tag_top = float(self._ground(place_m[0], place_m[1])) + truth.tag_height_m
@@ -147,8 +150,9 @@ class World:
             level += float(
                 self._pattern.gain_towards_db(*(np.array([one / slant]) for one in unit))[0]
             )
-        if truth.two_ray:
-            level += _two_ray_db(flat, drone - tag_top, truth.tag_height_m)
+        if self._rays is not None:
+            to_drone = np.array([-dx, -dy, drone - tag_top])
+            level += self._rays.gain_db(tag, place_m, to_drone, truth.tag_height_m)
         if truth.vegetation_m > 0.0:
             level -= _vegetation_db(flat, height, truth.vegetation_m)
         if truth.ground is not None:
@@ -173,18 +177,6 @@ class World:
         zone = 17.3 * np.sqrt(share * (1.0 - share) * flat_km / _FREQUENCY_GHZ)
         loss = float(np.max(10.0 - 20.0 * clear / np.maximum(zone, 0.1)))
         return min(loss, 60.0) if loss > 6.0 else 0.0
-
-
-def _two_ray_db(flat_m: float, height_m: float, tag_m: float) -> float:
-    """Gain [dB] that the ray from the ground adds, horizontal waves."""
-    drone = height_m + tag_m
-    straight = math.hypot(flat_m, height_m)
-    mirrored = math.hypot(flat_m, drone + tag_m)
-    grazing = math.atan2(drone + tag_m, max(flat_m, 1e-6))
-    coefficient = ground_reflection(Propagation(), grazing, FREQUENCY_HZ, horizontal=True)
-    phase = 2.0 * math.pi * FREQUENCY_HZ / _LIGHT_M_S * (mirrored - straight)
-    both = abs(1.0 + coefficient * complex(math.cos(phase), -math.sin(phase)))
-    return 20.0 * math.log10(max(both, 1e-3))
 
 
 def _vegetation_db(flat_m: float, height_m: float, grown_m: float) -> float:
