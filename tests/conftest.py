@@ -176,34 +176,10 @@ def browser() -> Iterator[Any]:
 
 
 @pytest.fixture
-def start_ground() -> Iterator[Callable[..., Any]]:
-    """Start ground stations with a page; every one of them ends with the test."""
-    from page_driver import Ground
+def scene(tmp_path: Path, browser: Any) -> Iterator[Any]:
+    """A ground station with its pages, and drones; it starts when it is asked for."""
+    from page_driver import Scene
 
-    started: list[Ground] = []
-
-    def start(directory: Path, port: int = 0, *more: str) -> Ground:
-        started.append(Ground(directory, port, *more))
-        return started[-1]
-
-    yield start
-    for ground in started:
-        ground.stop()
-
-
-@pytest.fixture
-def watch(browser: Any, start_ground: Callable[..., Any]) -> Iterator[Callable[..., Any]]:
-    """Open pages; each closes before its ground station, and none may have had an error."""
-    from page_driver import Watched
-
-    opened: list[Watched] = []
-
-    def open_page(address: str, **context: Any) -> Watched:
-        opened.append(Watched(browser, address, **context))
-        return opened[-1]
-
-    yield open_page
-    errors = [watched.errors for watched in opened if watched.errors]
-    for watched in opened:
-        watched.close()
-    assert errors == []
+    made = Scene(tmp_path, browser)
+    yield made
+    made.close()

@@ -97,10 +97,6 @@ def sqlite(*statements: str) -> Content:
     return make
 
 
-def put(path: Path, content: bytes) -> None:
-    path.write_bytes(content)
-
-
 def zipped(name: str, content: bytes, kind: int = zipfile.ZIP_DEFLATED) -> bytes:
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", kind) as archive:
@@ -475,50 +471,54 @@ THESIS_ROW = (
 ANTENNA = "".join(f"{angle},{-angle / 10}\n" for angle in range(0, 181, 15))
 TELEMETRY = (
     "time_ns,latitude_deg,longitude_deg,altitude_amsl_m,altitude_relative_m,qw,qx,qy,qz\n"
+    "1780000000000000000,47,8,500,40,1,0,0,0\n"
 )
-PLACE = "1780000000000000000,47,8,500,40,1,0,0,0\n"
+CODES = "id,frequency_mhz,burst_interval_s,g1,g2,g3\n"
+TAGS = "name,id,frequency_mhz,interval_ms,pulse_width_ms\nLuna,2,148.712,1200,20\n"
 FOLD: dict[str, Any] = {
     "tag_id": 2, "interval_s": 1.2, "length_s": 100.0, "profile": [0.0] * 40,
     "raster": [[0.0] * 40] * 10,
 }  # fmt: skip
 VERDICT: dict[str, Any] = {
     "tag_id": 2, "found": False, "false_alarm_probability": 0.5, "interval_s": 1.2,
-    "frequency_hz": 148.7e6,
+    "frequency_hz": 148.7e6, "parts": [], "region50": [], "remarks": "x",
 }  # fmt: skip
 MAKERS = "3,Two,1333,2000,Moving,Resting,15,60,20\n"
-BEARING = "2,a.csv,92.5,0.9,47.4,8.496688,40.0,500.0,1700000000.5,1700000060.5,2.0\n"
-POSITION = "2,a.csv,47.4,8.5,47.4,8.5,47.4,8.5\n"
 
 
-def table_attacks(line: str) -> Attacks:
-    cells = line.strip().split(",")
+def table(
+    name: str,
+    text: str,
+    read: Callable[[Path], object],
+    *,
+    rows: int = 1,
+    separator: str = ",",
+    more: Attacks | None = None,
+) -> Format:
+    """A table: what stands above its last line, and that line, so many times."""
+    *above, line = text.splitlines(keepends=True)
+    head, cells = "".join(above), line.strip().split(separator)
 
     def changed(place: int, value: str, count: int = 1) -> bytes:
-        return (",".join([*cells[:place], value, *cells[place + 1 :]]) + "\n").encode() * count
+        row = separator.join([*cells[:place], value, *cells[place + 1 :]])
+        return f"{row}\n".encode() * count
 
-    return {
+    damaged = {
         "wide cell": changed(1, "x" * 140_000),
         "quoted cell": changed(0, '"' + "7" * 140_000),
-        "many cells": (line.strip() + "," * 400_000 + "\n").encode(),
+        "many cells": f"{line.strip()}{separator * 400_000}\n".encode(),
         "not finite": changed(len(cells) // 2, "nan") + changed(2, "1e999") * 500,
         "far times": b"".join(changed(n, "9" * 25) for n in range(len(cells))),
         "damaged lines": b"".join(changed(n % len(cells), "?") for n in range(8_000)),
         "one damaged of many": line.encode() * 3_000 + changed(2, "?"),
         "formulas": changed(1, "=HYPERLINK(1)"),
         "escapes": changed(1, "\x1b[2J"),
-        "packed": gzip.compress(line.encode() * 10),
-        "packed bomb": late(lambda: gzip.compress(line.encode() * 200_000)),
     }
-
-
-def headed(head: str, line: str, separator: str = ",") -> Attacks:
-    """The same under a line of names."""
-    attacks = {name: one for name, one in table_attacks(line).items() if name[:6] != "packed"}
-    return {
-        name: head.encode() + one.replace(b",", separator.encode())
-        for name, one in attacks.items()
-        if isinstance(one, bytes)
-    }
+    attacks: Attacks = {what: head.encode() + one for what, one in damaged.items()}
+    attacks["packed"] = gzip.compress(head.encode() + line.encode() * 10)
+    attacks["packed bomb"] = late(lambda: gzip.compress(line.encode() * 200_000))
+    honest = (head + rows * line).encode()
+    return Format(name=name, honest=honest, attacks=attacks | (more or {}), read=read)
 
 
 def update_tar(manifest: bytes, *more: tarfile.TarInfo) -> bytes:
@@ -648,17 +648,8 @@ def reader(place: str) -> Callable[[Path], object]:
     return read
 
 
-read_settings = reader("uavrt.config.loader.load_settings")
-read_any_track = reader("uavrt.analysis.tracks.recognised.read_track")
 read_pulses = reader("uavrt.flight.reading.recognise.read_pulse_log")
-read_detector = reader("uavrt.flight.logs.detector_configs.read_detector_config")
-read_bearings = reader("uavrt.formats.bearings_csv.read_bearing_file")
-read_positions = reader("uavrt.formats.positions_csv.read_position_file")
-read_report_facts = reader("uavrt.analysis.inputs.flight_facts.read_facts")
-read_manifest = reader("uavrt.analysis.archive.recordings.read_manifest")
-read_estimates = reader("uavrt.formats.pulses.ucsd.read_ucsd_estimates")
-read_antenna_file = reader("uavrt.analysis.measure.antenna_files.read_antenna")
-read_scenario_file = reader("uavrt.simulation.scene.scenario_file.load_scenario")
+read_any_track = reader("uavrt.analysis.tracks.recognised.read_track")
 
 
 def read_tag_file(path: Path) -> object:
@@ -975,33 +966,46 @@ KNOWN: dict[str, Any] = {"version": 1, "flights": []}
 LOG_LINE: dict[str, Any] = {"time_ns": 1, "severity": 6, "text": "Started", "source": "ground"}
 
 
-def json_attacks(record: Any) -> Attacks:
-    """Other values for each field, and shapes that are none."""
-    record = record[0] if isinstance(record, list) else record
+def records(
+    name: str,
+    record: Any,
+    read: Callable[[Path], object],
+    more: Mapping[str, Mapping[str, Any]] | None = None,
+) -> Format:
+    """Records in JSON: other values in each field, also those of `more`, and odd shapes."""
+    listed = isinstance(record, list)
+    fields = record[0] if listed else record
     values: dict[str, Any] = {
         "nothing": None, "whole": 10**4000, "negative": -(2**70), "number": 1.5, "text": "x",
         "escapes": "\x1b[2J\0" * 9_000, "long": "x" * 5_000_000, "list": [[]] * 300_000,
         "object": {"a": {}}, "objects": [{}] * 200_000, "yes": True,
     }  # fmt: skip
-    attacks: Attacks = {
-        f"{what} in all": json.dumps(dict.fromkeys(record, value)).encode()
-        for what, value in values.items()
-    }
+
+    def changed(**to: Any) -> Content:
+        one = fields | to
+        return late(lambda: json.dumps([one] if listed else one).encode())
+
     whole = json.dumps(record)
-    return attacks | {
-        f"{what} for {name}": json.dumps(record | {name: values[what]}).encode()
-        for name in record
+    attacks: Attacks = {
+        f"{what} in all": changed(**dict.fromkeys(fields, value))
+        for what, value in values.items()
+    } | {
+        f"{what} for {field}": changed(**{field: values[what]})
+        for field in fields
         for what in ("nothing", "whole", "escapes", "list")
     } | {
-        f"deep {name}": json.dumps(record | {name: 0}).replace(
-            f'"{name}": 0', f'"{name}": ' + "[" * 90_000 + "]" * 90_000).encode()
-        for name in record
-    } | {
-        "deep unknown": f'{whole[:-1]}, "x": {"[" * 90_000}'.encode() + b"]" * 90_000 + b"}",
+        f"deep {field}": json.dumps(fields | {field: 0}).replace(
+            f'"{field}": 0', f'"{field}": ' + "[" * 90_000 + "]" * 90_000).encode()
+        for field in fields
+    } | {what: changed(**to) for what, to in (more or {}).items()} | {
+        "many": late(lambda: f"[{','.join([json.dumps(fields)] * 60_000)}]".encode()),
+        "deep unknown": f'{json.dumps(fields)[:-1]}, "x": {"[" * 90_000}'.encode()
+        + b"]" * 90_000 + b"}",
         "lines": f"{whole}\n".encode() * 60_000,
         "list of it": f"[{whole}]".encode(),
         "bytes": whole.encode().replace(b"a", b"\xff"),
     }  # fmt: skip
+    return Format(name=name, honest=whole.encode(), attacks=attacks, read=read)
 
 
 @functools.cache
@@ -1022,17 +1026,17 @@ def pem_attacks(number: int) -> Attacks:
     body = b"A" * 64 + b"\n"
 
     def made(change: Callable[[bytes], bytes]) -> Content:
-        return lambda path: put(path, change(certificate()[number]))
+        return late(lambda: change(certificate()[number]))
 
     return {
-        "other half": lambda path: put(path, certificate()[1 - number]),
+        "other half": late(lambda: certificate()[1 - number]),
         "many": made(lambda pem: pem * 3_000),
         "after text": made(lambda pem: b"a\n" * 900_000 + pem),
         "truncated": made(lambda pem: pem[:-40]),
         "not closed": made(lambda pem: pem.partition(b"\n")[0] + b"\n" + body * 60_000),
         "long": made(lambda pem: pem.partition(b"\n")[0] + b"\n" + body * 60_000
                      + pem[pem.index(b"-----END"):]),
-        "encrypted": lambda path: encrypted(path),
+        "encrypted": encrypted,
         "odd cipher": b"-----BEGIN EC PRIVATE KEY-----\nProc-Type: 4,ENCRYPTED\nDEK-Info: "
         + b"A" * 90_000 + b"\n\n" + body + b"-----END EC PRIVATE KEY-----\n",
     }  # fmt: skip
@@ -1050,14 +1054,10 @@ SECRET_ATTACKS: Attacks = {
 }  # fmt: skip
 
 
-def changed_json(record: dict[str, Any], changes: dict[str, dict[str, Any]]) -> Attacks:
-    """Lists of one record with other values."""
-    return {name: json.dumps([record | one]).encode() for name, one in changes.items()}
-
-
 FORMATS = [
     Format(name="uavrt.toml", honest=b'[radio]\nkind = "airspy"\ngain = 12\n',
-           attacks=toml_attacks("[radio]\n", "gain"), read=read_settings),
+           attacks=toml_attacks("[radio]\n", "gain"),
+           read=reader("uavrt.config.loader.load_settings")),
     Format(name="tags.toml", honest="".join(TAG.format(n) for n in range(2, 40)).encode(),
            attacks=toml_attacks("[[tag]]\n", "interval_ms") | {
                "many tags": "".join(TAG.format(n) for n in range(2, 8_000)).encode(),
@@ -1066,17 +1066,11 @@ FORMATS = [
                "many codes": "".join(CODED.format(n, 30) for n in range(2, 6_000)).encode(),
                "gaps": CODED.format(2, "1," * 80_000 + "1").encode(),
            }, read=read_tag_file),
-    Format(name="TagInfo.txt", honest=b"2, 148712000, 1200, 20, 60, 10, 3, 0.01\n" * 1,
-           attacks=table_attacks("2, 148712000, 1200, 20, 60, 10, 3, 0.01\n"),
-           read=read_tag_file),
-    Format(name="codes.csv", honest=b"id,frequency_mhz,burst_interval_s,g1,g2,g3\n"
-           b"12,166.38,5.3,22.1,48.8,36.6\n",
-           attacks=headed("id,frequency_mhz,burst_interval_s,g1,g2,g3\n",
-                          "12,166.38,5.3,22.1,48.8,36.6\n") | {
-               "heading": ",".join(f"g{n % 9 + 1}" for n in range(90_000)).encode() + b"\n1\n",
-               "many": b"id,frequency_mhz,burst_interval_s,g1,g2,g3\n" + b"".join(
-                   b"%d,166.38,5.3,22.1,48.8,%d\n" % (n, n) for n in range(25_000)),
-           }, read=read_tag_file),
+    table("TagInfo.txt", "2, 148712000, 1200, 20, 60, 10, 3, 0.01\n", read_tag_file),
+    table("codes.csv", f"{CODES}12,166.38,5.3,22.1,48.8,36.6\n", read_tag_file, more={
+        "heading": ",".join(f"g{n % 9 + 1}" for n in range(90_000)).encode() + b"\n1\n",
+        "many": CODES.encode() + b"".join(
+            b"%d,166.38,5.3,22.1,48.8,%d\n" % (n, n) for n in range(25_000))}),
     Format(name="codes.yaml", honest=b"- id: 12\n  frequency_mhz: 166.38\n  burst_interval_s:"
            b" 5.3\n  gaps_ms: [22.1, 48.8, 36.6]\n", attacks={
                "many": b"- {id: 1, gaps_ms: [1, 2, 3]}\n" * 25_000,
@@ -1090,12 +1084,8 @@ FORMATS = [
                "indents": b"".join(b" " * n + b"a:\n" for n in range(500)),
                "colons": b"? " * 60_000,
            }, read=read_tag_file),
-    Format(name="TagInfo.db", honest=b"1,2,Luna,3,148.712\n", attacks=table_attacks(
-        "1,2,Luna,3,148.712\n"), read=import_tags),
-    Format(name="tags.csv", honest=b"name,id,frequency_mhz,interval_ms,pulse_width_ms\n"
-           b"Luna,2,148.712,1200,20\n", attacks=headed(
-               "name,id,frequency_mhz,interval_ms,pulse_width_ms\n",
-               "Luna,2,148.712,1200,20\n"), read=import_tags),
+    table("TagInfo.db", "1,2,Luna,3,148.712\n", import_tags),
+    table("tags.csv", TAGS, import_tags),
     Format(name="area.geojson", honest=geojson(corners(8)), attacks=SHAPE_ATTACKS,
            read=read_shape),
     Format(name="area.kml", honest=kml(placemark(8)), attacks=SHAPE_ATTACKS, read=read_shape),
@@ -1149,8 +1139,7 @@ FORMATS = [
         "long": NMEA * 30, "wide": NMEA + b"$GPRMC," * 200_000,
         "stars": b"$GP" + b"*" * 900_000, "far": NMEA.replace(b"010526", b"999999"),
     }, read=read_any_track),
-    Format(name="telemetry.csv", honest=f"{TELEMETRY}{PLACE}".encode(),
-           attacks=headed(TELEMETRY, PLACE), read=read_any_track),
+    table("telemetry.csv", TELEMETRY, read_any_track),
     Format(name="N47E008.hgt", honest=bytes(2 * 1201 * 1201), attacks={
         "short": bytes(1000), "other size": bytes(2 * 1200 * 1200)}, read=read_heights),
     Format(name="N47E008.hgt.zip", honest=zipped("N47E008.hgt", bytes(2 * 1201 * 1201)),
@@ -1241,18 +1230,16 @@ FORMATS = [
              mb_s=24.0 / sample_bytes)
       for name, sample_bytes in (("rec.cf32", 8), ("rec.cs16", 4), ("rec.cu8", 2),
                                  ("rec.ci8", 2), ("rec_148.7MHz_48ksps.cfile", 8))),
-    Format(name="page.pem", honest=lambda path: put(path, certificate()[0]),
+    Format(name="page.pem", honest=late(lambda: certificate()[0]),
            attacks=pem_attacks(0), read=read_certificate),
-    Format(name="page.key", honest=lambda path: put(path, certificate()[1]),
+    Format(name="page.key", honest=late(lambda: certificate()[1]),
            attacks=pem_attacks(1), read=read_certificate),
     Format(name="drone.key", honest=b"ab" * 32, attacks=SECRET_ATTACKS, read=read_secret),
-    *(Format(name=name, honest=json.dumps(record).encode(), attacks=json_attacks(record),
-             read=start_ground)
+    *(records(name, record, start_ground)
       for name, record in (("ground.json", STATION), ("tag_corrections.jsonl", CORRECTION),
                            ("ground_log.jsonl", LOG_LINE), ("flight_list.json", KNOWN),
                            ("supervisor_state.json", SAVED))),
-    *(Format(name=name, honest=json.dumps(record).encode(), attacks=json_attacks(record),
-             read=start_drone)
+    *(records(name, record, start_drone)
       for name, record in (("supervisor_state.json", SAVED),
                            ("parameters.json", {"DET_K": {"value": 5.0, "instead_of": 3.0}}),
                            ("signing_times.json", {"boot_id": "a", "times": {"newest": 9}}),
@@ -1267,35 +1254,33 @@ FORMATS = [
         "other kinds": pulses(5, quaternion_wxyz={"a": 1}, tag_id=[1]),
         "damaged lines": b'{"tag_id": }\n' * 30_000,
     }, read=read_pulses),
-    Format(name="Pulse-1.csv", honest=ROW_2023.encode() * 30, attacks=table_attacks(ROW_2023),
-           read=read_pulses),
-    *(Format(name=name, honest=table.encode(), attacks=headed(
-        table.splitlines()[0] + "\n", table.splitlines()[1].replace(separator, ",") + "\n",
-        separator), read=read)
-      for name, table, separator, read in (
-          ("pings.csv", UCSD, ",", read_pulses), ("hits.csv", HITS, ",", read_pulses),
-          ("signals.csv", SIGNALS, ";", read_pulses),
-          ("estimates.csv", ESTIMATES, ",", read_estimates))),
-    Format(name="pulse_pose_log.txt", honest=THESIS_ROW.encode() * 20,
-           attacks=table_attacks(THESIS_ROW), read=read_pulses),
-    Format(name="antenna.csv", honest=ANTENNA.encode(), attacks={
-        **table_attacks("30,-1.5\n"), "huge": b"1e308,1\n" * 200 + b"0,1e308\n180,-1e308\n",
-        "many": b"".join(b"%d,-1\n" % n for n in range(60_000))}, read=read_antenna_file),
-    Format(name="gnome.txt", honest=GNOME.encode() * 20,
-           attacks=table_attacks("p1,1700000001.2,4,-40,-80\n"), read=read_pulses),
-    Format(name="bearings.csv", honest=BEARING.encode() * 20, attacks=table_attacks(BEARING),
-           read=read_bearings),
-    Format(name="positions.csv", honest=POSITION.encode() * 20,
-           attacks=table_attacks(POSITION), read=read_positions),
+    table("Pulse-1.csv", ROW_2023, read_pulses, rows=30),
+    table("pings.csv", UCSD, read_pulses),
+    table("hits.csv", HITS, read_pulses),
+    table("signals.csv", SIGNALS, read_pulses, separator=";"),
+    table("estimates.csv", ESTIMATES, reader("uavrt.formats.pulses.ucsd.read_ucsd_estimates")),
+    table("pulse_pose_log.txt", THESIS_ROW, read_pulses, rows=20),
+    table("antenna.csv", ANTENNA, reader("uavrt.analysis.measure.antenna_files.read_antenna"),
+          more={"huge": b"1e308,1\n" * 200 + b"0,1e308\n180,-1e308\n",
+                "many": b"".join(b"%d,-1\n" % n for n in range(60_000))}),
+    table("gnome.txt", GNOME, read_pulses, rows=20),
+    table("bearings.csv",
+          "2,a.csv,92.5,0.9,47.4,8.496688,40.0,500.0,1700000000.5,1700000060.5,2.0\n",
+          reader("uavrt.formats.bearings_csv.read_bearing_file"), rows=20),
+    table("positions.csv", "2,a.csv,47.4,8.5,47.4,8.5,47.4,8.5\n",
+          reader("uavrt.formats.positions_csv.read_position_file"), rows=20),
     Format(name="detectorConfig.txt", honest=DETECTOR, attacks={
         "long": DETECTOR * 5_000, "headings": b"#\n" * 90_000, "colons": b":" * 190_000,
-        "far": DETECTOR.replace(b"1.2", b"9" * 5000)}, read=read_detector),
+        "far": DETECTOR.replace(b"1.2", b"9" * 5000)},
+        read=reader("uavrt.flight.logs.detector_configs.read_detector_config")),
     Format(name="report.toml", honest=b'operator = "A. Adler"\n',
-           attacks=toml_attacks("", "operator"), read=read_report_facts),
+           attacks=toml_attacks("", "operator"),
+           read=reader("uavrt.analysis.inputs.flight_facts.read_facts")),
     Format(name="scenario.toml", honest=b"",
-           attacks=toml_attacks("[radio]\n", "sample_rate_hz"), read=read_scenario_file),
-    Format(name="recordings.csv", honest=b"path\n",
-           attacks=headed("path,format\n", "a.wav,wav\n"), read=read_manifest),
+           attacks=toml_attacks("[radio]\n", "sample_rate_hz"),
+           read=reader("uavrt.simulation.scene.scenario_file.load_scenario")),
+    table("recordings.csv", "path,format\na.wav,wav\n",
+          reader("uavrt.analysis.archive.recordings.read_manifest"), rows=0),
     Format(name="uavrt-9.tar", honest=update_tar(b"{}"), attacks={
         "large manifest": update_tar(b"[" * 3_000_000), "members": update_tar(
             b"{}", *[tarfile.TarInfo(f"wheels/{n}") for n in range(9_000)])},
@@ -1305,24 +1290,16 @@ FORMATS = [
         read=read_update_file, is_read=False),
     Format(name="flight.sqlite", honest=honest_flight, attacks=flight_attacks(),
            read=read_whole_flight),
-    Format(name="tags.json", honest=json.dumps([VERDICT]).encode(), attacks={
-        "objects": b"[" + b"{}," * 200_000 + b"{}]", "nested": b"[" * 40_000,
-        "deep rings": b'[{"tag_id": 1, "rings": ' + b"[" * 800 + b"]" * 800 + b"}]",
-        **changed_json(VERDICT, {
-            "parts": {"parts": [{}] * 100_000}, "whole": {"interval_s": 10**400},
-            "rings": {"region50": [[[10**400, 1]]]}, "searched": {"searched": {"a": 10**400}},
-            "listened": {"listened": "2026-01-01T00:00:00Z/2026-01-01T00:00:01Z " * 200_000},
-            "lists": {"remarks": ["x"] * 400_000}, "number": {"tag_id": [[]]}}),
-        "many": json.dumps([VERDICT | {"tag_id": n} for n in range(60_000)]).encode(),
-        }, read=read_verdicts),
-    Format(name="folds.json", honest=json.dumps([FOLD]).encode(), attacks={
-        **changed_json(FOLD, {
-            "not finite": {"tag_id": float("inf")}, "whole": {"interval_s": 10**400},
-            "wide": {"profile": [0] * 200_000, "raster": [[0] * 200_000]},
-            "tall": {"profile": [0], "raster": [[0]] * 150_000},
-            "square": {"profile": [0] * 600, "raster": [[0] * 600] * 600}}),
-        "many": json.dumps([FOLD | {"tag_id": n} for n in range(900)]).encode(),
-        "null": b"[null]"}, read=read_verdicts),
+    records("tags.json", [VERDICT], read_verdicts, {
+        "parts": {"parts": [{}] * 100_000}, "rings": {"region50": [[[10**400, 1]]]},
+        "searched": {"searched": {"a": 10**400}},
+        "listened": {"listened": "2026-01-01T00:00:00Z/2026-01-01T00:00:01Z " * 200_000},
+        "lists": {"remarks": ["x"] * 400_000}}),
+    records("folds.json", [FOLD], read_verdicts, {
+        "not finite": {"tag_id": float("inf")},
+        "wide": {"profile": [0] * 200_000, "raster": [[0] * 200_000]},
+        "tall": {"profile": [0], "raster": [[0]] * 150_000},
+        "square": {"profile": [0] * 600, "raster": [[0] * 600] * 600}}),
     *(Format(name=name, honest=archive_file(place), attacks={}, read=archive_with(place))
       for name, place in (
           ("recordings.parquet", "recordings.parquet"), ("pulses.parquet", "pulses/*"),

@@ -10,7 +10,7 @@ import os
 import shutil
 import struct
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -197,42 +197,44 @@ class Watched:
 
 
 class Scene:
-    """A ground station with its page, and drones that it commands.
+    """A ground station in a directory, pages that show it, and drones that it commands."""
 
-    `directory`: of the test; the station's own is `here`.
-    `start`, `open_page`, `make_drone`: what starts stations, pages and drones, and ends them.
-    """
-
-    def __init__(
-        self,
-        directory: Path,
-        start: Callable[..., Ground],
-        open_page: Callable[..., Watched],
-        make_drone: Callable[..., WillingDrone],
-    ) -> None:
+    def __init__(self, directory: Path, browser: Browser) -> None:
         self.directory, self.here = directory, directory / "ground"
+        """Of the test, and of the station."""
         self.here.mkdir()
         self.link_port = free_udp_port()
-        self.link = ("--mavlink", f"udpin://127.0.0.1:{self.link_port}")
-        self._start, self._open_page, self._make_drone = start, open_page, make_drone
-        self._ground: Ground | None = None
+        """Where the station hears drones; 0 leaves that to what is typed into its page."""
+        self._browser = browser
+        self._grounds: list[Ground] = []
+        self._pages: list[Watched] = []
+        self._drones: list[WillingDrone] = []
 
     def start(self, *more: str, port: int = 0) -> Ground:
         """Start the station with further arguments."""
-        self._ground = self._start(self.directory, port, *self.link, *more)
-        return self._ground
+        address = f"udpin://127.0.0.1:{self.link_port}"
+        link = ("--mavlink", address) if self.link_port else ()
+        self._grounds.append(Ground(self.directory, port, *link, *more))
+        return self._grounds[-1]
 
     @property
     def ground(self) -> Ground:
         """The station; started where none was."""
-        return self._ground or self.start()
+        return self._grounds[-1] if self._grounds else self.start()
 
     def drone(
         self, system_id: int = 1, *, port: int | None = None, **world: Any
     ) -> WillingDrone:
         """Start a drone that the station hears, or one at another port."""
         assert self.ground
-        return self._make_drone(port or self.link_port, system_id, **world)
+        self._drones.append(WillingDrone(port or self.link_port, system_id, **world))
+        return self._drones[-1]
+
+    def watch(self, address: str = "", **context: Any) -> Watched:
+        """Open the page, in light colours unless others are asked for."""
+        context = {"color_scheme": "light"} | context
+        self._pages.append(Watched(self._browser, address or self.ground.address, **context))
+        return self._pages[-1]
 
     def commanding_and_looking_on(self, **context: Any) -> tuple[Watched, Watched]:
         """Open the page twice; the first one commands."""
@@ -240,10 +242,23 @@ class Scene:
         first.page.wait_for_function("() => window.uavrt?.store.state?.commander")
         return first, self.watch(**context)
 
-    def watch(self, address: str = "", **context: Any) -> Watched:
-        """Open the page, in light colours unless others are asked for."""
-        usual = {"color_scheme": "light"}
-        return self._open_page(address or self.ground.address, **(usual | context))
+    def close_pages(self) -> None:
+        """Close all pages, of which none may have had an error."""
+        errors = [page.errors for page in self._pages if page.errors]
+        for page in self._pages:
+            page.close()
+        self._pages.clear()
+        assert errors == []
+
+    def close(self) -> None:
+        """End the stations and drones, too."""
+        try:
+            self.close_pages()
+        finally:
+            for ground in self._grounds:
+                ground.stop()
+            for drone in self._drones:
+                drone.close()
 
 
 def open_flight(page: Page, flight_id: str) -> None:
@@ -255,6 +270,12 @@ def open_flight(page: Page, flight_id: str) -> None:
 def _host(url: str) -> str:
     parts = urlsplit(url)
     return parts.netloc if parts.scheme in ("http", "https", "ws", "wss") else parts.scheme
+
+
+def type_row(page: Page, row: int = 0, **values: object) -> None:
+    """Type numbers and texts into a row of the table of tags, by the names of its fields."""
+    for key, value in values.items():
+        page.fill(f'input[data-row="{row}"][data-key="{key}"]', str(value))
 
 
 def type_tags(page: Page, scenario: Any) -> None:
@@ -278,8 +299,7 @@ def type_tags(page: Page, scenario: Any) -> None:
             page.select_option(f'select[data-row="{place}"][data-key="kind"]', "coded")
             row = {key: row[key] for key in ("id", "name", "frequency_mhz", "interval_ms")}
             row["gaps_ms"] = " ".join(f"{1e3 * gap_s:g}" for gap_s in tag.gaps_s)
-        for key, value in row.items():
-            page.fill(f'input[data-row="{place}"][data-key="{key}"]', str(value))
+        type_row(page, place, **row)
 
 
 def write_map(path: Path) -> None:

@@ -1,27 +1,25 @@
 """A drone that streams pulses to a ground station's process, and that process, to be killed."""
 
-import os
+import asyncio
 import resource
 import select
-import signal
 import socket
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Self
 
 import made
 from pulses import pulse_at
-from some import some
 
 from uavrt.core.clock import Clock
 from uavrt.core.messages import PulseKey, PulsePose
 from uavrt.flight.logs.pulse_files import read_pulse_file
 from uavrt.flight.reading.flight_reader import read_flight
 from uavrt.ground.link.vehicles.vehicle_identity import DRONE_COMPONENT
+from uavrt.ground.station import Station, StationSettings
+from uavrt.ground.web.page_program import PageSettings, PageStation
+from uavrt.ground.web.server import ServerSettings
 from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.frame import FrameParser, FrameWriter
 from uavrt.link.mavlink.message import Message
@@ -32,82 +30,18 @@ from uavrt.link.tunnel.tunnel_records import pulse_from_wire, pulse_to_wire
 REPEAT_S = 0.4
 BEAT_S = 0.3
 
-STATIONS = """
-import asyncio, os, sys
-from pathlib import Path
-from uavrt.ground.station import Station, StationSettings
-from uavrt.ground.web.page_program import PageSettings, PageStation
-from uavrt.ground.web.server import ServerSettings
 
-def serve(kind, port, directory):
-    told = {"address": f"udpin://127.0.0.1:{port}", "directory": Path(directory)}
-    async def run():
-        if kind == "page":
-            settings = PageSettings(server=ServerSettings(port=0), **told)
-            station = PageStation(settings, lambda event: None)
-        else:
-            station = Station(StationSettings(**told), lambda event: None)
-        await station.run()
-    asyncio.run(run())
-
-print("ready", flush=True)
-for line in sys.stdin:
-    kind, port, directory = line.split(maxsplit=2)
-    pid = os.fork()
-    if pid == 0:
-        try:
-            serve(kind, port, directory.strip())
-        finally:
-            os._exit(1)
-    print(pid, flush=True)
-    os.waitpid(pid, 0)
-    print("gone", flush=True)
-"""
-"""Starts a ground station for each line, without the seconds that its imports take."""
-
-
-class Stations:
-    """Starts ground stations in processes of their own, one after the other."""
-
-    def __init__(self) -> None:
-        self._starter = subprocess.Popen(
-            [sys.executable, "-W", "ignore", "-c", STATIONS],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            text=True,
-            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
-        )
-        self._hear("ready")
-        self._pid = 0
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.kill()
-        with self._starter:
-            some(self._starter.stdin).close()
-
-    def start(self, kind: str, port: int, directory: Path) -> int:
-        """Start one, with a page or headless; get its process."""
-        print(kind, port, directory, file=some(self._starter.stdin), flush=True)
-        self._pid = int(self._hear())
-        return self._pid
-
-    def kill(self) -> None:
-        """Kill what runs (SIGKILL)."""
-        if self._pid:
-            with suppress(ProcessLookupError):
-                os.kill(self._pid, signal.SIGKILL)
-            self._hear("gone")
-            self._pid = 0
-
-    def _hear(self, word: str = "") -> str:
-        said = some(self._starter.stdout).readline().strip()
-        assert said, "the starter has ended"
-        assert word in said
-        return said
+def serve(kind: str, port: int, directory: Path) -> None:
+    """Be a ground station, with a page or headless."""
+    address = f"udpin://127.0.0.1:{port}"
+    station: PageStation | Station
+    if kind == "page":
+        server = ServerSettings(port=0)
+        settings = PageSettings(directory=directory, address=address, server=server)
+        station = PageStation(settings, lambda _event: None)
+    else:
+        station = Station(StationSettings(directory=directory, address=address), lambda _: None)
+    asyncio.run(station.run())
 
 
 class StreamingDrone:

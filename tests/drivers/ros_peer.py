@@ -244,24 +244,36 @@ class Listener:
         """Messages that came since."""
         return [self._peer.read(cdr, self._topic) for cdr in self()]
 
-    def collect(self, complete: Callable[[list[bytes]], bool] = bool) -> list[bytes]:
-        """Wait until what came is complete; by default, until something did."""
+    def collect(
+        self,
+        complete: Callable[[list[bytes]], bool] = bool,
+        meanwhile: Callable[[], object] = bool,
+    ) -> list[bytes]:
+        """Wait until what came is complete; by default, until something did.
+
+        What is done meanwhile is done again and again: a writer may not know us yet.
+        """
         found: list[bytes] = []
 
         def enough() -> bool:
+            meanwhile()
             found.extend(self())
             return bool(found) and complete(found)
 
         until(enough)
         return found
 
-    def newest(self, wanted: Callable[[Any], bool] = lambda _: True) -> Any:
+    def newest(
+        self,
+        wanted: Callable[[Any], object] = lambda _: True,
+        meanwhile: Callable[[], object] = bool,
+    ) -> Any:
         """Wait for something; the newest message, once it is as wanted."""
 
         def read(cdr: bytes) -> Any:
             return self._peer.read(cdr, self._topic)
 
-        return read(self.collect(lambda got: wanted(read(got[-1])))[-1])
+        return read(self.collect(lambda got: bool(wanted(read(got[-1]))), meanwhile)[-1])
 
 
 class _Raw:
@@ -317,6 +329,10 @@ class GatewayProcess:
                 name, record = decode_record(line)
                 found += [record] * (name == topic)
         return found
+
+    def counters(self) -> dict[str, float]:
+        """What it says next that it has counted."""
+        return dict(self.receive("health")[0].counters)
 
     def close(self) -> int:
         """Ask it to end; get its exit code."""

@@ -73,12 +73,13 @@ class WillingDrone:
 
     @state.setter
     def state(self, wanted: SystemState) -> None:
-        """Bring the drone into a state without a ground station."""
+        """Bring the drone into a state without a ground station; nothing where it is in it."""
         leads = {
             SystemState.HAS_TAGS: self.world.take_tags,
             SystemState.DETECTING: self.world.detect,
         }
-        self._do(lambda: leads[wanted](THESIS_TAG))
+        if wanted is not self.state:
+            self._do(lambda: leads[wanted](THESIS_TAG))
 
     @property
     def tags(self) -> int:

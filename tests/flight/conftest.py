@@ -1,16 +1,22 @@
 """A drone side as in the field, against a simulated radio and autopilot."""
 
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import made
+import msgspec
 import pytest
+from some import some
 
 from uavrt.config.settings import Settings
+from uavrt.core.clock import Clock
+from uavrt.core.messages import SystemStatus, Tag
 from uavrt.drone.status_reader import StatusReader
+from uavrt.drone.supervisor.start.usage import descendants_of, is_alive
 from uavrt.simulation.demo.demo_programs import DemoPaths, Program
 from uavrt.simulation.demo.rig import Rig, starting_in
 from uavrt.simulation.scene.flight import Flight, Leg
@@ -58,6 +64,43 @@ class Drone:
     ground_port: int
     directory: Path
 
+    def status_when(
+        self, wanted: Callable[[SystemStatus], object], timeout_s: float = 60.0
+    ) -> SystemStatus:
+        """Wait for a status of the supervisor that is as wanted."""
+        last, deadline_s = None, time.monotonic() + timeout_s
+        while time.monotonic() < deadline_s:
+            for _, record in self.status.read(0.2):
+                if isinstance(record, SystemStatus):
+                    last = record
+                    if wanted(record):
+                        return record
+        raise AssertionError(f"never came; last: {last}")
+
+    def status_now(self, name: str = "supervisor") -> SystemStatus:
+        """The next status in which a process runs; what was sent before now is passed over."""
+        now_ns = Clock.start().now_ns()
+        return self.status_when(
+            lambda one: one.time_ns > now_ns and process(one, name).pid is not None
+        )
+
+    def pid_of(self, name: str) -> int:
+        return int(process(self.status_now(name), name).pid)
+
+    def end(self) -> None:
+        """SIGTERM ends it in good order, with all that it has started."""
+        family = descendants_of(self.supervisor.pid)
+        self.supervisor.stop()
+        assert self.supervisor.exit_code == 0
+        assert not any(map(is_alive, family))
+        assert not Path(some(self.settings.status_socket)).exists()
+
+
+def process(status: SystemStatus, name: str) -> Any:
+    """Status of one process; that of none where the table has no such row now."""
+    rows = {one.process: one for one in status.processes}
+    return rows.get(name, made.process_status(name, "not there", running=False, pid=None))
+
 
 class DroneBay(Rig):
     """Starts drones below a directory; ends everything it started."""
@@ -69,11 +112,14 @@ class DroneBay(Rig):
     def launch(
         self,
         scenario: Scenario,
-        *arguments: str,
+        *,
+        tags: Sequence[Tag] = (),
         flies: bool = False,
         autopilot_options: tuple[str, ...] = (),
         **changes: object,
     ) -> Drone:
+        """Start a drone; with tags it detects at once."""
+
         def changed(settings: Settings) -> Settings:
             """Replace tables, each by one or by what a function makes of it."""
             made = {
@@ -90,7 +136,7 @@ class DroneBay(Rig):
             DemoPaths(directory=work, flights=work / "flights"),
             flies=flies,
             autopilot=autopilot_options,
-            supervisor=arguments,
+            supervisor=[msgspec.json.encode(tags).decode()] if tags else [],
             settings=changed,
         )
         return Drone(

@@ -4,11 +4,11 @@ import json
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 import sigmf
 from command_line import started
+from tests.flight.conftest import process
 from tests.system.cli.test_original_halves import detect, ended
 from until import until
 
@@ -21,11 +21,10 @@ from uavrt.flight.reading.flight_reader import read_flight
 def test_a_flight_that_records_its_band_is_found_again_and_feeds_a_detector_by_udp(
     drone_bay: Any, thesis_scenario: Any, tmp_path: Path
 ) -> None:
-    tags = msgspec.json.encode(thesis_scenario.tags).decode()
     flights, output = tmp_path / "flights", tmp_path / "pulses.jsonl"
     drone = drone_bay.launch(
         thesis_scenario,
-        tags,
+        tags=thesis_scenario.tags,
         recording=RecordingSettings(directory=str(flights), iq=True),
         udp_channels=UdpChannelSettings(enabled=True),
     )
@@ -33,20 +32,16 @@ def test_a_flight_that_records_its_band_is_found_again_and_feeds_a_detector_by_u
     (found,) = flights.rglob("detectorConfig.txt")
     port = read_detector_config(found).data_port
     remote = detect(f"udp://127.0.0.1:{port}", "--tags", str(found), "-o", str(output))
-    recorded = 0.0
-
-    def enough() -> bool:
-        nonlocal recorded
-        for topic, record in drone.status.read(0.5):
-            if topic == "system_status":
-                counters = {p.process: p.counters for p in record.processes}
-                recorded = counters.get("recorder", {}).get("pulses_recorded", 0.0)
-        return recorded >= 6 and output.exists() and len(output.read_text().splitlines()) >= 4
-
-    until(enough, 60.0)
+    drone.status_when(
+        lambda status: (
+            process(status, "recorder").counters.get("pulses_recorded", 0.0) >= 6
+            and output.exists()
+            and len(output.read_text().splitlines()) >= 4
+        )
+    )
     said = ended(remote)
     check_udp_pulses(output.read_text().splitlines(), said)
-    drone.supervisor.stop()
+    drone.end()
     (directory,) = flights.glob("flight_log_*")
     assert found.is_relative_to(directory)
     check_found_again(directory, flights / "again")

@@ -1,22 +1,21 @@
 """Bearings on the drone, by its row in the table: a link that loses most still brings one."""
 
-import asyncio
 from dataclasses import replace
 from typing import Any
 
 import pytest
+from listening import linked
+from until import until_async as until
 
 from uavrt.config.settings import BearingSettings
-from uavrt.core.clock import Clock
 from uavrt.core.errors import LinkError
 from uavrt.core.messages import LiveBearing, PulsePose
-from uavrt.ground.link.drone_link import GroundLink
 from uavrt.localization.angles import difference_deg
 from uavrt.simulation.scene.flight import Flight, Leg
 
 
 @pytest.mark.timeout(150)
-def test_a_link_that_loses_half_of_all_messages_brings_a_bearing_of_all_pulses(
+async def test_a_link_that_loses_half_of_all_messages_brings_a_bearing_of_all_pulses(
     drone_bay: Any, thesis_scenario: Any
 ) -> None:
     # It turns a circle in 20 s: before half of one, a beam fits ahead and astern.
@@ -38,11 +37,9 @@ def test_a_link_that_loses_half_of_all_messages_brings_a_bearing_of_all_pulses(
     def sure() -> list[LiveBearing]:
         return [one for one in bearings if one.accepted and not one.ambiguous]
 
-    async def fly() -> None:
-        # Without receipts, as a plain ground station: a lost pulse is lost.
-        link = GroundLink(Clock.start().now_ns, on_event=take, ack_wait_s=0.5, generation="G0")
-        task = asyncio.create_task(link.run(f"udpin://127.0.0.1:{drone.ground_port}"))
-        await link.wait_for_drone(30.0)
+    # Without receipts, as a plain ground station: a lost pulse is lost.
+    options = {"on_event": take, "ack_wait_s": 0.5, "generation": "G0"}
+    async with linked(drone.ground_port, **options) as link:
         for command in (lambda: link.upload_tags(thesis_scenario.tags), link.start_detection):
             for _ in range(8):
                 try:
@@ -50,13 +47,7 @@ def test_a_link_that_loses_half_of_all_messages_brings_a_bearing_of_all_pulses(
                     break
                 except LinkError:
                     continue
-        async with asyncio.timeout(60.0):
-            while not sure():  # noqa: ASYNC110 - two lists
-                await asyncio.sleep(0.1)
-        task.cancel()
-        await asyncio.gather(task, return_exceptions=True)
-
-    asyncio.run(fly())
+        await until(sure)
     found = sure()[-1]
     assert found.tag_id == 2
     truth = 21.8  # 150 m north, 60 m east; the drone turns over its home

@@ -5,7 +5,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import pytest
 from listening import Listening
 
@@ -41,13 +40,12 @@ def test_it_flies_says_so_and_its_flight_stays_the_newest(
     shift_ns = time.time_ns() - 5 * MINUTE_NS
     (tmp_path / "sitecustomize.py").write_text(EARLIER)
     path = os.pathsep.join(filter(None, (str(tmp_path), os.environ.get("PYTHONPATH"))))
-    tags = msgspec.json.encode(thesis_scenario.tags).decode()
     with monkeypatch.context() as patch:
         patch.setenv("PYTHONPATH", path)
         patch.setenv("UAVRT_TEST_EARLIER_NS", str(shift_ns))
         real_ns = time.time_ns
         patch.setattr(time, "time_ns", lambda: real_ns() - shift_ns)
-        drone = drone_bay.launch(thesis_scenario, tags)
+        drone = drone_bay.launch(thesis_scenario, tags=thesis_scenario.tags)
     ground = Listening(drone)
     ground.listen(
         lambda: len(ground.pulses) >= 3,
@@ -55,8 +53,7 @@ def test_it_flies_says_so_and_its_flight_stays_the_newest(
     )
     assert all(item.pose is not None for item in ground.pulses)
     assert all(0 < item.pulse.start_time_ns < 15 * MINUTE_NS for item in ground.pulses)
-    drone.supervisor.stop()
-    assert drone.supervisor.exit_code == 0
+    drone.end()
     flights = drone.directory / "flights"
     (flown,) = flights_in_order(flights)
     assert flown.name.startswith("flight_log_1970-01-01_00-0")

@@ -12,15 +12,14 @@ from typing import Any
 
 import made
 import pytest
+from listening import linked
 from until import until_async as until
 
-from uavrt.core.clock import Clock
 from uavrt.core.commands import SystemState
 from uavrt.core.errors import LinkError
 from uavrt.core.messages import BurstInside, PulseKey, PulsePose
 from uavrt.flight.reading.flight_reader import read_flight
 from uavrt.ground.link.delivery_receipts import Receipts
-from uavrt.ground.link.drone_link import GroundLink
 
 CODED_TAG = made.simulated_tag(
     30,
@@ -61,22 +60,6 @@ def key_among(recorded: set[tuple[int, int]], item: PulsePose) -> tuple[int, int
     return near[0] if near else (tag_id, start_ns)
 
 
-def connection_pid(drone: Any) -> int:
-    for _ in range(40):
-        for topic, record in drone.status.read(0.5):
-            if topic == "system_status":
-                for process in record.processes:
-                    if process.process == "connection" and process.pid:
-                        return int(process.pid)
-    raise AssertionError("no connection process")
-
-
-def state_of(drone: Any) -> SystemState:
-    """The newest state that the supervisor has told, after all that was waiting to be read."""
-    records = [record for _ in range(6) for record in drone.status.read(0.5)]
-    return SystemState([r.state for topic, r in records if topic == "system_status"][-1])
-
-
 def bursts_of(received: list[PulsePose]) -> set[PulseKey]:
     """Keys of the coded tag's pulses, each of which has the times inside its burst."""
     return {item.pulse.key for item in received if item.pulse.tag_id == CODED_TAG.tag_id}
@@ -105,24 +88,19 @@ def test_pulses_survive_loss_a_killed_connection_and_a_restarted_ground_station(
             if isinstance(event, BurstInside):
                 insides.append(event)
 
-        link = GroundLink(
-            Clock.start().now_ns, on_event=take, ack_wait_s=1.0, receipts=receipts
-        )
-        task = asyncio.create_task(link.run(f"udpin://127.0.0.1:{drone.ground_port}"))
-        await link.wait_for_drone(30.0)
-        if first:
-            await persistently(lambda: link.upload_tags(scenario.tags))
-            await persistently(link.start_detection)
-        await until(lambda: len(received) >= 5, 60.0)
-        if first:
-            os.kill(connection_pid(drone), signal.SIGKILL)
-            await until(lambda: len(received) >= 9, 60.0)
-        if stop:
-            await persistently(link.stop_detection)
-            await asyncio.sleep(6.0)
-            await until(lambda: bursts_of(received) <= {one.key for one in insides}, 60.0)
-        task.cancel()
-        await asyncio.gather(task, return_exceptions=True)
+        options = {"on_event": take, "ack_wait_s": 1.0, "receipts": receipts}
+        async with linked(drone.ground_port, **options) as link:
+            if first:
+                await persistently(lambda: link.upload_tags(scenario.tags))
+                await persistently(link.start_detection)
+            await until(lambda: len(received) >= 5, 60.0)
+            if first:
+                os.kill(drone.pid_of("connection"), signal.SIGKILL)
+                await until(lambda: len(received) >= 9, 60.0)
+            if stop:
+                await persistently(link.stop_detection)
+                await asyncio.sleep(6.0)
+                await until(lambda: bursts_of(received) <= {one.key for one in insides}, 60.0)
 
     store_one: list[PulsePose] = []
     insides_one: list[BurstInside] = []
@@ -134,7 +112,7 @@ def test_pulses_survive_loss_a_killed_connection_and_a_restarted_ground_station(
     insides_two: list[BurstInside] = []
     asyncio.run(fly(store_two, Receipts(2), insides_two, first=False, stop=True))
     # The restarted connection counts its requests from one: none may pass for an old one.
-    assert state_of(drone) is SystemState.HAS_TAGS
+    assert SystemState(drone.status_now().state) is SystemState.HAS_TAGS
     (flight,) = (drone.directory / "flights").glob("flight_log_*")
     recorded = {key_of(item) for item in read_flight(flight).pulse_poses}
     got = Counter(key_among(recorded, item) for item in store_two)

@@ -22,18 +22,6 @@ from uavrt.ground.store.ground_settings import GroundStore
 WITHIN_S = 5.0
 
 
-def recorder_pid(drone: Any) -> int:
-    """Process of the recorder, as the newest status has it: two seconds of them are read."""
-    found = 0
-    end_s = time.monotonic() + 2.0
-    while time.monotonic() < end_s or not found:
-        for topic, record in drone.status.read(0.2):
-            if topic == "system_status":
-                running = {one.process: one.pid for one in record.processes}
-                found = running.get("recorder") or 0
-    return found
-
-
 class Page:
     """What a page shows of a drone: the banner of its state, and its log."""
 
@@ -66,49 +54,46 @@ def session(tmp_path: Path) -> GroundSession:
 
 
 @pytest.mark.timeout(180)
-def test_the_page_says_within_5_s_that_recorder_directory_or_database_fail(
+async def test_the_page_says_within_5_s_that_recorder_directory_or_database_fail(
     drone_bay: Any, thesis_scenario: Any, session: GroundSession
 ) -> None:
     drone = drone_bay.launch(thesis_scenario)
     flights = drone.directory / "flights"
 
-    async def fly() -> None:
-        store, page = session.vehicle.store, Page(session)
-        store.set_settings(
-            store.settings.changed({"address": f"udpin://127.0.0.1:{drone.ground_port}"})
-        )
-        store.set_tags(thesis_scenario.tags)
-        serving = asyncio.create_task(session.run())
-        await until(lambda: session.vehicle.situation().drone_present, 30.0)
-        assert session.vehicle.connection.link is not None
-        await session.commands.send_tags_by(session.vehicle.connection.link)
-        await session.commands.start_by(session.vehicle.connection.link)
-        await until(lambda: session.vehicle.flight.keeper.pulses >= 3, 60.0)
-        (flight,) = flights.glob("flight_log_*")
-        await page.says("written again", (flight / "flight.sqlite").unlink)
-        for number in (signal.SIGKILL, signal.SIGSTOP):
-            pid = await asyncio.to_thread(recorder_pid, drone)
-            await page.says("recorder", partial(os.kill, pid, number))
-            await asyncio.sleep(6.0)
+    store, page = session.vehicle.store, Page(session)
+    store.set_settings(
+        store.settings.changed({"address": f"udpin://127.0.0.1:{drone.ground_port}"})
+    )
+    store.set_tags(thesis_scenario.tags)
+    serving = asyncio.create_task(session.run())
+    await until(lambda: session.vehicle.situation().drone_present, 30.0)
+    assert session.vehicle.connection.link is not None
+    await session.commands.send_tags_by(session.vehicle.connection.link)
+    await session.commands.start_by(session.vehicle.connection.link)
+    await until(lambda: session.vehicle.flight.keeper.pulses >= 3, 60.0)
+    (flight,) = flights.glob("flight_log_*")
+    await page.says("written again", (flight / "flight.sqlite").unlink)
+    for number in (signal.SIGKILL, signal.SIGSTOP):
+        pid = await asyncio.to_thread(drone.pid_of, "recorder")
+        await page.says("recorder", partial(os.kill, pid, number))
+        await asyncio.sleep(6.0)
 
-        def in_the_way() -> None:
-            flight.rename(flight.with_name("away"))
-            flight.write_text("a file in its place")
+    def in_the_way() -> None:
+        flight.rename(flight.with_name("away"))
+        flight.write_text("a file in its place")
 
-        await page.says("cannot write the flight", in_the_way)
-        flight.unlink()
-        flight.with_name("away").rename(flight)
-        await asyncio.sleep(3.0)
-        own = session.vehicle.store.directory / str(session.vehicle.flight.keeper.flight_id)
-        await page.says("written again", lambda: shutil.rmtree(own))
-        await session.vehicle.connection.link.stop_detection()
-        await until(lambda: session.vehicle.drone.state is SystemState.HAS_TAGS, 30.0)
-        received = {one.pulse.tag_id for one in read_flight(own).pulse_poses}
-        assert received == {2}
-        serving.cancel()
-        await asyncio.gather(serving, return_exceptions=True)
-
-    asyncio.run(fly())
+    await page.says("cannot write the flight", in_the_way)
+    flight.unlink()
+    flight.with_name("away").rename(flight)
+    await asyncio.sleep(3.0)
+    own = session.vehicle.store.directory / str(session.vehicle.flight.keeper.flight_id)
+    await page.says("written again", lambda: shutil.rmtree(own))
+    await session.vehicle.connection.link.stop_detection()
+    await until(lambda: session.vehicle.drone.state is SystemState.HAS_TAGS, 30.0)
+    received = {one.pulse.tag_id for one in read_flight(own).pulse_poses}
+    assert received == {2}
+    serving.cancel()
+    await asyncio.gather(serving, return_exceptions=True)
     (flight,) = flights.glob("flight_log_*")
     recorded = read_flight(flight).pulse_poses
     assert len(recorded) >= session.vehicle.flight.keeper.pulses

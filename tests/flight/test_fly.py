@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +21,7 @@ from some import some
 from tests.flight.conftest import Drone, DroneBay, hovering_scenario
 
 from uavrt.config.settings import GuidanceSettings
+from uavrt.core.messages import Tag
 from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.frame import FrameParser, FrameWriter
 from uavrt.simulation.demo.demo_programs import Program, free_udp_port
@@ -160,8 +161,8 @@ class Field:
         flavour: Flavour,
         work: Path,
         scenario: Scenario | None = None,
-        *arguments: str,
-        speed_m_s: float = 8.0,
+        *,
+        tags: Sequence[Tag] = (),
         options: tuple[str, ...] = (),
         key: Path | None = None,
         **guidance: Any,
@@ -170,7 +171,7 @@ class Field:
         self.flavour = flavour
         self.drone: Drone = bay.launch(
             scenario or hovering_scenario(),
-            *arguments,
+            tags=tags,
             flies=True,
             autopilot_options=("--flavour", flavour, *options),
             mavlink=lambda m: replace(
@@ -179,7 +180,7 @@ class Field:
                 key_file=None if key is None else str(key),
             ),
             guidance=GuidanceSettings(
-                enabled=True, battery_wh=200.0, speed_m_s=speed_m_s, **guidance
+                enabled=True, battery_wh=200.0, speed_m_s=8.0, **guidance
             ),
         )
         self.qgc = Qgc(self.drone.ground_port)
@@ -243,13 +244,6 @@ class Field:
     def events(self) -> str:
         return (self.work / f"fly{self.number}.log").read_text()
 
-    def pid_of(self, name: str) -> int:
-        while True:
-            for topic, record in self.drone.status.read(1.0):
-                for one in record.processes if topic == "system_status" else ():
-                    if one.process == name and one.pid is not None:
-                        return int(one.pid)
-
 
 def test_it_turns_here_goes_there_is_taken_back_and_hovers_when_a_process_is_killed(
     drone_bay: DroneBay, tmp_path: Path
@@ -296,7 +290,7 @@ def assert_hovers_without(victim: str, field: Field, program: "Program | Typed")
     """Kill a process while the drone turns: no command follows, and it stands."""
     qgc = field.qgc
     whole = field.drone.supervisor.pid if victim == "supervisor" else None
-    os.kill(whole or field.pid_of(victim), signal.SIGKILL)
+    os.kill(whole or field.drone.pid_of(victim), signal.SIGKILL)
     qgc.listen(0.5)
     sent, place = field.commands(), some(qgc.place)
     qgc.listen(SILENT_S)

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import made
-import msgspec
 import pytest
 import sigmf
 from command_line import started
@@ -94,7 +93,7 @@ def test_weak_tags_are_told_in_flight_and_found_from_the_channels_that_the_drone
     flights = tmp_path / "drone1" / "flights"
     drone = drone_bay.launch(
         scenario,
-        msgspec.json.encode(scenario.tags).decode(),
+        tags=scenario.tags,
         integration=IntegrationSettings(on_drone=True),
     )
     kept_s = 0.0
@@ -110,7 +109,7 @@ def test_weak_tags_are_told_in_flight_and_found_from_the_channels_that_the_drone
                     if process.process == "receiver":
                         counters = process.counters
                 kept_s = counters.get("kept_samples", 0.0) / 2 / 7500.0
-    drone.supervisor.stop()
+    drone.end()
     assert set(told) == {"2", "3"}, counters
     (directory,) = flights.glob("flight_log_*")
     pieces = sorted((directory / "iq" / "channels").glob("*.sigmf-meta"))

@@ -1,5 +1,7 @@
 """A running drone side seen, started and stopped from its own terminal: cart and bench use."""
 
+import os
+import signal
 import time
 from pathlib import Path
 from typing import Any
@@ -7,6 +9,8 @@ from typing import Any
 import pytest
 from command_line import started
 from rich.console import Console
+from tests.flight.conftest import Drone, process
+from until import until
 
 from uavrt.cli.system.monitor_view import MonitorView
 from uavrt.cli.system.start_stop import start_detection, stop_detection
@@ -14,6 +18,7 @@ from uavrt.config.settings import MavlinkSettings, RecordingSettings
 from uavrt.config.tags.tag_files import write_tags
 from uavrt.core.commands import SystemState
 from uavrt.core.errors import CommandRefused
+from uavrt.drone.supervisor.start.usage import children_of, descendants_of, is_alive
 from uavrt.flight.reading.flight_reader import read_flight
 
 pytestmark = pytest.mark.timeout(150)
@@ -34,7 +39,7 @@ def drawn(view: MonitorView) -> str:
     return console.export_text()
 
 
-def test_a_cart_without_autopilot_is_started_watched_and_stopped(
+def test_a_cart_without_autopilot_is_started_watched_and_stopped_and_needs_no_helper(
     drone_bay: Any, thesis_scenario: Any, tmp_path: Path
 ) -> None:
     """The command line finds the running system by its flights."""
@@ -72,8 +77,40 @@ def test_a_cart_without_autopilot_is_started_watched_and_stopped(
     for word in ("detecting", "receiver", "recorder", "MHz", "dB", Path(flight).name):
         assert word in text.replace("\n", "")
     assert view.losses == 0
+    assert_lives_without_helpers(drone)
     assert stop_detection(drone.status) == flight
     show_until(drone, view, lambda: view.status and view.status.state is SystemState.HAS_TAGS)
     recorded = read_flight(flight).pulse_poses
     assert len(recorded) >= 4
     assert all(item.pose is None for item in recorded)
+    # A supervisor that is killed in flight leaves nothing running, nor the radio program.
+    start_detection(drone.status, thesis_scenario.tags)
+    receiver = drone.pid_of("receiver")
+    until(lambda: children_of(receiver))
+    family = descendants_of(drone.supervisor.pid)
+    assert len(family) >= 5
+    os.kill(drone.supervisor.pid, signal.SIGKILL)
+    until(lambda: not any(map(is_alive, family)), 10.0)
+
+
+def assert_lives_without_helpers(drone: Drone) -> None:
+    """Kill the supervisor's nursery, and the receiver, whose helper is the radio's program."""
+    status = drone.status_now("receiver")
+    pids = {one.process: one.pid for one in status.processes}
+    nursery = int(process(status, "supervisor").counters["nursery_pid"])
+    os.kill(nursery, signal.SIGKILL)
+    status = drone.status_when(
+        lambda s: process(s, "supervisor").counters["nursery_pid"] not in (0.0, nursery)
+    )
+    assert {one.process: one.pid for one in status.processes} == pids
+    receiver, recorder = process(status, "receiver"), process(status, "recorder")
+    (radio,) = children_of(receiver.pid)
+    os.kill(receiver.pid, signal.SIGKILL)
+    drone.status_when(
+        lambda s: (
+            process(s, "receiver").restarts == 1
+            and process(s, "recorder").counters["pulses_recorded"]
+            > recorder.counters["pulses_recorded"]
+        )
+    )
+    assert not is_alive(radio)

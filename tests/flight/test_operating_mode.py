@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
-import msgspec
 import pytest
 from until import until
 
@@ -40,7 +39,7 @@ def test_a_flight_of_each_shape_searches_in_the_mode_of_its_settings_and_says_so
     drones = [
         drone_bay.launch(
             thesis_scenario,
-            msgspec.json.encode(tags).decode(),
+            tags=tags,
             detection=DetectionSettings(shape=shape, operating_mode="freqAllNeverLock"),
         )
         for shape in shapes

@@ -12,16 +12,15 @@ from typing import Any
 
 import made
 import pytest
+from listening import linked
 from some import some
 from sql import sql
 from tests.flight.conftest import FLIGHT_RATE_HZ
 from until import until_async as until
 
-from uavrt.core.clock import Clock
 from uavrt.core.earth.attitude import euler_deg
 from uavrt.core.messages import PulsePose
 from uavrt.flight.reading.flight_reader import read_flight
-from uavrt.ground.link.drone_link import GroundLink
 from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.frame import FrameWriter
 from uavrt.simulation.scene.flight import Flight, Leg
@@ -81,7 +80,7 @@ def yaw_error_deg(scenario: Scenario, item: PulsePose) -> float:
 
 
 @pytest.mark.timeout(150)
-def test_the_yaw_of_each_pulse_is_right_through_jitter_skew_reboot_and_a_clock_step(
+async def test_the_yaw_of_each_pulse_is_right_through_jitter_skew_reboot_and_a_clock_step(
     drone_bay: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     # The wall clock is corrected after the start of uavrt, and by an hour more in flight; the
@@ -102,28 +101,20 @@ def test_the_yaw_of_each_pulse_is_right_through_jitter_skew_reboot_and_a_clock_s
         if isinstance(event, PulsePose):
             received.append(event)
 
-    started_s: list[float] = []
-
-    async def fly() -> None:
-        link = GroundLink(Clock.start().now_ns, on_event=take)
-        task = asyncio.create_task(link.run(f"udpin://127.0.0.1:{drone.ground_port}"))
-        await link.wait_for_drone(30.0)
+    async with linked(drone.ground_port, on_event=take) as link:
         await link.upload_tags(drone.scenario.tags)
         step.write_text(str(BEFORE_S))
-        started_s.append(time.time())
+        started_s = time.time()
         await link.start_detection()
         await until(lambda: len(received) >= 12)
         step.write_text(str(BEFORE_S + 3600))
         await until(lambda: len(received) >= 24)
         before = len(received)
-        some(link.link).send(FrameWriter(255, 190).encode(reboot()))
+        reboot = made.command_long(dialect.MavCmd.PREFLIGHT_REBOOT_SHUTDOWN, 1.0)
+        some(link.link).send(FrameWriter(255, 190).encode(reboot))
         await until(lambda: len(received) >= before + 24)
         await link.stop_detection()
         await asyncio.sleep(3.0)
-        task.cancel()
-        await asyncio.gather(task, return_exceptions=True)
-
-    asyncio.run(fly())
     (directory,) = (drone.directory / "flights").glob("flight_log_*")
     flight = read_flight(directory)
     known = [item for item in flight.pulse_poses if item.pose and not item.pose.extrapolated]
@@ -134,15 +125,10 @@ def test_the_yaw_of_each_pulse_is_right_through_jitter_skew_reboot_and_a_clock_s
     assert rms <= 0.5
     assert max(map(abs, errors)) <= 1.5
     # The flight's own times are those of the samples, an hour notwithstanding.
-    assert abs(flight.info.start_time_ns / 1e9 - BEFORE_S - started_s[0]) < 10.0
+    assert abs(flight.info.start_time_ns / 1e9 - BEFORE_S - started_s) < 10.0
     (noted,) = [text for _, text in status_texts(directory) if "Wall clock" in text]
     assert "corrected by +3600." in noted
     lengths_s = (flight.pulse_poses[-1].pulse.end_time_ns - flight.info.start_time_ns) / 1e9
     assert 0.0 < lengths_s < 100.0
     log = (drone.directory / "autopilot.log").read_text()
     assert "simulated autopilot restarts" in log
-
-
-def reboot() -> dialect.CommandLong:
-    """PREFLIGHT_REBOOT_SHUTDOWN to the autopilot."""
-    return made.command_long(dialect.MavCmd.PREFLIGHT_REBOOT_SHUTDOWN, 1.0)

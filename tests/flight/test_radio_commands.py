@@ -1,9 +1,7 @@
 """Raw capture and gain, commanded from the ground while the real processes run."""
 
-import asyncio
 import contextlib
 import json
-from collections.abc import AsyncIterator
 from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
@@ -11,14 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from listening import linked
 from until import until_async as until
 
-from uavrt.core.clock import Clock
 from uavrt.core.commands import CommandId, SystemState
 from uavrt.core.errors import CommandRefused
 from uavrt.core.messages import PulsePose, StatusText
-from uavrt.drone.supervisor.start.usage import children_of
-from uavrt.ground.link.drone_link import GroundLink
+from uavrt.drone.supervisor.start.usage import descendants_of
 from uavrt.ground.link.protocol import DroneHeartbeat, GroundEvent, OperationStep
 from uavrt.link.mavlink.sending.signing import read_signing_key
 from uavrt.link.tunnel.generations.g2 import COMPLETE
@@ -29,27 +26,10 @@ CAPTURE_S = 1.0
 
 
 class Operator:
-    """A ground station of ours with both keys and a numbered version, and what it has heard."""
+    """What a ground station of ours has received."""
 
-    def __init__(self, key: Path) -> None:
+    def __init__(self) -> None:
         self.heard: list[GroundEvent] = []
-        self.link = GroundLink(
-            Clock.start().now_ns,
-            on_event=self.heard.append,
-            generation="G2",
-            key=read_key(key),
-            signing_key=read_signing_key(key),
-        )
-
-    @contextlib.asynccontextmanager
-    async def connected(self, port: int) -> AsyncIterator[GroundLink]:
-        task = asyncio.create_task(self.link.run(f"udpin://127.0.0.1:{port}"))
-        try:
-            await self.link.wait_for_drone(40.0)
-            yield self.link
-        finally:
-            task.cancel()
-            await asyncio.gather(task, return_exceptions=True)
 
     @property
     def state(self) -> SystemState | None:
@@ -68,10 +48,8 @@ class Operator:
 
 def radio_arguments(pid: int) -> list[list[str]]:
     """Command lines of the running radio programs."""
-    found, waiting = [], [pid]
-    while waiting:
-        child = waiting.pop()
-        waiting += children_of(child)
+    found = []
+    for child in descendants_of(pid):
         with contextlib.suppress(OSError):
             line = Path(f"/proc/{child}/cmdline").read_bytes().decode().split("\0")
             if "-f" in line and "-h" in line:
@@ -80,7 +58,7 @@ def radio_arguments(pid: int) -> list[list[str]]:
 
 
 @pytest.mark.timeout(240)
-def test_a_raw_capture_and_a_gain_set_in_flight_by_a_ground_station_with_keys(
+async def test_a_raw_capture_and_a_gain_set_in_flight_by_a_ground_station_with_keys(
     drone_bay: Any, thesis_scenario: Scenario, tmp_path: Path
 ) -> None:
     key = tmp_path / "key"
@@ -98,40 +76,37 @@ def test_a_raw_capture_and_a_gain_set_in_flight_by_a_ground_station_with_keys(
             tunnel_experimental=True,
         ),
     )
-    operator = Operator(key)
-
-    async def main() -> None:
-        async with operator.connected(drone.ground_port) as link:
-            told = (
-                await link.command(link.writing.start(148_705_000.0, 9, "raw_capture"))
-            ).message
-            with pytest.raises(CommandRefused, match="capturing: wait"):
-                await link.ask("clean_logs")
-            await until(
-                lambda: any("Raw capture: 1.0 of 1 s in" in text for text in operator.texts())
-            )
-            await until(lambda: operator.state is SystemState.IDLE)
-            # The operation's last step comes in a message of its own.
-            await until(lambda: operator.steps(CommandId.RAW_CAPTURE)[-1] == COMPLETE)
-            check_capture(Path(drone.settings.recording.directory), told)
-            await link.upload_tags(drone.scenario.tags)
-            await link.start_detection(gain=12)
-            pid = drone.supervisor.pid
-            await until(lambda: any("12" in line for line in radio_arguments(pid)))
-            await until(lambda: COMPLETE in operator.steps(CommandId.START_DETECTION))
-            assert await link.parameters.set("RADIO_GAIN", 7) == 7
-            await until(lambda: any("7" in line for line in radio_arguments(pid)))
-            with pytest.raises(CommandRefused, match="is still 7"):
-                await link.parameters.set("RADIO_GAIN", 77)
-            await until(lambda: any(isinstance(event, PulsePose) for event in operator.heard))
-            await until(lambda: any(text.startswith("Tag ") for text in operator.texts()))
-            assert (await link.parameters.list_all())["DET_RUN"] == 1
-            assert await link.parameters.set("DET_RUN", 0) == 0
-            await until(lambda: "Detection stopped" in operator.texts())
-            await link.stop_detection()  # repeated
-
-    asyncio.run(main())
-    assert operator.link.contact.refused == {}
+    operator = Operator()
+    keys = {"key": read_key(key), "signing_key": read_signing_key(key)}
+    async with linked(
+        drone.ground_port, on_event=operator.heard.append, generation="G2", **keys
+    ) as link:
+        told = (await link.command(link.writing.start(148_705_000.0, 9, "raw_capture"))).message
+        with pytest.raises(CommandRefused, match="capturing: wait"):
+            await link.ask("clean_logs")
+        await until(
+            lambda: any("Raw capture: 1.0 of 1 s in" in text for text in operator.texts())
+        )
+        await until(lambda: operator.state is SystemState.IDLE)
+        # The operation's last step comes in a message of its own.
+        await until(lambda: operator.steps(CommandId.RAW_CAPTURE)[-1] == COMPLETE)
+        check_capture(Path(drone.settings.recording.directory), told)
+        await link.upload_tags(drone.scenario.tags)
+        await link.start_detection(gain=12)
+        pid = drone.supervisor.pid
+        await until(lambda: any("12" in line for line in radio_arguments(pid)))
+        await until(lambda: COMPLETE in operator.steps(CommandId.START_DETECTION))
+        assert await link.parameters.set("RADIO_GAIN", 7) == 7
+        await until(lambda: any("7" in line for line in radio_arguments(pid)))
+        with pytest.raises(CommandRefused, match="is still 7"):
+            await link.parameters.set("RADIO_GAIN", 77)
+        await until(lambda: any(isinstance(event, PulsePose) for event in operator.heard))
+        await until(lambda: any(text.startswith("Tag ") for text in operator.texts()))
+        assert (await link.parameters.list_all())["DET_RUN"] == 1
+        assert await link.parameters.set("DET_RUN", 0) == 0
+        await until(lambda: "Detection stopped" in operator.texts())
+        await link.stop_detection()  # repeated
+    assert link.contact.refused == {}
 
 
 def check_capture(flights: Path, told: str) -> None:

@@ -10,10 +10,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import msgspec
+from tests.flight.conftest import process
 
 from uavrt.config.settings import RadioSettings
-from uavrt.core.messages import ProcessStatus, StatusText, SystemStatus
+from uavrt.core.messages import StatusText, SystemStatus
 
 FAULTS = {
     "works, then is unplugged": "no radio is plugged in",
@@ -100,10 +100,6 @@ def collect(
     raise AssertionError(f"never came; texts: {texts}; last: {status}")
 
 
-def process(status: SystemStatus, name: str) -> ProcessStatus | None:
-    return next((p for p in status.processes if p.process == name), None)
-
-
 def test_a_radio_that_fails_in_every_way_is_reported_and_comes_back_by_itself(
     drone_bay: Any, thesis_scenario: Any, tmp_path: Path
 ) -> None:
@@ -111,7 +107,7 @@ def test_a_radio_that_fails_in_every_way_is_reported_and_comes_back_by_itself(
     command = (str(program), str(tmp_path / "starts"), *FAULTS, "then works")
     drone = drone_bay.launch(
         thesis_scenario,
-        msgspec.json.encode(thesis_scenario.tags).decode(),
+        tags=thesis_scenario.tags,
         radio=RadioSettings(program=command, retry_s=0.2),
     )
 
@@ -124,8 +120,8 @@ def test_a_radio_that_fails_in_every_way_is_reported_and_comes_back_by_itself(
             and any("radio absent" in text for text in texts)
         ),
     )
-    assert process(status, "connection").ok  # type: ignore[union-attr]
-    assert "airspy_rx is not installed" in process(status, "receiver").reason  # type: ignore[union-attr]
+    assert process(status, "connection").ok
+    assert "airspy_rx is not installed" in process(status, "receiver").reason
     assert str(program) in (drone.directory / "supervisor.log").read_text()
     ready, starts = tmp_path / "ready", tmp_path / "starts"
     ready.write_text(f"#!{sys.executable}\n{STAND_IN}")
@@ -133,10 +129,8 @@ def test_a_radio_that_fails_in_every_way_is_reported_and_comes_back_by_itself(
     ready.rename(program)
 
     def recovered(status: SystemStatus, texts: list[str]) -> bool:
-        receiver = process(status, "receiver")
         return (
-            receiver is not None
-            and receiver.status == "receiving"
+            process(status, "receiver").status == "receiving"
             and starts.exists()
             and starts.stat().st_size > len(FAULTS)
         )
@@ -153,6 +147,5 @@ def test_a_radio_that_fails_in_every_way_is_reported_and_comes_back_by_itself(
     assert len(status.tags) == 1
     for name in ("receiver", "detector-1"):
         survivor = process(status, name)
-        assert survivor is not None
-        assert survivor.restarts == 0
-    assert process(status, "detector-1").ok  # type: ignore[union-attr]
+        assert (survivor.running, survivor.restarts) == (True, 0)
+    assert process(status, "detector-1").ok

@@ -21,7 +21,6 @@ from statistics import median
 from typing import Any
 
 import made
-import msgspec
 import numpy as np
 import pytest
 from until import until
@@ -161,9 +160,9 @@ def test_a_detector_on_another_computer_takes_part_in_the_flight_and_may_be_cut_
 ) -> None:
     sender, port = band
     remote = start_remote(port)
-    tags = msgspec.json.encode([*thesis_scenario.tags, REMOTE_TAG]).decode()
+    tags = [*thesis_scenario.tags, REMOTE_TAG]
     settings = Ros2Settings(enabled=True, domain_id=ros_domain, accept_pulses=True)
-    drone = drone_bay.launch(thesis_scenario, tags, ros2=settings)
+    drone = drone_bay.launch(thesis_scenario, tags=tags, ros2=settings)
     newest: list[SystemStatus] = []
     recorded: Counter[int] = Counter()
     posed: set[PulseKey] = set()

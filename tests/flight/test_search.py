@@ -13,7 +13,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import mavsdk
-import msgspec
 import pytest
 from command_line import started
 from mavsdk.plugins.action import Action
@@ -53,8 +52,7 @@ def animal() -> Scenario:
 
 def searching(bay: DroneBay, flavour: Flavour, work: Path) -> Field:
     scenario = animal()
-    tags = msgspec.json.encode(scenario.tags).decode()
-    return Field(bay, flavour, work, scenario, tags, speed_m_s=8.0)
+    return Field(bay, flavour, work, scenario, tags=scenario.tags)
 
 
 def test_demos_say_that_a_search_was_cut_short(tmp_path: Path) -> None:
@@ -100,7 +98,7 @@ def notes_until_the_end(field: Field) -> tuple[SearchNote, ...]:
 def test_it_finds_an_animal_and_returns(drone_bay: DroneBay, tmp_path: Path) -> None:
     field = searching(drone_bay, "px4", tmp_path)
     program = field.ordered("search", "--radius", "130", "--accuracy", "40")
-    guide, sizes_mb = field.pid_of("guide"), [0.0]
+    guide, sizes_mb = field.drone.pid_of("guide"), [0.0]
 
     def over() -> bool:
         sizes_mb.append(pss_mb(guide))
@@ -129,7 +127,7 @@ def test_a_takeover_in_the_middle_of_a_decision_ends_a_search_for_good(
     program = field.ordered("search", "--radius", "130", "--accuracy", "5")
     qgc.until(lambda: program.ended or field.commands() >= 3, 60.0)
     assert not program.ended
-    guide, place = field.pid_of("guide"), qgc.place
+    guide, place = field.drone.pid_of("guide"), qgc.place
     assert place is not None
     qgc.close()
     with pilot_by_mavsdk(field.drone.ground_port) as pilot:
@@ -186,7 +184,9 @@ def test_a_search_that_is_killed_anywhere_leaves_the_drone_hovering(
     program = field.ordered("search", "--radius", "130", "--accuracy", "5")
     field.qgc.listen(rng.uniform(0.0, 12.0))
     supervisor = field.drone.supervisor.pid
-    os.kill(supervisor if victim == "supervisor" else field.pid_of(victim), signal.SIGKILL)
+    os.kill(
+        supervisor if victim == "supervisor" else field.drone.pid_of(victim), signal.SIGKILL
+    )
     field.qgc.listen(0.3)
     sent = field.commands()
     hovers(field)

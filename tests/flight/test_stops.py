@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import numpy as np
 import pytest
 from until import until
 
+from uavrt.drone.supervisor.start.usage import is_alive, own_usage
 from uavrt.simulation.demo.demo_programs import free_udp_port
 
 TAG = "1, 148715000, 1000, 15, 20, 20, 3, 0.01\n"
@@ -24,72 +24,23 @@ STARTED_CPU_S = 0.1
 """CPU time after which Python itself has started: that takes 15 ms, our imports more."""
 
 
-def drone(_: Path) -> list[str]:
-    return ["run"]
-
-
-def headless_ground(_: Path) -> list[str]:
-    link = f"udpin://127.0.0.1:{free_udp_port()}"
-    return ["ground", "--headless", "--mavlink", link, "-o", "got"]
-
-
-def page(_: Path) -> list[str]:
-    link = f"udpin://127.0.0.1:{free_udp_port()}"
-    return ["ground", "--port", "0", "--no-browser", "--mavlink", link, "-o", "page"]
-
-
-def recording(_: Path) -> list[str]:
-    return ["detect", "air.cf32", *BAND, "--tags", "tags.txt", "-o", "pulses.csv"]
-
-
-def stream(_: Path) -> list[str]:
-    return ["detect", "-", "--format", "cf32", *BAND, "--tags", "tags.txt"]
-
-
-def channels(_: Path) -> list[str]:
-    return ["channelize", "-"]
-
-
-def demo(_: Path) -> list[str]:
-    return ["demo", "--headless", "--duration", "60", "--flight-dir", "demo"]
-
-
-def monitor(_: Path) -> list[str]:
-    return ["monitor", "--socket", "status.sock"]
-
-
-def fetch(_: Path) -> list[str]:
-    return ["fetch", "--mavlink", f"udpin://127.0.0.1:{free_udp_port()}"]
-
-
-def detection_experiment(_: Path) -> list[str]:
-    return ["experiment", "detection", "--only", "E1"]
-
-
-def resources(_: Path) -> list[str]:
-    return ["experiment", "resources"]
-
-
-def packets(_: Path) -> list[str]:
-    return ["experiment", "packets"]
-
-
-BAND = ["--sample-rate", "375e3", "--center-frequency", "148.7e6"]
-PROGRAMS = [
-    drone,
-    headless_ground,
-    page,
-    recording,
-    stream,
-    channels,
-    demo,
-    monitor,
-    fetch,
-    detection_experiment,
-    resources,
-    packets,
-]
-ENDLESS_INPUT = (stream, channels)
+BAND = ("--sample-rate", "375e3", "--center-frequency", "148.7e6")
+LINK = "udpin://127.0.0.1:0"
+"""With a free port in place of 0."""
+PROGRAMS = {
+    "drone": ("run",),
+    "headless ground": ("ground", "--headless", "--mavlink", LINK, "-o", "got"),
+    "page": ("ground", "--port", "0", "--no-browser", "--mavlink", LINK, "-o", "page"),
+    "recording": ("detect", "air.cf32", *BAND, "--tags", "tags.txt", "-o", "pulses.csv"),
+    "stream": ("detect", "-", "--format", "cf32", *BAND, "--tags", "tags.txt"),
+    "channels": ("channelize", "-"),
+    "demo": ("demo", "--headless", "--duration", "60", "--flight-dir", "demo"),
+    "monitor": ("monitor", "--socket", "status.sock"),
+    "fetch": ("fetch", "--mavlink", LINK),
+    "detection experiment": ("experiment", "detection", "--only", "E1"),
+    "resources": ("experiment", "resources"),
+    "packets": ("experiment", "packets"),
+}
 
 
 @pytest.fixture(scope="module")
@@ -106,9 +57,7 @@ def noise(tmp_path_factory: pytest.TempPathFactory) -> Path:
 class Started:
     """A program in its own directory, with tags, noise, and no radio and autopilot."""
 
-    def __init__(
-        self, program: Callable[[Path], list[str]], directory: Path, noise: Path
-    ) -> None:
+    def __init__(self, words: tuple[str, ...], directory: Path, noise: Path) -> None:
         directory.mkdir()
         (directory / "air.cf32").symlink_to(noise)
         (directory / "tags.txt").write_text(TAG)
@@ -118,10 +67,12 @@ class Started:
         )
         self._output = directory / "output"
         self._feeder: subprocess.Popen[bytes] | None = None
-        endless = program in ENDLESS_INPUT
+        endless = "-" in words
+        link = LINK.replace(":0", f":{free_udp_port()}")
+        command = [link if word == LINK else word for word in words]
         with self._output.open("w") as output:
             self._process = subprocess.Popen(
-                [sys.executable, "-X", "faulthandler", "-m", "uavrt.cli", *program(directory)],
+                [sys.executable, "-X", "faulthandler", "-m", "uavrt.cli", *command],
                 cwd=directory,
                 stdin=subprocess.PIPE if endless else subprocess.DEVNULL,
                 stdout=output,
@@ -140,13 +91,8 @@ class Started:
 
     def has_started(self) -> bool:
         """Whether our code runs, on however busy a machine, or has ended."""
-        try:
-            text = Path(f"/proc/{self._process.pid}/stat").read_text()
-        except OSError:
-            return True
-        fields = text.rpartition(")")[2].split()
-        ticks = int(fields[11]) + int(fields[12])
-        return fields[0] == "Z" or ticks > STARTED_CPU_S * os.sysconf("SC_CLK_TCK")
+        pid = self._process.pid
+        return not is_alive(pid) or own_usage(pid).cpu_s > STARTED_CPU_S
 
     def signal(self, number: signal.Signals) -> None:
         if self._process.poll() is not None:
@@ -176,10 +122,8 @@ class Started:
                 one.wait()
 
 
-@pytest.mark.parametrize("program", PROGRAMS, ids=lambda one: one.__name__)
-def test_a_stop_ends_in_order(
-    program: Callable[[Path], list[str]], tmp_path: Path, noise: Path
-) -> None:
+@pytest.mark.parametrize("words", PROGRAMS.values(), ids=PROGRAMS)
+def test_a_stop_ends_in_order(words: tuple[str, ...], tmp_path: Path, noise: Path) -> None:
     """By either signal, at its start, when it has begun and midway: at once, to spare time."""
     with ExitStack() as stack:
         running: dict[tuple[str, signal.Signals], Started] = {}
@@ -188,7 +132,7 @@ def test_a_stop_ends_in_order(
             time.sleep(left_s - after_s)
             left_s = after_s
             for number in (signal.SIGINT, signal.SIGTERM):
-                started = Started(program, tmp_path / f"{moment}-{number.name}", noise)
+                started = Started(words, tmp_path / f"{moment}-{number.name}", noise)
                 stack.callback(started.close)
                 running[moment, number] = started
         time.sleep(left_s)

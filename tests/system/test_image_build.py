@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from command_line import program
+from tests.system.test_image import needs_disk_tools
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 STEPS = {
@@ -20,13 +21,10 @@ STEPS = {
 WHOLE = ["make-root", "install-uavrt", "finish-root", "configure-root", "pack"]
 LAST = ["configure-root", "pack"]
 
-pytestmark = pytest.mark.skipif(
-    any(
-        shutil.which(tool, path=f"{os.environ['PATH']}:/usr/sbin:/sbin") is None
-        for tool in ("sfdisk", "mkfs.ext4", "mkfs.vfat", "mcopy", "debugfs", "apt-get")
-    ),
-    reason="needs fdisk, e2fsprogs, dosfstools, mtools and apt",
-)
+pytestmark = [
+    needs_disk_tools,
+    pytest.mark.skipif(shutil.which("apt-get") is None, reason="needs apt"),
+]
 
 
 class Builder:

@@ -4,17 +4,14 @@ import hashlib
 import os
 import py_compile
 import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
 from command_line import program
-from tests.system.test_image import contents
+from tests.system.test_image import PACKING, contents, needs_disk_tools, packed
 from toy_installer import ToyInstaller
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
-SEARCHED = os.pathsep.join((os.environ["PATH"], "/usr/sbin", "/sbin"))
-TOOLS = ("sfdisk", "mkfs.ext4", "mkfs.vfat", "mcopy", "debugfs")
 NO_EMULATION = 3
 OWN, REMOVED, ADDED, FOREIGN = (
     f"-----BEGIN CERTIFICATE-----\n{whose}\n-----END CERTIFICATE-----\n"
@@ -78,9 +75,7 @@ def make_root(root: Path, builder: str) -> Path:
     # Real ones: the cache of ldconfig holds inodes and times, and so do some bytecodes.
     (root / "usr/lib/libm.so.6").write_bytes(Path(find_library()).read_bytes())
     (root / "lib").symlink_to("usr/lib")
-    subprocess.run(
-        ["ldconfig", "-r", str(root)], check=True, env=os.environ | {"PATH": SEARCHED}
-    )
+    program("ldconfig", "-r", root, check=True, env=PACKING)
     modes = py_compile.PycInvalidationMode
     module = root / "usr/lib/python3/module.py"
     os.utime(module, (len(builder), 1e9 + len(builder)))
@@ -91,26 +86,18 @@ def make_root(root: Path, builder: str) -> Path:
 
 
 def find_library() -> str:
-    listed = program("ldconfig", "-p", check=True, env=os.environ | {"PATH": SEARCHED})
+    listed = program("ldconfig", "-p", check=True, env=PACKING)
     return next(
         line.split(" => ")[1] for line in listed.stdout.splitlines() if "libm.so.6" in line
     )
 
 
-@pytest.mark.skipif(
-    any(shutil.which(tool, path=SEARCHED) is None for tool in TOOLS),
-    reason="needs fdisk, e2fsprogs, dosfstools and mtools",
-)
+@needs_disk_tools
 def test_images_of_two_builds_are_the_same_and_trust_nobody_else(tmp_path: Path) -> None:
-    environment = os.environ | {"EFI_MIB": "40", "PATH": SEARCHED}
     sums = []
     for builder in ("ann's", "ben's own"):
         root = make_root(tmp_path / builder, builder)
-        image = tmp_path / f"{builder}.img"
-        subprocess.run(
-            [str(DEPLOY / "image/pack.sh"), str(root), str(image)], check=True, env=environment
-        )
-        whole = image.read_bytes()
+        whole = packed(root, tmp_path / f"{builder}.img")
         assert builder.encode() not in whole
         assert (OWN + ADDED).encode() in whole
         assert (OWN + FOREIGN).encode() not in whole

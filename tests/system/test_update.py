@@ -6,8 +6,8 @@ import random
 import shutil
 import signal
 import subprocess
-import sys
 import tarfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,6 +16,8 @@ from typing import Any
 
 import made
 import pytest
+from command_line import started, uavrt
+from forked import forked
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from some import some
@@ -481,49 +483,37 @@ def test_after_a_cut_anywhere_a_whole_version_runs_and_the_trial_is_ended(
         assert {name for _, name in ended} == {"source"}
 
 
-STALLS = ("unpack_wheels", "rehearse", "exchange")
-STALLED = """
-import sys
-from uavrt.drone.computer import update
+def update_that_stands_still(moment: str, directory: Path, words: list[str], told: int) -> None:
+    def stall(*_arguments: object, **_options: object) -> None:
+        os.write(told, b"there")
+        time.sleep(100.0)
 
-def stall(*_arguments, **_options):
-    print("there", flush=True)
-    sys.stdin.read()
-
-_, moment, *words = sys.argv
-assert hasattr(update, moment)
-setattr(update, moment, stall)
-sys.argv = ["uavrt", *words]
-from uavrt.cli.app import run
-run()
-"""
-"""An update that stands still at a moment, until it is killed."""
+    os.setsid()
+    os.chdir(directory)
+    assert hasattr(update, moment)
+    setattr(update, moment, stall)
+    uavrt(*words)
 
 
 def test_killed_while_it_installs_it_leaves_the_present_version_and_can_be_repeated(
     maker: Maker, place: Installation, tmp_path: Path
 ) -> None:
-    path = maker.tar("0.2.0")
     (tmp_path / "flights").mkdir()
     (tmp_path / "uavrt.toml").write_text('[mavlink]\naddress = ""\n')
-    command = [sys.executable, "-m", "uavrt.cli", "update", str(path), "--prefix"]
-    command += [str(place.prefix), "--restart", "true", "--hold-s", "0.1", "--patience-s", "1"]
+    words = ["update", str(maker.tar("0.2.0")), "--prefix", str(place.prefix)]
+    words += ["--restart", "true", "--hold-s", "0.1", "--patience-s", "1"]
     before = digest_below(place.current())
-    for moment in STALLS:
-        stalled = [sys.executable, "-c", STALLED, moment, *command[3:]]
-        with subprocess.Popen(
-            stalled,
-            cwd=tmp_path,
-            start_new_session=True,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-        ) as program:
-            assert b"there\n" in iter(some(program.stdout).readline, b""), moment
-            os.killpg(program.pid, signal.SIGKILL)
-        assert program.returncode == -signal.SIGKILL
+    reading, told = os.pipe()
+    for moment in ("unpack_wheels", "rehearse", "exchange"):
+        program = forked(update_that_stands_still, moment, tmp_path, words, told)
+        assert os.read(reading, 9) == b"there", moment
+        os.killpg(some(program.pid), signal.SIGKILL)
+        program.join()
         assert place.current().name == "source"
         assert digest_below(place.current()) == before
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    for end in (reading, told):
+        os.close(end)
+    done = started(*words, cwd=tmp_path)
     # Nothing runs here, so the trial ends with the version before.
     assert done.returncode == 1, done.stderr
     assert "source is restored" in done.stdout

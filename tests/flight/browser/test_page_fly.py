@@ -1,12 +1,10 @@
 """The page lets real processes search with a simulated drone, and takes it back."""
 
 import time
-from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 from moved_page import GUIDANCE, MovedPage
-from page_driver import VIDEO, Ground, type_tags
+from page_driver import VIDEO, Scene, type_tags
 from playwright.sync_api import Browser, expect
 from tests.flight.conftest import DroneBay
 from tests.flight.test_search import animal
@@ -21,7 +19,7 @@ FOUND_MS = 200_000
 
 
 def test_a_search_is_refused_without_tags_and_watched_with_them(
-    drone_bay: DroneBay, browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+    drone_bay: DroneBay, browser: Browser, scene: Scene
 ) -> None:
     """``make video`` films it to its end."""
     scenario = animal()
@@ -31,13 +29,13 @@ def test_a_search_is_refused_without_tags_and_watched_with_them(
         autopilot_options=("--flavour", "px4"),
         guidance=GuidanceSettings(enabled=True, **GUIDANCE),
     )
-    ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{drone.ground_port}")
+    scene.link_port = drone.ground_port
 
     def commands() -> int:
         text = (drone.directory / "autopilot.log").read_text(errors="replace")
         return sum("motion" in line and OURS in line for line in text.splitlines())
 
-    here = MovedPage(browser, ground.address, commands)
+    here = MovedPage(browser, scene.ground.address, commands)
     page, watched = here.page, here.watched
     watched.film()
     watched.caption("A search: the drone decides where to fly. First it says what is missing.")

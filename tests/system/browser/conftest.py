@@ -1,40 +1,33 @@
-"""Drones that a page commands."""
+"""Stations that last for the tests of a file, and a processor of which pages tell."""
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
+from collections.abc import Iterator
 
 import pytest
-from page_driver import Ground, Scene, Watched
-from willing_drone import WillingDrone
+from page_driver import Scene
+from playwright.sync_api import Browser
 
 from uavrt.drone.processes.connection_parts import ground_status
 
 
-@pytest.fixture
-def willing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[Callable[..., WillingDrone]]:
-    """Start drones for ground stations at these ports; their processors have 51.5 °C."""
-    zone = tmp_path / "thermal_zone"
+@pytest.fixture(scope="module", autouse=True)
+def processor_has_51_degrees(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    zone = tmp_path_factory.mktemp("processor") / "thermal_zone"
     zone.write_text("51500\n")
-    monkeypatch.setattr(ground_status, "THERMAL_ZONE", zone)
-    drones: list[WillingDrone] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ground_status, "THERMAL_ZONE", zone)
+        yield
 
-    def make(port: int, system_id: int = 1, **world: Any) -> WillingDrone:
-        drones.append(WillingDrone(port, system_id, **world))
-        return drones[-1]
 
-    yield make
-    for drone in drones:
-        drone.close()
+@pytest.fixture(scope="module")
+def lasting(tmp_path_factory: pytest.TempPathFactory, browser: Browser) -> Iterator[Scene]:
+    """A station for all tests of a file that do not need a fresh one."""
+    made = Scene(tmp_path_factory.mktemp("lasting"), browser)
+    yield made
+    made.close()
 
 
 @pytest.fixture
-def scene(
-    tmp_path: Path,
-    start_ground: Callable[..., Ground],
-    watch: Callable[..., Watched],
-    willing: Callable[..., WillingDrone],
-) -> Scene:
-    return Scene(tmp_path, start_ground, watch, willing)
+def station(lasting: Scene) -> Iterator[Scene]:
+    """The lasting station; pages that a test opens close with it."""
+    yield lasting
+    lasting.close_pages()

@@ -6,10 +6,10 @@ import threading
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
-from page_driver import WAIT_MS, Scene, Watched, open_flight, type_tags, write_map
+from held import Held
+from page_driver import WAIT_MS, Scene, open_flight, type_row, type_tags, write_map
 from past_flight import write_flight
 from playwright.sync_api import Page, expect
 from some import some
@@ -106,9 +106,10 @@ def pins_are_seen(page: Page) -> None:
     until(seen)
 
 
-def with_a_past_flight(scene: Scene) -> tuple[str, WillingDrone, Watched]:
-    """A station with a flight of before and a drone that is heard, and its page."""
-    return write_flight(scene.here, 120.0, 300.0), scene.drone(), scene.watch()
+@pytest.fixture(scope="module")
+def past(lasting: Scene) -> tuple[str, WillingDrone]:
+    """A flight of before, and a drone that the station hears."""
+    return write_flight(lasting.here, 120.0, 300.0), lasting.drone()
 
 
 def in_manual() -> dict[str, int]:
@@ -133,12 +134,7 @@ def test_each_task_of_the_manual_takes_the_clicks_it_says_and_at_most_three(
 
     page.click("#tab-setup")
     hand.click("#tag-add")
-    for key, value in (
-        ("frequency_mhz", 148.71),
-        ("interval_ms", 1254),
-        ("pulse_width_ms", 20),
-    ):
-        page.fill(f'input[data-row="0"][data-key="{key}"]', str(value))
+    type_row(page, frequency_mhz=148.71, interval_ms=1254, pulse_width_ms=20)
     second = page.locator('input[data-row="0"][data-key="second_interval_ms"]')
     assert second.input_value() == "", "nothing is assumed of a first tag"
     hand.click("#tag-save")
@@ -228,8 +224,10 @@ def test_on_a_tablet_the_hint_is_whole_above_many_tags(scene: Scene) -> None:
     assert box["y"] + box["height"] <= some(below)["y"]
 
 
-def test_on_a_tablet_everything_is_shown_and_can_be_touched(scene: Scene) -> None:
-    flight, _, watched = with_a_past_flight(scene)
+def test_on_a_tablet_everything_is_shown_and_can_be_touched(
+    station: Scene, past: tuple[str, WillingDrone]
+) -> None:
+    flight, watched = past[0], station.watch()
     page = watched.page
     expect(page.locator("#chip-drone")).to_contain_text("40\u202fm · 90°")
     box = page.locator("#chip-drone").bounding_box()
@@ -260,8 +258,10 @@ def test_on_a_tablet_everything_is_shown_and_can_be_touched(scene: Scene) -> Non
         watched.picture(f"tablet-{view}")
 
 
-def test_without_webgl_a_plain_map_stands_in_and_stop_works(scene: Scene) -> None:
-    flight, drone, watched = with_a_past_flight(scene)
+def test_without_webgl_a_plain_map_stands_in_and_stop_works(
+    station: Scene, past: tuple[str, WillingDrone]
+) -> None:
+    (flight, drone), watched = past, station.watch()
     page = watched.page
     page.add_init_script(f"({NO_WEBGL})()")
     page.reload()
@@ -279,9 +279,11 @@ def test_without_webgl_a_plain_map_stands_in_and_stop_works(scene: Scene) -> Non
     page.wait_for_function("() => window.uavrt?.store.state.drone.state === 'has_tags'")
 
 
-def test_a_tap_tells_the_place_measures_and_marks(scene: Scene) -> None:
-    drone = scene.drone()
-    watched = scene.watch(
+def test_a_tap_tells_the_place_measures_and_marks(
+    station: Scene, past: tuple[str, WillingDrone]
+) -> None:
+    _, drone = past
+    watched = station.watch(
         geolocation={"latitude": 46.501, "longitude": 8.0},
         permissions=["geolocation"],
     )
@@ -357,17 +359,10 @@ def test_two_pages_one_commander_and_no_lost_tags(scene: Scene) -> None:
     )
     expect(second.page.locator(".act.next")).to_have_count(0)
     expect(first.page.locator("#act-reason")).not_to_contain_text("Another page")
-    for watched in (first, second):
+    for watched, mhz in ((first, 148.71), (second, 148.72)):
         watched.page.click("#tab-setup")
         watched.page.click("#tag-add")
-
-    def type_in(page: Any, frequency: str) -> None:
-        for key, value in (("frequency_mhz", frequency), ("interval_ms", "1254")):
-            page.fill(f'input[data-row="0"][data-key="{key}"]', value)
-        page.fill('input[data-row="0"][data-key="pulse_width_ms"]', "20")
-
-    type_in(first.page, "148.71")
-    type_in(second.page, "148.72")
+        type_row(watched.page, frequency_mhz=mhz, interval_ms=1254, pulse_width_ms=20)
     first.page.click("#tag-save")
     expect(first.page.locator("#tag-state")).to_have_text("saved")
     expect(second.page.locator("#tag-conflict")).to_be_visible()
@@ -432,14 +427,12 @@ def test_what_is_typed_is_neither_passed_over_by_a_start_nor_lost_by_a_reload(
     page.click("#tab-fly")
     button = page.locator("#act-send_tags")
     expect(button).not_to_contain_text("Tags sent")
-    held: list[Any] = []
-    page.route("**/api/tags", lambda route: held.append(route))
+    held = Held(page, "**/api/tags", "PUT", answers=False)
     button.click()
-    while not held:
-        page.wait_for_timeout(50)
+    held.wait()
     page.wait_for_timeout(1500)  # states come meanwhile, of the table as it was
     expect(button).not_to_contain_text("Tags sent", timeout=1)
-    held.pop().continue_()
+    held.go()
     expect(button).to_contain_text("Tags sent")
     page.click("#act-start")
     expect(page.locator("#chip-state")).to_have_text("Detecting")
@@ -447,8 +440,10 @@ def test_what_is_typed_is_neither_passed_over_by_a_start_nor_lost_by_a_reload(
     expect(page.locator("#chip-state")).to_have_text("Detecting")
 
 
-def test_keys_that_do_something_need_shift_which_caps_lock_is_not(scene: Scene) -> None:
-    flight, drone, watched = with_a_past_flight(scene)
+def test_keys_that_do_something_need_shift_which_caps_lock_is_not(
+    station: Scene, past: tuple[str, WillingDrone]
+) -> None:
+    (flight, drone), watched = past, station.watch()
     page = watched.page
     drone.state = drone.state.DETECTING
     expect(page.locator("#chip-state")).to_have_text("Detecting")
@@ -466,16 +461,14 @@ def test_keys_that_do_something_need_shift_which_caps_lock_is_not(scene: Scene) 
 
     # What cannot be done is said: a mark in the past, and copying where browsers forbid it.
     page.click("#tab-flights")
-    held: list[Any] = []
-    page.route(f"**/api/flights/{flight}", lambda route: held.append(route))
+    held = Held(page, f"**/api/flights/{flight}", answers=False)
     page.click(f'tr[data-flight="{flight}"] .open-flight')
-    while not held:
-        page.wait_for_timeout(50)
+    held.wait()
     # A flight that begins while another is opened does not keep that from being shown.
     drone.state = drone.state.DETECTING
     expect(page.locator("#chip-state")).to_have_text("Detecting")
     page.wait_for_timeout(1000)
-    held.pop().continue_()
+    held.go()
     page.wait_for_selector(".fix")
     page.locator("#map canvas").first.click(position={"x": 450, "y": 380})
     page.click("#tap-mark")
@@ -490,16 +483,14 @@ def test_tags_are_left_out_one_after_the_other_and_every_page_shows_it(scene: Sc
     first, second = scene.commanding_and_looking_on()
     for watched in (first, second):
         watched.page.click("#tab-setup")
-    held: list[Any] = []
-    first.page.route("**/api/settings", lambda route: held.append(route))
+    held = Held(first.page, "**/api/settings", "PUT", answers=False)
     boxes = first.page.locator(".fly-tag")
     boxes.nth(0).uncheck()
     boxes.nth(1).uncheck()
     for _ in range(2):  # answers that come late
-        while not held:
-            first.page.wait_for_timeout(50)
-        held.pop(0).continue_()
+        held.wait()
         first.page.wait_for_timeout(300)
+        held.go()
     seen = "all => all.map((one) => one.checked)"
     for watched in (first, second):
         watched.page.wait_for_function(

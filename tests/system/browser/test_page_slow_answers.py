@@ -2,7 +2,7 @@
 
 import pytest
 from held import Held
-from page_driver import Scene, open_flight
+from page_driver import Scene, open_flight, type_row
 from past_flight import write_days, write_flight
 from playwright.sync_api import Page, expect
 from until import until
@@ -23,9 +23,7 @@ def test_what_is_typed_while_the_table_is_saved_stays_and_is_no_conflict(scene: 
     page = scene.watch().page
     page.click("#tab-setup")
     page.click("#tag-add")
-    for key, value in (("frequency_mhz", "148.71"), ("interval_ms", "1254")):
-        page.fill(f'input[data-row="0"][data-key="{key}"]', value)
-    page.fill('input[data-row="0"][data-key="pulse_width_ms"]', "20")
+    type_row(page, frequency_mhz=148.71, interval_ms=1254, pulse_width_ms=20)
     held = Held(page, "**/api/tags", "PUT")
     page.click("#tag-save")
     held.wait()
@@ -46,8 +44,8 @@ def test_what_is_typed_while_the_table_is_saved_stays_and_is_no_conflict(scene: 
     assert tag.pulse_intervals_s == (1.333,)
 
 
-def test_rows_are_typed_only_after_the_table_has_come(scene: Scene) -> None:
-    page = scene.watch().page
+def test_rows_are_typed_only_after_the_table_has_come(station: Scene) -> None:
+    page = station.watch().page
     page.click("#tab-setup")
     buttons = [page.locator(name) for name in ("#tag-add", "#tag-import", "#tag-save")]
     for button in buttons:
@@ -59,8 +57,8 @@ def test_rows_are_typed_only_after_the_table_has_come(scene: Scene) -> None:
         expect(button).to_be_disabled()
 
 
-def test_of_two_changes_of_a_setting_the_later_one_stands(scene: Scene) -> None:
-    page = scene.watch().page
+def test_of_two_changes_of_a_setting_the_later_one_stands(station: Scene) -> None:
+    page = station.watch().page
     page.click("#tab-setup")
     gain = page.locator("#set-gain")
     page.wait_for_function("() => window.uavrt?.store.settings !== null")
@@ -76,8 +74,8 @@ def test_of_two_changes_of_a_setting_the_later_one_stands(scene: Scene) -> None:
     assert not len(held)
 
 
-def test_an_address_that_is_typed_and_the_reason_of_a_refusal_stay(scene: Scene) -> None:
-    page = scene.watch().page
+def test_an_address_that_is_typed_and_the_reason_of_a_refusal_stay(station: Scene) -> None:
+    page = station.watch().page
     page.click("#tab-setup")
     put(page, "#link-address", "carrier://pigeon")
     page.select_option("#set-antenna", "H")
@@ -91,8 +89,8 @@ def test_an_address_that_is_typed_and_the_reason_of_a_refusal_stay(scene: Scene)
     expect(state).to_contain_text("carrier", timeout=1)
 
 
-def test_a_fact_that_is_typed_before_the_facts_have_come_stays(scene: Scene) -> None:
-    page = scene.watch().page
+def test_a_fact_that_is_typed_before_the_facts_have_come_stays(station: Scene) -> None:
+    page = station.watch().page
     held = Held(page, "**/api/facts")
     page.reload()
     page.click("#tab-setup")
@@ -126,8 +124,8 @@ def test_a_step_of_the_first_set_up_is_not_skipped_by_a_second_press(scene: Scen
     expect(page.locator(".wizard-steps [aria-current]")).to_have_text("Antenna")
 
 
-def test_a_tapped_place_keeps_its_own_mgrs_when_another_ones_comes_late(scene: Scene) -> None:
-    page = scene.watch().page
+def test_a_tapped_place_keeps_its_own_mgrs_when_another_ones_comes_late(station: Scene) -> None:
+    page = station.watch().page
     page.wait_for_function("() => window.uavrt?.store.state !== null")
     held = Held(page, "**/api/readout?*")
     tap = page.locator("#map canvas").first
@@ -144,9 +142,9 @@ def test_a_tapped_place_keeps_its_own_mgrs_when_another_ones_comes_late(scene: S
     expect(mgrs).to_have_text(second)
 
 
-def test_the_two_flights_that_were_chosen_last_are_compared(scene: Scene) -> None:
-    names = write_days(scene.here, 3)
-    page = scene.watch().page
+def test_the_two_flights_that_were_chosen_last_are_compared(station: Scene) -> None:
+    names = write_days(station.here, 3)
+    page = station.watch().page
     page.click("#tab-flights")
     held = Held(page, f"**/api/flights/{names[0]}")
     for name in names[:2]:
@@ -162,9 +160,9 @@ def test_the_two_flights_that_were_chosen_last_are_compared(scene: Scene) -> Non
     expect(head).not_to_contain_text("2026-05-01")
 
 
-def test_back_to_live_no_position_of_the_past_flight_is_left(scene: Scene) -> None:
-    flight, drone = write_flight(scene.here, 120.0, 300.0), scene.drone()
-    page = scene.watch().page
+def test_back_to_live_no_position_of_the_past_flight_is_left(station: Scene) -> None:
+    flight, drone = write_flight(station.here, 120.0, 300.0), station.drone()
+    page = station.watch().page
     drone.state = SystemState.DETECTING
     page.wait_for_function("() => window.uavrt?.store.state?.flight.flight_id")
     open_flight(page, flight)

@@ -79,11 +79,15 @@ def strongest_m(page: Page) -> float:
     return math.hypot(float(east) - EAST_M, float(north) - NORTH_M)
 
 
-def test_the_strength_of_each_height_is_seen_by_itself(scene: Scene) -> None:
-    flight_id = write_survey(scene.here)
-    watched = scene.watch(plain_map=False)
+@pytest.fixture(scope="module")
+def survey(lasting: Scene) -> str:
+    return write_survey(lasting.here)
+
+
+def test_the_strength_of_each_height_is_seen_by_itself(station: Scene, survey: str) -> None:
+    watched = station.watch(plain_map=False)
     page = watched.page
-    open_flight(page, flight_id)
+    open_flight(page, survey)
     expect(page.locator("#walk-title")).to_contain_text("strongest signal")
     page.click(".layers summary")
     expect(page.locator("#heights option")).to_have_text(
@@ -128,18 +132,17 @@ def test_the_strength_of_each_height_is_seen_by_itself(scene: Scene) -> None:
 
 
 def test_with_a_monopole_the_page_says_where_the_tag_is_as_the_command_line_does(
-    scene: Scene,
+    station: Scene, survey: str
 ) -> None:
-    flight_id = write_survey(scene.here)
-    watched = scene.watch(plain_map=False)
+    watched = station.watch(plain_map=False)
     page = watched.page
     page.click("#tab-setup")
     page.select_option("#set-antenna", "monopole")
     page.wait_for_function("() => window.uavrt?.store.settings.antenna === 'monopole'")
-    open_flight(page, flight_id)
+    open_flight(page, survey)
     expect(page.locator("#walk-sure")).to_contain_text("(95\u202f%)")
     expect(page.locator(".fix")).to_have_count(1)
-    (told,) = read_positions(scene.here / flight_id, how=EstimationOptions(antenna="monopole"))
+    (told,) = read_positions(station.here / survey, how=EstimationOptions(antenna="monopole"))
     assert told.position is not None
     latitude, longitude = map(float, page.locator("#walk-place").inner_text().split(","))
     assert latitude == pytest.approx(told.position.latitude_deg, abs=6e-6)

@@ -122,4 +122,3 @@ def test_a_drone_is_set_up_by_keyboard_in_german_and_asks_no_more(scene: Scene) 
     answer: Any = asked.value.json()
     assert answer == {"wanted": False}
     expect(page.locator("#wizard")).to_have_count(0)
-    assert not watched.errors

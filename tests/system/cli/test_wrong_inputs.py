@@ -24,22 +24,6 @@ from uavrt.cli.app import make_app
         (["ground", "-o", "/proc/ground"], "-o"),
         (["demo", "--duration", "10"], "40"),
         (["demo", "--flight-dir", "/proc/flights", "--headless"], "--flight-dir"),
-        (["no-such-command"], "no-such-command"),
-    ],
-)
-def test_a_mistake_is_refused_with_its_remedy(
-    tmp_path: Path, arguments: list[str], says: str
-) -> None:
-    finished = started(*arguments, cwd=tmp_path)
-    assert finished.returncode != 0
-    said = finished.stdout + finished.stderr
-    assert says in said
-    assert "Traceback" not in said
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
         (["simulate", "demo", "-o", "world", "--duration", "nan"], "--duration"),
         (["experiment", "packets", "--model", "--loss", "3"], "--loss"),
         # A group of 2000 needed -30.0 dB, where the search for its level begins.
@@ -54,13 +38,26 @@ def test_a_mistake_is_refused_with_its_remedy(
         (["experiment", "detection", "--only", "E99"], "E99"),
     ],
 )
-def test_so_is_one_to_a_command_that_starts_no_others(
-    capsys: pytest.CaptureFixture[str], arguments: list[str], says: str
+def test_a_mistake_is_refused_with_its_remedy(
+    capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    arguments: list[str],
+    says: str,
 ) -> None:
+    monkeypatch.chdir(tmp_path)
     assert uavrt(*arguments) != 0
-    told = capsys.readouterr()
-    assert says in told.out + told.err
-    assert "Traceback" not in told.out + told.err
+    said = "".join(capfd.readouterr())
+    assert says in said
+    assert "Traceback" not in said
+
+
+def test_a_command_that_does_not_exist_ends_the_program_without_a_traceback() -> None:
+    finished = started("no-such-command")
+    assert finished.returncode != 0
+    said = finished.stdout + finished.stderr
+    assert "no-such-command" in said
+    assert "Traceback" not in said
 
 
 def numbers(app: App, path: tuple[str, ...] = ()) -> Iterator[tuple[str, str]]:
@@ -117,12 +114,13 @@ def test_a_port_in_use_is_named(tmp_path: Path) -> None:
 
 
 def test_what_holds_no_bearings_is_refused_without_the_systems_own_words(
-    tmp_path: Path,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / "picture.csv").write_bytes(b"\xff\xfe\x00\x9f")
+    monkeypatch.chdir(tmp_path)
+    Path("picture.csv").write_bytes(b"\xff\xfe\x00\x9f")
     for name, says in (("nosuch", "No such file"), ("picture.csv", "not a known pulse log")):
-        finished = started("localize", name, cwd=tmp_path)
-        assert finished.returncode == 2
-        assert says in finished.stderr
-        assert "Errno" not in finished.stderr
-    assert "bearings.csv" in finished.stderr
+        assert uavrt("localize", name) == 2
+        said = capsys.readouterr().err
+        assert says in said
+        assert "Errno" not in said
+    assert "bearings.csv" in said

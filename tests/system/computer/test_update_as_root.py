@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from command_line import python
+from tests.system.test_image import Started, configure
 from update_maker import TINY, make_installation, make_key, sign_alone, write_wheel
 
 from uavrt.core.errors import FormatError, UsageError
@@ -18,7 +19,6 @@ from uavrt.drone.computer.trial import Verdict
 from uavrt.drone.computer.update_file import read_update
 from uavrt.drone.computer.versions import COMPLETE, Installation
 
-IMAGE = Path(__file__).parents[3] / "deploy/image"
 PROGRAM = TINY | {
     "uavrt/cli/__main__.py": (
         "import sys, msgspec\nfrom importlib.metadata import version\n"
@@ -174,13 +174,11 @@ def test_the_version_of_a_wheel_is_what_was_signed_and_not_its_file_name(
 def test_whatever_a_service_leaves_as_set_up_conf_the_computer_starts(
     tmp_path: Path, left: str
 ) -> None:
-    root, data, tools = tmp_path / "root", tmp_path / "data", tmp_path / "tools"
-    for path in (root / "etc", data / "uavrt", data / "opt", tools):
-        path.mkdir(parents=True)
-    subprocess.run([str(IMAGE / "configure-root.sh"), str(root)], check=True)
-    (tools / "runuser").write_text('#!/bin/sh\nshift 3\nexec "$@"\n')
-    (tools / "runuser").chmod(0o755)
-    wanted = data / "uavrt/set-up.conf"
+    root = tmp_path / "root"
+    (root / "etc").mkdir(parents=True)
+    assert configure(root).returncode == 0
+    computer = Started(root, tmp_path)
+    wanted = computer.data / "uavrt/set-up.conf"
     if left == "pipe":
         os.mkfifo(wanted)
     elif left == "directory":
@@ -189,11 +187,5 @@ def test_whatever_a_service_leaves_as_set_up_conf_the_computer_starts(
         wanted.write_bytes(b"name=lynx\0-3\n" * 100)
     else:
         wanted.symlink_to("/dev/zero")
-    subprocess.run(
-        ["sh", str(root / "usr/local/sbin/uavrt-identity"), str(data)],
-        check=True,
-        timeout=60,
-        env=os.environ | {"PATH": f"{tools}:{os.environ['PATH']}"},
-    )
-    assert (data / "identity").read_text().startswith("name=")
+    assert computer.start()["name"]
     assert not os.path.lexists(wanted)

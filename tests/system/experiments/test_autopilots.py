@@ -5,7 +5,6 @@ import os
 import signal
 import socket
 import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
@@ -13,7 +12,7 @@ import pytest
 from command_line import launched, started
 from until import until
 
-from uavrt.drone.supervisor.start.usage import descendants_of
+from uavrt.drone.supervisor.start.usage import descendants_of, is_alive
 from uavrt_experiments.autopilots.builds import PX4_PORTS, free_instance
 from uavrt_experiments.autopilots.measures import commands_of
 from uavrt_experiments.autopilots.tap import read_frames
@@ -22,12 +21,9 @@ from uavrt_experiments.autopilots.tap import read_frames
 @pytest.mark.timeout(300)
 def test_an_order_is_flown_taken_over_and_kept_frame_by_frame(tmp_path: Path) -> None:
     words = ("experiment", "autopilots", "--simulated", "px4", "--phases", "1", "--json")
-    command = [sys.executable, "-m", "uavrt.cli", *words, "--only", "mode: land"]
     place = tmp_path / "rehearsal"
     for _ in range(2):  # the second finds it flown
-        done = subprocess.run(
-            [*command, "--output", str(place)], capture_output=True, text=True, timeout=240
-        )
+        done = started(*words, "--only", "mode: land", "--output", place, timeout=240)
         assert done.returncode == 0, done.stderr
         summary = json.loads(done.stdout.splitlines()[-1])
         assert summary["faults"] == []
@@ -61,17 +57,9 @@ def test_a_signal_ends_every_program_and_keeps_the_table(
         _, said = run.communicate(timeout=60.0)
     assert run.returncode == 130
     assert "the same command continues" in said
-    assert not any(_runs(pid) for pid in started)
+    assert not any(map(is_alive, started))
     short.rmdir()  # nothing is left in it
     assert (tmp_path / "rehearsal/table.md").exists()
-
-
-def _runs(pid: int) -> bool:
-    try:
-        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
-    except OSError:
-        return False
-    return state != "Z"
 
 
 @pytest.mark.timeout(60)

@@ -2,7 +2,6 @@
 
 import json
 import os
-import signal
 import time
 from contextlib import closing
 from itertools import pairwise
@@ -12,7 +11,7 @@ import made
 import numpy as np
 import pytest
 import sigmf
-from command_line import launched
+from forked import forked
 from numpy.typing import NDArray
 from tests.unit.flight.test_channel_recorder import (
     CENTER_HZ,
@@ -179,23 +178,20 @@ def test_a_stuck_disk_never_holds_up_the_caller_and_costs_counted_samples(
     assert keeping.written_samples + keeping.dropped_samples == sent
 
 
+def keep_and_wait(flight: Path) -> None:
+    keeping = recorder(flight)
+    store(keeping, noise(30_000))
+    for some in blocks(noise(3_000), first=30_000):
+        keeping.put([some])
+    (flight / "written").touch()
+    time.sleep(60.0)
+
+
 def test_what_was_written_before_a_kill_can_be_read(tmp_path: Path) -> None:
-    program = (
-        "import sys, time; sys.path.insert(0, sys.argv[2]); from pathlib import Path\n"
-        "from tests.unit.flight.test_channel_recorder import blocks, noise, recorder\n"
-        "keeping = recorder(Path(sys.argv[1]))\n"
-        "for some in blocks(noise(30_000)): keeping.put([some])\n"
-        "while keeping.written_samples < 30_000: time.sleep(0.01)\n"
-        "for some in blocks(noise(3_000), first=30_000): keeping.put([some])\n"
-        "print('written', flush=True); time.sleep(60)\n"
-    )
-    root = str(Path(__file__).parents[3])
-    child = launched("-c", program, tmp_path / "flight", root)
-    assert child.stdout is not None
-    assert child.stdout.readline() == "written\n"
-    child.send_signal(signal.SIGKILL)
-    child.wait()
-    child.stdout.close()
+    child = forked(keep_and_wait, tmp_path / "flight")
+    until((tmp_path / "flight/written").exists)
+    child.kill()
+    child.join()
     (path,) = pieces(tmp_path / "flight")
     sigmf.fromfile(str(path)).validate()
     assert len(read(path)) >= 30_000

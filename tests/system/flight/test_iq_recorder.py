@@ -1,7 +1,7 @@
 """A slow or full disk costs the recording of samples, never a caller's time."""
 
-import json
 import os
+import resource
 import select
 import threading
 from collections.abc import Iterator
@@ -9,8 +9,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import sigmf
-from command_line import python
+from forked import in_child
 from tests.unit.flight.test_iq_recorder import BLOCK, block, check_places, recorder
+from until import until
 
 
 @contextmanager
@@ -63,39 +64,31 @@ def drained(reader: int) -> bytes:
         return b""
 
 
-FULL_DISK = """
-import json, resource, sys
-sys.path[:0] = [sys.argv[2], sys.argv[2] + "/tests/drivers"]
-from pathlib import Path
-from tests.unit.flight.test_iq_recorder import BLOCK, block, check_places, recorder
-import time
+def record_beyond_a_full_disk(place: Path) -> tuple[int, int, int, str | None]:
+    """Record ten blocks, ten of which two and a half have room, and ten more."""
+    recording = recorder(place)
 
-recording = recorder(Path(sys.argv[1]))
-def put(numbers):
-    for number in numbers:
-        recording.put(block(number))
-    while recording.written_samples + recording.dropped_samples < (numbers[-1] + 1) * BLOCK:
-        time.sleep(0.01)
-infinite = resource.RLIM_INFINITY
-put(range(10))
-# Room for two blocks and a half: the half must be taken back.
-resource.setrlimit(resource.RLIMIT_FSIZE, (int(12.5 * BLOCK * 4), infinite))
-put(range(10, 20))
-assert recording.trouble, "a full disk must be told"
-resource.setrlimit(resource.RLIMIT_FSIZE, (infinite, infinite))
-put(range(20, 30))
-recording.close()
-check_places(recording)
-print(json.dumps([recording.written_samples, recording.dropped_samples, recording.file.gaps,
-                  recording.trouble, recording.file.data_path.stat().st_size]))
-"""
+    def put(first: int) -> None:
+        for number in range(first, first + 10):
+            recording.put(block(number))
+        end = (first + 10) * BLOCK
+        until(lambda: recording.written_samples + recording.dropped_samples >= end)
+
+    infinite = resource.RLIM_INFINITY
+    put(0)
+    # The half block must be taken back.
+    resource.setrlimit(resource.RLIMIT_FSIZE, (int(12.5 * BLOCK * 4), infinite))
+    put(10)
+    assert recording.trouble, "a full disk must be told"
+    resource.setrlimit(resource.RLIMIT_FSIZE, (infinite, infinite))
+    put(20)
+    recording.close()
+    check_places(recording)
+    assert recording.file.data_path.stat().st_size == recording.written_samples * 4
+    counted = recording.written_samples, recording.dropped_samples
+    return *counted, recording.file.gaps, recording.trouble
 
 
 def test_a_full_disk_costs_the_blocks_of_its_time_and_no_others(tmp_path: Path) -> None:
-    root = str(Path(__file__).parents[3])
-    child = python("-c", FULL_DISK, tmp_path / "band", root)
-    assert child.returncode == 0, child.stderr
-    written, dropped, gaps, trouble, size = json.loads(child.stdout)
-    assert (written, dropped, gaps) == (22 * BLOCK, 8 * BLOCK, 1)
-    assert trouble is None
-    assert size == written * 4
+    told = in_child(record_beyond_a_full_disk, tmp_path / "band")
+    assert told == (22 * BLOCK, 8 * BLOCK, 1, None)

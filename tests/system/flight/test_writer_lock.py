@@ -1,36 +1,31 @@
 import os
-import signal
+import time
 from pathlib import Path
 
-from command_line import launched
-from some import some
+from forked import forked
 
 from uavrt.flight.database.writer_lock import WriterLock
 
-HOLDER = """
-import sys, time
-from pathlib import Path
-from uavrt.flight.database.writer_lock import WriterLock
-lock = WriterLock()
-print(lock.take(Path(sys.argv[1]), 0.0), flush=True)
-time.sleep(60)
-"""
+
+def hold(flight: Path, told: int) -> None:
+    lock = WriterLock()
+    os.write(told, b"taken" if lock.take(flight, 0.0) else b"refused")
+    time.sleep(60.0)
 
 
 def test_a_flight_has_one_writer_until_that_one_ends_however_it_ends(tmp_path: Path) -> None:
     flight = tmp_path / "flight"
-    holder = launched("-c", HOLDER, flight)
-    try:
-        assert some(holder.stdout).readline() == "True\n"
-        ours = WriterLock()
-        assert not ours.take(flight, 0.1)
-        os.kill(holder.pid, signal.SIGKILL)
-        assert ours.take(flight, 10.0)
-        assert list(flight.iterdir()) == []
-        ours.release()
-    finally:
-        holder.kill()
-        holder.communicate()
+    reading, told = os.pipe()
+    holder = forked(hold, flight, told)
+    assert os.read(reading, 9) == b"taken"
+    ours = WriterLock()
+    assert not ours.take(flight, 0.1)
+    holder.kill()
+    assert ours.take(flight, 10.0)
+    assert list(flight.iterdir()) == []
+    ours.release()
+    for end in (reading, told):
+        os.close(end)
 
 
 def test_a_place_that_cannot_be_made_has_no_lock(tmp_path: Path) -> None:

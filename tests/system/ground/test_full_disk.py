@@ -15,7 +15,9 @@ from pathlib import Path
 from random import Random
 
 import pytest
-from pulse_stream import Stations, StreamingDrone, limit_files, line_keys, stored_keys
+from forked import forked
+from pulse_stream import StreamingDrone, limit_files, line_keys, serve, stored_keys
+from some import some
 
 from uavrt.simulation.demo.demo_programs import free_udp_port
 
@@ -23,12 +25,6 @@ MOMENTS = int(os.environ.get("UAVRT_FULL_DISKS", "4"))
 DISK_MB = 4
 STREAM_S, GAP_S = 1.2, 0.02
 AGAIN_S = 30.0
-
-
-@pytest.fixture(scope="module")
-def stations() -> Iterator[Stations]:
-    with Stations() as started:
-        yield started
 
 
 @pytest.fixture
@@ -76,7 +72,6 @@ def stop_growth(directory: Path, pid: int, random: Random) -> None:
 @pytest.mark.parametrize("kind", ["headless", "page"])
 def test_all_that_is_acknowledged_is_stored_and_the_rest_when_it_comes_again(
     kind: str,
-    stations: Stations,
     streaming: Callable[[int, int], StreamingDrone],
     small_disk: Path | None,
     tmp_path: Path,
@@ -86,28 +81,30 @@ def test_all_that_is_acknowledged_is_stored_and_the_rest_when_it_comes_again(
         random = Random(f"{kind}{number}")
         place = (small_disk or tmp_path) / f"moment-{number}"
         drone = streaming(port := free_udp_port(), random.randrange(10**6))
-        pid = stations.start(kind, port, place)
+        station = forked(serve, kind, port, place)
         drone.detect()
         assert drone.run(AGAIN_S, drone.all_acknowledged), "it listens"
         full_at, after = (round(random.uniform(0.0, STREAM_S) / GAP_S) for _ in range(2))
         for step in range(full_at + after + 1):
             if step == full_at:
                 if small_disk is None:
-                    stop_growth(place, pid, random)
+                    stop_growth(place, some(station.pid), random)
                 else:
                     fill(small_disk, random)
             drone.detect()
             drone.run(GAP_S)
-        stations.kill()
+        station.kill()
+        station.join()
         told = f"{kind}, moment {number}"
         if small_disk is not None:
             (small_disk / "filler").unlink(missing_ok=True)
         acknowledged = {drone.keys[one] for one in drone.acknowledged}
         assert acknowledged <= set(stored_keys(place)), told
         held_back += len(drone.keys) - len(acknowledged)
-        stations.start(kind, port, place)
+        station = forked(serve, kind, port, place)
         assert drone.run(AGAIN_S, drone.all_acknowledged), told
-        stations.kill()
+        station.kill()
+        station.join()
         assert set(stored_keys(place)) == set(drone.keys.values()), told
         if kind == "headless":
             assert sorted(line_keys(place)) == sorted(drone.keys.values()), told

@@ -1,8 +1,5 @@
 """The ground works on Windows and macOS: nothing of POSIX alone is imported for it."""
 
-import subprocess
-import sys
-
 import pytest
 from command_line import python
 
@@ -51,32 +48,25 @@ for module in {modules!r}:
 """
 
 
-MODULES = (
-    *(
-        "uavrt.ground.web.page_program",
-        "uavrt.ground.web.server",
-        "uavrt.ground.web.work.exports",
-    ),
-    *("uavrt.ground.web.work.report_jobs", "uavrt.ground.fetch.ftp_client"),
-    *(
-        "uavrt.ground.web.work.waterfalls",
-        "uavrt.analysis.report",
-        "uavrt.analysis.estimates.positions",
-    ),
-    *(
-        "uavrt.analysis.tracks",
-        "uavrt.cli.system.ground",
-        "uavrt.cli.results.report",
-        "uavrt.cli.results.localize",
-    ),
-    *(
-        "uavrt.cli.system.fetch",
-        "uavrt.cli.results.export",
-        "uavrt.cli.results.bearing",
-        "uavrt.cli.signals.attach",
-    ),
-    "uavrt.ground.store.drone_directory",
-    "uavrt.cli.app",
+MODULES = tuple(
+    f"uavrt.{name}"
+    for name in (
+        *("ground.web.page_program", "ground.web.server", "ground.web.work.exports"),
+        *(
+            "ground.web.work.report_jobs",
+            "ground.fetch.ftp_client",
+            "ground.web.work.waterfalls",
+        ),
+        *("analysis.report", "analysis.estimates.positions", "analysis.tracks"),
+        *(
+            "cli.system.ground",
+            "cli.results.report",
+            "cli.results.localize",
+            "cli.system.fetch",
+        ),
+        *("cli.results.export", "cli.results.bearing", "cli.signals.attach", "cli.app"),
+        "ground.store.drone_directory",
+    )
 )
 
 
@@ -101,11 +91,3 @@ def test_a_serial_port_of_windows_is_an_address() -> None:
     for wrong in ("serial://COM3/x:1", "serial://COMX:1", "serial://COM3:0"):
         with pytest.raises(ConfigError):
             parse_address(wrong)
-
-
-def test_the_page_starts_without_what_only_maps_of_silence_need() -> None:
-    """`scipy.stats` takes most of a second and 20 MB; it is loaded when a map is asked for."""
-    program = (
-        "import sys, uavrt.ground.web.page_program; sys.exit('scipy.stats' in sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0

@@ -6,6 +6,8 @@ from typing import Any
 
 import pytest
 from ros_flood import flood
+from ros_peer import GatewayProcess
+from until import until
 
 from uavrt.config.settings import Ros2Settings
 from uavrt.link.ros2.graph import TOPICS
@@ -32,23 +34,11 @@ def delays_of_orders(gateway: Any, ros_peer: Any, seconds: float) -> list[float]
         time.sleep(1.0)
 
 
-def counters(gateway: Any) -> dict[str, float]:
-    return dict(gateway.receive("health", 2)[-1].counters)
-
-
-def counters_when(gateway: Any, true: Callable[[dict[str, float]], bool]) -> dict[str, float]:
-    """Counters once they are as they should: DDS may still hold a part of a flood.
-
-    Raises
-    ------
-    AssertionError
-        They are not within 40 s.
-    """
-    end_s = time.monotonic() + COUNTED_WITHIN_S
-    while time.monotonic() < end_s:
-        if true(told := counters(gateway)):
-            return told
-    raise AssertionError(told)
+def counters_when(
+    gateway: GatewayProcess, true: Callable[[dict[str, float]], bool]
+) -> dict[str, float]:
+    """Counters once they are as they should: DDS may still hold a part of a flood."""
+    return until(lambda: told if true(told := gateway.counters()) else None, COUNTED_WITHIN_S)
 
 
 @pytest.mark.parametrize(

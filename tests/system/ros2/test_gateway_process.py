@@ -153,17 +153,9 @@ def test_pulses_arrive_byte_for_byte_with_and_without_a_pose(
     directory = f"{FLIGHT.directory}/detector_log/tag_id_2"
     sent = [a_pulse(number) for number in range(60)]
     # The reader and the writer have found each other when the first pulse comes through.
-    first: list[bytes] = []
-    first_poses: list[bytes] = []
-
-    def connected() -> bool:
-        gateway.send("pulse", sent[0])
-        gateway.send("pulse_pose", PulsePose(pulse=sent[0], pose=POSE))
-        first.extend(pulses())
-        first_poses.extend(poses())
-        return bool(first) and bool(first_poses)
-
-    until(connected)
+    pulses.collect(meanwhile=lambda: gateway.send("pulse", sent[0]))
+    with_pose = PulsePose(pulse=sent[0], pose=POSE)
+    poses.collect(meanwhile=lambda: gateway.send("pulse_pose", with_pose))
     for pulse in sent[1:]:
         gateway.send("pulse", pulse)
         gateway.send("pulse_pose", PulsePose(pulse=pulse, pose=None))
@@ -178,8 +170,8 @@ def test_pulses_arrive_byte_for_byte_with_and_without_a_pose(
     assert message.frequency == pytest.approx(148.7200125)
     assert message.start_time.nanosec == sent[1].start_time_ns % 10**9
     absent = encode(pulse_pose_to_ros(PulsePose(pulse=sent[-1], pose=None), directory))
-    with_pose = poses.collect(lambda got: trimmed(got[-1], absent))
-    theirs = ros_peer.read(with_pose[-1], "pulse_pose")
+    posed = poses.collect(lambda got: trimmed(got[-1], absent))
+    theirs = ros_peer.read(posed[-1], "pulse_pose")
     assert theirs.antenna_pose.position.x != theirs.antenna_pose.position.x
 
 
@@ -224,9 +216,6 @@ def test_what_the_ground_asks_is_shown_as_the_original_passed_it_on(
     detector = ros_peer.listen("control_detector_subprocess")
     gateway = launch()
     number = iter(range(1, 1000))
-    seen: list[Any] = []
-    starts: list[bytes] = []
-    stored: list[bytes] = []
 
     def ask(name: str, tag: Tag | None = None) -> None:
         request: Any = Command(
@@ -237,34 +226,25 @@ def test_what_the_ground_asks_is_shown_as_the_original_passed_it_on(
         )
         gateway.send("command", request)
 
-    def connected() -> bool:
-        ask("start_detection")
-        ask("add_tag", TAGS[0])
-        gateway.send("flight", FLIGHT)
-        gateway.send("flight_end", FLIGHT)
-        seen.extend(detector.messages())
-        starts.extend(start())
-        stored.extend(tags())
-        return bool(starts) and bool(stored) and bool(seen)
-
-    until(connected)
+    start.collect(meanwhile=lambda: ask("start_detection"))
+    tags.collect(meanwhile=lambda: ask("add_tag", TAGS[0]))
     ask("add_tag", TAGS[1])
     second = encode(tag_to_ros(TAGS[1]))
     # Some of the first tag may still be on their way.
     shown = tags.collect(lambda got: trimmed(got[-1], second))
     first_tag = encode(tag_to_ros(TAGS[0]))
     assert all(trimmed(cdr, first_tag) for cdr in shown[:-1])
-    ids: set[str] = set()
 
-    def each_tag_has_its_detector() -> bool:
+    def fly() -> None:
         gateway.send("flight", FLIGHT)
         gateway.send("flight_end", FLIGHT)
-        seen.extend(detector.messages())
-        ids.update(message.status[0].hardware_id for message in seen)
-        return len(ids) >= 4
 
-    until(each_tag_has_its_detector)
-    assert ids == {"tag_id_2", "tag_id_4", "tag_id_6", "stop all"}
+    def ids(got: list[bytes]) -> set[str]:
+        told = [ros_peer.read(cdr, "control_detector_subprocess") for cdr in got]
+        return {message.status[0].hardware_id for message in told}
+
+    each = detector.collect(lambda got: len(ids(got)) >= 4, fly)
+    assert ids(each) == {"tag_id_2", "tag_id_4", "tag_id_6", "stop all"}
 
 
 def test_status_has_numeric_levels_and_a_hardware_id_for_each_tag(
@@ -273,9 +253,8 @@ def test_status_has_numeric_levels_and_a_hardware_id_for_each_tag(
     names = ("airspy_csdr_netcat", "channelizer", "detector")
     reads = {name: ros_peer.listen(f"status_{name}_subprocess") for name in names}
     gateway = launch(flight=FLIGHT)
-    found: dict[str, Any] = {}
 
-    def told() -> bool:
+    def tell() -> None:
         gateway.send(
             "system_status",
             a_status(
@@ -285,13 +264,10 @@ def test_status_has_numeric_levels_and_a_hardware_id_for_each_tag(
                 a_process("detector-2", running=False, tag_ids=(4, 6)),
             ),
         )
-        for name, read in reads.items():
-            for message in read.messages():
-                if message.status:
-                    found[name] = message
-        return set(found) == set(names)
 
-    until(told)
+    found = {
+        name: read.newest(lambda message: message.status, tell) for name, read in reads.items()
+    }
     (radio,) = found["airspy_csdr_netcat"].status
     assert (radio.level, radio.message, radio.hardware_id) == (2, "dead", "airspy")
     (channelizer,) = found["channelizer"].status
@@ -310,9 +286,8 @@ def test_detectors_that_live_beat_with_frequency_0_and_dead_ones_do_not(
 ) -> None:
     read = ros_peer.listen("pulse")
     gateway = launch(flight=FLIGHT)
-    beats: list[Any] = []
 
-    def two_beats_each() -> bool:
+    def tell() -> None:
         gateway.send(
             "system_status",
             a_status(
@@ -321,13 +296,15 @@ def test_detectors_that_live_beat_with_frequency_0_and_dead_ones_do_not(
                 a_process("detector-2", running=False, tag_ids=(4,)),
             ),
         )
-        beats.extend(read.messages())
-        ids = [beat.tag_id for beat in beats]
-        return ids.count(2) >= 2 and ids.count(6) >= 2
 
-    until(two_beats_each)
-    assert {beat.tag_id for beat in beats} == {2, 6}
-    assert {beat.frequency for beat in beats} == {0.0}
+    def beats(got: list[bytes]) -> list[tuple[int, float]]:
+        told = [ros_peer.read(cdr, "pulse") for cdr in got]
+        return [(beat.tag_id, beat.frequency) for beat in told]
+
+    def two_each(got: list[bytes]) -> bool:
+        return all(beats(got).count((number, 0.0)) >= 2 for number in (2, 6))
+
+    assert set(beats(read.collect(two_each, tell))) == {(2, 0.0), (6, 0.0)}
 
 
 def test_the_antenna_s_pose_and_the_log_are_told(launch: Any, ros_peer: Any) -> None:
@@ -335,15 +312,8 @@ def test_the_antenna_s_pose_and_the_log_are_told(launch: Any, ros_peer: Any) -> 
     logs = ros_peer.listen("rosout")
     gateway = launch()
     gateway.send("status_text", StatusText(severity=3, text="radio absent"))
-    told: list[Any] = []
-
-    def come() -> bool:
-        gateway.send("poses", Poses(poses=(POSE,)))
-        told.extend(poses.messages())
-        return bool(told)
-
-    until(come)
-    message = told[0]
+    here = Poses(poses=(POSE,))
+    message = poses.newest(meanwhile=lambda: gateway.send("poses", here))
     assert message.header.frame_id == "antenna_pose"
     assert message.header.stamp.nanosec == POSE.time_ns % 10**9
     assert (message.pose.position.x, message.pose.position.y) == (47.0, 8.5)
@@ -384,10 +354,7 @@ def test_nonsense_is_refused_and_counted_and_the_next_command_is_obeyed(
     ros_peer.publish("store_tag_information", ros_peer.tag(tag_to_ros(TAGS[0])))
     assert [c.name for c in gateway.receive("command", 2)] == ["start_tags", "add_tag"]
 
-    def refused() -> float:
-        return float(gateway.receive("health")[0].counters["ros2_messages_refused"])
-
-    until(lambda: refused() == 4)
+    until(lambda: gateway.counters()["ros2_messages_refused"] == 4)
 
 
 def test_a_component_alone_is_neither_started_nor_stopped_and_says_so(
@@ -396,16 +363,13 @@ def test_a_component_alone_is_neither_started_nor_stopped_and_says_so(
     status = ros_peer.listen("status_detector_subprocess")
     launch()
     ros_peer.advertise("control_detector_subprocess")
-    echoes: list[Any] = []
-
-    def refused() -> bool:
-        ros_peer.publish("control_detector_subprocess", ros_peer.order("stop"))
-        echoes.extend(m.status[0] for m in status.messages() if m.status)
-        return bool(echoes)
-
-    until(refused)
-    assert (echoes[0].level, echoes[0].hardware_id) == (2, "stop all")
-    assert "control_stop_subprocess" in echoes[0].message
+    stop = ros_peer.order("stop")
+    (echo,) = status.newest(
+        lambda message: message.status,
+        lambda: ros_peer.publish("control_detector_subprocess", stop),
+    ).status
+    assert (echo.level, echo.hardware_id) == (2, "stop all")
+    assert "control_stop_subprocess" in echo.message
 
 
 def test_commands_are_not_obeyed_where_the_settings_forbid_them(
@@ -415,8 +379,5 @@ def test_commands_are_not_obeyed_where_the_settings_forbid_them(
     ros_peer.advertise("control_stop_subprocess")
     ros_peer.publish("control_stop_subprocess", ros_peer.order("stop"))
 
-    def counters() -> dict[str, float]:
-        return dict(gateway.receive("health")[0].counters)
-
-    until(lambda: counters()["ros2_messages_refused"] == 1)
-    assert counters()["ros2_commands"] == 0
+    until(lambda: gateway.counters()["ros2_messages_refused"] == 1)
+    assert gateway.counters()["ros2_commands"] == 0

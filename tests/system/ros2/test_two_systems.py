@@ -21,10 +21,6 @@ TAG = made.tag()
 PULSE = made.pulse(1_777_623_301_019_828_320, frequency_hz=148_710_000.0)
 
 
-def counters(gateway: Any) -> dict[str, float]:
-    return dict(gateway.receive("health")[0].counters)
-
-
 def test_what_one_drone_s_ground_station_asks_does_not_command_the_other(
     launch: Any, ros_peer: Any, ros_domain: int
 ) -> None:
@@ -38,10 +34,10 @@ def test_what_one_drone_s_ground_station_asks_does_not_command_the_other(
             command = Command(name=asked, request_id=next(number), source="mavlink 255/190")
             mine.send("command", replace(command, tag=TAG if name == "add_tag" else None))
         mine.send("pulse", PULSE)
-        return counters(other)["ros2_messages_of_gateways"] >= 20
+        return bool(other.counters()["ros2_messages_of_gateways"] >= 20)
 
     until(heard)
-    told = counters(other)
+    told = other.counters()
     assert told["ros2_commands"] == told["ros2_pulses_taken"] == 0
     # An operator is obeyed all the same, by both.
     ros_peer.advertise("control_stop_subprocess", subscribers=2)
@@ -55,8 +51,8 @@ def test_a_recording_with_the_live_names_does_not_command(launch: Any, ros_peer:
     # `ros2 bag play` publishes everything as one participant.
     ros_peer.advertise("pulse_pose", "control_stop_subprocess")
     ros_peer.publish("control_stop_subprocess", ros_peer.order("stop"))
-    until(lambda: counters(gateway)["ros2_messages_of_gateways"] == 1)
-    assert counters(gateway)["ros2_commands"] == 0
+    until(lambda: gateway.counters()["ros2_messages_of_gateways"] == 1)
+    assert gateway.counters()["ros2_commands"] == 0
 
 
 def test_a_hundred_tags_their_release_and_the_start_at_once_are_taken_in_their_order(
@@ -142,7 +138,7 @@ def test_a_name_that_is_none_makes_the_gateway_deaf_to_nobody(
         stdout=subprocess.PIPE,
     ) as hostile:
         assert some(hostile.stdout).readline() == b"here\n"
-        until(lambda: counters(gateway)["ros2_faults"] >= 3)
+        until(lambda: gateway.counters()["ros2_faults"] >= 3)
         ros_peer.advertise("control_stop_subprocess")
         ros_peer.publish("control_stop_subprocess", ros_peer.order("stop"))
         assert gateway.receive("command")[0].name == "stop_detection"
