@@ -40,7 +40,10 @@ class TruePulse:
 
     start_s: float
     offset_hz: float
+    """Frequency from the channel's centre, at half the pulse's length [Hz]."""
     enr_db: float
+    slide_hz: float = 0.0
+    """Change of the frequency from the start to the end of the pulse [Hz]."""
 
 
 def noise(rng: np.random.Generator, count: int) -> NDArray[np.complex64]:
@@ -68,6 +71,10 @@ def add_pulse(
     cover = np.clip(np.minimum(n + 1 - first, first + length - n), 0.0, 1.0)
     amplitude = math.sqrt(10.0 ** (pulse.enr_db / 10.0) / length)
     turn = 2.0 * np.pi * pulse.offset_hz / sample_rate_hz * n + phase
+    if pulse.slide_hz:
+        turn += (
+            np.pi * pulse.slide_hz / width_s * ((n - first) / sample_rate_hz - width_s / 2) ** 2
+        )
     samples[n[0] : n[-1] + 1] += (amplitude * cover * np.exp(1j * turn)).astype(np.complex64)
 
 
@@ -83,6 +90,7 @@ def pulse_train(
     drift_hz_per_s: float = 0.0,
     interval_drift: float = 0.0,
     width_s: float = 0.02,
+    slide_hz: float = 0.0,
 ) -> list[TruePulse]:
     """Make the pulses of a tag over a stretch.
 
@@ -102,7 +110,10 @@ def pulse_train(
             level = enr_db(start) if callable(enr_db) else enr_db
             pulses.append(
                 TruePulse(
-                    start_s=start, offset_hz=offset_hz + drift_hz_per_s * start, enr_db=level
+                    start_s=start,
+                    offset_hz=offset_hz + drift_hz_per_s * start,
+                    enr_db=level,
+                    slide_hz=slide_hz,
                 )
             )
         at += interval_s

@@ -56,6 +56,8 @@ class Tag:
     false_alarm_probability: float = DEFAULT_FALSE_ALARM_PROBABILITY
     """Expected number of false detections of a group of K pulses, in each decision interval."""
     name: str | None = None
+    frequency_slide_hz: float = 0.0
+    """Change of the frequency from the start to the end of each pulse [Hz]."""
     gaps_s: tuple[float, ...] = ()
     """Times from pulse start to pulse start within a coded tag's burst [s]; empty for a beeping
     tag. A coded tag's `pulse_intervals_s` are the times between bursts, and its `k` is the
@@ -78,7 +80,7 @@ class Pulse:
 
     tag_id: int
     frequency_hz: float
-    """Measured carrier frequency [Hz]."""
+    """Measured carrier frequency, in the middle of the pulse [Hz]."""
     start_time_ns: int
     """Start of the pulse at the antenna [ns, UTC]; all filter delays are corrected."""
     end_time_ns: int

@@ -7,6 +7,7 @@ following pulses. Every pulse is reported once (docs/explanation/detection.md).
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from uavrt.detection.signal.frequency_circle import apart_hz, in_channel_hz
 from uavrt.detection.signal.sample_buffer import Counters
 from uavrt.detection.signal.signal_cleaning import Cleaner
 from uavrt.detection.track.bounds import Bounds
+from uavrt.detection.track.frequency_slide import SlideEstimate
 from uavrt.detection.track.pulse_reporting import Reporter
 from uavrt.detection.track.search_band import SearchBand
 from uavrt.detection.track.tracking import SearchWindow, Tracking
@@ -91,6 +93,7 @@ class PulseDetector:
         self._longest = LongestBlock()
         self._intake = Intake(tag, sample_rate_hz=self.sample_rate_hz, counters=self.counters)
         self._buffer = self._intake.buffer
+        self.slide = SlideEstimate(tag, self._buffer)
         self._batch = round(BATCH_S * self.sample_rate_hz)
         self._reporter = Reporter(
             tag,
@@ -108,7 +111,7 @@ class PulseDetector:
 
     def _window_at(self, home_hz: float, half_width_hz: float) -> SearchWindow:
         bounds = Bounds(
-            tag=self.tag,
+            tag=replace(self.tag, frequency_slide_hz=self.slide.hz),
             home_hz=home_hz,
             half_width_hz=half_width_hz,
             sample_rate_hz=self.sample_rate_hz,
@@ -136,6 +139,7 @@ class PulseDetector:
     def reset(self) -> None:
         """Clear samples, tracks and the locked frequency; keep counters and group numbers."""
         self.locked_frequency_hz = None
+        self.slide = SlideEstimate(self.tag, self._buffer)
         self._window = self._window_at(self._nominal_hz, self.frequency_window_hz)
         self._start()
 
@@ -316,6 +320,9 @@ class PulseDetector:
         self.tracking.conclude(results, upto, floor=self._cleaner.mean_floor)
         if self.operating_mode is OperatingMode.SEARCH_HARD_LOCK:
             self._lock()
+        follows = self.operating_mode is not OperatingMode.ALL_NEVER_LOCK
+        if follows and self.slide.add(self.tracking.owner(), upto):
+            self._change_window(self._window.bounds.home_hz, self._window.bounds.half_width_hz)
         self._reporter.searched(self._buffer.time_ns(upto), self.band, self._cleaner.occupancy)
 
     def _lock(self) -> None:
@@ -323,18 +330,16 @@ class PulseDetector:
         owner = self.tracking.owner()
         if owner is None or owner.number < 2 * self.tag.k - 1 or owner.since_accepted:
             return
-        locked = self.locked_frequency_hz is not None
         rate_hz, found_hz = self.sample_rate_hz, owner.offset_hz
         off_hz = abs(apart_hz(found_hz, self._window.bounds.home_hz, rate_hz))
-        if locked and off_hz < 0.5 * LOCK_HALF_WIDTH_HZ:
+        if self.locked_frequency_hz is not None and off_hz < 0.5 * LOCK_HALF_WIDTH_HZ:
             return
         found_hz = in_channel_hz(found_hz, nominal_hz=self._nominal_hz, sample_rate_hz=rate_hz)
         self.locked_frequency_hz = self.center_frequency_hz + found_hz
-        half_width_hz = min(self.frequency_window_hz, LOCK_HALF_WIDTH_HZ)
-        before = self._window
-        self._window = window = self._window_at(found_hz, half_width_hz)
-        window.follower.epoch_ns = before.follower.epoch_ns
-        window.refiner.upto = self._clean
-        window.restart()
-        window.band.take_over(before.band, self._clean)
-        self.tracking.move(window)
+        self._change_window(found_hz, min(self.frequency_window_hz, LOCK_HALF_WIDTH_HZ))
+
+    def _change_window(self, home_hz: float, half_width_hz: float) -> None:
+        """Continue the search in another band, or with another filter."""
+        before, self._window = self._window, self._window_at(home_hz, half_width_hz)
+        self._window.take_over(before, self._clean)
+        self.tracking.move(self._window)

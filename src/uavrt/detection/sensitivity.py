@@ -22,6 +22,7 @@ from uavrt.detection.search.hypotheses import jitter_reach
 from uavrt.detection.search.thresholds import (
     decision_interval_s,
     effective_hypotheses,
+    finer_times,
     spread,
     threshold,
 )
@@ -61,8 +62,9 @@ def group_threshold(tag: Tag, *, frequency_window_hz: float, sample_rate_hz: flo
             pulse_width_s=tag.pulse_width_s,
             uncertainty_s=tag.interval_uncertainty_s,
             reach_s=reach_s,
+            finer=finer_times(tag),
         ),
-        spread=spread(reach_s=reach_s, pulse_width_s=tag.pulse_width_s),
+        spread=spread(tag, reach_s=reach_s),
         expected_false=tag.false_alarm_probability / len(tag.pulse_intervals_s),
     )
 
@@ -92,7 +94,7 @@ def detection_probability(
     )
     hop_s = tag.pulse_width_s / HOPS_PER_PULSE
     reach_s = jitter_reach(tag.interval_jitter_s, hop_s) * hop_s
-    others = spread(reach_s=reach_s, pulse_width_s=tag.pulse_width_s) - 1.0
+    others = spread(tag, reach_s=reach_s) - 1.0
     gained_db = float(np.interp(math.log(tag.k), np.log(SENSITIVITY.ks), SENSITIVITY.gains_db))
     return _passes(tag.k, round(others, 6), round(enr_db + gained_db, 3), limit)
 

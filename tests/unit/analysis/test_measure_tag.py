@@ -21,6 +21,7 @@ from uavrt.core.errors import ConfigError, UsageError
 from uavrt.detection.beeps.beats import find_beats
 from uavrt.detection.beeps.interval_fit import fit_beat
 from uavrt.radio.opening import open_recording
+from uavrt_experiments.detection.signals import TruePulse, add_pulse
 
 pytestmark = pytest.mark.slow
 
@@ -112,6 +113,26 @@ def test_an_unknown_tag_is_found_and_measured_as_well_as_it_says(
     entry = tag.entry(2)
     assert abs(entry.pulse_intervals_s[0] - interval_s) < entry.interval_uncertainty_s
     assert jitter_s <= entry.interval_jitter_s < jitter_s + 0.006
+
+
+@pytest.mark.parametrize("slide_hz", [400.0, -200.0])
+def test_a_slide_of_the_frequency_within_each_pulse_is_measured(
+    tmp_path: Path, slide_hz: float
+) -> None:
+    rate_hz = 48_000.0
+    rng = np.random.default_rng(8)
+    samples = noise(rng, round(30 * rate_hz))
+    starts = beat(rng, 0.4, 30.0, 1.27, 0.003)
+    for start_s in starts:
+        pulse = TruePulse(start_s=start_s, offset_hz=3210.0, enr_db=25.0, slide_hz=slide_hz)
+        add_pulse(samples, pulse, sample_rate_hz=rate_hz, width_s=0.02, phase=rng.uniform(0, 6))
+    (tag,) = measured(tmp_path, samples, rate_hz)
+    assert tag.pulses >= 0.95 * starts.size
+    assert abs(tag.slide_hz - slide_hz) < 20.0
+    assert abs(tag.frequency_hz - CENTER_HZ - 3210.0) < 4.0 * tag.frequency_sigma_hz + 2.0
+    assert abs(tag.pulse_width_s - 0.02) < 5e-4
+    assert abs(tag.enr_db - 25.0) < 1.5
+    assert abs(tag.entry(2).frequency_slide_hz - slide_hz) <= 20.0
 
 
 def test_the_stated_deviations_cover_the_errors(tmp_path: Path) -> None:

@@ -286,6 +286,31 @@ def test_tags_from_elsewhere_are_judged_by_the_rules_of_the_files() -> None:
     ]
 
 
+SLIDING = """\
+[[tag]]
+id = 2
+frequency_mhz = 148.71
+interval_ms = 1254
+pulse_width_ms = 20
+frequency_slide_hz = -380
+"""
+
+
+def test_a_frequency_slide_is_kept_by_toml_and_refused_by_taginfo(tmp_path: Path) -> None:
+    (tag,) = parse_tags(SLIDING.encode(), name="tags.toml")
+    assert tag.frequency_slide_hz == -380.0
+    write_tags(tmp_path / "tags.toml", [tag])
+    assert read_tags(tmp_path / "tags.toml") == (tag,)
+    assert faults_of_tags([replace(tag, frequency_slide_hz=501.0)]) == [
+        "tag 2: frequency_slide_hz 501 must be at most 500 Hz, up or down"
+    ]
+    with pytest.raises(ConfigError, match="no column for a frequency slide"):
+        write_tags(tmp_path / "TagInfo.txt", [tag])
+    coded = 'kind = "coded"\ngaps_ms = [42.0, 48.8]\nburst_interval_s = 5.3\n'
+    (fault,) = faults_of(SLIDING.replace("interval_ms = 1254\n", coded), "tags.toml")
+    assert fault == "line 8: frequency_slide_hz = -380 is only for a beeping tag"
+
+
 def test_the_default_false_alarm_probability_is_the_same_wherever_a_tag_comes_from() -> None:
     root = Path(__file__).parents[3]
     (tag,) = parse_tags(

@@ -4,7 +4,7 @@ intervals.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -14,6 +14,9 @@ from uavrt.analysis.measure.measured_tag import MeasuredRate, MeasuredTag
 from uavrt.analysis.measure.pulse_fit import (
     FittedPulse,
     fit_pulse,
+    seconds_from_middle,
+    slide_of,
+    strongest_hz,
     without_carriers,
     without_impulses,
 )
@@ -51,12 +54,7 @@ def measure_pulses(
     beats: Sequence[FoundBeat], windows: Sequence[PulseWindow], frequency_hz: float
 ) -> MeasuredTag:
     """Measure frequency, width and pulse intervals of a tag, with their standard deviations."""
-    fits = [
-        fit_pulse(
-            w.samples, sample_rate_hz=w.sample_rate_hz, frequency_hz=w.offset_hz + w.apart_hz
-        )
-        for w in windows
-    ]
+    fits, slope_hz_s = _fits(windows)
     start_ns = windows[0].time_ns
     at_s = np.array(
         [(w.time_ns - start_ns) / NANOSECONDS_PER_SECOND for w in windows]
@@ -80,10 +78,34 @@ def measure_pulses(
         drift_sigma_hz_per_s=slope_sigma,
         pulse_width_s=width,
         pulse_width_sigma_s=width_sigma_s,
+        slide_hz=slope_hz_s * width,
         enr_db=10.0 * math.log10(max(float(np.median(enr)), 1e-9)),
         pulses=int(good.sum()),
         rates=_rates(beats, numbers, at_s, good, start_ns),
     )
+
+
+def _fits(windows: Sequence[PulseWindow]) -> tuple[list[FittedPulse], float]:
+    """Fit each pulse; return also by how much the frequency slides within a pulse [Hz/s]."""
+    slope_hz_s = slide_of([one.samples for one in windows], windows[0].sample_rate_hz)
+    fits = []
+    for one in windows:
+        frequency_hz, samples = one.offset_hz + one.apart_hz, one.samples
+        if not slope_hz_s:
+            fits.append(
+                fit_pulse(samples, sample_rate_hz=one.sample_rate_hz, frequency_hz=frequency_hz)
+            )
+            continue
+        from_middle_s = seconds_from_middle(len(samples), one.sample_rate_hz)
+        still = samples * np.exp(-1j * np.pi * slope_hz_s * from_middle_s**2)
+        fit = fit_pulse(
+            still.astype(np.complex64),
+            sample_rate_hz=one.sample_rate_hz,
+            frequency_hz=strongest_hz(still, one.sample_rate_hz),
+        )
+        middle_s = from_middle_s[0] + fit.start_s + 0.5 * fit.width_s
+        fits.append(replace(fit, frequency_hz=fit.frequency_hz + slope_hz_s * middle_s))
+    return fits, slope_hz_s
 
 
 def _rates(

@@ -44,6 +44,9 @@ class MeasuredTag:
     pulse_width_sigma_s: float
     enr_db: float
     """Median of the tag's pulse energies divided by the noise density [dB]."""
+    slide_hz: float
+    """Change of the frequency from the start to the end of a pulse [Hz]; 0 if it is too small
+    to matter. The frequency is then that at half the pulse's length."""
     pulses: int
     rates: tuple[MeasuredRate, ...]
     """Pulse intervals of the tag, sorted by number of pulses, largest first."""
@@ -68,4 +71,5 @@ class MeasuredTag:
             interval_uncertainty_s=math.ceil(1e3 * uncertainty_s) / 1e3,
             interval_jitter_s=max(2, math.ceil(1e3 * jitter_s)) / 1e3,
             name=name,
+            frequency_slide_hz=float(round(self.slide_hz, -1)),
         )

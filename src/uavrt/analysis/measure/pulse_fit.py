@@ -6,6 +6,7 @@ power. C is the cumulative sum of the samples after a frequency shift by -f. All
 are tried at once.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -32,6 +33,13 @@ SHORTEST_S: Final = 0.004
 LONGEST_S: Final = 0.080
 TURNS: Final = 3
 """Number of iterations in which a pulse's frequency and edges are refined alternately."""
+SLOPES_HZ_S: Final = np.arange(-30e3, 30.1e3, 2.5e3)
+"""Slopes of the frequency that are tried [Hz/s]: up to 600 Hz in a pulse of 20 ms."""
+SLIDING_GAIN: Final = 1.3
+"""Minimum gain of pulse energy by a slope for it to be the tag's; a slide of 140 Hz within a
+pulse has it."""
+MOST_TRIED: Final = 60
+"""Number of pulses of a tag from which its slope is measured."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,6 +82,42 @@ def fit_pulse(
         frequency_hz=frequency_hz,
         energy=float(abs(turned.sum()) ** 2 / (last - first)),
     )
+
+
+def slide_of(pulses: Sequence[NDArray[np.complex64]], sample_rate_hz: float) -> float:
+    """Common slope of the frequency within pulses [Hz/s]; 0 if a constant frequency fits.
+
+    Each pulse is in the middle half of its samples. With the opposite slope, a pulse is a line
+    of its spectrum, wherever it begins.
+    """
+    energies = []
+    for samples in pulses[:MOST_TRIED]:
+        middle = without_impulses(samples, sample_rate_hz)
+        middle = middle[len(middle) // 4 : len(middle) - len(middle) // 4]
+        from_middle_s = seconds_from_middle(len(middle), sample_rate_hz)
+        still = middle * np.exp(-1j * np.pi * SLOPES_HZ_S[:, np.newaxis] * from_middle_s**2)
+        spectrum = scipy.fft.fft(still, 2 * len(middle))
+        energies.append((spectrum.real**2 + spectrum.imag**2).max(axis=1))
+    typical = np.median(energies, axis=0)
+    best = int(typical[1:-1].argmax()) + 1
+    if typical[best] < SLIDING_GAIN * typical[len(typical) // 2]:
+        return 0.0
+    below, here, above = np.log(typical[best - 1 : best + 2]).tolist()
+    shift = 0.5 * (below - above) / min(below - 2.0 * here + above, -1e-9)
+    step_hz_s = SLOPES_HZ_S[1] - SLOPES_HZ_S[0]
+    return float(SLOPES_HZ_S[best] + step_hz_s * min(max(shift, -0.5), 0.5))
+
+
+def seconds_from_middle(count: int, sample_rate_hz: float) -> NDArray[np.float64]:
+    """Times of samples relative to the middle of all [s]."""
+    return np.asarray(np.arange(count) - 0.5 * (count - 1), np.float64) / sample_rate_hz
+
+
+def strongest_hz(samples: NDArray[np.complex128], sample_rate_hz: float) -> float:
+    """Frequency of the strongest line in the middle half of the samples [Hz]."""
+    middle = samples[len(samples) // 4 : len(samples) - len(samples) // 4]
+    place = int(np.abs(scipy.fft.fft(middle, 2 * len(middle))).argmax())
+    return float(scipy.fft.fftfreq(2 * len(middle), 1.0 / sample_rate_hz)[place])
 
 
 def without_impulses(

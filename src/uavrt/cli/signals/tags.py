@@ -408,6 +408,7 @@ def _measured_lines(tag_id: int, tag: "MeasuredTag") -> list[str]:
         f"drift {60.0 * tag.drift_hz_per_s:+.1f} ± {60.0 * tag.drift_sigma_hz_per_s:.1f} "
         "Hz a minute (by this radio's crystal)",
         f"  width      {1e3 * tag.pulse_width_s:.2f} ± {1e3 * tag.pulse_width_sigma_s:.2f} ms",
+        *([f"  slide      {tag.slide_hz:+.0f} Hz in each pulse"] if tag.slide_hz else []),
         *(line for rate in tag.rates for line in _rate_lines(rate)),
     ]
 
@@ -485,10 +486,12 @@ def _sentence(tag: "Tag") -> str:
             f"{tag.pulse_intervals_s[0]:.10g} s (± {tag.interval_uncertainty_s * 1000:.10g} "
             f"ms), up to {tag.k} summed"
         )
+    slides_hz = tag.frequency_slide_hz
+    slide = f", frequency slides by {slides_hz:+.10g} Hz in a pulse" if slides_hz else ""
     return (
         f"tag {tag.tag_id}{name}: {tag.frequency_hz / 1e6:.6f} MHz, "
         f"{tag.pulse_width_s * 1000:.10g} ms every {intervals} ms "
         f"(± {tag.interval_uncertainty_s * 1000:.10g} ms, "
         f"jitter {tag.interval_jitter_s * 1000:.10g} ms), K = {tag.k}, "
-        f"false alarms {tag.false_alarm_probability * 100:.10g} %"
+        f"false alarms {tag.false_alarm_probability * 100:.10g} %{slide}"
     )

@@ -15,6 +15,7 @@ Quantity = Literal[
     "interval_jitter",
     "k",
     "false_alarm_probability",
+    "frequency_slide",
 ]
 
 

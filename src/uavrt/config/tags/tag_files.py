@@ -93,6 +93,7 @@ def _draft(tag: Tag, place: int) -> TagDraft:
         ("interval_jitter", "interval_jitter_ms", 1e3 * tag.interval_jitter_s, ""),
         ("k", "k", tag.k, ""),
         ("false_alarm_probability", "false_alarm_probability", tag.false_alarm_probability, ""),
+        ("frequency_slide", "frequency_slide_hz", tag.frequency_slide_hz, ""),
     ]
     numbers += [
         ("second_interval", "second_interval_ms", 1e3 * interval_s, "")
@@ -134,6 +135,10 @@ def tags_as_text(tags: Sequence[Tag], suffix: str) -> str:
     if suffix.lower() == ".toml":
         return format_tags_toml(tags)
     remedy = "Write a file whose name ends in .toml"
+    if sliding := [tag.tag_id for tag in tags if tag.frequency_slide_hz]:
+        raise ConfigError(
+            f"TagInfo.txt has no column for a frequency slide (tags {sliding})", remedy=remedy
+        )
     if double := [tag.tag_id for tag in tags if len(tag.pulse_intervals_s) > 1]:
         raise ConfigError(
             f"TagInfo.txt has no column for a second interval (tags {double})", remedy=remedy

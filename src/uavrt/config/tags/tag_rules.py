@@ -28,6 +28,8 @@ MIN_PULSE_WIDTH_MS, MAX_PULSE_WIDTH_MS = 1.0, 1_000.0
 SHORTEST_LIKELY_MS = 60.0
 """Limit for detecting a wrong unit [ms]: an interval shorter than this and than the pulse is
 assumed to be in seconds."""
+MAX_SLIDE_HZ = 500.0
+"""Largest change of a tag's frequency within a pulse [Hz]."""
 MAX_K = 100
 MAX_FALSE_ALARM_PROBABILITY = 0.5  # as TagTracker's
 MAX_ID = 2**32 - 1  # uint32 on the wire
@@ -91,6 +93,7 @@ def _tag(draft: TagDraft) -> Tag:
             "false_alarm_probability", DEFAULT_FALSE_ALARM_PROBABILITY
         ),
         name=draft.name,
+        frequency_slide_hz=number("frequency_slide", 0.0),
         gaps_s=tuple(round(s_from_ms(gap.number), 9) for gap in draft.gaps or ()),
     )
 
@@ -118,6 +121,8 @@ def _check(draft: TagDraft, faults: list[Fault]) -> None:
     pairs = _fault_of_pairs(good)
     if draft.gaps is not None:
         pairs = faults_of_gaps(draft.gaps, good.get("interval"), good.get("pulse_width"))
+        if (slide := good.get("frequency_slide")) is not None and slide.number:
+            pairs = [*pairs, (slide, "is only for a beeping tag")]
     for entry, text in pairs:
         faults.append(Fault(line=entry.line, text=f"{entry.label} {text}"))
 
@@ -145,6 +150,9 @@ def _fault_of_number(quantity: Quantity, entry: Entry) -> str | None:
         case "interval_uncertainty" | "interval_jitter":
             if n < 0.0:
                 return "must not be negative"
+        case "frequency_slide":
+            if abs(n) > MAX_SLIDE_HZ:
+                return f"must be at most {MAX_SLIDE_HZ:.0f} Hz, up or down"
         case "k":
             if n != int(n) or not 1 <= n <= MAX_K:
                 return f"must be a whole number from 1 to {MAX_K}"

@@ -25,6 +25,7 @@ KEYS: dict[str, Quantity] = {
     "interval_jitter_ms": "interval_jitter",
     "k": "k",
     "false_alarm_probability": "false_alarm_probability",
+    "frequency_slide_hz": "frequency_slide",
 }
 _REQUIRED: dict[Quantity, str] = {
     "id": "id",
@@ -156,6 +157,8 @@ def format_tags_toml(tags: Sequence[Tag]) -> str:
             f"k = {tag.k}",
             f"false_alarm_probability = {tag.false_alarm_probability:.13g}",
         ]
+        if tag.frequency_slide_hz:
+            lines.append(f"frequency_slide_hz = {tag.frequency_slide_hz:.13g}")
         blocks.append("\n".join(lines) + "\n")
     return "\n".join(blocks)
 

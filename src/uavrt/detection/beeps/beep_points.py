@@ -29,6 +29,9 @@ class Points:
     """(n,) lengths of the pulses [s], within about 5 ms; 0 if much shorter than the window."""
     levels_db: NDArray[np.float64]
     """(n,) power of the pulses over the noise in a bandwidth of 94 Hz [dB]."""
+    middles_hz: NDArray[np.float64] | None = None
+    """(n,) mean frequencies of the pulses' energy from the band's centre [Hz]; less accurate
+    than `frequencies_hz`, but also valid if the frequency changes within a pulse."""
 
     def __len__(self) -> int:
         return self.times_s.size
@@ -40,16 +43,19 @@ class Points:
             self.frequencies_hz[chosen],
             self.widths_s[chosen],
             self.levels_db[chosen],
+            None if self.middles_hz is None else self.middles_hz[chosen],
         )
 
     def moved(self, times_s: NDArray[np.float64], center_hz: float = 0.0) -> "Points":
         """Copy with new times, and `center_hz` added to frequencies; sorted by time."""
         order = np.argsort(times_s, kind="stable")
-        moved = Points(times_s, self.frequencies_hz + center_hz, self.widths_s, self.levels_db)
+        middles_hz = None if self.middles_hz is None else self.middles_hz + center_hz
+        frequencies_hz = self.frequencies_hz + center_hz
+        moved = Points(times_s, frequencies_hz, self.widths_s, self.levels_db, middles_hz)
         return moved.take(order)
 
 
-NO_POINTS: Final = Points(*np.zeros((4, 0)))
+NO_POINTS: Final = Points(*np.zeros((5, 0)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,7 +159,7 @@ class PointSearch:
 
     def found(self, since_s: float = 0.0) -> Points:
         """Return the pulses found since time `since_s` [s]; older pulses are deleted."""
-        rows = np.concatenate(self._found) if self._found else np.zeros((0, 4))
+        rows = np.concatenate(self._found) if self._found else np.zeros((0, 5))
         rows = rows[rows[:, 0] >= since_s]
         self._found = [rows]
         return _without_edges(Points(*rows[np.argsort(rows[:, 0], kind="stable")].T))
@@ -257,12 +263,16 @@ class PointSearch:
         width_s = total / own * POINTS.hop_s - 0.375 * POINTS.window_s
         frame, place = self._first_frame + row + middle, column + _peak(levels, row, column)
         spectrogram = self._spectrogram
+        bins = range(-POINTS.middle_bins, POINTS.middle_bins + 1)
+        energy = levels.around(row, column, range(-2, 3), bins).sum(axis=1)
+        mean = column + energy @ np.array(bins) / energy.sum(axis=1)
         return np.stack(
             (
                 (frame * spectrogram.hop + 0.5 * spectrogram.length) / self._rate_hz,
                 spectrogram.low_hz + spectrogram.step_hz * place,
                 np.maximum(width_s, 0.0),
                 10.0 * np.log10(over * np.log(2.0)),
+                spectrogram.low_hz + spectrogram.step_hz * mean,
             ),
             axis=1,
         )

@@ -221,11 +221,19 @@ def _train(group: Sequence[FoundBeat], here: Points) -> tuple[Train, NDArray[np.
 
 
 def _scatter_hz(points: Points) -> float:
-    """Scatter of pulse frequencies about a line through them, without outliers [Hz]."""
+    """Scatter of pulse frequencies about a line through them, without outliers [Hz].
+
+    The frequency at which a pulse is found scatters if it changes within the pulse. The mean
+    frequency of its energy does not.
+    """
     time_s = points.times_s - points.times_s.mean()
-    slope, value = np.polyfit(time_s, points.frequencies_hz, 1)
-    off_hz = np.abs(points.frequencies_hz - value - slope * time_s)
-    return float(1.4826 * np.median(off_hz))
+    scatters_hz = []
+    for values_hz in (points.frequencies_hz, points.middles_hz):
+        if values_hz is not None:
+            slope, value = np.polyfit(time_s, values_hz, 1)
+            off_hz = np.abs(values_hz - value - slope * time_s)
+            scatters_hz.append(float(1.4826 * np.median(off_hz)))
+    return min(scatters_hz)
 
 
 def _with_doubt(trains: list[Train], here: Points, used: NDArray[np.bool_]) -> list[Train]:

@@ -28,6 +28,8 @@ class PointTuning:
     flank_bins: tuple[int, int] = (10, 17)
     """Distances in frequency from a pulse at which the spectrum of any pulse has decayed
     [bins]."""
+    middle_bins: int = 5
+    """Distance from a pulse's peak up to which its mean frequency is computed [bins]."""
     flank_ratio: float = 10.0
     """Minimum ratio of a pulse's peak power to the mean power at `flank_bins`."""
     around_frames: int = 13

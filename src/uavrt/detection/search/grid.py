@@ -5,6 +5,10 @@ each window. At any sample rate, windows begin an eighth of a pulse apart, and r
 quarter of a bin apart. Hops of half a pulse and rows half a bin apart, as in the original
 detector, cost 1 dB.
 
+The frequency of some tags slides during each pulse. Their windows are first multiplied by the
+opposite slide (`slide_turns`), which does not change white noise. The row of such a pulse is
+that of its frequency at half its length.
+
 The columns of a row are contiguous in memory, because about fifty of them are read for each
 anchor.
 """
@@ -43,6 +47,8 @@ class Grid:
     `halves`: `half_transforms`, instead of the matrix, where rows lie symmetrically around the
     tag and the narrow band was shifted to put the tag at zero.
     `turn_hz`: frequency by which the narrow band is shifted down after the filter [Hz].
+    `slide_hz`: change of the tag's frequency during a pulse [Hz].
+    `turns` (window,): `slide_turns` of the slide; None if the frequency is constant.
     `pairs`: the filter for the compiled kernel. The first array has the real and imaginary
     parts of its taps, each twice, as float32 (2, 2 × taps), filled up to a multiple of eight
     taps. The second has the phase of each output of a row against the first, as complex64.
@@ -59,6 +65,8 @@ class Grid:
     matrix: NDArray[np.complex64] | None
     halves: tuple[NDArray[np.float32], NDArray[np.float32]] | None
     turn_hz: float
+    slide_hz: float
+    turns: NDArray[np.complex64] | None
     pairs: tuple[NDArray[np.float32], NDArray[np.complex64]] | None
 
     @property
@@ -261,17 +269,24 @@ class Spectrogram:
 
 
 def make_grid(
-    *, sample_rate_hz: float, pulse_width_s: float, offset_hz: float, half_width_hz: float
+    *,
+    sample_rate_hz: float,
+    pulse_width_s: float,
+    offset_hz: float,
+    half_width_hz: float,
+    slide_hz: float = 0.0,
 ) -> Grid:
-    """Create the grid around one tag; an infinite `half_width_hz` means the whole channel."""
+    """Create the grid around one tag; an infinite `half_width_hz` means the whole channel.
+
+    `slide_hz`: change of the tag's frequency during a pulse [Hz].
+    """
     nyquist_hz = sample_rate_hz / 2.0
     samples = pulse_width_s * sample_rate_hz
     circular = half_width_hz >= nyquist_hz
     decimation = 1
     if not circular:
-        decimation = int(
-            min(sample_rate_hz / (2.5 * half_width_hz), samples / GRID.least_window)
-        )
+        reach_hz = half_width_hz + 0.5 * abs(slide_hz)
+        decimation = int(min(sample_rate_hz / (2.5 * reach_hz), samples / GRID.least_window))
         decimation = max(1, decimation)
     length = max(4, round(samples / decimation))
     hop = max(1, round(samples / decimation / HOPS_PER_PULSE))
@@ -290,7 +305,7 @@ def make_grid(
             sample_rate_hz=sample_rate_hz,
             decimation=decimation,
             offset_hz=offset_hz,
-            pass_hz=half_width_hz + 0.5 / pulse_width_s,
+            pass_hz=reach_hz + 0.5 / pulse_width_s,
         )
         side = len(taps) // 2
         bank = np.zeros(
@@ -302,7 +317,7 @@ def make_grid(
         parts = np.stack((padded.real, padded.imag)).repeat(2, axis=1).astype(np.float32)
         pairs = (parts, np.ones(OUTPUTS_PER_ROW, np.complex64))
     scale = decimation / math.sqrt(length * decimation)
-    symmetric = bank is not None and len(offsets) == 2 * reach + 1
+    symmetric = bank is not None and len(offsets) == 2 * reach + 1 and not slide_hz
     matrix, halves = None, None
     if bank is not None and symmetric:
         shift = 2.0 * math.pi * offset_hz * decimation / sample_rate_hz
@@ -314,7 +329,9 @@ def make_grid(
     else:
         n = (np.arange(length) * decimation)[:, np.newaxis]
         phase = -2j * np.pi * n * (offsets / sample_rate_hz)[np.newaxis, :]
-        matrix = np.ascontiguousarray((np.exp(phase) * scale).astype(np.complex64))
+        turns = slide_turns(length, sample_rate_hz / decimation, slide_hz)[:, np.newaxis]
+        matrix = np.ascontiguousarray((np.exp(phase) * turns * scale).astype(np.complex64))
+    whole = slide_turns(length * decimation, sample_rate_hz, slide_hz)
     return Grid(
         sample_rate_hz=sample_rate_hz,
         window=length * decimation,
@@ -327,8 +344,19 @@ def make_grid(
         matrix=matrix,
         halves=halves,
         turn_hz=offset_hz if symmetric else 0.0,
+        slide_hz=slide_hz,
+        turns=whole.astype(np.complex64) if slide_hz else None,
         pairs=pairs,
     )
+
+
+def slide_turns(length: int, rate_hz: float, slide_hz: float) -> NDArray[np.complex128]:
+    """Factors (length,) that make the frequency of a sliding pulse constant, at its middle's.
+
+    The frequency changes evenly by `slide_hz` during the pulse, of `length` samples.
+    """
+    away = (np.arange(length) - (length - 1) / 2.0) / length
+    return np.asarray(np.exp(-1j * np.pi * slide_hz * (length / rate_hz) * away**2))
 
 
 @lru_cache(maxsize=32)

@@ -18,7 +18,7 @@ from uavrt.core.messages import Tag
 from uavrt.detection.search.grid import Grid
 from uavrt.detection.search.hypotheses import Candidate, RateSearch
 from uavrt.detection.search.refine import Refiner
-from uavrt.detection.search.thresholds import begun_within_s, decision_interval_s
+from uavrt.detection.search.thresholds import begun_within_s, decision_interval_s, finer_times
 from uavrt.detection.search.tuning import EVIDENCE, THRESHOLDS
 
 
@@ -49,7 +49,10 @@ class Evidence:
         self._spread = _kernel(self._side, round(sigma, 3))
         self._lattices = _lattices(tag.k, self._side)
         # Steps of a lattice's middle, of its ends relative to that, and of the frequency.
-        self._cell = math.log((self._step / grid.window) ** 2 * EVIDENCE.row_bins)
+        # A common shift of sliding pulses acts as a shift of frequency, so only the times of
+        # the two ends relative to each other are finer.
+        finer = finer_times(tag, math.inf)
+        self._cell = math.log((self._step / grid.window) ** 2 * finer * EVIDENCE.row_bins)
         rates = len(tag.pulse_intervals_s)
         self._bounds = [self._bounds_of(rate) for rate in range(1, rates + 1)]
 

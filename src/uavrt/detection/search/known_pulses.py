@@ -38,12 +38,15 @@ class KnownPulses:
         if not meeting:
             return np.zeros(len(rows), np.bool_)
         at, offset_hz, power = np.array(meeting).T
-        meet = (np.abs(starts[:, :, np.newaxis] - at) < near).any(axis=1)
-        away_hz = offset_hz - grid.offsets_hz[rows][:, np.newaxis]
+        after = starts[:, :, np.newaxis] - at
+        meet = np.abs(after) < near
+        away_hz = offset_hz - grid.offsets_hz[rows][:, np.newaxis, np.newaxis]
+        if grid.slide_hz:
+            away_hz = away_hz + grid.slide_hz / grid.window * after
         away_hz -= grid.sample_rate_hz * np.rint(away_hz / grid.sample_rate_hz)
         apart = np.abs(away_hz) / bin_hz
         leak = power / np.maximum(1.0, math.pi * apart / 2.0) ** 2
         meet &= (apart < GROUPS.same_bins) | (
-            leak > GROUPS.leak_share * strength[:, np.newaxis]
+            leak > GROUPS.leak_share * strength[:, np.newaxis, np.newaxis]
         )
-        return np.asarray(meet.any(axis=1))
+        return np.asarray(meet.any(axis=(1, 2)))

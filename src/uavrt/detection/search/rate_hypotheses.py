@@ -13,6 +13,7 @@ from uavrt.detection.search.thresholds import (
     decision_interval_s,
     decision_span_s,
     effective_hypotheses,
+    finer_times,
     group_tail,
     spread,
     threshold,
@@ -31,7 +32,7 @@ def make_searches(tag: Tag, grid: Grid, frequency_window_hz: float) -> list[Rate
         first_s = decision_span_s(tag, rate)
         begun_s = THRESHOLDS.first_share * min(begun_within_s(tag, rate), interval_time_s)
         expected = tag.false_alarm_probability / len(tag.pulse_intervals_s)
-        some = spread(reach_s=reach_s, pulse_width_s=tag.pulse_width_s)
+        some = spread(tag, reach_s=reach_s)
         steady, first = (
             threshold(
                 k=tag.k,
@@ -42,6 +43,7 @@ def make_searches(tag: Tag, grid: Grid, frequency_window_hz: float) -> list[Rate
                     pulse_width_s=tag.pulse_width_s,
                     uncertainty_s=tag.interval_uncertainty_s,
                     reach_s=reach_s,
+                    finer=finer_times(tag),
                 ),
                 spread=some,
                 expected_false=expected,

@@ -11,11 +11,12 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.search.grid import Grid
+from uavrt.detection.search.grid import Grid, slide_turns
 from uavrt.detection.search.levelling import Leveller
 from uavrt.detection.search.tuning import MEASURE
 from uavrt.detection.signal.sample_buffer import SampleBuffer
@@ -28,7 +29,7 @@ class Measured:
     start: float
     """Index of the first sample of the pulse."""
     offset_hz: float
-    """Frequency of the pulse from the channel's centre [Hz]."""
+    """Frequency of the pulse from the channel's centre [Hz], at the pulse's middle."""
     power: float
     """Matched-filter power of the pulse over the noise power: ENR + 1 on average."""
     noise: float
@@ -161,14 +162,10 @@ class Refiner:
             return None
         count = max(3, 2 * math.ceil(half_band_hz / (0.15 * self._bin_hz)) + 1)
         _, turns = _turns(self._grid.sample_rate_hz, half_band_hz, count, -(-length // 64) * 64)
-        sums = self._sums(np.array([first]), length, offset_hz, turns[:, :length])[0]
-        begin, end = sums[:, :-window], sums[:, window:]
-        places = begin.shape[1]
-        size = np.zeros(places)
-        for share in MEASURE.break_places:
-            at = round(share * window)
-            middle = sums[:, at : at + places]
-            size = np.maximum(size, (abs(middle - begin) + abs(end - middle)).max(axis=0))
+        breaks = [(0, round(share * window), window) for share in MEASURE.break_places]
+        sums = self._sums(np.array([first]), length, offset_hz, turns[:, :length], breaks)
+        size = np.maximum.reduce([(abs(a) + abs(b))[0].max(axis=0) for a, b in sums])
+        places = len(size)
         level = self.noise_at(offset_hz, noise, start)
         away = (first + np.arange(places) - start) / spread
         likely = size**2 - 0.5 * window * level * away**2
@@ -226,8 +223,7 @@ class Refiner:
         turns: NDArray[np.complex128],
     ) -> NDArray[np.float64]:
         """Matched-filter power around a frequency, shape (pulses, frequencies, starts)."""
-        sums = self._sums(first, length, offset_hz, turns)
-        filtered = sums[..., self._window :] - sums[..., : -self._window]
+        ((filtered,),) = self._sums(first, length, offset_hz, turns, [(0, self._window)])
         power = np.asarray(filtered.real**2 + filtered.imag**2)
         starts = first[:, np.newaxis] + np.arange(power.shape[2])
         weights = self._buffer.weights(starts, self._window)
@@ -241,18 +237,18 @@ class Refiner:
         length: int,
         offset_hz: float,
         turns: NDArray[np.complex128],
-    ) -> NDArray[np.complex128]:
+        divisions: Sequence[tuple[int, ...]],
+    ) -> list[list[NDArray[np.complex128]]]:
+        """Sums over parts of all windows, as by `_part_sums`."""
         stretch = np.stack([self._buffer.view(int(a), int(a) + length) for a in first])
         radian = -2j * np.pi / self._grid.sample_rate_hz * offset_hz
         still = stretch * np.exp(radian * np.arange(length))
-        sums = np.zeros((len(first), len(turns), length + 1), np.complex128)
-        np.cumsum(still[:, np.newaxis, :] * turns[np.newaxis], axis=2, out=sums[..., 1:])
-        return sums
+        return _part_sums(still, turns, self._window, self._grid.turns, divisions)
 
     def _polish(self, start: int, offset_hz: float, noise: NDArray[np.float32]) -> Measured:
         """Refine a pulse's frequency at a fixed time by Newton's method; measure its power."""
         window, rate = self._window, self._grid.sample_rate_hz
-        x = self._buffer.view(start, start + window).astype(np.complex128)
+        x = self._still(start).astype(np.complex128)
         n = self._moments[1].real
         radian = -2.0 * np.pi / rate
         reach_hz = 0.4 * self._bin_hz
@@ -283,6 +279,11 @@ class Refiner:
             received=1.0 / weight if weight else 1.0,
         )
 
+    def _still(self, start: int) -> NDArray[np.complex64]:
+        """Samples of a window, in which the frequency of the tag's pulse does not slide."""
+        window, turns = self._buffer.view(start, start + self._window), self._grid.turns
+        return window if turns is None else window * turns
+
     @contextmanager
     def without(self, pulses: Sequence[Measured]) -> Iterator[None]:
         """Context in which known pulses, as best fitted, are removed from the samples.
@@ -301,6 +302,9 @@ class Refiner:
             before.append((some, some.copy()))
             radian = 2j * np.pi / self._grid.sample_rate_hz * pulse.offset_hz
             wave = np.exp(radian * np.arange(len(some))).astype(np.complex64)
+            if self._grid.turns is not None:
+                cut = first - round(pulse.start)
+                wave *= self._grid.turns[cut : cut + len(some)].conj()
             some -= wave * (np.vdot(wave, some) / np.float32(len(some)))
         try:
             yield
@@ -317,7 +321,7 @@ class Refiner:
         n = np.arange(window)
         turn = np.exp((-2j * np.pi / self._grid.sample_rate_hz) * pulse.offset_hz * n)
         powers = [
-            weight * abs(complex(np.dot(buffer.view(a, a + window), turn))) ** 2
+            weight * abs(complex(np.dot(self._still(a), turn))) ** 2
             for a in around
             if a >= buffer.start and a + window <= self.upto and (weight := self._weight(a))
         ]
@@ -371,7 +375,7 @@ class Refiner:
             whole > MEASURE.wide_sigmas * math.sqrt(window) * floor
             and pulse.power * pulse.noise < narrow
             and self.strongest(pulse)[1] * pulse.noise < narrow
-            and _strongest_sliding(x, self._grid.sample_rate_hz) < narrow
+            and float(slide_energies(x, self._grid.sample_rate_hz).max()) < narrow
         )
 
     def strongest(self, pulse: Measured) -> tuple[float, float]:
@@ -385,7 +389,7 @@ class Refiner:
         size = 2 * window
         starts = [round(pulse.start) + shift for shift in (-half, 0, half)]
         starts = [a for a in starts if a >= buffer.start and a + window <= self.upto]
-        spectrum = np.fft.fft(np.stack([buffer.view(a, a + window) for a in starts]), size)
+        spectrum = np.fft.fft(np.stack([self._still(a) for a in starts]), size)
         powers = spectrum.real**2 + spectrum.imag**2
         weights = buffer.weights(np.array(starts), window)
         if weights is not None:
@@ -397,23 +401,52 @@ class Refiner:
         return offset, float(power[at]) / (window * pulse.noise)
 
 
-def _strongest_sliding(window: NDArray[np.complex64], rate_hz: float) -> float:
-    """Energy of the strongest signal whose frequency slides evenly through a window.
+def _part_sums(
+    samples: NDArray[np.complex128],
+    turns: NDArray[np.complex128],
+    window: int,
+    slide: NDArray[np.complex64] | None,
+    divisions: Sequence[tuple[int, ...]],
+) -> list[list[NDArray[np.complex128]]]:
+    """Sums over parts of all windows of `samples`, each (pulses, frequencies, starts).
+
+    `slide`: the grid's `turns`. `divisions`: for each list of the result, the limits between
+    the parts of a window.
+    """
+    if slide is not None:
+        # The slide begins with the window, so a running sum cannot serve all starts.
+        filters = (turns[:, :window] * slide).T
+        windows = np.lib.stride_tricks.sliding_window_view(samples, window, axis=1)
+        return [
+            [(windows[..., a:b] @ filters[a:b]).swapaxes(1, 2) for a, b in pairwise(limits)]
+            for limits in divisions
+        ]
+    pulses, length = samples.shape
+    starts = length + 1 - window
+    sums = np.zeros((pulses, len(turns), length + 1), np.complex128)
+    np.cumsum(samples[:, np.newaxis, :] * turns[np.newaxis], axis=2, out=sums[..., 1:])
+    return [
+        [sums[..., b : b + starts] - sums[..., a : a + starts] for a, b in pairwise(limits)]
+        for limits in divisions
+    ]
+
+
+def slide_energies(window: NDArray[np.complex64], rate_hz: float) -> NDArray[np.float64]:
+    """Largest energy in a window of signals whose frequency slides evenly, for each slide.
 
     Each row has little of the energy of a sliding pulse, as of a burst of noise.
     """
     length = len(window)
     turns = _slides(length, rate_hz)
     spectrum = np.fft.fft(window * turns, 2 * length)
-    return float((spectrum.real**2 + spectrum.imag**2).max()) / length
+    return np.asarray((spectrum.real**2 + spectrum.imag**2).max(axis=1)) / length
 
 
 @lru_cache(maxsize=8)
 def _slides(length: int, rate_hz: float) -> NDArray[np.complex64]:
-    """Factors that keep the frequency of a sliding pulse constant, shape (slides, length)."""
-    away = (np.arange(length) - (length - 1) / 2.0) / length
-    turns = np.array(MEASURE.slides_hz)[:, np.newaxis] * (length / rate_hz) * away**2
-    return np.asarray(np.exp(-1j * np.pi * turns), np.complex64)
+    """`slide_turns` of all slides that are tried, shape (slides, length)."""
+    turns = [slide_turns(length, rate_hz, slide_hz) for slide_hz in MEASURE.slides_hz]
+    return np.asarray(turns, np.complex64)
 
 
 @lru_cache(maxsize=4)  # of up to 90 kB; one serves nine of ten calls, rare lengths the rest

@@ -106,9 +106,13 @@ def effective_hypotheses(
     pulse_width_s: float,
     uncertainty_s: float,
     reach_s: float,
+    finer: float = 1.0,
 ) -> float:
-    """Effective number of independent hypotheses with an anchor in a band and a time span."""
-    cells = max(1.0, (bandwidth_hz + 1.0 / pulse_width_s) * time_s)
+    """Effective number of independent hypotheses with an anchor in a band and a time span.
+
+    `finer`: as returned by `finer_times`.
+    """
+    cells = max(1.0, (bandwidth_hz + 1.0 / pulse_width_s) * time_s * finer)
     width_s = pulse_width_s / 2.0 + reach_s
     intervals = 1.0 + (k - 1) * uncertainty_s / width_s if k > 1 else 1.0
     factor = math.exp(float(np.interp(math.log(k), _FACTOR_K, _FACTOR_LOG)))
@@ -116,9 +120,19 @@ def effective_hypotheses(
     return factor * cells * float(intervals**power)
 
 
-def spread(*, reach_s: float, pulse_width_s: float) -> float:
+def finer_times(tag: Tag, most: float = THRESHOLDS.most_finer) -> float:
+    """Number of independent times in a pulse width, relative to a tag of constant frequency.
+
+    A sliding pulse matches only windows at its own time, so noise in the windows before and
+    after is more independent. `most`: limit, which for the grid follows from its columns.
+    """
+    bins = abs(tag.frequency_slide_hz) * tag.pulse_width_s
+    return min(1.0 + THRESHOLDS.finer_per_bin * bins, most)
+
+
+def spread(tag: Tag, *, reach_s: float) -> float:
     """Number of independent exponential variables whose maximum is like one over the jitter."""
-    return 1.0 + 2.5 * 2.0 * reach_s / pulse_width_s
+    return 1.0 + 2.5 * 2.0 * reach_s / tag.pulse_width_s * finer_times(tag)
 
 
 @lru_cache(maxsize=1024)

@@ -169,6 +169,12 @@ class ThresholdTuning:
     original_rate_hz: float = 3750.0
     """Sample rate of the original detector [Hz]; false-alarm rates are defined by the
     original's decisions."""
+    finer_per_bin: float = 0.2
+    """Increase of the number of independent times by each bin over which a pulse's frequency
+    slides; computed for 0 to 16 bins by filtering white noise (Rice's rate of upcrossings)."""
+    most_finer: float = 1.55
+    """Largest increase of the number of independent times by a slide, in the spectrogram: eight
+    columns per pulse are then independent."""
     nine_of_ten: float = 1.2816
     """Quantile of the normal distribution for a probability of 0.9 [standard deviations]."""
     least_begun: float = 0.25
@@ -287,9 +293,9 @@ class MeasureTuning:
     """Excess energy of a window above which its spectrum is checked [standard deviations]."""
     narrow_share: float = 0.35
     """Minimum share of a pulse's energy in its strongest row; noise bursts have 0.1 to 0.3."""
-    slides_hz: tuple[float, ...] = (-400.0, -200.0, 200.0, 400.0)
-    """Changes of frequency within a pulse that are tried before it counts as a burst of noise
-    [Hz]; the frequency changes evenly."""
+    slides_hz: tuple[float, ...] = (-400.0, -200.0, 0.0, 200.0, 400.0)
+    """Changes of frequency within a pulse that are tried before it counts as a burst of noise,
+    and to measure a tag's slide [Hz]; the frequency changes evenly."""
     around_widths: float = 4.0
     """Time around a pulse over which the median power gives the noise [pulse widths]."""
     break_places: tuple[float, ...] = (0.25, 0.5, 0.75)

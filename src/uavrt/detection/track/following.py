@@ -197,7 +197,7 @@ class Follower:
             time_s=self.seconds(measured.start),
             time_ns=self._buffer.time_ns(measured.start),
             measured=measured,
-            volume=independent_cells(half_s, MEASURE.track_band_hz, self._tag.pulse_width_s),
+            volume=independent_cells(self._tag, half_s, MEASURE.track_band_hz),
             bursts=self._around(track, measured),
         )
 

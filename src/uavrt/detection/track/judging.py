@@ -222,7 +222,7 @@ class Judge:
         half = self._tag.interval_jitter_s * self._grid.sample_rate_hz + width / 8.0
         # The best of many cells counts: even noise has a likely one.
         half_s = half / self._grid.sample_rate_hz
-        cells = independent_cells(half_s, MEASURE.track_band_hz, self._tag.pulse_width_s)
+        cells = independent_cells(self._tag, half_s, MEASURE.track_band_hz)
         price = math.log(FOLLOW.more_cells * cells)
         evidence = 0.0
         at = group[0].start + other

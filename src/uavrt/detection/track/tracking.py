@@ -4,6 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from uavrt.detection.modes import OperatingMode
 from uavrt.detection.search.grid import make_grid
 from uavrt.detection.search.hypotheses import Candidate, RateSearch
@@ -32,6 +34,7 @@ class SearchWindow:
             pulse_width_s=bounds.tag.pulse_width_s,
             offset_hz=bounds.home_hz,
             half_width_hz=bounds.half_width_hz,
+            slide_hz=bounds.tag.frequency_slide_hz,
         )
         self.refiner = refiner = Refiner(grid, buffer)
         self.judge = Judge(bounds, grid=grid, buffer=buffer, refiner=refiner)
@@ -43,6 +46,26 @@ class SearchWindow:
             grid=self.grid, buffer=self._buffer, bounds=self.bounds, batch_s=self._batch_s
         )
         self.refiner.leveller = self.band.leveller
+
+    def take_over(self, before: "SearchWindow", upto: int) -> None:
+        """Continue the search of another window from sample `upto` on."""
+        self.follower.epoch_ns = before.follower.epoch_ns
+        self.refiner.upto = upto
+        self.restart()
+        self.band.take_over(before.band, upto)
+
+    def find_again(self, track: Track) -> None:
+        """Correct the frequency of a track whose pulses were found with another slide.
+
+        The filter for a constant frequency finds a sliding pulse at any part of its slide.
+        """
+        start = np.array([track.slots[-1].measured.start])
+        band_hz = 0.5 * abs(self.grid.slide_hz)
+        found = self.refiner.search(
+            start, 0.5 * self.grid.window, track.offset_hz, band_hz, self.band.noise
+        )
+        if found is not None:
+            track.offset_hz = track.steady_hz = found[0].offset_hz
 
 
 class Tracking:
@@ -74,7 +97,10 @@ class Tracking:
 
     def move(self, window: SearchWindow) -> None:
         """Continue in another window, with the tracks that lie in it."""
-        self._window = window
+        before, self._window = self._window, window
+        if window.grid.slide_hz != before.grid.slide_hz:
+            for track in self.tracks:
+                window.find_again(track)
         self.tracks = [t for t in self.tracks if not window.bounds.left_by(t)]
 
     @property

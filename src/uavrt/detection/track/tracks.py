@@ -13,7 +13,7 @@ from typing import Literal
 
 from uavrt.core.messages import Tag
 from uavrt.detection.search.refine import Measured, timing_error_s
-from uavrt.detection.search.thresholds import group_tail
+from uavrt.detection.search.thresholds import finer_times, group_tail
 from uavrt.detection.search.tuning import MEASURE
 from uavrt.detection.track.chance import QUIET, BurstRates, log_begin, log_empty, log_odds
 from uavrt.detection.track.tuning import BOUNDS, FOLLOW
@@ -133,7 +133,7 @@ class Track:
         floor = least_real([measured.power for *_, measured in pulses])
         first = next(place for place, _, _, measured in pulses if measured.power >= floor)
         half_s = tag.interval_jitter_s + tag.pulse_width_s / 8.0
-        volume = independent_cells(half_s, MEASURE.track_band_hz, tag.pulse_width_s)
+        volume = independent_cells(tag, half_s, MEASURE.track_band_hz)
         for number, time_s, time_ns, measured in pulses:
             real = measured.power >= floor
             state: SlotState = "accepted" if real else "missed"
@@ -459,9 +459,11 @@ def least_real(powers: list[float]) -> float:
     return min(20.0, FOLLOW.weakest_share * sum(strongest) / len(strongest))
 
 
-def independent_cells(half_s: float, half_band_hz: float, width_s: float) -> float:
+def independent_cells(tag: Tag, half_s: float, half_band_hz: float) -> float:
     """Number of independent cells of noise in a window of time and frequency."""
-    return (1.0 + 5.0 * half_s / width_s) * (1.0 + 3.0 * half_band_hz * width_s)
+    width_s = tag.pulse_width_s
+    times = 1.0 + 5.0 * half_s / width_s * finer_times(tag, math.inf)
+    return times * (1.0 + 3.0 * half_band_hz * width_s)
 
 
 def _against_noise(power: float, volume: float) -> float:

@@ -150,6 +150,11 @@ class ChanceTuning:
 class FollowTuning:
     """Constants for confirming, following and ending a track."""
 
+    slide_pulses: int = 6
+    """Number of pulses from which the slide of a tag's frequency is measured."""
+    slide_gain: float = 1.3
+    """Minimum gain of energy by a slide for it to be the tag's; a slide of 140 Hz has it for a
+    pulse of 20 ms, and noise does not."""
     confirm_false: float = 0.0005
     """Probability per test that noise confirms a tentative track; over all tests of a track it
     is 0.2 to 0.6 %."""

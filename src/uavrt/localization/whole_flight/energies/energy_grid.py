@@ -206,6 +206,7 @@ def slot_layout(
         pulse_width_s=tag.pulse_width_s,
         offset_hz=tag.frequency_hz - center_frequency_hz,
         half_width_hz=frequency_window_hz,
+        slide_hz=tag.frequency_slide_hz,
     )
     per_slot = max(1, round(tag.pulse_width_s / slots_per_pulse / grid.hop_s))
     half_s = 0.5 * per_slot * grid.hop_s
