@@ -50,7 +50,7 @@ def recorder(flight: Path, budget_mb: float = 100.0, free_mb: float = 0.0) -> Ch
     return ChannelRecorder(flight, budget_mb=budget_mb, minimum_free_mb=free_mb)
 
 
-def keep(flight: Path, *channels: list[ChannelBlock], **limits: float) -> ChannelRecorder:
+def recorded(flight: Path, *channels: list[ChannelBlock], **limits: float) -> ChannelRecorder:
     keeping = recorder(flight, **limits)
     for some in zip(*channels, strict=True):
         keeping.put(list(some))
@@ -58,9 +58,9 @@ def keep(flight: Path, *channels: list[ChannelBlock], **limits: float) -> Channe
     return keeping
 
 
-def read_back(flight: Path, *channels: list[ChannelBlock]) -> list[Path]:
+def keep(flight: Path, *channels: list[ChannelBlock], budget_mb: float = 100.0) -> list[Path]:
     """Keep everything; the files."""
-    keeping = keep(flight, *channels)
+    keeping = recorded(flight, *channels, budget_mb=budget_mb)
     assert keeping.trouble is None
     assert keeping.dropped_samples == 0
     return pieces(flight)
@@ -80,7 +80,7 @@ def read(path: Path) -> NDArray[np.complex64]:
 
 def test_each_channel_is_valid_sigmf_that_reads_back_as_it_was(tmp_path: Path) -> None:
     one, other = noise(30_000), noise(30_000, 3e-3, seed=2)
-    kept = read_back(tmp_path / "flight", blocks(one), blocks(other, channel=4))
+    kept = keep(tmp_path / "flight", blocks(one), blocks(other, channel=4))
     assert [path.name for path in kept] == [
         "channel_148124375_Hz_0001.sigmf-meta",
         "channel_148126250_Hz_0001.sigmf-meta",
@@ -110,7 +110,7 @@ def test_rounding_costs_less_than_a_twentieth_of_a_decibel(tmp_path: Path) -> No
                 tone *= 0.0
                 tone[::5_000] = amplitude  # impulses; otherwise half the time a carrier
             sent = (quiet + tone).astype(np.complex64)
-            kept = read_back(tmp_path / f"{number}_{level}", blocks(sent))
+            kept = keep(tmp_path / f"{number}_{level}", blocks(sent))
             back = np.concatenate([read(path) for path in kept])
             added = float(np.mean(np.abs(back - sent) ** 2) / np.mean(np.abs(quiet) ** 2))
             assert 10.0 * np.log10(1.0 + added) < 0.05
@@ -120,7 +120,7 @@ def test_lost_samples_and_a_moved_clock_begin_stretches_of_their_own(tmp_path: P
     samples = noise(20 * BLOCK)
     samples[4_000:4_500] = 0.0  # what stands in place of lost samples
     samples[5_000:5_020] = 0.0  # too short to be worth a stretch
-    (path,) = read_back(
+    (path,) = keep(
         tmp_path / "flight",
         [
             *blocks(samples),
@@ -152,10 +152,10 @@ def test_the_oldest_pieces_of_all_flights_go_when_the_budget_is_used(tmp_path: P
             os.utime(path, (1e9 + day, 1e9 + day))
     FlightLayout(flights[0]).star.touch()
     last, more = (tmp_path / f"flight_log_2026-05-0{day}" for day in (4, 5))
-    keep(last, blocks(noise(150_000, seed=9)), budget_mb=1.0)
+    recorded(last, blocks(noise(150_000, seed=9)), budget_mb=1.0)
     # The first is starred and not counted, the second is the oldest of the others.
     assert [len(pieces(one)) for one in [*flights, last]] == [1, 1, 1, 1]
-    keeping = keep(more, blocks(noise(150_000, seed=10)), budget_mb=1.0)
+    keeping = recorded(more, blocks(noise(150_000, seed=10)), budget_mb=1.0)
     assert [len(pieces(one)) for one in [*flights, last, more]] == [1, 0, 1, 1, 1]
     assert keeping.removed_pieces == 1
     assert keeping.kept_mb <= 1.0
@@ -165,7 +165,7 @@ def test_the_oldest_pieces_of_all_flights_go_when_the_budget_is_used(tmp_path: P
 def test_below_the_free_space_limit_nothing_is_kept_and_all_is_counted(tmp_path: Path) -> None:
     free_mb = shutil.disk_usage(tmp_path).free / 1e6
     # Others may still record.
-    keeping = keep(tmp_path / "flight", blocks(noise(10 * BLOCK)), free_mb=free_mb)
+    keeping = recorded(tmp_path / "flight", blocks(noise(10 * BLOCK)), free_mb=free_mb)
     assert keeping.dropped_samples == 10 * BLOCK
     assert keeping.written_samples == 0
     assert keeping.trouble == "the disk is nearly full"
@@ -175,7 +175,7 @@ def test_below_the_free_space_limit_nothing_is_kept_and_all_is_counted(tmp_path:
 def test_values_that_are_no_numbers_are_zeros_and_counted(tmp_path: Path) -> None:
     samples = noise(BLOCK)
     samples[7] = np.nan + 1j
-    keeping = keep(tmp_path / "flight", blocks(samples))
+    keeping = recorded(tmp_path / "flight", blocks(samples))
     assert keeping.invalid_values == 1
     (path,) = pieces(tmp_path / "flight")
     assert read(path)[7] == 0.0
