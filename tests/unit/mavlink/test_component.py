@@ -330,16 +330,13 @@ def test_a_tunnel_is_handed_over_with_its_sender_and_valid_bytes_only(bench: Ben
 
 
 def test_a_tunnel_for_someone_else_or_too_long_is_counted_and_left(bench: Bench) -> None:
-    def tunnel(component: int, length: int) -> d.Tunnel:
-        return made.tunnel(
-            0, bytes(128), target_system=1, target_component=component, payload_length=length
-        )
-
-    bench.hear(tunnel(25, 4), 255, 190)
-    bench.hear(tunnel(191, 200), 255, 190)
+    ours = {"target_system": 1, "target_component": 191}
+    bench.hear(made.tunnel(0, bytes(4), **ours | {"target_component": 25}), 255, 190)
+    bench.hear(made.tunnel(0, bytes(128), **ours, payload_length=200), 255, 190)
+    bench.hear(made.tunnel(5, bytes(4), **ours), 255, 190)  # a payload of another program
     assert bench.tunnels == []
-    assert bench.component.counters["for_others"] == 1
-    assert bench.component.counters["bad_tunnels"] == 1
+    for name in ("for_others", "bad_tunnels", "tunnels_of_others"):
+        assert bench.component.counters[name] == 1, name
 
 
 def test_the_reports_of_one_radio_count_and_of_nobody_else(bench: Bench) -> None:
