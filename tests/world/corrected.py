@@ -15,6 +15,8 @@ from world import THESIS_TAG, World
 HERE_HZ, AWAY_HZ = 148_710_000.0, 148_710_640.0
 ROW = {"id": 2, "frequency_mhz": 148.71, "interval_ms": 1254, "pulse_width_ms": 20}
 CORRECT = {"tag_id": 2, "frequency_hz": AWAY_HZ}
+SLOW = {"attitude_rate_hz": 10.0}
+"""Poses play no part here, and cost time."""
 UNDO = {"tag_id": 2, "undo": True}
 
 
@@ -60,7 +62,7 @@ async def flight_off_label(
     directory: Path, *, sent_by_page: bool = True
 ) -> AsyncIterator[tuple[World, AskedPage]]:
     """Run a drone and its page, in a flight that has found the tag off its label."""
-    world = World(directory)
+    world = World(directory, mavlink=SLOW)
     page = AskedPage(directory / "ground", world.ground_address)
     async with world.flying(), page.served():
         await flown(world, page, sent_by_page=sent_by_page)

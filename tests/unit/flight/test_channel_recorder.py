@@ -50,13 +50,20 @@ def recorder(flight: Path, budget_mb: float = 100.0, free_mb: float = 0.0) -> Ch
     return ChannelRecorder(flight, budget_mb=budget_mb, minimum_free_mb=free_mb)
 
 
-def keep(flight: Path, *channels: list[ChannelBlock], budget_mb: float = 100.0) -> None:
-    keeping = recorder(flight, budget_mb)
+def recorded(flight: Path, *channels: list[ChannelBlock], **limits: float) -> ChannelRecorder:
+    keeping = recorder(flight, **limits)
     for some in zip(*channels, strict=True):
         keeping.put(list(some))
     keeping.close()
+    return keeping
+
+
+def keep(flight: Path, *channels: list[ChannelBlock], budget_mb: float = 100.0) -> list[Path]:
+    """Keep everything; the files."""
+    keeping = recorded(flight, *channels, budget_mb=budget_mb)
     assert keeping.trouble is None
     assert keeping.dropped_samples == 0
+    return pieces(flight)
 
 
 def pieces(flight: Path) -> list[Path]:
@@ -73,8 +80,7 @@ def read(path: Path) -> NDArray[np.complex64]:
 
 def test_each_channel_is_valid_sigmf_that_reads_back_as_it_was(tmp_path: Path) -> None:
     one, other = noise(30_000), noise(30_000, 3e-3, seed=2)
-    keep(tmp_path / "flight", blocks(one), blocks(other, channel=4))
-    kept = pieces(tmp_path / "flight")
+    kept = keep(tmp_path / "flight", blocks(one), blocks(other, channel=4))
     assert [path.name for path in kept] == [
         "channel_148124375_Hz_0001.sigmf-meta",
         "channel_148126250_Hz_0001.sigmf-meta",
@@ -93,9 +99,7 @@ def test_each_channel_is_valid_sigmf_that_reads_back_as_it_was(tmp_path: Path) -
         assert np.abs((read(path) - sent).real).max() < np.std(sent.real) / 6.0 * 1.001
 
 
-def test_rounding_costs_less_than_a_twentieth_of_a_decibel_beside_any_signal(
-    tmp_path: Path,
-) -> None:
+def test_rounding_costs_less_than_a_twentieth_of_a_decibel(tmp_path: Path) -> None:
     for number, above_db in enumerate((0.0, 40.0, 58.0, 66.0, 73.0)):
         for level in (3e-7, 1.3e-4, 0.02):
             quiet = noise(15_000, level)
@@ -106,20 +110,17 @@ def test_rounding_costs_less_than_a_twentieth_of_a_decibel_beside_any_signal(
                 tone *= 0.0
                 tone[::5_000] = amplitude  # impulses; otherwise half the time a carrier
             sent = (quiet + tone).astype(np.complex64)
-            flight = tmp_path / f"{number}_{level}"
-            keep(flight, blocks(sent))
-            back = np.concatenate([read(path) for path in pieces(flight)])
+            kept = keep(tmp_path / f"{number}_{level}", blocks(sent))
+            back = np.concatenate([read(path) for path in kept])
             added = float(np.mean(np.abs(back - sent) ** 2) / np.mean(np.abs(quiet) ** 2))
             assert 10.0 * np.log10(1.0 + added) < 0.05
 
 
-def test_lost_samples_and_a_moved_clock_are_stretches_with_their_own_times(
-    tmp_path: Path,
-) -> None:
+def test_lost_samples_and_a_moved_clock_begin_stretches_of_their_own(tmp_path: Path) -> None:
     samples = noise(20 * BLOCK)
     samples[4_000:4_500] = 0.0  # what stands in place of lost samples
     samples[5_000:5_020] = 0.0  # too short to be worth a stretch
-    keep(
+    (path,) = keep(
         tmp_path / "flight",
         [
             *blocks(samples),
@@ -127,7 +128,6 @@ def test_lost_samples_and_a_moved_clock_are_stretches_with_their_own_times(
             *blocks(noise(BLOCK), first=31 * BLOCK, late_ns=2_000_000),
         ],
     )
-    (path,) = pieces(tmp_path / "flight")
     sigmf.fromfile(str(path)).validate()
     about = json.loads(path.read_text())
     starts = [capture["core:global_index"] for capture in about["captures"]]
@@ -151,18 +151,11 @@ def test_the_oldest_pieces_of_all_flights_go_when_the_budget_is_used(tmp_path: P
         for path in FlightLayout(flight).channels_directory.iterdir():
             os.utime(path, (1e9 + day, 1e9 + day))
     FlightLayout(flights[0]).star.touch()
-    last = tmp_path / "flight_log_2026-05-04"
-    keeping = recorder(last, budget_mb=1.0)
-    for some in blocks(noise(150_000, seed=9)):
-        keeping.put([some])
-    keeping.close()
+    last, more = (tmp_path / f"flight_log_2026-05-0{day}" for day in (4, 5))
+    recorded(last, blocks(noise(150_000, seed=9)), budget_mb=1.0)
     # The first is starred and not counted, the second is the oldest of the others.
     assert [len(pieces(one)) for one in [*flights, last]] == [1, 1, 1, 1]
-    more = tmp_path / "flight_log_2026-05-05"
-    keeping = recorder(more, budget_mb=1.0)
-    for some in blocks(noise(150_000, seed=10)):
-        keeping.put([some])
-    keeping.close()
+    keeping = recorded(more, blocks(noise(150_000, seed=10)), budget_mb=1.0)
     assert [len(pieces(one)) for one in [*flights, last, more]] == [1, 0, 1, 1, 1]
     assert keeping.removed_pieces == 1
     assert keeping.kept_mb <= 1.0
@@ -171,10 +164,8 @@ def test_the_oldest_pieces_of_all_flights_go_when_the_budget_is_used(tmp_path: P
 
 def test_below_the_free_space_limit_nothing_is_kept_and_all_is_counted(tmp_path: Path) -> None:
     free_mb = shutil.disk_usage(tmp_path).free / 1e6
-    keeping = recorder(tmp_path / "flight", free_mb=free_mb)  # others may still record
-    for some in blocks(noise(10 * BLOCK)):
-        keeping.put([some])
-    keeping.close()
+    # Others may still record.
+    keeping = recorded(tmp_path / "flight", blocks(noise(10 * BLOCK)), free_mb=free_mb)
     assert keeping.dropped_samples == 10 * BLOCK
     assert keeping.written_samples == 0
     assert keeping.trouble == "the disk is nearly full"
@@ -184,9 +175,7 @@ def test_below_the_free_space_limit_nothing_is_kept_and_all_is_counted(tmp_path:
 def test_values_that_are_no_numbers_are_zeros_and_counted(tmp_path: Path) -> None:
     samples = noise(BLOCK)
     samples[7] = np.nan + 1j
-    keeping = recorder(tmp_path / "flight")
-    keeping.put(blocks(samples))
-    keeping.close()
+    keeping = recorded(tmp_path / "flight", blocks(samples))
     assert keeping.invalid_values == 1
     (path,) = pieces(tmp_path / "flight")
     assert read(path)[7] == 0.0

@@ -1,5 +1,7 @@
-"""Flights whose database holds other values than it should are refused with a sentence."""
+"""Databases that hold other values or definitions than a flight's are refused."""
 
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import made
@@ -11,6 +13,7 @@ from sql import sql
 from uavrt.analysis.inputs.flown_with import antenna_poses
 from uavrt.core.errors import FormatError
 from uavrt.core.messages import PulsePose
+from uavrt.flight.database.plain_database import LONGEST_DEFINITION, open_plain
 from uavrt.flight.reading.flight_reader import read_flight
 from uavrt.localization.estimates.heard import Heard
 from uavrt.localization.tuning import FLIGHT
@@ -39,17 +42,6 @@ def flight(tmp_path: Path) -> Path:
             f"INSERT INTO notes (time_ns) {ENDLESS} SELECT i FROM n LIMIT 200",
         ],
         [f"ALTER TABLE notes ADD COLUMN more TEXT DEFAULT '{'x' * 900_000}'"],
-    ],
-    ids=[
-        "text",
-        "place",
-        "time",
-        "blob",
-        "interval",
-        "frequency",
-        "counters",
-        "computed",
-        "default",
     ],
 )
 def test_values_that_are_none_are_refused(flight: Path, statements: list[str]) -> None:
@@ -89,3 +81,27 @@ def test_a_pulse_of_another_century_stands_for_no_missing_pulses() -> None:
     missed = heard.pulses[2].missed_ns(some(heard.rhythm(2)))
     assert len(missed) == 2
     assert FLIGHT.most_missed > 24 * 3600
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        "CREATE TABLE odd (one, two GENERATED ALWAYS AS (zeroblob(9)))",
+        'CREATE TABLE odd (one, "two"as(1)stored)',
+        "CREATE TABLE odd (one, two/**/aS--\n(1))",
+        "CREATE VIEW odd AS SELECT 1",
+        "CREATE TRIGGER odd AFTER INSERT ON plain BEGIN SELECT 1; END",
+        "CREATE VIRTUAL TABLE odd USING rtree(one, two, three)",
+        f"CREATE TABLE odd (one DEFAULT '{LONGEST_DEFINITION * '.'}')",
+    ],
+)
+def test_what_makes_more_values_than_are_stored_is_refused(tmp_path: Path, made: str) -> None:
+    path = tmp_path / "flight.sqlite"
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("CREATE TABLE plain (phase, as_flown, status DEFAULT 'as sent')")
+        database.execute("CREATE INDEX by_phase ON plain (phase)")
+    open_plain(path).close()
+    with closing(sqlite3.connect(path)) as database:
+        database.execute(made)
+    with pytest.raises(sqlite3.DatabaseError, match="'odd"):
+        open_plain(path)

@@ -19,6 +19,11 @@ TAG = made.tag(
 TIME_NS = 1_700_205_419_230_494_976
 
 
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "detectorConfig.txt"
+
+
 def original_reader(text: str) -> dict[str, str]:
     """Read as the original does: no blank lines, last record."""
     record: dict[str, str] = {}
@@ -31,8 +36,7 @@ def original_reader(text: str) -> dict[str, str]:
     return record
 
 
-def test_the_original_finds_what_it_needs(tmp_path: Path) -> None:
-    path = tmp_path / "detectorConfig.txt"
+def test_the_original_finds_what_it_needs(path: Path) -> None:
     write_detector_config(path, detector_config(TAG, 148.7e6, "/logs/tag_id_2"), TIME_NS)
     text = path.read_text()
     assert text.startswith("##")
@@ -72,11 +76,10 @@ def test_a_tag_beyond_the_channels_has_no_port() -> None:
     assert config.channel_center_frequency_hz == TAG.frequency_hz
 
 
-def test_what_is_written_is_read_back_with_name_and_second_interval(tmp_path: Path) -> None:
+def test_what_is_written_is_read_back_with_name_and_second_interval(path: Path) -> None:
     tag = made.tag(
         4, 148_712_345.678, 1.333, 2.0, pulse_width_s=0.015, name="Lüna of\nthe marsh"
     )
-    path = tmp_path / "detectorConfig.txt"
     config = detector_config(tag, 148.7e6, "/logs")
     write_detector_config(path, config, TIME_NS)
     read = read_detector_config(path)
@@ -87,8 +90,7 @@ def test_what_is_written_is_read_back_with_name_and_second_interval(tmp_path: Pa
     assert read.data_port == config.data_port
 
 
-def test_the_last_record_of_an_original_file_counts(tmp_path: Path) -> None:
-    path = tmp_path / "detectorConfig.txt"
+def test_the_last_record_of_an_original_file_counts(path: Path) -> None:
     record = (
         "ID:\t{}\nchannelCenterFreqMHz:\t150.0\nFs:\t3840\ntagFreqMHz:\t150.001\ntp:\t0.02\n"
     )
@@ -109,8 +111,7 @@ def test_the_last_record_of_an_original_file_counts(tmp_path: Path) -> None:
     "mode",
     ["freqSearchHardLock", "freqSearchSoftLock", "freqKnownHardLock", "freqAllNeverLock"],
 )
-def test_mode_and_excluded_stretches_are_written_and_read(tmp_path: Path, mode: str) -> None:
-    path = tmp_path / "detectorConfig.txt"
+def test_mode_and_excluded_stretches_are_written_and_read(path: Path, mode: str) -> None:
     excluded = ((-1200.0, -1100.5), (0.0, 10.0))
     config = replace(
         detector_config(TAG, 148.7e6, "/logs", operating_mode=mode), excluded_hz=excluded
@@ -120,8 +121,7 @@ def test_mode_and_excluded_stretches_are_written_and_read(tmp_path: Path, mode: 
     assert read_detector_config(path) == config
 
 
-def test_no_excluded_stretch_is_read_as_none(tmp_path: Path) -> None:
-    path = tmp_path / "detectorConfig.txt"
+def test_no_excluded_stretch_is_read_as_none(path: Path) -> None:
     write_detector_config(path, detector_config(TAG, 148.7e6), TIME_NS)
     assert "excldFreqs:\t[Inf, -Inf]\n" in path.read_text()
     assert read_detector_config(path).excluded_hz == ()
@@ -151,9 +151,8 @@ def test_no_excluded_stretch_is_read_as_none(tmp_path: Path) -> None:
     ],
 )
 def test_a_number_that_cannot_be_is_refused_by_its_key(
-    tmp_path: Path, key: str, value: str, says: str
+    path: Path, key: str, value: str, says: str
 ) -> None:
-    path = tmp_path / "detectorConfig.txt"
     write_detector_config(path, detector_config(TAG, 148.7e6), TIME_NS)
     lines = [line for line in path.read_text().splitlines() if not line.startswith(f"{key}:")]
     path.write_text("\n".join([*lines, f"{key}:\t{value}"]) + "\n")
@@ -175,13 +174,12 @@ def test_a_number_that_cannot_be_is_refused_by_its_key(
         ("ID:\t2\ntip:\t1\nFs:\t1\ntagFreqMHz:\tinf\ntp:\t1\n", "is not a detectorConfig.txt"),
     ],
 )
-def test_what_is_no_config_is_refused(tmp_path: Path, text: str, word: str) -> None:
-    path = tmp_path / "detectorConfig.txt"
+def test_what_is_no_config_is_refused(path: Path, text: str, word: str) -> None:
     path.write_text(text)
     with pytest.raises(FormatError, match=word):
         read_detector_config(path)
 
 
-def test_a_missing_config_is_refused_with_its_name(tmp_path: Path) -> None:
+def test_a_missing_config_is_refused_with_its_name(path: Path) -> None:
     with pytest.raises(FormatError, match="detectorConfig"):
-        read_detector_config(tmp_path / "detectorConfig.txt")
+        read_detector_config(path)

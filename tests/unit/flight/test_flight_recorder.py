@@ -3,9 +3,11 @@
 import math
 import random
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import made
 import numbered
 import pytest
 from sql import sql
@@ -17,10 +19,8 @@ from uavrt.core.messages import (
     Command,
     CommandReply,
     FlightInfo,
-    Health,
     Poses,
     PulsePose,
-    SearchReport,
     StatusText,
 )
 from uavrt.flight.database.flight_database import CHECKPOINT_S
@@ -33,16 +33,12 @@ from uavrt.flight.reading.flight_reader import read_flight, read_health, read_se
 START_NS = 1_700_205_419_230_494_976
 
 
-def test_what_is_recorded_is_read_back(
-    info: FlightInfo,
-) -> None:
+def test_what_is_recorded_is_read_back(info: FlightInfo) -> None:
     recorder = FlightRecorder.create(info, Settings())
     posed = [numbered.pulse_pose(n, tag) for n in range(4) for tag in (2, 4)]
     unposed = PulsePose(pulse=numbered.pulse(9), pose=None)
     raw = Poses(poses=tuple(numbered.pose(START_NS + n * 20_000_000) for n in range(50)))
-    health = Health(
-        process="receiver", time_ns=START_NS, status="ready", ok=True, counters={"lost": 3}
-    )
+    health = made.health("receiver", START_NS, counters={"lost": 3})
     recorder.write_pulses(one.pulse for one in posed)
     recorder.write_pulses([unposed.pulse])
     recorder.commit()
@@ -55,9 +51,7 @@ def test_what_is_recorded_is_read_back(
         CommandReply(request_id=7, name="start_detection", accepted=False, message="no tags"),
         START_NS,
     )
-    searched = SearchReport(
-        tag_id=2, time_ns=START_NS, frequency_hz=148.71e6, noise_psd=1e-12, best_score=0.4
-    )
+    searched = made.search_report(2, START_NS)
     recorder.write(searched)
     recorder.write_note("wall clock set forward by 3 s", START_NS + 9)
     recorder.close()
@@ -79,9 +73,7 @@ def test_what_is_recorded_is_read_back(
 
 
 def test_the_thesis_files_lie_where_the_thesis_put_them(info: FlightInfo) -> None:
-    recorder = FlightRecorder.create(info)
-    recorder.write_pulses([numbered.pulse_pose(0, 2), numbered.pulse_pose(0, 4)])
-    recorder.close()
+    made.flight(info, pulse_poses=[numbered.pulse_pose(0, 2), numbered.pulse_pose(0, 4)])
     root = Path(info.directory)
     assert (root / "airspy_csdr_netcat_log").is_dir()
     assert (root / "channelizer_log").is_dir()
@@ -147,15 +139,6 @@ def test_an_odd_record_bars_no_other(info: FlightInfo) -> None:
     assert math.isnan(read[1].noise_psd)
 
 
-def test_a_flight_is_read_while_it_is_written(info: FlightInfo) -> None:
-    recorder = FlightRecorder.create(info)
-    for number in range(3):
-        recorder.write_pulses([numbered.pulse(number)])
-        recorder.commit()
-        assert len(read_flight(info.directory).pulse_poses) == number + 1
-    recorder.close()
-
-
 def test_two_flights_of_one_second_have_two_directories(tmp_path: Path) -> None:
     first = new_flight_directory(tmp_path, START_NS)
     assert first.name == "flight_log_2023-11-17_07-16-59"
@@ -164,9 +147,7 @@ def test_two_flights_of_one_second_have_two_directories(tmp_path: Path) -> None:
 
 
 def test_text_logs_cut_off_by_a_power_cut_are_completed(info: FlightInfo) -> None:
-    recorder = FlightRecorder.create(info)
-    recorder.write_pulses(numbered.pulse_pose(n) for n in range(5))
-    recorder.close()
+    made.flight(info, pulse_poses=map(numbered.pulse_pose, range(5)))
     layout = FlightLayout(Path(info.directory))
     whole = layout.pulse_pose_log.read_text()
     for path in (layout.pulse_pose_log, layout.tag_pulse_pose_log(2)):
@@ -192,9 +173,7 @@ def test_a_flight_on_a_medium_without_write_access_is_read_with_its_write_ahead_
     assert len(read_flight(cut_off).pulse_poses) == 5
 
 
-def test_a_write_ahead_log_torn_anywhere_leaves_a_prefix_of_the_flight(
-    info: FlightInfo, tmp_path: Path
-) -> None:
+def test_a_torn_log_leaves_a_prefix_of_the_flight(info: FlightInfo, tmp_path: Path) -> None:
     recorder = FlightRecorder.create(info)
     recorder.close()  # the tables are in the database file
     recorder = FlightRecorder.reopen(info.directory)
@@ -231,4 +210,78 @@ def test_after_a_checkpoint_the_database_file_alone_has_everything(
     alone.mkdir()
     shutil.copy(Path(info.directory) / "flight.sqlite", alone)
     assert len(read_flight(alone).pulse_poses) == 20
+    recorder.close()
+
+
+def remove_all(root: Path) -> None:
+    shutil.rmtree(root)
+
+
+def remove_database(root: Path) -> None:
+    FlightLayout(root).database.unlink()
+
+
+def replace_database(root: Path) -> None:
+    database = FlightLayout(root).database
+    database.rename(database.with_name("taken away"))
+    database.write_bytes(b"something else")
+
+
+@pytest.mark.parametrize("hurt", [remove_all, remove_database, replace_database])
+@pytest.mark.parametrize("durable", [False, True])
+def test_a_database_that_is_removed_under_the_recorder_is_written_again_and_whole(
+    info: FlightInfo,
+    hurt: Callable[[Path], None],
+    durable: bool,
+) -> None:
+    recorder = FlightRecorder.open(info, durable=durable)
+    recorder.write_pulses(numbered.pulse_pose(n) for n in range(50))
+    recorder.commit()
+    assert not recorder.is_suspect()
+    assert recorder.mended == ""
+    hurt(Path(info.directory))
+    assert recorder.is_suspect()
+    for number in (50, 51):
+        recorder.write_pulses([numbered.pulse_pose(number)])
+        recorder.commit()
+        flight = read_flight(info.directory)
+        assert flight.pulse_poses == tuple(numbered.pulse_pose(n) for n in range(number + 1))
+    assert "written again" in recorder.mended
+    assert not recorder.is_suspect()
+    recorder.close()
+    assert read_flight(info.directory).info == info
+    logged = read_pulse_pose_log(FlightLayout(Path(info.directory)).pulse_pose_log)
+    assert len(logged) == 52
+
+
+def test_a_flight_whose_directory_cannot_be_made_again_waits_and_loses_nothing(
+    info: FlightInfo, tmp_path: Path
+) -> None:
+    info = numbered.info(tmp_path / "card" / "flight")
+    recorder = FlightRecorder.open(info, durable=True)
+    recorder.write_pulses([numbered.pulse_pose(0)])
+    recorder.commit()
+    (tmp_path / "card").rename(tmp_path / "away")
+    (tmp_path / "card").write_text("a file in its place")
+    for number in (1, 2):
+        recorder.write_pulses([numbered.pulse_pose(number)])
+        with pytest.raises(RecordingError, match="cannot"):
+            recorder.commit()
+    (tmp_path / "card").unlink()
+    recorder.close()
+    found = read_flight(info.directory).pulse_poses
+    assert found == tuple(numbered.pulse_pose(n) for n in range(3))
+
+
+def test_a_flight_that_has_not_begun_or_whose_disk_is_full_is_suspect(
+    info: FlightInfo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("")
+    unbegun = FlightRecorder.open(numbered.info(tmp_path / "file" / "flight"))
+    assert unbegun.is_suspect()
+    recorder = FlightRecorder.open(info)
+    assert not recorder.is_suspect()
+    usage = shutil.disk_usage(tmp_path)._replace(free=10_000)
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: usage)
+    assert recorder.is_suspect()
     recorder.close()

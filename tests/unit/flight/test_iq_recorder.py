@@ -48,6 +48,15 @@ def recorder(base: Path, minimum_free_mb: float = 0.0) -> IQRecorder:
     )
 
 
+def recorded(base: Path, *blocks: IQBlock, minimum_free_mb: float = 0.0) -> IQRecorder:
+    """A recording that is closed."""
+    recording = recorder(base, minimum_free_mb)
+    for one in blocks:
+        recording.put(one)
+    recording.close()
+    return recording
+
+
 def stored(path: Path) -> NDArray[np.int64]:
     return np.fromfile(path, "<i2").reshape(-1, 2).astype(np.int64)
 
@@ -65,10 +74,7 @@ def check_places(recording: IQRecorder) -> None:
 
 
 def test_a_recording_is_valid_sigmf_and_holds_the_samples(tmp_path: Path) -> None:
-    recording = recorder(tmp_path / "iq" / "band")
-    for number in range(10):
-        assert recording.put(block(number))
-    recording.close()
+    recording = recorded(tmp_path / "iq" / "band", *map(block, range(10)))
     handle = sigmf.fromfile(str(recording.file.metadata_path))
     handle.validate()
     assert handle.sample_count == 10 * BLOCK
@@ -85,11 +91,7 @@ def test_a_recording_is_valid_sigmf_and_holds_the_samples(tmp_path: Path) -> Non
 
 
 def test_lost_samples_are_a_marked_gap(tmp_path: Path) -> None:
-    recording = recorder(tmp_path / "band")
-    recording.put(block(0))
-    recording.put(block(1))
-    recording.put(block(2, lost=1234))
-    recording.close()
+    recording = recorded(tmp_path / "band", block(0), block(1), block(2, lost=1234))
     handle = sigmf.fromfile(str(recording.file.metadata_path))
     handle.validate()
     first, second = handle.get_captures()
@@ -104,9 +106,7 @@ def test_lost_samples_are_a_marked_gap(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("seconds", [8, 100])
 @pytest.mark.parametrize("lost", [0, 40])
-def test_a_late_first_reading_of_the_clock_is_corrected(
-    tmp_path: Path, seconds: int, lost: int
-) -> None:
+def test_a_late_first_reading_is_corrected(tmp_path: Path, seconds: int, lost: int) -> None:
     """30 ms late at first, as on a busy machine, and corrected by 4 ms a second.
 
     Of a recording that ends before that, as far as it was known.
@@ -144,10 +144,8 @@ def test_metadata_is_valid_before_the_first_sample_and_while_recording(tmp_path:
 
 
 def test_loud_and_broken_samples_are_stored_at_the_edge_and_counted(tmp_path: Path) -> None:
-    recording = recorder(tmp_path / "band")
     samples = np.array([2.0 - 2.0j, 0.5 + 1.0j, math.nan + 0.25j, 1e30 + 0j], np.complex64)
-    recording.put(IQBlock(samples, 0, START_NS, RATE_HZ))
-    recording.close()
+    recording = recorded(tmp_path / "band", IQBlock(samples, 0, START_NS, RATE_HZ))
     assert stored(recording.file.data_path).tolist() == [
         [32767, -32768],
         [16384, 32767],
@@ -180,14 +178,9 @@ def test_a_place_that_cannot_be_written_is_refused_with_a_remedy(tmp_path: Path)
     assert caught.value.remedy
 
 
-def test_below_the_free_space_limit_nothing_is_written_and_all_is_counted(
-    tmp_path: Path,
-) -> None:
+def test_below_the_free_space_limit_samples_are_only_counted(tmp_path: Path) -> None:
     free_mb = shutil.disk_usage(tmp_path).free / 1e6
-    recording = recorder(tmp_path / "band", minimum_free_mb=free_mb * 10)
-    for number in range(5):
-        recording.put(block(number))
-    recording.close()
+    recording = recorded(tmp_path / "band", *map(block, range(5)), minimum_free_mb=free_mb * 10)
     assert recording.dropped_samples == 5 * BLOCK
     assert recording.file.data_path.stat().st_size == 0
     assert recording.trouble == "the disk is nearly full"

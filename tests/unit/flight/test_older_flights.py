@@ -38,7 +38,7 @@ def record_and_age(info: FlightInfo, version: int = 1) -> list[PulsePose]:
 
 
 @pytest.mark.parametrize("version", [1, VERSION])
-def test_a_flight_without_later_columns_is_read_by_all_that_read_flights(
+def test_a_flight_without_later_columns_is_read_everywhere(
     info: FlightInfo, version: int
 ) -> None:
     recorded = record_and_age(info, version)
@@ -54,9 +54,7 @@ def test_a_flight_without_later_columns_is_read_by_all_that_read_flights(
     assert [record["also_possible_tag_ids"] for record in records] == [[]] * len(recorded)
 
 
-def test_a_flight_of_version_1_is_gone_on_with_and_keeps_what_is_in_doubt(
-    info: FlightInfo,
-) -> None:
+def test_a_flight_of_version_1_goes_on_and_keeps_what_is_in_doubt(info: FlightInfo) -> None:
     recorded = record_and_age(info)
     recorder = FlightRecorder.reopen(info.directory)
     newer = numbered.pulse_pose(7)
@@ -68,9 +66,7 @@ def test_a_flight_of_version_1_is_gone_on_with_and_keeps_what_is_in_doubt(
     assert sql(info.directory, "PRAGMA user_version") == [(VERSION,)]
 
 
-def test_doubt_about_a_pulse_is_read_back_before_it_has_a_pose(
-    info: FlightInfo,
-) -> None:
+def test_doubt_about_a_pulse_is_read_back_before_it_has_a_pose(info: FlightInfo) -> None:
     pulses = [
         numbered.pulse(0),
         replace(numbered.pulse(1), also_possible_tag_ids=(4,)),

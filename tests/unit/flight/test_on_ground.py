@@ -37,9 +37,7 @@ def test_a_flight_tells_when_it_stood_on_the_ground(tmp_path: Path) -> None:
     assert last == (START_NS + 7 * SECOND, EVER_NS)
 
 
-def test_a_flight_whose_autopilot_tells_arming_alone_stands_while_it_is_disarmed(
-    tmp_path: Path,
-) -> None:
+def test_a_flight_that_tells_arming_alone_stands_while_disarmed(tmp_path: Path) -> None:
     counters = [{"autopilot_armed": float(n >= 3)} for n in range(6)]
     assert recorded(tmp_path, counters) == ((START_NS, START_NS + 3 * SECOND - 1),)
 
@@ -52,9 +50,7 @@ STATES = st.lists(st.tuples(st.integers(0, 99), st.booleans()), max_size=20)
 
 
 @given(STATES, STATES)
-def test_spans_are_in_order_and_apart_and_none_where_nothing_flew(
-    armed: States, landed: States
-) -> None:
+def test_spans_are_in_order_and_none_where_nothing_flew(armed: States, landed: States) -> None:
     spans = spans_on_ground(armed, landed)
     edges = [time for span in spans for time in span]
     assert edges == sorted(edges)

@@ -100,9 +100,7 @@ def test_what_is_not_a_number_is_absence(tmp_path: Path, name: str, field: str) 
     assert [one.pose is None for one in read] == [False, False, True, False]
 
 
-def test_a_frequency_that_is_not_known_is_written_for_tagtracker_as_none(
-    tmp_path: Path,
-) -> None:
+def test_an_unknown_frequency_is_written_for_tagtracker_as_none(tmp_path: Path) -> None:
     one = numbered.pulse_pose()
     unknown = replace(one, pulse=replace(one.pulse, frequency_hz=math.nan))
     path = write(tmp_path / "Pulse-1.csv", [unknown, one])
@@ -112,9 +110,7 @@ def test_a_frequency_that_is_not_known_is_written_for_tagtracker_as_none(
 
 
 @pytest.mark.parametrize("name", NAMES[:3])
-def test_a_byte_order_mark_and_the_line_ends_of_a_spreadsheet_are_read(
-    tmp_path: Path, name: str
-) -> None:
+def test_a_spreadsheets_byte_order_and_line_ends_are_read(tmp_path: Path, name: str) -> None:
     path = write(tmp_path / name, [numbered.pulse_pose(number) for number in range(3)])
     plain = read_pulse_log(path).pulse_poses
     path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n"))

@@ -37,6 +37,12 @@ def written(form: PulseFormat, pulses: list[PulsePose | Pulse]) -> str:
     return stream.getvalue()
 
 
+def file_of(text: str | bytes, directory: Path, form: str = "jsonl") -> Path:
+    path = directory / f"pulses.{form}"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
 def test_a_json_line_has_exactly_the_promised_fields() -> None:
     record = json.loads(written("jsonl", [numbered.pulse_pose()]))
     assert list(record) == FIELDS
@@ -68,8 +74,7 @@ def test_pulses_survive_a_round_trip(tmp_path: Path, form: PulseFormat) -> None:
         ),
         pose=None,
     )
-    path = tmp_path / f"pulses.{form}"
-    path.write_text(written(form, [*posed, bare]))
+    path = file_of(written(form, [*posed, bare]), tmp_path, form)
     assert read_pulse_file(path) == (*posed, bare)
     assert pulse_format(path.name) == form
 
@@ -100,36 +105,30 @@ def test_files_of_older_versions_say_nothing_of_other_tags(tmp_path: Path) -> No
     record = json.loads(written("jsonl", [item]))
     for name in ("also_possible_tag_ids", "ghost_of_tag_id", "clipped"):
         del record[name]
-    path = tmp_path / "old.jsonl"
-    path.write_text(json.dumps(record) + "\n")
-    assert read_pulse_file(path) == (item,)
+    assert read_pulse_file(file_of(json.dumps(record) + "\n", tmp_path)) == (item,)
 
 
 @pytest.mark.parametrize("form", ["csv", "jsonl"])
-def test_what_is_not_finite_is_unknown_and_the_file_stays_valid(
-    tmp_path: Path, form: PulseFormat
-) -> None:
+def test_what_is_not_finite_is_written_as_unknown(tmp_path: Path, form: PulseFormat) -> None:
     odd = replace(numbered.pulse_pose().pulse, noise_psd=math.nan, snr_db=-math.inf)
     text = written(form, [odd])
     assert "NaN" not in text
     assert "inf" not in text.lower()
-    path = tmp_path / f"pulses.{form}"
-    path.write_text(text)
-    (read,) = read_pulse_file(path)
+    (read,) = read_pulse_file(file_of(text, tmp_path, form))
     assert math.isnan(read.pulse.noise_psd)
     assert math.isnan(read.pulse.snr_db)
 
 
 @pytest.mark.parametrize("form", ["csv", "jsonl"])
 def test_an_unfinished_last_line_is_passed_over(tmp_path: Path, form: PulseFormat) -> None:
-    path = tmp_path / f"pulses.{form}"
-    path.write_text(written(form, [numbered.pulse_pose(0), numbered.pulse_pose(1)])[:-10])
-    assert read_pulse_file(path) == (numbered.pulse_pose(0),)
+    torn = written(form, [numbered.pulse_pose(0), numbered.pulse_pose(1)])[:-10]
+    assert read_pulse_file(file_of(torn, tmp_path, form)) == (numbered.pulse_pose(0),)
 
 
 @pytest.mark.parametrize(
     ("text", "word"),
     [
+        (b"\xff\x00" * 50, "cannot read"),
         ("{}\n", "line 1 is not a pulse: 'tag_id'"),
         ("\nnonsense\n", "line 2"),
         ("[1]\n", "line 1"),
@@ -137,32 +136,19 @@ def test_an_unfinished_last_line_is_passed_over(tmp_path: Path, form: PulseForma
         ("tag_id,frequency_hz\n2,x\n", "line 2"),
     ],
 )
-def test_what_is_no_pulse_is_told_with_its_line(tmp_path: Path, text: str, word: str) -> None:
-    path = tmp_path / "pulses.txt"
-    path.write_text(text)
+def test_what_is_no_pulse_is_refused(tmp_path: Path, text: str | bytes, word: str) -> None:
     with pytest.raises(FormatError, match=word):
-        read_pulse_file(path)
+        read_pulse_file(file_of(text, tmp_path, "txt"))
 
 
 @pytest.mark.parametrize(
     ("field", "value"),
     [("detection_status", "sure"), ("confirmed", "yes"), ("tag_id", None), ("rate", "one")],
 )
-def test_a_field_of_the_wrong_kind_is_refused(
-    tmp_path: Path, field: str, value: object
-) -> None:
+def test_a_field_of_a_wrong_kind_is_refused(tmp_path: Path, field: str, value: object) -> None:
     record = json.loads(written("jsonl", [numbered.pulse_pose()])) | {field: value}
-    path = tmp_path / "pulses.jsonl"
-    path.write_text(json.dumps(record) + "\n")
     with pytest.raises(FormatError, match="line 1 is not a pulse"):
-        read_pulse_file(path)
-
-
-def test_a_recording_is_no_pulse_file(tmp_path: Path) -> None:
-    path = tmp_path / "pulses.jsonl"
-    path.write_bytes(b"\xff\x00" * 50)
-    with pytest.raises(FormatError, match="cannot read"):
-        read_pulse_file(path)
+        read_pulse_file(file_of(json.dumps(record) + "\n", tmp_path))
 
 
 @pytest.mark.parametrize("form", ["csv", "jsonl"])
@@ -172,10 +158,9 @@ def test_damaged_lines_among_good_ones_are_read_around_and_counted(
 ) -> None:
     pulses = [numbered.pulse_pose(number) for number in range(3)]
     lines = written(form, [*pulses]).splitlines(keepends=True)
-    path = tmp_path / f"pulses.{form}"
     content = [line.encode() for line in lines]
     content.insert(len(content) - 1, damage.encode("latin-1") + b"\n")
-    path.write_bytes(b"".join(content))
+    path = file_of(b"".join(content), tmp_path, form)
     assert read_pulse_file(path) == tuple(pulses)
     told = capsys.readouterr().err
     assert ("damaged lines skipped" in told) is bool(damage)

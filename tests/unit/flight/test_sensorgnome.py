@@ -82,9 +82,7 @@ def test_detections_are_read_whatever_columns_stand_between(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("end", [b"\n", b"\r"])
-def test_a_file_of_nothing_but_ends_of_lines_is_not_unpacked_whole(
-    tmp_path: Path, end: bytes
-) -> None:
+def test_a_file_of_line_ends_alone_is_not_unpacked_whole(tmp_path: Path, end: bytes) -> None:
     path = tmp_path / "lines.txt.gz"
     with gzip.open(path, "wb", 1) as packed:
         for _ in range(10 * TEXT_LOG.values // 2**20):

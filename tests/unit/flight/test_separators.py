@@ -24,7 +24,7 @@ def saved(text: str, separator: str, decimal: str) -> str:
 
 
 @SAVED
-def test_pulses_of_tagtracker_are_read_with_any_separator(
+def test_tagtracker_with_any_separator_is_read(
     tmp_path: Path, separator: str, decimal: str
 ) -> None:
     pulses: list[PulsePose] = [numbered.pulse_pose(n, 2) for n in range(12)]
@@ -41,7 +41,7 @@ def test_pulses_of_tagtracker_are_read_with_any_separator(
 
 
 @SAVED
-def test_bearings_are_read_with_any_separator(
+def test_bearings_with_any_separator_are_read(
     tmp_path: Path, separator: str, decimal: str
 ) -> None:
     text = "2,a.csv,92.5,0.9,47.4,8.496688,40.0,500.0,1700000000.5,1700000060.5,2.0\n"

@@ -1,4 +1,4 @@
-"""What was recorded and has not reached the ground."""
+"""What a flight's database says of the ground: pulses not delivered yet, tags received."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -6,16 +6,16 @@ from pathlib import Path
 import made
 import numbered
 import pytest
+from sql import sql
 
 from uavrt.core.errors import RecordingError
 from uavrt.core.messages import Delivered, FlightInfo
-from uavrt.flight.database.spool import note_deliveries, undelivered
+from uavrt.flight.database.spool import note_deliveries, received_tags, undelivered
+from uavrt.flight.flight_layout import FlightLayout
 from uavrt.flight.flight_recorder import FlightRecorder
 
 
-def test_recorded_pulses_are_undelivered_until_it_is_noted_for_that_store(
-    info: FlightInfo,
-) -> None:
+def test_pulses_are_undelivered_until_it_is_noted_for_that_store(info: FlightInfo) -> None:
     recorder = FlightRecorder.create(info)
     items = [numbered.pulse_pose(number) for number in range(5)]
     recorder.write_pulses(items)
@@ -41,7 +41,7 @@ def test_plain_ground_stations_are_owed_only_what_nobody_has(info: FlightInfo) -
     assert undelivered(info.directory, 7, 10) == ([items[2], items[1]], False)
 
 
-def test_a_delivery_is_noted_after_the_flights_end_also_of_a_pulse_without_a_pose(
+def test_a_delivery_is_noted_after_the_flight_also_of_an_unposed_pulse(
     info: FlightInfo,
 ) -> None:
     item = replace(numbered.pulse_pose(1), pose=None)
@@ -59,3 +59,14 @@ def test_a_directory_without_a_flight_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"flight\.sqlite"):
         note_deliveries(tmp_path, Delivered(time_ns=1, store=7, pulses=((1, 1),)))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_in_a_new_flight_without_tables_nothing_was_heard(tmp_path: Path) -> None:
+    sql(tmp_path, "PRAGMA user_version = 4")
+    assert received_tags(tmp_path) == {}
+
+
+def test_a_damaged_database_is_no_empty_one(tmp_path: Path) -> None:
+    FlightLayout(tmp_path).database.write_bytes(b"no database" * 500)
+    with pytest.raises(RecordingError, match="cannot be read"):
+        received_tags(tmp_path)

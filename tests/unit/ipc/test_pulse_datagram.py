@@ -4,6 +4,8 @@ import dataclasses
 import math
 import socket
 import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import made
 import pytest
@@ -47,6 +49,17 @@ GOLDEN = struct.pack(
 )
 
 
+@contextmanager
+def listening() -> Iterator[tuple[PulseDatagramSender, socket.socket]]:
+    """A sender of tags 2 and 4, and who listens to it."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
+        listener.bind(("127.0.0.1", 0))
+        listener.settimeout(5.0)
+        sender = PulseDatagramSender("127.0.0.1", listener.getsockname()[1], [2, 4])
+        yield sender, listener
+        sender.close()
+
+
 def test_a_pulse_has_the_bytes_of_the_original() -> None:
     assert len(GOLDEN) == 96
     assert record_of_pulse(PULSE).encode() == GOLDEN
@@ -86,15 +99,11 @@ def test_another_size_is_refused(payload: bytes) -> None:
 
 
 def test_pulses_and_a_heartbeat_a_second_reach_who_listens() -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
-        listener.bind(("127.0.0.1", 0))
-        listener.settimeout(5.0)
-        sender = PulseDatagramSender("127.0.0.1", listener.getsockname()[1], [2, 4])
+    with listening() as (sender, listener):
         for now_s in (100.0, 100.4, 100.9, 101.1):
             sender.heartbeat(now_s)
         sender.send_pulses([PULSE])
         received = [PulseRecord.decode(listener.recv(200)) for _ in range(5)]
-        sender.close()
     assert [record.frequency_hz == 0.0 for record in received] == [True] * 4 + [False]
     assert [record.tag_id for record in received[:4]] == [2, 4, 2, 4]
     assert received[0] == PulseRecord(tag_id=2)
@@ -113,15 +122,11 @@ def test_nothing_is_said_to_be_found_only_when_the_next_pulse_is_overdue() -> No
         ]
         for tag_id in (2, 4)
     }
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
-        listener.bind(("127.0.0.1", 0))
-        listener.settimeout(5.0)
-        sender = PulseDatagramSender("127.0.0.1", listener.getsockname()[1], [2, 4])
+    with listening() as (sender, listener):
         sender.send_reports(of_tag[2][1:2])
         sender.send_pulses([PULSE])
         sender.send_reports(of_tag[2] + of_tag[4])
         received = [PulseRecord.decode(listener.recv(200)) for _ in range(sender.sent)]
-        sender.close()
     told = [(r.tag_id, r.detection_status, round(r.start_time_s, 3)) for r in received]
     assert told[:2] == [(2, 3, between), (2, 2, round(begin_ns / 1e9, 3))]
     assert told[2:4] == [(2, 3, set_back), (2, 3, missed)]

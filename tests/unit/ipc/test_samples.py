@@ -1,4 +1,5 @@
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import made
@@ -23,6 +24,14 @@ from uavrt.drone.ipc.sample_sockets import make_sample_sockets
 RATE_HZ = 7500.0
 
 
+@contextmanager
+def road() -> Iterator[tuple[ChannelSender, ChannelReceiver]]:
+    """The way of samples from the receiver to a worker."""
+    ours, theirs = make_sample_sockets()
+    with ours, theirs:
+        yield ChannelSender(ours), ChannelReceiver(theirs)
+
+
 def received(receiver: ChannelReceiver, sender: ChannelSender) -> Iterator[ChannelBlock]:
     """All blocks, while the sender sends what the socket had no place for."""
     while blocks := receiver.receive():
@@ -41,9 +50,7 @@ def block(start: int, count: int, channel: int = 3) -> ChannelBlock:
 
 @given(st.lists(st.integers(1, 3 * MAX_SAMPLES), min_size=1, max_size=4))
 def test_samples_arrive_whole_and_with_their_times(sizes: list[int]) -> None:
-    ours, theirs = make_sample_sockets()
-    with ours, theirs:
-        sender, receiver = ChannelSender(ours), ChannelReceiver(theirs)
+    with road() as (sender, receiver):
         start = 0
         for size in sizes:
             sender.send(block(start, size))
@@ -58,9 +65,7 @@ def test_samples_arrive_whole_and_with_their_times(sizes: list[int]) -> None:
 
 
 def test_a_stalled_detector_loses_the_oldest_samples_and_they_are_counted() -> None:
-    ours, theirs = make_sample_sockets()
-    with ours, theirs:
-        sender, receiver = ChannelSender(ours), ChannelReceiver(theirs)
+    with road() as (sender, receiver):
         sent = 0
         while sender.samples_dropped == 0:
             sender.send(block(sent, MAX_SAMPLES))
@@ -75,9 +80,7 @@ def test_a_stalled_detector_loses_the_oldest_samples_and_they_are_counted() -> N
 
 
 def test_two_channels_on_one_socket_are_counted_apart() -> None:
-    ours, theirs = make_sample_sockets()
-    with ours, theirs:
-        sender, receiver = ChannelSender(ours), ChannelReceiver(theirs)
+    with road() as (sender, receiver):
         sender.send(block(0, 100, channel=1))
         sender.send(block(5000, 100, channel=2))
         sender.send(block(100, 100, channel=1))
@@ -87,12 +90,8 @@ def test_two_channels_on_one_socket_are_counted_apart() -> None:
 
 
 @given(st.integers(1, 100), st.integers(1, 2000))
-def test_the_channels_of_a_radio_block_travel_together_and_its_end_is_known(
-    channels: int, count: int
-) -> None:
-    ours, theirs = make_sample_sockets()
-    with ours, theirs:
-        sender, receiver = ChannelSender(ours), ChannelReceiver(theirs)
+def test_the_channels_of_a_radio_block_travel_together(channels: int, count: int) -> None:
+    with road() as (sender, receiver):
         for channel in range(channels):
             sender.send(block(0, count, channel))
         assert not receiver.receive()
@@ -144,9 +143,7 @@ def test_a_datagram_begins_with_8_bytes_and_a_block_with_32() -> None:
 
 
 def test_when_the_converter_was_at_its_limits_is_told_once_for_all_channels() -> None:
-    ours, theirs = make_sample_sockets()
-    with ours, theirs:
-        sender, receiver = ChannelSender(ours), ChannelReceiver(theirs)
+    with road() as (sender, receiver):
         times_ns = ((5, 9), (2**60, 2**60 + 1))
         for channel in (1, 2):
             sender.send(replace(block(0, 100, channel), clipped_ns=times_ns))
@@ -164,9 +161,7 @@ def test_when_the_converter_was_at_its_limits_is_told_once_for_all_channels() ->
 def test_as_many_clipped_stretches_as_there_may_be_cost_no_sample(
     stretches: int, channels: int, count: int
 ) -> None:
-    ours, theirs = make_sample_sockets()
-    with ours, theirs:
-        sender, receiver = ChannelSender(ours), ChannelReceiver(theirs)
+    with road() as (sender, receiver):
         times_ns = tuple((2 * n, 2 * n + 1) for n in range(stretches))
         for channel in range(channels):
             sender.send(replace(block(0, count, channel), clipped_ns=times_ns))
@@ -189,9 +184,7 @@ def test_the_bytes_of_a_clipped_stretch() -> None:
 
 @given(st.lists(st.floats(1e6, 6e9), max_size=MAX_CARRIERS))
 def test_the_carriers_of_the_band_come_with_every_block(carriers_hz: list[float]) -> None:
-    ours, theirs = make_sample_sockets()
-    with ours, theirs:
-        sender, receiver = ChannelSender(ours), ChannelReceiver(theirs)
+    with road() as (sender, receiver):
         for channel in (1, 2):
             sender.send(replace(block(0, 100, channel), carriers_hz=tuple(carriers_hz)))
         sender.flush()

@@ -169,9 +169,7 @@ def test_our_ground_station_does_not_hide_the_loss_of_the_operators_own(
     assert autopilot.operator_lost(start_ns + ns_from_s(11.5)) is not as_gcs
 
 
-async def test_the_doctor_tells_what_happens_when_the_operators_station_is_lost(
-    world: World,
-) -> None:
+async def test_the_doctor_tells_what_the_loss_of_the_station_does(world: World) -> None:
     cases: tuple[tuple[Flavour, dict[str, float], str], ...] = (
         ("px4", {"NAV_DLL_ACT": 2}, "NAV_DLL_ACT = 2"),
         ("ardupilot", {}, "is lost: none"),

@@ -24,6 +24,7 @@ from uavrt.link.mavlink.services.ftp_wire import (
 
 CLIENT = Peer(255, 190)
 OTHER = Peer(245, 190)
+FLIGHT, EMPTY = "/flight_log_1/flight.sqlite", "/flight_log_1/empty.txt"
 CONTENT = random.Random(5).randbytes(8_000)
 
 
@@ -117,7 +118,7 @@ def test_a_link_cannot_be_listed_through(requester: Requester) -> None:
 @pytest.mark.parametrize("opcode", [6, 7, 8, 9, 10, 11, 12, 13])
 def test_nothing_can_be_written(requester: Requester, opcode: int, flights: Path) -> None:
     before = sorted(flights.rglob("*"))
-    reply = requester.ask(opcode, "/flight_log_1/flight.sqlite")
+    reply = requester.ask(opcode, FLIGHT)
     assert error_of(reply) is FtpError.FILE_PROTECTED
     assert sorted(flights.rglob("*")) == before
 
@@ -127,10 +128,8 @@ def test_an_unknown_opcode_is_refused_at_once(requester: Requester) -> None:
 
 
 @pytest.mark.parametrize("session", [0, 1, 77, 255])
-def test_a_file_is_read_under_the_session_that_the_client_chose(
-    requester: Requester, session: int
-) -> None:
-    opened = requester.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/flight.sqlite", session=session)
+def test_a_file_is_read_under_the_clients_session(requester: Requester, session: int) -> None:
+    opened = requester.ask(Opcode.OPEN_FILE_RO, FLIGHT, session=session)
     assert int.from_bytes(opened.data, "little") == len(CONTENT)
     got = b""
     while True:
@@ -148,7 +147,7 @@ def test_a_file_is_read_under_the_session_that_the_client_chose(
 
 
 def test_a_burst_gives_the_file_in_parts_until_it_asks_to_go_on(requester: Requester) -> None:
-    requester.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/flight.sqlite")
+    requester.ask(Opcode.OPEN_FILE_RO, FLIGHT)
     got, bursts = b"", 0
     while len(got) < len(CONTENT):
         requester.sequence += 2
@@ -179,11 +178,11 @@ def test_a_burst_gives_the_file_in_parts_until_it_asks_to_go_on(requester: Reque
 
 
 def test_a_repeated_request_gets_the_same_reply_and_is_done_once(requester: Requester) -> None:
-    requester.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/flight.sqlite")
+    requester.ask(Opcode.OPEN_FILE_RO, FLIGHT)
     request = FtpPacket(
         sequence=requester.sequence,
         opcode=Opcode.OPEN_FILE_RO,
-        data=b"/flight_log_1/flight.sqlite",
+        data=FLIGHT.encode(),
     )
     requester.server.receive(request.encode(), CLIENT, 0)
     (again,) = requester.replies()
@@ -199,20 +198,20 @@ def test_a_repeated_request_gets_the_same_reply_and_is_done_once(requester: Requ
 
 def test_sessions_of_clients_are_apart_and_bounded(requester: Requester) -> None:
     other = Requester(requester.server, OTHER)
-    requester.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/flight.sqlite")
-    other.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/empty.txt")
+    requester.ask(Opcode.OPEN_FILE_RO, FLIGHT)
+    other.ask(Opcode.OPEN_FILE_RO, EMPTY)
     assert requester.ask(Opcode.READ_FILE, size=5).data == CONTENT[:5]
     assert error_of(other.ask(Opcode.READ_FILE, size=5)) is FtpError.END_OF_FILE
     other.ask(Opcode.RESET_SESSIONS)
     assert requester.ask(Opcode.READ_FILE, size=5, offset=5).data == CONTENT[5:10]
     for session in range(1, MAX_SESSIONS):
-        requester.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/empty.txt", session=session)
-    full = requester.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/empty.txt", session=99)
+        requester.ask(Opcode.OPEN_FILE_RO, EMPTY, session=session)
+    full = requester.ask(Opcode.OPEN_FILE_RO, EMPTY, session=99)
     assert error_of(full) is FtpError.NO_SESSIONS_AVAILABLE
 
 
 def test_checksums_in_the_making_are_bounded(requester: Requester) -> None:
-    path = b"/flight_log_1/flight.sqlite"
+    path = FLIGHT.encode()
     for number in range(20):
         packet = FtpPacket(sequence=2 * number, opcode=Opcode.CALC_FILE_CRC32, data=path)
         requester.server.receive(packet.encode(), CLIENT, 0)
@@ -224,7 +223,7 @@ def test_checksums_in_the_making_are_bounded(requester: Requester) -> None:
 
 
 def test_the_checksum_is_that_of_the_service(requester: Requester) -> None:
-    reply = requester.ask(Opcode.CALC_FILE_CRC32, "/flight_log_1/flight.sqlite")
+    reply = requester.ask(Opcode.CALC_FILE_CRC32, FLIGHT)
     assert int.from_bytes(reply.data, "little") == checksum(CONTENT)
     # The usual check value with start 0 and no inversion (CRC-32/JAMCRC starts at all ones).
     assert checksum(b"123456789") == 0x2DFD2D88
@@ -252,12 +251,12 @@ def test_eight_idle_sessions_shut_nobody_out(flights: Path) -> None:
     server = FileServer(FileTree(flights))
     idle, busy = Requester(server, OTHER), Requester(server, CLIENT)
     for session in range(MAX_SESSIONS):
-        opened = idle.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/empty.txt", session=session)
+        opened = idle.ask(Opcode.OPEN_FILE_RO, EMPTY, session=session)
         assert opened.opcode == Opcode.ACK
     for _ in range(3):
-        opened = busy.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/flight.sqlite", session=1)
+        opened = busy.ask(Opcode.OPEN_FILE_RO, FLIGHT, session=1)
         assert opened.opcode == Opcode.ACK
-        again = idle.ask(Opcode.OPEN_FILE_RO, "/flight_log_1/empty.txt", session=0)
+        again = idle.ask(Opcode.OPEN_FILE_RO, EMPTY, session=0)
         assert error_of(again) in (None, FtpError.NO_SESSIONS_AVAILABLE)
         assert busy.ask(Opcode.READ_FILE, session=1, size=5).data == CONTENT[:5]
     counters = server.counters()

@@ -16,7 +16,7 @@ from uavrt.link.mavlink.frame import Frame, FrameWriter
 from uavrt.link.mavlink.links.address import parse_address
 from uavrt.link.mavlink.links.stream_links import TcpLink
 from uavrt.link.mavlink.links.transport import open_link
-from uavrt.link.mavlink.links.udp import UdpLink
+from uavrt.link.mavlink.links.udp import MAX_PEERS, UdpLink
 
 PING = d.Ping(time_usec=1, seq=2, target_system=0, target_component=0)
 FRAME = FrameWriter(1, 1).encode(PING)
@@ -41,19 +41,6 @@ FRAME = FrameWriter(1, 1).encode(PING)
 def test_an_address_that_is_none_is_refused_with_the_forms(text: str) -> None:
     with pytest.raises(ConfigError, match=r"serial:///dev/ttyUSB0:57600"):
         parse_address(text)
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "udpin://127.0.0.1:14540",
-        "udpout://[::1]:14550",
-        "tcp://drone.local:5760",
-        "serial:///dev/ttyAMA0:921600",
-    ],
-)
-def test_an_address_reads_back_as_it_was_written(text: str) -> None:
-    assert str(parse_address(text)) == text
 
 
 def test_a_serial_address_without_a_rate_has_the_usual_one() -> None:
@@ -123,9 +110,8 @@ async def test_bytes_that_a_tcp_peer_does_not_acknowledge_are_not_kept_for_long(
         ("serial:///dev/ttyAMA0:921600", False),
     ],
 )
-def test_an_address_tells_whether_only_this_computer_is_behind_it(
-    text: str, alone: bool
-) -> None:
+def test_an_address_reads_back_and_tells_if_it_is_loopback(text: str, alone: bool) -> None:
+    assert str(parse_address(text)) == text
     assert parse_address(text).is_loopback is alone
 
 
@@ -160,3 +146,14 @@ def test_a_serial_port_without_permission_points_to_the_dialout_group() -> None:
         parse_address("serial:///dev/ttyUSB0"), PermissionError(errno.EACCES, "denied")
     )
     assert "dialout" in str(error)
+
+
+def test_the_peers_known_longest_stay_however_many_ports_speak() -> None:
+    link = UdpLink(parse_address("udpin://127.0.0.1:14540"), lambda frame: None)
+    autopilot = ("127.0.0.1", 14_580)
+    link._remember(autopilot)
+    for port in range(20_000, 22_000):
+        link._remember(("192.0.2.7", port))
+        assert autopilot in link._peers
+        assert ("192.0.2.7", port) in link._peers, "the newest one is answered, too"
+    assert len(link._peers) == MAX_PEERS

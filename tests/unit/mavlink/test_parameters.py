@@ -1,19 +1,24 @@
-"""Our parameters and metadata, read and set by programs that nobody here wrote."""
+"""Our parameters, read and set by pymavlink and by our own ground station."""
 
 import asyncio
 import struct
 from collections.abc import Callable
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from stock_station import StockStation, bytewise, stock_station
 from until import until_async as until
 
 from uavrt.config.parameters import OFFERED, RUN, parameter_values
-from uavrt.core.messages import CommandReply
+from uavrt.core.errors import CommandRefused, LinkError, TunnelError
+from uavrt.core.messages import CommandReply, StatusText
 from uavrt.link.mavlink.dialect import MavParamType
 from uavrt.link.mavlink.services.parameter_service import decode_value, encode_value
+from uavrt.link.tunnel.own_messages.seal import parameter_content, read_key, read_parameter
 from world import World
 
 
@@ -26,43 +31,13 @@ def ready(world: World) -> bool:
     return "connection" in world.health and world.health["connection"].status == "ready"
 
 
-class PymavlinkStation(asyncio.DatagramProtocol):
-    """A ground station of pymavlink's encoder and decoder."""
-
-    def __init__(self) -> None:
-        from pymavlink.dialects.v20 import ardupilotmega
-
-        self.dialect = ardupilotmega
-        self.mav = ardupilotmega.MAVLink(None, srcSystem=255, srcComponent=190)
-        self.heard: list[Any] = []
-        """Values of component 191 since `say`, as pymavlink understands bytewise encoding."""
-        self.texts: list[str] = []
-        self.vehicle: Any = None
-        self._transport: Any = None
-
-    def connection_made(self, transport: Any) -> None:
-        self._transport = transport
-
-    def datagram_received(self, data: bytes, addr: Any) -> None:
-        self.vehicle = addr
-        for message in self.mav.parse_buffer(data) or []:
-            if message.get_srcComponent() != 191:
-                continue
-            if message.get_type() == "STATUSTEXT":
-                self.texts.append(message.text)
-            if message.get_type() == "PARAM_VALUE":
-                raw = struct.pack("<f", message.param_value)
-                whole = message.param_type == self.dialect.MAV_PARAM_TYPE_INT32
-                value = struct.unpack("<i" if whole else "<f", raw)[0]
-                self.heard.append((message.param_id, value, message.param_index))
-
-    async def say(self, *messages: Any) -> dict[str, float]:
-        """Send; get the values that are told then."""
-        self.heard.clear()
-        for message in messages:
-            self._transport.sendto(message.pack(self.mav), self.vehicle)
-        await asyncio.sleep(2.0)
-        return {name: value for name, value, _ in self.heard}
+async def answers(station: StockStation, *messages: Any) -> dict[str, float]:
+    """Send; get the values that are told then."""
+    before = len(station.heard)
+    for message in messages:
+        station.say(message)
+    await asyncio.sleep(2.0)
+    return dict(station.values(before))
 
 
 async def test_pymavlink_sets_a_parameter_bytewise_and_hears_why_not(
@@ -70,26 +45,20 @@ async def test_pymavlink_sets_a_parameter_bytewise_and_hears_why_not(
 ) -> None:
     monkeypatch.setenv("MAVLINK20", "1")
     world = make_world(mavlink={"commanders": (255,)})
-    station = PymavlinkStation()
-    mav, say = station.mav, station.say
-    transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
-        lambda: station, local_addr=("127.0.0.1", world.ground_port)
-    )
-    async with world.flying():
-        await until(lambda: station.vehicle is not None)
-        await say(mav.heartbeat_encode(6, 8, 0, 0, 4))
-        await until(lambda: ready(world))
+    known = partial(ready, world)
+    async with world.flying(), stock_station(world.ground_port, known) as station:
+        mav, say = station.mav, partial(answers, station)
         listed = await say(mav.param_request_list_encode(1, 0))
         assert listed == pytest.approx(values_of(world))
-        assert [index for _, _, index in station.heard] == list(range(len(OFFERED)))
+        told = station.of("PARAM_VALUE")
+        assert [one.param_index for one in told] == list(range(len(OFFERED)))
         assert await say(mav.param_request_read_encode(1, 191, b"DET_K", -1)) == {"DET_K": 0}
         assert await say(mav.param_request_read_encode(1, 191, b"", 0)) == {"RADIO_GAIN": -1}
         unknown = mav.param_request_read_encode(1, 191, b"SYSID_THISMAV", -1)
         assert await say(unknown, mav.param_request_read_encode(1, 191, b"", 99)) == {}
-        twelve, forty = (struct.unpack("<f", struct.pack("<i", value))[0] for value in (12, 40))
-        set_to_twelve = mav.param_set_encode(1, 191, b"RADIO_GAIN", twelve, 6)
+        set_to_twelve = mav.param_set_encode(1, 191, b"RADIO_GAIN", bytewise(12), 6)
+        set_to_forty = mav.param_set_encode(1, 191, b"RADIO_GAIN", bytewise(40), 6)
         assert await say(set_to_twelve) == {"RADIO_GAIN": 12}
-        set_to_forty = mav.param_set_encode(1, 191, b"RADIO_GAIN", forty, 6)
         assert await say(set_to_forty) == {"RADIO_GAIN": 12}
         assert station.texts[-1] == "RADIO_GAIN cannot be 40: whole, 0 to 21, or -1"
         mav.srcSystem = 253  # one that may not command
@@ -98,7 +67,6 @@ async def test_pymavlink_sets_a_parameter_bytewise_and_hears_why_not(
         assert values == {"RADIO_GAIN": 12, "DET_WINDOW_HZ": 500}
         assert "may not command" in station.texts[-1]
         assert len(world.of(CommandReply)) == 2
-    transport.close()
 
 
 @given(st.integers(-(2**22), 2**23), st.booleans())
@@ -111,3 +79,68 @@ def test_a_whole_number_comes_back_in_either_encoding(value: int, bytewise: bool
 @pytest.mark.parametrize("kind", [MavParamType.INT64, MavParamType.REAL64, 77])
 def test_a_type_that_does_not_fit_the_field_is_no_value(kind: int) -> None:
     assert decode_value(1.0, kind, bytewise=True) is None
+
+
+@pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+async def test_parameters_are_set_over_a_lossy_radio(world: World, flavour: str) -> None:
+    station = world.station(ack_wait_s=0.4)
+    async with world.flying(flavour=flavour), station as (ground, events):
+        world.radio.loss = 0.15
+        listed: dict[str, float] = {}
+        for _ in range(10):
+            try:
+                listed = await ground.parameters.list_all()
+                break
+            except LinkError:
+                continue
+        assert listed == {**parameter_values(world.mission.settings.now), RUN.name: 0.0}
+        assert await ground.parameters.set("RADIO_GAIN", 15) == 15
+        assert await ground.parameters.set("DET_FALSE_ALARM", 0.005) == pytest.approx(0.005)
+        with pytest.raises(CommandRefused, match="is still 15"):
+            await ground.parameters.set("RADIO_GAIN", 40)
+        assert world.mission.settings.now.radio.gain == 15
+        world.radio.loss = 0.0
+        await until(
+            lambda: any(
+                isinstance(one, StatusText) and "RADIO_GAIN cannot be 40" in one.text
+                for one in events
+            )
+        )
+
+
+async def test_a_drone_with_a_key_takes_only_sealed_parameters(
+    make_world: Callable[..., World], tmp_path: Path
+) -> None:
+    path = tmp_path / "key"
+    path.write_text("5a" * 32)
+    path.chmod(0o600)
+    world = make_world(mavlink={"key_file": str(path)})
+    async with world.flying():
+        async with world.station(ack_wait_s=0.4) as (stranger, _):
+            with pytest.raises(CommandRefused, match="is still -1"):
+                await stranger.parameters.set("RADIO_GAIN", 15)
+            assert "only accepts sealed" in world.of(StatusText)[-1].text
+        async with world.station(key=read_key(path)) as (friend, _):
+            with pytest.raises(LinkError, match="no session for sealed"):
+                friend.protocol.sealed_parameter("RADIO_GAIN", 15.0)
+            sealed: list[Any] = []
+
+            def heard_session() -> bool:
+                try:
+                    sealed.append(friend.protocol.sealed_parameter("RADIO_GAIN", 15.0))
+                except LinkError:
+                    return False
+                return True
+
+            await until(heard_session)
+            friend.send(sealed[0])
+            await until(lambda: world.mission.settings.now.radio.gain == 15)
+            friend.send(sealed[0])  # overheard and repeated
+            await until(lambda: world.counter("seals_refused") == 1)
+
+
+def test_the_inside_of_a_sealed_parameter_has_twenty_bytes() -> None:
+    assert read_parameter(parameter_content("DET_FALSE_ALARM", 0.5)) == ("DET_FALSE_ALARM", 0.5)
+    assert len(parameter_content("A" * 16, 1.0)) == 20
+    with pytest.raises(TunnelError, match="20 bytes"):
+        read_parameter(b"short")

@@ -16,13 +16,12 @@ from some import some
 
 from uavrt.config.settings import MavlinkSettings, RecordingSettings, Settings
 from uavrt.core.clock import Clock
-from uavrt.core.messages import Command, CommandReply, Health, Pose, Pulse, PulsePose, Recorded
+from uavrt.core.messages import Command, FlightInfo, Health, Pose, Pulse, PulsePose, Recorded
 from uavrt.drone.ipc.process import ProcessFrame
 from uavrt.drone.ipc.record_link import LineBuffer, RecordSocket
 from uavrt.drone.ipc.tag_assignment import Assignment
 from uavrt.drone.ipc.topics import decode_record, encode_record
 from uavrt.drone.processes.connection import ConnectionProcess
-from uavrt.flight.flight_recorder import FlightRecorder
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.simulation.demo.demo_programs import free_udp_port
 from uavrt.simulation.vehicle.fake_autopilot import AutopilotSettings, FakeAutopilot
@@ -116,11 +115,13 @@ class Bay:
         """Send the process a record as its supervisor does."""
         some(self._sock).sendall(encode_record(topic, record))
 
-    def begin_flight(self, directory: Path) -> None:
-        info = made.flight_info(
+    def flight_info(self, directory: Path) -> FlightInfo:
+        return made.flight_info(
             directory, start_time_ns=self.clock.now_ns(), clock_offset_ns=self.clock.offset_ns
         )
-        self.deliver("flight", info)
+
+    def begin_flight(self, directory: Path) -> None:
+        self.deliver("flight", self.flight_info(directory))
 
     def send_pulse(self, number: int) -> None:
         """A detector's pulse, `number` Hz above the tag's nominal frequency."""
@@ -148,14 +149,9 @@ class Bay:
 
     def recorded_flight(self, directory: Path, numbers: range) -> Path:
         """A flight that has ended, with pulses that nobody has."""
-        info = made.flight_info(
-            directory, start_time_ns=self.clock.now_ns(), clock_offset_ns=self.clock.offset_ns
-        )
-        recorder = FlightRecorder.create(info)
         pulses = [make_pulse(n, self.clock.now_ns() - 10**9 * (100 - n)) for n in numbers]
-        recorder.write_pulses([PulsePose(pulse=pulse, pose=None) for pulse in pulses])
-        recorder.close()
-        return directory
+        unposed = [PulsePose(pulse=pulse, pose=None) for pulse in pulses]
+        return made.flight(self.flight_info(directory), pulse_poses=unposed)
 
     def last_flights(self, *directories: Path) -> None:
         """Have the process told of flights that have ended."""
@@ -172,12 +168,7 @@ class Bay:
         elif isinstance(record, Command):
             self.commands.append(record)
             refusal = self.refusals.get(record.name)
-            reply = CommandReply(
-                request_id=record.request_id,
-                name=record.name,
-                accepted=refusal is None,
-                message=refusal or "",
-            )
+            reply = made.reply(record, refusal or "", accepted=refusal is None)
             self.deliver("command_reply", reply)
         elif isinstance(record, Health):
             self.health = record

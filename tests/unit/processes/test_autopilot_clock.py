@@ -25,9 +25,7 @@ def pulse_poses(bay: Any) -> list[PulsePose]:
     return [record for topic, record in bay.records if topic == "pulse_pose"]
 
 
-async def test_poses_are_right_by_a_clock_that_runs_slow_and_answers_with_random_targets(
-    bay: Any,
-) -> None:
+async def test_poses_are_right_by_a_slow_clock_that_answers_to_random_targets(bay: Any) -> None:
     bay.autopilot_settings = replace(
         bay.autopilot_settings, clock_skew_ppm=-15_000.0, companion_jitter_s=0.003
     )

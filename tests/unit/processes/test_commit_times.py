@@ -2,6 +2,7 @@ import itertools
 import random
 from dataclasses import replace
 
+import made
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -52,9 +53,9 @@ def test_a_commit_that_failed_is_tried_again_within_a_second_or_so() -> None:
 
 
 def health(number: int, status: str, process: str = "connection") -> Health:
-    return Health(
-        process=process,
-        time_ns=number * 1_000_000_000,
+    return made.health(
+        process,
+        number * 1_000_000_000,
         status=status,
         ok=status == "ready",
         counters={"pulses_sent": float(number)},

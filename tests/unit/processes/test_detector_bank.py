@@ -151,9 +151,7 @@ def compute_without_end(turn: object) -> None:
             pass
 
 
-def test_many_turns_of_one_search_are_not_taken_for_one_that_hangs(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_many_turns_of_a_search_do_not_count_as_one(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hang_watch, "CHECK_S", 0.002)
     turn = [object()]
     with hang_watch.HangWatch(lambda: turn[0]):
@@ -185,7 +183,7 @@ def test_a_step_of_several_tags_that_fails_makes_none_of_them_guilty(
     assert "search failed" in capsys.readouterr().err
 
 
-def test_a_tag_that_no_detector_takes_costs_the_others_nothing(
+def test_a_tag_that_no_detector_takes_costs_no_other(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     wide = replace(tag(5, CENTER_HZ - 150.0), pulse_width_s=0.7, name="fox")

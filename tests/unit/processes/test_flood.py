@@ -8,9 +8,10 @@ from typing import Any
 
 import made
 import pytest
+from delivered import Delays, numbers
 from until import until_async as until
 
-from uavrt.core.messages import PulsePose, SystemStatus
+from uavrt.core.messages import SystemStatus
 from uavrt.drone.processes.connection_parts.station_limits import (
     ANSWERED_BURST,
     ANSWERED_PER_S,
@@ -76,47 +77,17 @@ def commanded_by(source: str) -> SystemStatus:
     return made.system_status(commander=source)
 
 
-def pulses(events: list[Any]) -> set[float]:
-    return {event.pulse.frequency_hz for event in events if isinstance(event, PulsePose)}
-
-
 FLOOD_S, FIRST_S = 20, 7
 BATCH_S = 0.002
 PULSE_EVERY = 61
 """Batches between two pulses: 8 a second, at no fixed phase of the timers."""
 
 
-class Sight:
-    """Notes when each pulse was sent and seen."""
-
-    def __init__(self, bay: Bay) -> None:
-        self._bay = bay
-        self.sent: dict[float, float] = {}
-        self.seen: dict[float, float] = {}
-
-    def send(self, number: int) -> None:
-        """Let the detector give a pulse."""
-        self.sent[148_710_000.0 + number] = asyncio.get_running_loop().time()
-        self._bay.send_pulse(number)
-
-    def append(self, event: Any) -> None:
-        """Take an event of the ground station."""
-        if isinstance(event, PulsePose):
-            now_s = asyncio.get_running_loop().time()
-            self.seen.setdefault(event.pulse.frequency_hz, now_s)
-
-    def p95_s(self, begin: int, end: int) -> float:
-        """Delay that 95 % of the pulses from one to another number do not exceed."""
-        places = list(self.sent)[begin:end]
-        delays = sorted(self.seen.get(f, float("inf")) - self.sent[f] for f in places)
-        return delays[int(0.95 * len(delays))]
-
-
-async def fly_in_a_flood(bay: Bay, frames: Iterator[bytes] | None) -> Sight:
+async def fly_in_a_flood(bay: Bay, frames: Iterator[bytes] | None) -> Delays:
     """Send pulses for twenty seconds while somebody sends 2000 frames a second."""
-    sight = Sight(bay)
+    delays = Delays(bay)
     async with bay.running(), bay.ground_station() as (ground, _):
-        ground._on_event = sight.append
+        ground._on_event = delays.append
         bay.deliver("system_status", commanded_by("mavlink 254/190"))
         for number in range(8):  # the station shows that it is there, the link what it takes
             bay.send_pulse(1000 + number)
@@ -127,10 +98,10 @@ async def fly_in_a_flood(bay: Bay, frames: Iterator[bytes] | None) -> Sight:
                 for _ in range(4 if frames is not None else 0):
                     stranger.send(next(frames))  # type: ignore[arg-type]
                 if batch % PULSE_EVERY == 0:
-                    sight.send(batch // PULSE_EVERY)
+                    delays.send(batch // PULSE_EVERY)
                 await asyncio.sleep(BATCH_S)
         await asyncio.sleep(1.0)
-    return sight
+    return delays
 
 
 async def test_a_flood_delays_95_percent_of_the_pulses_by_a_tenth_at_most(
@@ -139,10 +110,10 @@ async def test_a_flood_delays_95_percent_of_the_pulses_by_a_tenth_at_most(
     quiet = await fly_in_a_flood(make_bay(), None)
     flooded = await fly_in_a_flood(make_bay(), flood_of_names_and_stores())
     first = round(FIRST_S / BATCH_S) // PULSE_EVERY
-    everything = len(quiet.sent)
+    everything = len(quiet.sent_s)
     for begin, end in ((0, first), (first, everything)):
         assert flooded.p95_s(begin, end) <= 1.1 * quiet.p95_s(begin, end)
-    assert flooded.seen.keys() >= flooded.sent.keys()
+    assert flooded.seen_s.keys() >= flooded.sent_s.keys()
 
 
 async def test_a_flood_is_neither_answered_nor_written_and_pulses_go_on(
@@ -161,7 +132,7 @@ async def test_a_flood_is_neither_answered_nor_written_and_pulses_go_on(
             if number % 400 == 0:
                 bay.send_pulse(number // 400)
         await ground.stop_detection()
-        await until(lambda: len(pulses(events)) == COUNT // 400)
+        await until(lambda: len(numbers(events)) == COUNT // 400)
         stranger.close()
         counters = bay.process._counters()
         assert counters["messages_passed_over"] > COUNT // 4

@@ -1,5 +1,6 @@
 """What the guide plans, and from where."""
 
+import io
 import json
 import zipfile
 from collections.abc import Callable
@@ -90,6 +91,11 @@ class Hub:
         self.guide.receive("motion", request)
         return self.offer()
 
+    def refusal(self, action: Any, **values: Any) -> str:
+        offer = self.ask(action, **values)
+        assert offer.refused
+        return offer.summary
+
     def offer(self) -> MotionOffer:
         """What was planned."""
         self.guide.tick()
@@ -104,12 +110,17 @@ class Hub:
         return self.sent[-1]
 
 
+def ready(**guidance: Any) -> Hub:
+    """A guide that knows its vehicle and that there is no fence."""
+    hub = Hub(guidance=guidance)
+    hub.guide.receive("vehicle", hub.report())
+    hub.guide.receive("vehicle_fence", VehicleFence())
+    return hub
+
+
 @pytest.fixture
 def hub() -> Hub:
-    made = Hub()
-    made.guide.receive("vehicle", made.report())
-    made.guide.receive("vehicle_fence", VehicleFence())
-    return made
+    return ready()
 
 
 def test_an_offer_tells_out_of_which_mode(hub: Hub) -> None:
@@ -148,9 +159,8 @@ def test_nothing_leaves_the_vehicles_own_fence(hub: Hub, action: str) -> None:
 def test_nothing_enters_what_the_vehicles_own_fence_excludes(hub: Hub) -> None:
     pond = replace(meadow(hub, 20.0), places=(hub.flown.place(100.0, 0.0),), radius_m=20.0)
     hub.guide.receive("vehicle_fence", VehicleFence(keep_out=(pond,)))
-    offer = hub.ask("goto", places=(hub.flown.place(200.0, 0.0),), height_m=40.0)
-    assert offer.refused
-    assert 'enters the keep-out "vehicle\'s fence"' in offer.summary
+    offer = hub.refusal("goto", places=(hub.flown.place(200.0, 0.0),), height_m=40.0)
+    assert 'enters the keep-out "vehicle\'s fence"' in offer
 
 
 def test_a_fence_that_cannot_be_read_or_leaves_home_out_is_not_flown_with(hub: Hub) -> None:
@@ -179,9 +189,7 @@ def test_the_height_is_the_one_that_was_offered(hub: Hub) -> None:
     assert manoeuvre.altitude_amsl_m == pytest.approx(470.0)
 
 
-def test_what_cannot_be_flown_any_more_when_it_is_confirmed_ends_with_the_reason(
-    hub: Hub,
-) -> None:
+def test_what_cannot_be_flown_when_it_is_confirmed_ends_with_the_reason(hub: Hub) -> None:
     offer = hub.ask("goto", places=(hub.flown.place(300.0, 0.0),), height_m=40.0)
     request = hub.confirmed(offer, 0.0, battery_percent=30.0)
     assert (request.ends, request.order_id) == (True, offer.order_id)
@@ -217,38 +225,16 @@ def test_a_way_begins_at_the_least_height_or_above(hub: Hub, action: str) -> Non
     places = tuple(hub.flown.place(*one) for one in corners)
     low = hub.report(altitude_amsl_m=438.0, altitude_relative_m=8.0)
     hub.guide.receive("vehicle", low)
-    offer = hub.ask(action, places=places[:1] if action == "goto" else places, height_m=40.0)
-    assert offer.refused
-    assert "the drone is at 8 m" in offer.summary
+    offer = hub.refusal(
+        action, places=places[:1] if action == "goto" else places, height_m=40.0
+    )
+    assert "the drone is at 8 m" in offer
     assert not hub.ask("hold", height_m=30.0).refused
 
 
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [
-        (None, "cannot be read"),
-        ('{"type": "FeatureCollection", "features": []}', "contains no usable keep-out areas"),
-    ],
-)
-def test_while_the_buildings_are_not_known_nothing_is_flown(
-    tmp_path: Path, text: str | None, reason: str
-) -> None:
+def test_the_drones_own_buildings_are_read_for_each_order(tmp_path: Path) -> None:
     farm = tmp_path / "farm.geojson"
-    if text is not None:
-        farm.write_text(text)
-    hub = Hub(guidance={"keep_out_file": str(farm)})
-    hub.guide.receive("vehicle", hub.report())
-    offer = hub.ask("hold")
-    assert offer.refused
-    assert reason in offer.summary
-
-
-def test_the_drones_own_buildings_are_those_of_the_file_when_an_order_is_asked_for(
-    tmp_path: Path,
-) -> None:
-    farm = tmp_path / "farm.geojson"
-    hub = Hub(guidance={"keep_out_file": str(farm)})
-    hub.guide.receive("vehicle", hub.report())
+    hub = ready(keep_out_file=str(farm))
     goal = (hub.flown.place(120.0, 0.0),)
     for north_m, refused in ((60.0, True), (-60.0, False)):
         corners = [hub.flown.place(north_m + a, b) for a, b in ((0, -15), (0, 15), (15, 0))]
@@ -261,69 +247,60 @@ def test_heights_of_the_ground_are_read_from_the_drones_own_files(tmp_path: Path
     heights = np.full((1201, 1201), 430, ">i2")
     heights[1200 - 123 : 1200 - 120, 599:602] = 480  # 200 m north of home
     heights.tofile(tmp_path / "N47E008.hgt")
-    hub = Hub(guidance={"terrain": str(tmp_path)})
-    hub.guide.receive("vehicle", hub.report())
-    over = hub.ask("goto", places=(hub.flown.place(350.0, 0.0),), height_m=40.0)
-    assert over.refused
-    assert "path and return need 70 m above home" in over.summary
+    hub = ready(terrain=str(tmp_path))
+    over = hub.refusal("goto", places=(hub.flown.place(350.0, 0.0),), height_m=40.0)
+    assert "path and return need 70 m above home" in over
     assert not hub.ask("goto", places=(hub.flown.place(-200.0, 0.0),), height_m=40.0).refused
     wrong = hub.report(altitude_amsl_m=520.0)
     hub.guide.receive("vehicle", wrong)
     assert "home's altitude differs by +50 m from the elevation map" in hub.ask("hold").summary
 
 
-def test_without_the_files_of_heights_nothing_is_flown(tmp_path: Path) -> None:
-    hub = Hub(guidance={"terrain": str(tmp_path / "none")})
-    hub.guide.receive("vehicle", hub.report())
-    offer = hub.ask("hold")
-    assert offer.refused
-    assert "there is no" in offer.summary
+FARM = "keep_out_file"
 
 
-SPOILED = [
-    {"keep_out_file": json.dumps({"type": "Polygon", "coordinates": []})},
-    {"keep_out_file": json.dumps({"type": "\ud800", "coordinates": [10**400]})},
-    {"terrain": "encrypted"},
-]
+def encrypted() -> bytes:
+    """A file of heights that needs a password."""
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("N47E008.hgt", bytes(1201 * 1201 * 2))
+    content = bytearray(packed.getvalue())
+    content[6] |= 1
+    content[content.rfind(b"PK\1\2") + 8] |= 1
+    return bytes(content)
 
 
-def spoil(folder: Path, guidance: dict[str, str]) -> dict[str, str]:
-    """Write the files that settings name."""
-    if "terrain" in guidance:
-        tile = folder / "N47E008.hgt.zip"
-        with zipfile.ZipFile(tile, "w", zipfile.ZIP_DEFLATED) as archive:
-            archive.writestr("N47E008.hgt", bytes(1201 * 1201 * 2))
-        content = bytearray(tile.read_bytes())
-        content[6] |= 1
-        content[content.rfind(b"PK\1\2") + 8] |= 1
-        tile.write_bytes(content)
-        return {"terrain": str(tile)}
-    farm = folder / "farm.geojson"
-    farm.write_text(guidance["keep_out_file"])
-    return {"keep_out_file": str(farm)}
-
-
-@pytest.mark.parametrize("guidance", SPOILED)
-def test_a_broken_file_refuses_the_order_with_its_name(
-    tmp_path: Path, guidance: dict[str, str]
+@pytest.mark.parametrize(
+    ("setting", "content", "reason"),
+    [
+        (FARM, None, "cannot be read"),
+        (FARM, b'{"type": "FeatureCollection", "features": []}', "contains no usable keep-out"),
+        (FARM, b'{"type": "Polygon", "coordinates": []}', ""),
+        (FARM, b'{"type": "\\ud800", "coordinates": [1' + b"0" * 400 + b"]}", ""),
+        ("terrain", None, "there is no"),
+        ("terrain", encrypted(), ""),
+    ],
+)
+def test_a_file_that_cannot_be_used_refuses_the_order_with_its_name(
+    tmp_path: Path, setting: str, content: bytes | None, reason: str
 ) -> None:
-    settings = spoil(tmp_path, guidance)
-    hub = Hub(guidance=settings)
-    hub.guide.receive("vehicle", hub.report())
-    offer = hub.ask("hold")
+    path = tmp_path / ("farm.geojson" if setting == FARM else "N47E008.hgt.zip")
+    if content is not None:
+        path.write_bytes(content)
+    offer = ready(**{setting: str(path)}).ask("hold")
     assert offer.refused
-    assert next(iter(settings.values())) in offer.summary
+    assert reason in offer.summary
+    assert str(path) in offer.summary
     offer.summary.encode()
 
 
 def test_what_nobody_foresaw_refuses_the_order(hub: Hub) -> None:
-    offer = hub.ask("goto", places=((10**400, 8.0),), height_m=40.0)
-    assert offer.refused
-    assert "the order cannot be planned: OverflowError" in offer.summary
+    offer = hub.refusal("goto", places=((10**400, 8.0),), height_m=40.0)
+    assert "the order cannot be planned: OverflowError" in offer
     assert not hub.ask("hold").refused
 
 
-def test_an_order_is_flown_on_while_another_is_being_planned(
+def test_an_order_goes_on_while_another_is_planned(
     hub: Hub, clock_of_test: VirtualClock
 ) -> None:
     flown = hub.ask("hold")

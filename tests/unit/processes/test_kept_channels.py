@@ -7,13 +7,12 @@ from typing import Any
 import made
 import numpy as np
 import pytest
-from tests.unit.processes.test_radio_restart import Sink
+from receiving import Frame, receiving
 
 from uavrt.config.loader import parse_settings
-from uavrt.config.settings import RecordingSettings, Settings
+from uavrt.config.settings import RecordingSettings
 from uavrt.core.errors import ConfigError
 from uavrt.core.messages import ChannelBlock
-from uavrt.drone.ipc.tag_assignment import Assignment
 from uavrt.drone.processes.receiver import Receiver
 from uavrt.drone.processes.samples.kept_channels import KeptChannels
 from uavrt_experiments.resources.decimator import BandReceiver
@@ -26,29 +25,14 @@ TAGS = tuple(
 """The first two share a channel."""
 
 
-class Frame:
-    """As much of a process as a receiver needs."""
-
-    def __init__(self, directory: Path, recording: RecordingSettings) -> None:
-        self.told: list[str] = []
-        self.flight = made.flight_info(
-            directory, TAGS, center_frequency_hz=148.73e6, sample_rate_hz=RATE_HZ
-        )
-        self.assignment = Assignment(
-            process="receiver",
-            settings=Settings(recording=recording),
-            clock_offset_ns=0,
-            flight=self.flight,
-            worker_of_tag={tag.tag_id: 0 for tag in TAGS},
-        )
-
-    def notify(self, severity: int, text: str) -> None:
-        """Hear it."""
-        self.told.append(text)
-
-
-def frame(tmp_path: Path, **changes: Any) -> Any:
-    return Frame(tmp_path, replace(RecordingSettings(minimum_free_mb=0.0), **changes))
+def made_receiver(
+    directory: Path, kind: type[Receiver] = Receiver, **changes: Any
+) -> tuple[Receiver, Frame]:
+    flight = made.flight_info(
+        directory, TAGS, center_frequency_hz=148.73e6, sample_rate_hz=RATE_HZ
+    )
+    recording = replace(RecordingSettings(minimum_free_mb=0.0), **changes)
+    return receiving(flight, recording, kind)
 
 
 def receive(receiver: Receiver) -> None:
@@ -64,8 +48,7 @@ def receive(receiver: Receiver) -> None:
 
 
 def test_a_receiver_keeps_each_channel_in_use_once(tmp_path: Path) -> None:
-    near = frame(tmp_path)
-    receiver = Receiver(near, near.flight, [Sink()])
+    receiver, frame = made_receiver(tmp_path)
     receive(receiver)
     kept = sorted((tmp_path / "iq" / "channels").glob("*.sigmf-data"))
     assert [int(path.name.split("_")[1]) for path in kept] == pytest.approx(
@@ -78,15 +61,14 @@ def test_a_receiver_keeps_each_channel_in_use_once(tmp_path: Path) -> None:
     assert counters["kept_samples"] == pytest.approx(2 * 7500 * 6 * 262_144 / RATE_HZ, rel=0.03)
     assert counters["kept_samples_dropped"] == 0
     assert counters["kept_mb"] == pytest.approx(sum(sizes) / 1e6)
-    assert not near.told
+    assert not frame.texts
 
 
 @pytest.mark.parametrize(("kind", "on"), [(Receiver, False), (BandReceiver, True)])
 def test_where_it_is_off_or_left_to_another_are_no_files_and_no_counters(
     tmp_path: Path, kind: type[Receiver], on: bool
 ) -> None:
-    off = frame(tmp_path, channels=on)
-    receiver = kind(off, off.flight, [Sink()])
+    receiver, _ = made_receiver(tmp_path, kind, channels=on)
     receive(receiver)
     assert "kept_samples" not in receiver.counters()
     assert not (tmp_path / "iq").exists()
@@ -104,13 +86,13 @@ def channel_block(number: int) -> ChannelBlock:
 
 
 def test_the_operator_is_told_once_when_samples_are_dropped(tmp_path: Path) -> None:
-    full = frame(tmp_path, minimum_free_mb=1e9)
-    keeping = KeptChannels(full, full.flight)
+    _, frame = made_receiver(tmp_path, minimum_free_mb=1e9)
+    keeping = KeptChannels(frame, frame.flight)  # type: ignore[arg-type]
     keeping.put([channel_block(0)])
     keeping.close()
     for number in range(1, 4):
         keeping.put([channel_block(number)])
-    assert full.told == ["Disk: channel samples dropped. Detection goes on"]
+    assert frame.texts == ["Disk: channel samples dropped. Detection goes on"]
     assert keeping.counters()["kept_samples_dropped"] == 4 * 60_000
 
 

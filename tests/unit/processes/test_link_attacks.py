@@ -16,10 +16,12 @@ from typing import Any
 import made
 import pytest
 from attacked import BATCH_S, CONFIRMER, DRONE, SECRET, Attacker, Guided, key_file, tunnel
+from delivered import Delays
 from serial_line import ADDRESS, BYTE_S, SerialLine
 from some import some
+from until import until_async as until
 
-from uavrt.core.messages import PulsePose, SystemStatus
+from uavrt.core.messages import SystemStatus
 from uavrt.ground.link.motions.motion_requests import (
     confirm,
     motion_request,
@@ -47,12 +49,6 @@ LINK_LOST_S = 5.0
 LONGEST_BYTES = 280
 """Of a MAVLink 2 frame."""
 NORTH, SOUTH = (35.1810, -111.6566), (35.1755, -111.6566)
-
-
-async def until(condition: Callable[[], object], within_s: float = 30.0) -> None:
-    async with asyncio.timeout(within_s):
-        while not condition():  # noqa: ASYNC110 - any condition
-            await asyncio.sleep(0.02)
 
 
 @pytest.fixture(params=["udp", "serial"])
@@ -181,41 +177,19 @@ def test_the_loss_of_the_confirmer_is_noticed_though_others_send_under_its_ids(
     assert max(noticed_s) <= LINK_LOST_S + 0.3
 
 
-class Delays:
-    """Notes when each pulse was sent by the detector and received by the ground station."""
-
-    def __init__(self, drone: Guided) -> None:
-        self._bay = drone.bay
-        self._sent_s: dict[float, float] = {}
-        self._seen_s: dict[float, float] = {}
-
-    def send(self, number: int) -> None:
-        self._sent_s[148_710_000.0 + number] = asyncio.get_running_loop().time()
-        self._bay.send_pulse(number)
-
-    def append(self, event: object) -> None:
-        if isinstance(event, PulsePose):
-            now_s = asyncio.get_running_loop().time()
-            self._seen_s.setdefault(event.pulse.frequency_hz, now_s)
-
-    def p95_s(self) -> float:
-        delays = sorted(self._seen_s.get(f, 1e9) - sent for f, sent in self._sent_s.items())
-        return delays[int(0.95 * len(delays))]
-
-
 def test_pulses_of_a_keyed_drone_are_delayed_by_a_tenth_at_most(
     make_bay: Callable[[], Bay], tmp_path: Path, line: SerialLine | None
 ) -> None:
     async def p95_s(*, attacked: bool) -> float:
         async with flying(make_bay, key_file(tmp_path), line) as (drone, link):
-            delays = Delays(drone)
+            delays = Delays(drone.bay)
             link._on_event = delays.append
             drone.bay.deliver("system_status", commanded_by_the_station())
             async with attack(drone, link, line) if attacked else contextlib.nullcontext():
                 for number in range(8):  # the station shows that it acknowledges
                     drone.bay.send_pulse(1000 + number)
                     await asyncio.sleep(0.125)
-                for number in range(160):
+                for number in range(100):
                     delays.send(number)
                     await asyncio.sleep(0.122)
             await asyncio.sleep(1.0)

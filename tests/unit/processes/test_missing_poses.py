@@ -18,9 +18,7 @@ def pulse(number: int, tag_id: int) -> Pulse:
         max_size=80,
     )
 )
-def test_every_pulse_gets_its_pose_or_is_said_to_wait_in_vain_exactly_once(
-    events: list[tuple[str, int]],
-) -> None:
+def test_every_pulse_gets_its_pose_or_is_given_up_once(events: list[tuple[str, int]]) -> None:
     awaited = AwaitedPoses(TRIAL_TIMEOUT_S)
     now_s = 0.0
     waiting: dict[int, list[tuple[Pulse, float]]] = {1: [], 2: [], 3: []}

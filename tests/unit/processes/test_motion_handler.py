@@ -1,5 +1,6 @@
 """The motion handler at the link: who may move the drone, and when it lets go."""
 
+import json
 import random
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -14,7 +15,6 @@ from virtual_time import follow
 from uavrt.config.settings import GuidanceSettings
 from uavrt.core.messages import (
     Command,
-    CommandReply,
     Course,
     FlyThere,
     KeepOut,
@@ -24,6 +24,7 @@ from uavrt.core.messages import (
     StatusText,
     TakeMode,
     TakeOff,
+    TurnInPlace,
     VehicleFence,
     VehicleReport,
     VehicleRequest,
@@ -98,12 +99,23 @@ class Link:
     def motions(self) -> list[Any]:
         return [m for m in self.commands if m.command != dialect.MavCmd.REQUEST_MESSAGE]
 
+    @property
+    def reports(self) -> list[VehicleReport]:
+        return [one for one in self.records if isinstance(one, VehicleReport)]
+
+    @property
+    def refusal(self) -> str:
+        """Why the last request was refused."""
+        assert self.states[-1].kind == "refused"
+        return self.states[-1].text
+
+    def pass_time(self, seconds: float) -> None:
+        self.flown.time_s += seconds
+        self.flown.boot_s += seconds
+
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds / 0.05)):
-            self.flown.steps += 1
-            self.flown.time_s += 0.05
-            self.flown.boot_s += 0.05
-            self.flown.vehicle.advance(0.05)
+            self.stall(0.05)
             answers, self.answers = self.answers, []
             told = self.flown.through(self.flown.time_s, self.flown.telemetry())
             for message in (*told, *answers):
@@ -117,8 +129,7 @@ class Link:
         """The vehicle lives on; nothing is read."""
         for _ in range(round(seconds / 0.05)):
             self.flown.steps += 1
-            self.flown.time_s += 0.05
-            self.flown.boot_s += 0.05
+            self.pass_time(0.05)
             self.flown.vehicle.advance(0.05)
 
     def say(
@@ -129,19 +140,14 @@ class Link:
 
     def supervisor_answers(self) -> None:
         for command in self.asked:
-            self.handler.orders.reply(
-                CommandReply(
-                    request_id=command.request_id, name=command.name, accepted=True, message=""
-                )
-            )
+            self.handler.orders.reply(made.reply(command))
         self.asked.clear()
 
+    def stop(self, requester: tuple[int, int] = US) -> None:
+        self.say(encode_stop(MotionStop(request_id=3)), requester)
+
     def simulator(self, number: int = SIMULATOR_NUMBER) -> None:
-        values: dict[str, Any] = dict.fromkeys(dialect.AutopilotVersion.__slots__, 0)
-        for name in values:
-            if "custom_version" in name or name == "uid2":
-                values[name] = bytes(18 if name == "uid2" else 8)
-        self.handler.vehicle(dialect.AutopilotVersion(**values | {"uid": number}))
+        self.handler.vehicle(dialect.AutopilotVersion(uid=number, uid2=bytes(18)))
 
     def offered(self, mode: str = "Position", **fields: Any) -> None:
         offer = MotionOffer(
@@ -149,11 +155,10 @@ class Link:
         )
         self.handler.orders.offer(replace(offer, **fields))
 
-    def confirm(self, requester: tuple[int, int] = US, nonce: int = 77) -> MotionState:
-        confirmation = MotionConfirmation(
-            request_id=10, order_id=5, nonce=nonce, sticks_unseen=True
-        )
-        self.say(encode_confirmation(confirmation), requester)
+    def confirm(
+        self, requester: tuple[int, int] = US, nonce: int = 77, order_id: int = 5
+    ) -> MotionState:
+        self.say(confirmation(nonce, order_id), requester)
         return self.states[-1]
 
     def fly(self, north_m: float = 0.0) -> None:
@@ -166,6 +171,12 @@ class Link:
                 ),
             )
         )
+
+
+def confirmation(nonce: int = 77, order_id: int = 5) -> bytes:
+    return encode_confirmation(
+        MotionConfirmation(request_id=10, order_id=order_id, nonce=nonce, sticks_unseen=True)
+    )
 
 
 def started(
@@ -189,8 +200,7 @@ def request(number: int = 9) -> bytes:
 
 def test_an_unsealed_order_moves_the_simulator_alone(link: Link) -> None:
     link.say(request(), sealed=False)
-    assert link.states[-1].kind == "refused"
-    assert "sealed" in link.states[-1].text
+    assert "sealed" in link.refusal
     assert not any(isinstance(one, MotionRequest) for one in link.records)
     link.simulator()
     link.say(request(10), sealed=False)
@@ -218,11 +228,7 @@ def test_an_order_that_is_repeated_on_the_way_is_offered_once(link: Link) -> Non
 def test_it_is_flown_when_confirmed_by_who_asked(link: Link) -> None:
     link.offered()
     assert link.confirm(OTHERS).kind == "refused"
-    link.handler.orders.offer(
-        MotionOffer(
-            request_id=9, requester=US, order_id=5, nonce=78, summary="hold", mode="Position"
-        )
-    )
+    link.offered(nonce=78)
     assert link.confirm(nonce=78).standing == "confirmed"
     assert not link.motions
     link.run(0.6)
@@ -236,7 +242,7 @@ def test_it_is_flown_when_confirmed_by_who_asked(link: Link) -> None:
 
 def test_a_stop_makes_it_stand_and_then_nothing_is_commanded(link: Link) -> None:
     begin(link)
-    link.say(encode_stop(MotionStop(request_id=3)), OTHERS)
+    link.stop(OTHERS)
     assert link.states[-1].standing == "out"
     sent = len(link.motions)
     assert link.motions[-1].param2 == 0.0
@@ -249,7 +255,7 @@ def test_a_stop_makes_it_stand_and_then_nothing_is_commanded(link: Link) -> None
 def test_a_stop_in_the_moment_of_a_command_makes_it_stand_all_the_same(link: Link) -> None:
     begin(link)
     link.fly(200.0)
-    link.say(encode_stop(MotionStop(request_id=3)))
+    link.stop()
     link.fly(100.0)
     link.run(1.0)
     assert link.states[-1].standing == "out"
@@ -264,11 +270,9 @@ def test_a_stop_between_two_orders_stops_what_the_first_one_flies(link: Link) ->
     link.fly(200.0)
     link.run(2.0)
     link.offered("Hold", request_id=11, order_id=6, nonce=78)
-    confirmation = MotionConfirmation(request_id=12, order_id=6, nonce=78, sticks_unseen=True)
-    link.say(encode_confirmation(confirmation))
-    assert link.states[-1].text == "confirmed"
+    assert link.confirm(nonce=78, order_id=6).text == "confirmed"
     sent = len(link.motions)
-    link.say(encode_stop(MotionStop(request_id=13)))
+    link.stop()
     link.run(1.0)
     assert len(link.motions) == sent + 1
     assert link.states[-1].standing == "out"
@@ -279,27 +283,20 @@ def test_a_stop_between_two_orders_stops_what_the_first_one_flies(link: Link) ->
 
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 @pytest.mark.parametrize("phase", range(10))
-def test_a_stop_between_two_orders_never_takes_the_drone_out_of_a_return(
-    flavour: Flavour, phase: int
-) -> None:
+def test_a_stop_between_two_orders_leaves_a_return_alone(flavour: Flavour, phase: int) -> None:
     """The pilot's return has begun, and is not told yet."""
     link = started(Flown(flavour))
     link.run(0.05 * phase)
     own = link.flown.authority.behaviour.mode_name(MODES[flavour]["hold"])
     begin(link, north_m=200.0)
     link.handler.handle_request(VehicleRequest(order_id=5))
-    link.handler.orders.offer(
-        MotionOffer(request_id=11, requester=US, order_id=6, nonce=78, summary="hold", mode=own)
-    )
-    confirmation = MotionConfirmation(request_id=12, order_id=6, nonce=78, sticks_unseen=True)
-    link.say(encode_confirmation(confirmation))
-    assert link.states[-1].text == "confirmed"
+    link.offered(own, request_id=11, order_id=6, nonce=78)
+    assert link.confirm(nonce=78, order_id=6).text == "confirmed"
     link.run(0.05)
     link.flown.vehicle.set_mode(MODES[flavour]["return"])
-    link.flown.time_s += 0.05
-    link.flown.boot_s += 0.05
+    link.pass_time(0.05)
     sent = len(link.motions)
-    link.say(encode_stop(MotionStop(request_id=13)))
+    link.stop()
     link.run(3.0)
     assert link.states[-1].standing == "out"
     assert not any(m.param2 for m in link.motions[sent:])
@@ -307,20 +304,18 @@ def test_a_stop_between_two_orders_never_takes_the_drone_out_of_a_return(
 
 
 @pytest.mark.parametrize("first", ["the stop", "a turn of the process"])
-def test_a_stop_after_a_stall_waits_for_what_the_pilot_did_meanwhile(
-    link: Link, first: str
-) -> None:
+def test_a_stop_after_a_stall_waits_for_what_the_pilot_did(link: Link, first: str) -> None:
     begin(link, north_m=200.0)
     if first == "a turn of the process":  # the stop waits for a command to be obeyed
         link.fly(210.0)
-        link.say(encode_stop(MotionStop(request_id=3)))
+        link.stop()
     sent = len(link.motions)
     link.stall(0.2)
     link.flown.go_to(-100.0, -100.0)
     link.stall(0.2)
     pilots = link.flown.vehicle.target
     if first == "the stop":
-        link.say(encode_stop(MotionStop(request_id=3)), OTHERS)
+        link.stop(OTHERS)
     else:
         link.handler.tick(link.silent_s)
     assert len(link.motions) == sent
@@ -334,7 +329,7 @@ def test_a_stop_that_cannot_be_commanded_says_that_it_flies_on(link: Link) -> No
     begin(link, north_m=200.0)
     link.flown.through = Rough(random.Random(1), late_s=0.3)
     link.run(0.4)
-    link.say(encode_stop(MotionStop(request_id=3)))
+    link.stop()
     link.run(1.0)
     assert link.states[-1].standing == "in command"
     link.run(0.6)
@@ -343,12 +338,10 @@ def test_a_stop_that_cannot_be_commanded_says_that_it_flies_on(link: Link) -> No
 
 
 @pytest.mark.parametrize("busy_s", [0.5, 3.0])
-def test_a_stop_while_the_port_is_busy_is_none_before_it_has_left(
-    link: Link, busy_s: float
-) -> None:
+def test_a_stop_at_a_busy_port_is_none_before_it_has_left(link: Link, busy_s: float) -> None:
     begin(link, north_m=200.0)
     link.leaves = False
-    link.say(encode_stop(MotionStop(request_id=3)))
+    link.stop()
     assert link.states[-1].standing == "in command"
     link.run(busy_s)
     link.leaves = True
@@ -375,8 +368,7 @@ def test_a_wish_while_the_port_is_busy_is_refused_and_moves_nothing_later(link: 
 
 def test_the_silence_of_who_confirmed_counts_whoever_else_is_heard(link: Link) -> None:
     def told() -> float:
-        reports = [one for one in link.records if isinstance(one, VehicleReport)]
-        return float(some(reports[-1].seen).ground_silent_s)
+        return float(some(link.reports[-1].seen).ground_silent_s)
 
     link.silent_s = {US: 40.0, OTHERS: 0.5}
     link.run(0.2)
@@ -407,14 +399,12 @@ def test_no_order_is_flown_over_tcp_to_another_computer() -> None:
     """What TCP repeats arrives when a pilot may have taken over."""
     link = started(Flown("px4"), "tcp://192.168.1.7:5760")
     link.say(request())
-    assert link.states[-1].kind == "refused"
-    assert link.states[-1].text.startswith("not flown over TCP")
+    assert link.refusal.startswith("not flown over TCP")
     assert link.states[-1].text.endswith("UDP"), "the operator reads the whole sentence"
-    reports = [one for one in link.records if isinstance(one, VehicleReport)]
-    assert "a serial port or UDP" in str(reports[-1].fault)
+    assert "a serial port or UDP" in str(link.reports[-1].fault)
     link.offered()
     assert link.confirm().kind == "refused"
-    link.say(encode_stop(MotionStop(request_id=3)))
+    link.stop()
     assert [one.kind for one in link.states[-2:]] == ["refused", "state"]
     near = started(Flown("px4"), "tcp://127.0.0.1:5760")
     begin(near)
@@ -471,8 +461,7 @@ def test_a_pilots_mode_is_told_to_guide_and_ground_at_once(link: Link) -> None:
     link.flown.vehicle.set_mode(3 << 16)
     link.run(0.55)
     assert (link.states[-1].standing, link.states[-1].text) == ("out", "the mode is Position")
-    reports = [one for one in link.records if isinstance(one, VehicleReport)]
-    assert reports[-1].order_id is None
+    assert link.reports[-1].order_id is None
 
 
 def test_another_autopilot_ends_the_order(link: Link) -> None:
@@ -503,14 +492,9 @@ def test_what_arrived_long_ago_is_no_position_of_now(link: Link) -> None:
     assert len(link.motions) == 1
 
 
-CONFIRMED = encode_confirmation(
-    MotionConfirmation(request_id=10, order_id=5, nonce=77, sticks_unseen=True)
-)
-
-
 def test_a_stop_overtakes_a_confirmation_that_waits_for_the_supervisor(link: Link) -> None:
     link.offered()
-    link.handler.orders.receive(CONFIRMED, US, None, sealed=True)
+    link.handler.orders.receive(confirmation(), US, None, sealed=True)
     link.handler.orders.receive(
         encode_stop(MotionStop(request_id=3)), OTHERS, None, sealed=True
     )
@@ -523,18 +507,16 @@ def test_a_stop_overtakes_a_confirmation_that_waits_for_the_supervisor(link: Lin
 
 def test_a_confirmation_that_the_supervisor_kept_for_long_is_none(link: Link) -> None:
     link.offered()
-    link.handler.orders.receive(CONFIRMED, US, None, sealed=True)
+    link.handler.orders.receive(confirmation(), US, None, sealed=True)
     link.run(3.0)
     link.supervisor_answers()
-    assert link.states[-1].kind == "refused"
-    assert "delayed by 3 s" in link.states[-1].text
+    assert "delayed by 3 s" in link.refusal
 
 
 def test_a_reply_to_another_command_of_that_number_is_no_leave_to_fly(link: Link) -> None:
     link.offered()
-    link.handler.orders.receive(CONFIRMED, US, None, sealed=True)
-    number = link.asked[-1].request_id
-    other = CommandReply(request_id=number, name="stop_detection", accepted=True, message="")
+    link.handler.orders.receive(confirmation(), US, None, sealed=True)
+    other = replace(made.reply(link.asked[-1]), name="stop_detection")
     link.handler.orders.reply(other)
     assert all(one.standing == "out" for one in link.states)
     link.supervisor_answers()
@@ -545,8 +527,7 @@ def test_an_offer_out_of_a_mode_that_has_changed_meanwhile_is_not_made(link: Lin
     link.flown.vehicle.set_mode(4 << 16 | 5 << 24)
     link.run(1.0)
     link.offered("Position")
-    assert link.states[-1].kind == "refused"
-    assert "the flight mode has changed to Return" in link.states[-1].text
+    assert "the flight mode has changed to Return" in link.refusal
 
 
 def test_states_tell_of_which_order_they_are(link: Link) -> None:
@@ -554,7 +535,7 @@ def test_states_tell_of_which_order_they_are(link: Link) -> None:
     assert link.states[-1].order_id == 0
     begin(link)
     assert link.states[-1].order_id == 5
-    link.say(encode_stop(MotionStop(request_id=3)))
+    link.stop()
     link.run(1.1)
     assert (link.states[-1].standing, link.states[-1].order_id) == ("out", 5)
 
@@ -567,7 +548,7 @@ def test_a_stop_makes_it_stand_at_a_height_where_nothing_else_is_commanded(
     link.run(0.5)
     begin(link, north_m=300.0)
     link.flown.vehicle.body.height_m = height_m
-    link.say(encode_stop(MotionStop(request_id=3)))
+    link.stop()
     assert len(link.motions) == 2
     assert link.motions[-1].z == pytest.approx(430.0 + stands_at_m, abs=0.6)
     link.run(20.0)
@@ -580,8 +561,7 @@ def test_a_vehicle_that_is_no_multirotor_is_not_flown(link: Link, kind: int) -> 
     link.run(1.5)
     link.offered()
     assert link.states[-1].kind == "refused"
-    reports = [one for one in link.records if isinstance(one, VehicleReport)]
-    assert "multirotor" in str(reports[-1].fault)
+    assert "multirotor" in str(link.reports[-1].fault)
 
 
 def test_an_autopilot_that_turns_out_to_be_another_is_told(link: Link) -> None:
@@ -615,12 +595,9 @@ def test_the_simulator_is_asked_again_who_it_is_and_a_real_one_is_not(link: Link
 
 
 @pytest.mark.parametrize("first", ["the request", "a sign of life"])
-def test_a_wish_read_after_a_pause_waits_for_what_the_autopilot_said_meanwhile(
-    link: Link, first: str
-) -> None:
+def test_a_wish_after_a_pause_waits_for_the_autopilots_messages(link: Link, first: str) -> None:
     begin(link)
-    link.flown.time_s += 0.4
-    link.flown.boot_s += 0.4
+    link.pass_time(0.4)
     if first == "a sign of life":
         link.handler.handle_request(VehicleRequest(order_id=5))
     link.fly(100.0)
@@ -631,12 +608,10 @@ def test_a_wish_read_after_a_pause_waits_for_what_the_autopilot_said_meanwhile(
 
 
 def test_what_the_battery_told_long_ago_is_not_told_to_the_guide(link: Link) -> None:
-    reports = [one for one in link.records if isinstance(one, VehicleReport)]
-    assert some(reports[-1].seen).battery_percent is not None
+    assert some(link.reports[-1].seen).battery_percent is not None
     link.flown.status_told = False
     link.run(11.0)
-    reports = [one for one in link.records if isinstance(one, VehicleReport)]
-    assert some(reports[-1].seen).battery_percent is None
+    assert some(link.reports[-1].seen).battery_percent is None
 
 
 def begin(link: Link, north_m: float = 60.0) -> None:
@@ -654,24 +629,23 @@ def begin(link: Link, north_m: float = 60.0) -> None:
     link.alive()
 
 
+CLIMB = VehicleRequest(order_id=5, manoeuvre=TakeOff(height_m=30.0, altitude_amsl_m=460.0))
+
+
 def test_a_take_off_is_one_command_and_a_stop_after_it_is_silent() -> None:
-    link = Link(flown=Flown("px4", on_ground=True))
-    link.run(1.5)
-    report = [one for one in link.records if isinstance(one, VehicleReport)][-1]
+    link = started(Flown("px4", on_ground=True))
+    report = link.reports[-1]
     assert report.takeoff_fault is None
     assert "on the ground" in some(report.fault)
     link.offered("Position", summary="take off", takeoff=True)
     assert link.confirm().standing == "confirmed"
-    request = VehicleRequest(
-        order_id=5, manoeuvre=TakeOff(height_m=30.0, altitude_amsl_m=460.0)
-    )
     for _ in range(20):  # until the mode was told just now
         if not link.motions:
             link.run(0.05)
-            link.handler.handle_request(request)
+            link.handler.handle_request(CLIMB)
     assert [one.command for one in link.motions] == [dialect.MavCmd.NAV_TAKEOFF]
     link.run(1.0)
-    link.say(encode_stop(MotionStop(request_id=12)))
+    link.stop()
     before, after = link.states[-3], link.states[-1]
     assert (before.standing, after.standing) == ("in command", "out")
     assert after.text == "stopped by the operator: it continues to climb to its height"
@@ -680,27 +654,19 @@ def test_a_take_off_is_one_command_and_a_stop_after_it_is_silent() -> None:
 
 def test_a_stop_before_the_take_off_itself_leaves_the_drone_on_the_ground() -> None:
     """ArduPilot was given its mode, and not told to climb yet."""
-    link = Link(flown=Flown("ardupilot", on_ground=True))
-    link.run(1.5)
+    link = started(Flown("ardupilot", on_ground=True))
     link.offered("Loiter", summary="take off", takeoff=True)
     assert link.confirm().standing == "confirmed"
     link.handler.handle_request(VehicleRequest(order_id=5, manoeuvre=TakeMode()))
     assert [one.command for one in link.motions] == [dialect.MavCmd.DO_SET_MODE]
     link.run(0.5)
-    link.say(encode_stop(MotionStop(request_id=12)))
+    link.stop()
     assert link.states[-1].standing == "out"
     assert link.states[-1].text == "stopped by the operator"
-    request = VehicleRequest(
-        order_id=5, manoeuvre=TakeOff(height_m=30.0, altitude_amsl_m=460.0)
-    )
-    link.handler.handle_request(request)
+    link.handler.handle_request(CLIMB)
     link.run(3.0)
     assert len(link.motions) == 1
     assert link.flown.vehicle.ground.landed
-
-
-def fences(link: Link) -> list[VehicleFence]:
-    return [one for one in link.records if isinstance(one, VehicleFence)]
 
 
 MEADOW = VehicleFence(
@@ -710,20 +676,18 @@ MEADOW = VehicleFence(
 )
 
 
-def test_a_fence_that_cannot_be_read_is_told_with_the_reason() -> None:
+@pytest.mark.parametrize(
+    ("items", "fault"), [(3, ""), (2, "a corner of the vehicle's fence is missing")]
+)
+def test_a_fence_is_told_as_read_and_to_a_restarted_guide(items: int, fault: str) -> None:
     link = Link()
-    link.missions.held[1] = made.mission_items(made.fence_items(MEADOW), 1)[:2]
+    link.missions.held[1] = made.mission_items(made.fence_items(MEADOW), 1)[:items]
     link.run(3.0)
-    (fence,) = fences(link)
-    assert "a corner of the vehicle's fence is missing" in some(fence.fault)
-
-
-def test_a_guide_that_was_restarted_is_told_the_fence_at_once() -> None:
-    link = Link()
-    link.missions.held[1] = made.mission_items(made.fence_items(MEADOW), 1)
-    link.run(3.0)
+    (fence,) = (one for one in link.records if isinstance(one, VehicleFence))
+    assert (fence == MEADOW) is (fault == "")
+    assert fault in (fence.fault or "")
     link.handler.handle_request(VehicleRequest(order_id=None, ends=True))
-    assert fences(link) == [MEADOW, MEADOW]
+    assert link.records[-1] == fence
 
 
 ELSEWHERE = Neighbour(
@@ -756,19 +720,48 @@ def test_what_is_told_of_another_drone_commands_nothing() -> None:
 def test_words_on_others_that_are_not_to_be_trusted_are_counted_and_dropped() -> None:
     link = Link()
     link.run(2.0)
-    payload = encode_neighbour(ELSEWHERE)
-    own = encode_neighbour(replace(ELSEWHERE, vehicle=1))
-    link.handler.neighbours.receive(payload, US, None, sealed=False)
-    link.handler.neighbours.receive(payload, US, "may not command", sealed=True)
-    link.handler.neighbours.receive(payload[:-1], US, None, sealed=True)
-    link.handler.neighbours.receive(own, US, None, sealed=True)
+    payload, receive = encode_neighbour(ELSEWHERE), link.handler.neighbours.receive
+    receive(payload, US, None, sealed=False)
+    receive(payload, US, "may not command", sealed=True)
+    receive(payload[:-1], US, None, sealed=True)
+    receive(encode_neighbour(replace(ELSEWHERE, vehicle=1)), US, None, sealed=True)
     assert link.handler.counters()["neighbours_refused"] == 4
-    link.handler.neighbours.receive(payload, US, None, sealed=True)
-    link.handler.neighbours.receive(
-        payload, OTHERS, None, sealed=True
-    )  # two would give the same way
+    receive(payload, US, None, sealed=True)
+    receive(payload, OTHERS, None, sealed=True)  # two would give the same way
     assert link.handler.counters()["neighbours_refused"] == 5
     assert len([one for one in link.records if isinstance(one, Neighbour)]) == 1
     link.simulator()
-    link.handler.neighbours.receive(payload, US, None, sealed=False)
+    receive(payload, US, None, sealed=False)
     assert link.handler.counters()["neighbours_refused"] == 5
+
+
+def logged(capsys: pytest.CaptureFixture[str], event: str) -> list[float | None]:
+    lines = [json.loads(line) for line in capsys.readouterr().err.splitlines()]
+    return [line["nearest_m"] for line in lines if line["event"] == event]
+
+
+def test_the_log_says_how_near_each_leg_came(capsys: pytest.CaptureFixture[str]) -> None:
+    link = started(Flown("ardupilot"))
+    begin(link, 30.0)
+    for _ in range(15):
+        link.run(1.0)
+        link.alive()
+    turn = VehicleRequest(order_id=5, manoeuvre=TurnInPlace(turn_deg=90.0, rate_deg_s=20.0))
+    link.handler.handle_request(turn)
+    link.run(1.0)
+    first, after_leg = logged(capsys, "command sent")
+    assert first is None, "no leg before the first command"
+    assert after_leg is not None
+    assert after_leg < 0.7
+
+
+def test_an_order_that_ends_says_how_far_it_was(capsys: pytest.CaptureFixture[str]) -> None:
+    link = started(Flown("px4"))
+    begin(link, 60.0)
+    left_m = 60.0 - link.flown.vehicle.body.north_m
+    link.flown.vehicle.set_mode(3 << 16)
+    link.run(1.0)
+    assert link.states[-1].standing == "out"
+    ended = logged(capsys, "state of motion control changed")[-1]
+    assert ended is not None
+    assert left_m - 5.0 < ended < left_m + 1.0

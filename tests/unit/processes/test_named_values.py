@@ -74,9 +74,7 @@ def test_a_tag_is_told_once_a_second_with_its_newest_pulse_and_only_when_heard()
 
 
 @given(st.booleans(), st.booleans())
-def test_nothing_leaves_while_a_pulse_waits_or_nobody_needs_it(
-    wanted: bool, pulses_wait: bool
-) -> None:
+def test_nothing_leaves_unneeded_or_before_a_pulse(wanted: bool, pulses_wait: bool) -> None:
     source = Source()
     source.wanted, source.pulses_wait = wanted, pulses_wait
     source.hear(0, 2)

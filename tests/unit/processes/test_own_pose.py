@@ -205,7 +205,7 @@ async def test_a_receiver_that_falls_silent_is_named_and_pulses_go_on_without_a_
         (PoseSettings(source="gpsd", address="nonsense"), "not HOST:PORT"),
     ],
 )
-def test_a_source_that_lacks_something_is_refused_with_the_remedy(
+def test_an_incomplete_source_is_refused_with_the_remedy(
     pose: PoseSettings, words: str
 ) -> None:
     with pytest.raises(ConfigError, match=words) as caught:

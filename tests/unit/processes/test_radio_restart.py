@@ -3,32 +3,20 @@
 A disk that fills up is reported each time.
 """
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import made
 import numpy as np
 import pytest
+from receiving import Frame, receiving
 
+from uavrt.config.settings import RecordingSettings
 from uavrt.core.messages import IQBlock
 from uavrt.drone.processes.receiver import Receiver
 
 RATE_HZ = 3e6
 SIZE = 65_536
-TAG = made.tag()
-
-
-class Sink:
-    """A detector that takes everything."""
-
-    samples_dropped = 0
-
-    def send(self, block: object) -> None:
-        """Take it."""
-
-    def flush(self) -> None:
-        """Nothing waits."""
 
 
 def block_at(time_ns: int, lost: int = 0) -> IQBlock:
@@ -37,39 +25,14 @@ def block_at(time_ns: int, lost: int = 0) -> IQBlock:
     )
 
 
-def make_receiver(directory: Path) -> Receiver:
-    from uavrt.config.settings import RecordingSettings, Settings
-    from uavrt.drone.ipc.tag_assignment import Assignment
-
-    flight = made.flight_info(directory, (TAG,), sample_rate_hz=RATE_HZ)
-    assignment = Assignment(
-        process="receiver",
-        settings=Settings(recording=RecordingSettings(directory=str(directory))),
-        clock_offset_ns=0,
-        flight=flight,
-    )
-    assignment = replace(assignment, worker_of_tag={2: 0})
-
-    class Frame:
-        """As much of a process as a receiver needs."""
-
-        def __init__(self) -> None:
-            self.texts: list[str] = []
-
-        def notify(self, severity: int, text: str) -> None:
-            if "recorded" in text:
-                self.texts.append(text)
-
-    frame: Any = Frame()
-    frame.assignment = assignment
-    return Receiver(frame, flight, [Sink()])
+def make_receiver(directory: Path) -> tuple[Receiver, Frame]:
+    flight = made.flight_info(directory, (made.tag(),), sample_rate_hz=RATE_HZ)
+    return receiving(flight, RecordingSettings(directory=str(directory)))
 
 
 @pytest.mark.parametrize("failed", [True, False])
-def test_what_was_missed_while_the_radio_was_opened_again_is_lost(
-    tmp_path: Path, failed: bool
-) -> None:
-    receiver = make_receiver(tmp_path)
+def test_what_a_radio_missed_as_it_was_opened_is_lost(tmp_path: Path, failed: bool) -> None:
+    receiver, _ = make_receiver(tmp_path)
     start_ns = 10**18
     receiver.process(block_at(start_ns, lost=7))
     assert receiver.samples_lost == 7, "nothing before the first block"
@@ -94,15 +57,16 @@ class Disk:
             self.written_samples += len(block.samples)
 
 
-def test_a_disk_that_is_full_again_is_reported_again_and_a_flickering_one_once(
-    tmp_path: Path,
-) -> None:
-    receiver = make_receiver(tmp_path)
+def test_a_disk_full_again_is_reported_again_and_a_flickering_one_once(tmp_path: Path) -> None:
+    receiver, frame = make_receiver(tmp_path)
     disk: Any = Disk()
     receiver._recorder = disk
     start_ns = 10**18
-    frame: Any = receiver._frame
-    said, texts = [], frame.texts
+    said: list[int] = []
+
+    def texts() -> list[str]:
+        return [text for text in frame.texts if "recorded" in text]
+
     for trouble, seconds in (
         (None, 3.0),
         *[("the disk is nearly full", 0.1), (None, 0.1)] * 5,
@@ -113,8 +77,8 @@ def test_a_disk_that_is_full_again_is_reported_again_and_a_flickering_one_once(
         for _ in range(round(seconds * RATE_HZ / SIZE)):
             receiver.process(block_at(start_ns))
             start_ns += round(SIZE * 1e9 / RATE_HZ)
-        said.append(len(texts))
-    assert said == [0] + [1] * 11 + [2], texts
-    first, second = texts
+        said.append(len(texts()))
+    assert said == [0] + [1] * 11 + [2], texts()
+    first, second = texts()
     assert first == "Band no longer recorded: the disk is nearly full. 3 s are kept"
     assert second == "Band no longer recorded: the disk is nearly full. 16 s are kept"

@@ -8,13 +8,13 @@ from typing import Any
 import made
 import numpy as np
 from numpy.typing import NDArray
+from receiving import Frame
 
 from uavrt.config.ghost_places import Receiver as GhostPlaces
-from uavrt.config.settings import DetectionSettings, RecordingSettings, Settings
+from uavrt.config.settings import DetectionSettings, RecordingSettings
 from uavrt.core.messages import Pulse, Tag
 from uavrt.drone.ipc.sample_datagrams import ChannelReceiver, ChannelSender
 from uavrt.drone.ipc.sample_sockets import make_sample_sockets
-from uavrt.drone.ipc.tag_assignment import Assignment
 from uavrt.drone.processes.detector import DetectorBank
 from uavrt.drone.processes.receiver import Receiver
 from uavrt.drone.supervisor.mission.flight_opening import share_tags
@@ -64,27 +64,8 @@ def flown(
         sample_rate_hz=RATE_HZ,
     )
 
-    class Frame:
-        """As much of a process as a receiver needs."""
-
-        assignment = Assignment(
-            process="receiver",
-            settings=Settings(recording=RecordingSettings(directory=str(directory))),
-            clock_offset_ns=0,
-            flight=flight,
-            worker_of_tag={
-                tag.tag_id: worker for worker, share in enumerate(shares) for tag in share
-            },
-        )
-
-        def notify(self, severity: int, text: str) -> None:
-            """Nobody listens."""
-
-        def send(self, topic: str, record: object) -> None:
-            """Take what beeps."""
-            assert topic == "beep", record
-
-    frame: Any = Frame()
+    workers = {tag.tag_id: number for number, share in enumerate(shares) for tag in share}
+    frame: Any = Frame(flight, RecordingSettings(directory=str(directory)), workers)
     roads = [make_sample_sockets() for _ in shares]
     receiver = Receiver(frame, flight, [ChannelSender(ours) for ours, _ in roads])
     ends = [ChannelReceiver(theirs) for _, theirs in roads]

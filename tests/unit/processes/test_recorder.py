@@ -1,6 +1,7 @@
 """The recorder in this program, with the test in the supervisor's place."""
 
 import gc
+import shutil
 import socket
 from collections.abc import Iterator
 from dataclasses import replace
@@ -18,7 +19,6 @@ from uavrt.core.messages import (
     Command,
     CommandReply,
     Delivered,
-    Health,
     Pose,
     Poses,
     Pulse,
@@ -31,6 +31,7 @@ from uavrt.drone.ipc.process import ProcessFrame
 from uavrt.drone.ipc.record_link import LineBuffer, RecordSocket
 from uavrt.drone.ipc.tag_assignment import Assignment
 from uavrt.drone.ipc.topics import decode_record, encode_record
+from uavrt.drone.processes import recorder
 from uavrt.drone.processes.recorder import MOST_COMMANDS, POSE_TIMEOUT_S, Recorder
 from uavrt.drone.processes.recording.commit_times import PULSES_S
 from uavrt.drone.supervisor.tree.waiting_records import Outbox
@@ -112,6 +113,11 @@ class Drone:
         self.outbox.put(encode_record(topic, record))
         self.outbox.write_to(self._socks[0])
 
+    def find(self, one: Pulse) -> None:
+        """Give it a pulse, and the pulse with its pose."""
+        self.send("pulse", one)
+        self.send("pulse_pose", posed(one))
+
     def turn(self, after_s: float = 0.0) -> None:
         """Let the recorder work, `after_s` later."""
         self.clock.now_s += after_s
@@ -163,19 +169,22 @@ class Drone:
 
 
 @pytest.fixture
-def drone(tmp_path: Path, clock_of_test: VirtualClock) -> Iterator[Drone]:
-    flying = Drone(tmp_path, clock_of_test)
-    yield flying
-    flying.kill()
+def landed(tmp_path: Path, clock_of_test: VirtualClock) -> Iterator[Drone]:
+    waiting = Drone(tmp_path, clock_of_test)
+    yield waiting
+    waiting.kill()
 
 
-def test_a_pulse_is_said_to_be_recorded_when_a_power_cut_cannot_take_it_and_within_3_s(
-    drone: Drone,
-) -> None:
-    drone.fly()
+@pytest.fixture
+def drone(landed: Drone) -> Drone:
+    """In flight."""
+    landed.fly()
+    return landed
+
+
+def test_a_pulse_is_told_as_recorded_once_on_the_disk_within_3_s(drone: Drone) -> None:
     one = pulse(5.0)
-    drone.send("pulse", one)
-    drone.send("pulse_pose", posed(one))
+    drone.find(one)
     drone.turn(0.1)
     drone.turn(PULSES_S - 0.2)
     assert drone.heard("recorded") == []
@@ -188,27 +197,21 @@ def test_a_pulse_is_said_to_be_recorded_when_a_power_cut_cannot_take_it_and_with
 
 
 def test_commits_for_pulses_are_3_s_apart_however_many_come(drone: Drone) -> None:
-    drone.fly()
     flight = some(drone.recorder._flight)
     before = flight.database.syncs
     for step in range(300):
         one = pulse(step * 0.1)
-        drone.send("pulse", one)
-        drone.send("pulse_pose", posed(one))
+        drone.find(one)
         drone.turn(0.1)
     assert 9 <= flight.database.syncs - before <= 11
     assert sum(len(told.pulses) for told in drone.heard("recorded")) >= 270
 
 
-def test_what_a_killed_recorder_had_not_committed_its_successor_gets_again(
-    drone: Drone,
-) -> None:
-    drone.fly()
+def test_what_a_killed_recorder_did_not_commit_its_successor_gets(drone: Drone) -> None:
     pulses = [pulse(0.5 * number) for number in range(40)]
     for number, one in enumerate(pulses):
         drone.send("poses", poses(0.5 * number, 0.5 * number + 0.45))
-        drone.send("pulse", one)
-        drone.send("pulse_pose", posed(one))
+        drone.find(one)
         drone.send("delivered", Delivered(time_ns=1, store=7, pulses=((2, one.start_time_ns),)))
         drone.send("status_text", StatusText(severity=6, text=str(number)))
         if number % 3:
@@ -226,13 +229,9 @@ def test_what_a_killed_recorder_had_not_committed_its_successor_gets_again(
     assert sql(drone.info.directory, "SELECT count(*) FROM deliveries") == [(40,)]
 
 
-def test_what_was_sent_to_a_recorder_whose_supervisor_is_killed_reaches_the_disk(
-    drone: Drone,
-) -> None:
-    drone.fly()
+def test_what_a_killed_supervisor_had_sent_reaches_the_disk(drone: Drone) -> None:
     one, other = pulse(1.0), pulse(2.0)
-    drone.send("pulse", one)
-    drone.send("pulse_pose", posed(one))
+    drone.find(one)
     drone.turn(0.1)
     drone.send("pulse", other)  # unread when the supervisor ends
     drone._socks[0].close()
@@ -242,7 +241,6 @@ def test_what_was_sent_to_a_recorder_whose_supervisor_is_killed_reaches_the_disk
 
 
 def test_a_pulse_whose_pose_never_comes_gets_one_from_the_recorded_poses(drone: Drone) -> None:
-    drone.fly()
     one = pulse(2.03)
     drone.send("pulse", one)
     for second in range(5):
@@ -266,10 +264,7 @@ def test_a_pulse_whose_pose_never_comes_gets_one_from_the_recorded_poses(drone: 
     assert drone.recorder._counters()["poses_made_up"] == 1
 
 
-def test_a_pulse_without_any_pose_is_recorded_with_empty_fields_passed_on_and_told(
-    drone: Drone,
-) -> None:
-    drone.fly()
+def test_a_pulse_without_any_pose_is_recorded_passed_on_and_told(drone: Drone) -> None:
     drone.send("poses", poses(0.0, 1.0))
     one = pulse(9.0)  # the vehicle was last heard of 8 s before
     drone.send("pulse", one)
@@ -282,10 +277,7 @@ def test_a_pulse_without_any_pose_is_recorded_with_empty_fields_passed_on_and_to
     assert "1 pulses have none" in drone.heard("status_text")[0].text
 
 
-def test_a_pulse_is_not_waited_for_when_a_later_one_of_its_tag_has_its_pose(
-    drone: Drone,
-) -> None:
-    drone.fly()
+def test_no_pulse_is_waited_for_when_a_later_one_of_its_tag_is_posed(drone: Drone) -> None:
     first, second, third = pulse(1.0), pulse(2.0), pulse(1.5, tag_id=4)
     for one in (first, second, third):
         drone.send("pulse", one)
@@ -297,7 +289,6 @@ def test_a_pulse_is_not_waited_for_when_a_later_one_of_its_tag_has_its_pose(
 
 
 def test_whoever_restarts_takes_up_the_pulses_without_poses(drone: Drone) -> None:
-    drone.fly()
     lost = [pulse(1.0 + number) for number in range(3)]
     for one in lost:
         drone.send("pulse", one)
@@ -316,13 +307,11 @@ def test_whoever_restarts_takes_up_the_pulses_without_poses(drone: Drone) -> Non
 
 
 def test_a_commit_in_the_middle_of_a_burst_does_not_take_the_rest_of_it(drone: Drone) -> None:
-    drone.fly()
     first, second, third = (pulse(float(number)) for number in range(3))
     for one in (first, second):
         drone.send("pulse", one)
     drone.send("pulse_pose", posed(second))  # now the first is made up for, and committed
-    drone.send("pulse", third)
-    drone.send("pulse_pose", posed(third))
+    drone.find(third)
     drone.turn(0.1)
     drone.restart()
     drone.turn(0.1)
@@ -331,7 +320,6 @@ def test_a_commit_in_the_middle_of_a_burst_does_not_take_the_rest_of_it(drone: D
 
 
 def test_commands_whose_reply_never_comes_take_bounded_memory(drone: Drone) -> None:
-    drone.fly()
     for number in range(1000):
         drone.send("command", Command(name="radio_status", request_id=number, source="a"))
         drone.turn(0.01)
@@ -343,7 +331,6 @@ def test_commands_whose_reply_never_comes_take_bounded_memory(drone: Drone) -> N
 
 
 def test_the_end_of_a_flight_waits_for_no_pose(drone: Drone) -> None:
-    drone.fly()
     one = pulse(1.0)
     drone.send("pulse", one)
     drone.turn(0.1)
@@ -355,27 +342,27 @@ def test_the_end_of_a_flight_waits_for_no_pose(drone: Drone) -> None:
     assert not (Path(drone.info.directory) / "flight.sqlite-wal").exists()
 
 
-def test_a_flight_that_was_cut_off_and_is_over_gets_its_poses_too(drone: Drone) -> None:
-    old = replace(drone.info, directory=str(drone.flights / "flight_log_0"))
+def test_a_flight_that_was_cut_off_and_is_over_gets_its_poses_too(
+    landed: Drone, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recorder, "MOST_READ_AT_ONCE", 100)
+    old = replace(landed.info, directory=str(landed.flights / "flight_log_0"))
     cut_off = FlightRecorder.open(old)
-    pulses = [pulse(1.0 + 0.001 * number) for number in range(1500)]
+    pulses = [pulse(1.0 + 0.001 * number) for number in range(150)]
     cut_off.write_pulses(pulses)
     cut_off.write(*poses(0.0, 4.0).poses)
     cut_off.close()
-    drone.last_flights = (old.directory,)
-    drone.restart()
+    landed.last_flights = (old.directory,)
+    landed.restart()
     for _ in range(20):
-        drone.turn(0.3)
-    assert [made.pulse for made in drone.heard("pulse_pose")] == pulses
+        landed.turn(0.3)
+    assert [made.pulse for made in landed.heard("pulse_pose")] == pulses
     stored = read_flight(old.directory).pulse_poses
     assert all(one.pose is not None for one in stored)
-    assert len(read_pulse_pose_log(Path(old.directory) / "pulse_pose_log.txt")) == 1500
+    assert len(read_pulse_pose_log(Path(old.directory) / "pulse_pose_log.txt")) == 150
 
 
-def test_records_of_an_earlier_flight_that_were_not_taken_stay_out_of_the_present_one(
-    drone: Drone,
-) -> None:
-    drone.fly()
+def test_untaken_records_of_a_flight_stay_out_of_the_next(drone: Drone) -> None:
     one = pulse(1.0)
     drone.send("pulse", one)
     drone.kill()  # and away while the flight ends and the next begins
@@ -400,7 +387,6 @@ def test_records_of_an_earlier_flight_that_were_not_taken_stay_out_of_the_presen
 def test_a_failing_disk_is_not_said_to_have_anything(
     drone: Drone, monkeypatch: pytest.MonkeyPatch, what: str
 ) -> None:
-    drone.fly()
 
     def full(*_: object, **__: object) -> None:
         raise OSError("No space left on device")
@@ -408,8 +394,7 @@ def test_a_failing_disk_is_not_said_to_have_anything(
     one = pulse(1.0)
     with monkeypatch.context() as failing:
         failing.setattr(FlightDatabase, "insert", full)
-        drone.send("pulse", one)
-        drone.send("pulse_pose", posed(one))
+        drone.find(one)
         if what == "delivered":
             drone.send("delivered", Delivered(time_ns=1, store=7, pulses=((2, 1),)))
         for _ in range(20):
@@ -422,24 +407,18 @@ def test_a_failing_disk_is_not_said_to_have_anything(
 
 def test_an_ordinary_flight_writes_less_than_its_bar(drone: Drone) -> None:
     # Two of eight tags heard, groups of three; everything else that a drone records.
-    drone.fly()
     gc.collect()  # databases that earlier tests left open write as they are closed
     before, seconds = written_bytes(), 120
     counters = {f"a_counter_of_a_process_{number}": 1e6 + number for number in range(12)}
     for second in range(seconds):
         drone.send("poses", poses(second, second + 0.95))
         for name in ("recorder", "connection", "detector-1", "receiver"):
-            time_ns = START_NS + second * S
-            drone.send(
-                "health",
-                Health(process=name, time_ns=time_ns, status="ok", ok=True, counters=counters),
-            )
+            drone.send("health", made.health(name, START_NS + second * S, counters=counters))
         for tag_id in range(2, 18, 2):
             report = made.search_report(tag_id, START_NS + second * S, frequency_hz=148.7e6)
             drone.send("search_report", report)
         for one in (pulse(second + 0.1, 2), pulse(second + 0.7, 10)):
-            drone.send("pulse", one)
-            drone.send("pulse_pose", posed(one))
+            drone.find(one)
             key = ((one.tag_id, one.start_time_ns),)
             drone.send("delivered", Delivered(time_ns=1, store=7, pulses=key))
         for _ in range(4):
@@ -456,3 +435,64 @@ def written_bytes() -> int:
     """Bytes that this thread has given to write calls, on whatever file system."""
     lines = Path("/proc/thread-self/io").read_text().splitlines()
     return int(dict(line.split(": ") for line in lines)["wchar"])
+
+
+WITHIN_S = 5
+
+
+def passing(drone: Drone, seconds: int) -> None:
+    """Let seconds pass in which there is only a text to write."""
+    for _ in range(seconds * 2):
+        drone.send("status_text", StatusText(severity=6, text="something to write"))
+        drone.turn(0.5)
+
+
+def complaints(capsys: pytest.CaptureFixture[str]) -> list[str]:
+    """What the supervisor makes texts for the operator of."""
+    printed = capsys.readouterr()
+    return [
+        line
+        for line in (printed.out + printed.err).splitlines()
+        if "cannot write the flight" in line
+    ]
+
+
+def test_a_flight_without_pulses_that_cannot_be_written_is_reported_within_5_s(
+    drone: Drone, capsys: pytest.CaptureFixture[str]
+) -> None:
+    passing(drone, 20)
+    assert complaints(capsys) == []
+    flight = Path(drone.info.directory)
+    flight.rename(flight.with_name("away"))
+    flight.write_text("a file in its place")
+    passing(drone, WITHIN_S)
+    assert len(complaints(capsys)) == 1, "once"
+    flight.unlink()
+    passing(drone, WITHIN_S)
+    assert complaints(capsys) == []
+    assert len(read_flight(flight).status_texts) >= 2 * (20 + WITHIN_S)
+
+
+def test_a_flight_that_cannot_begin_is_reported_within_5_s(
+    landed: Drone, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.rmtree(landed.flights)
+    landed.flights.write_text("a file in its place")
+    landed.fly()
+    passing(landed, WITHIN_S)
+    assert len(complaints(capsys)) == 1
+
+
+def test_a_removed_database_is_reported_and_written_again_within_5_s(drone: Drone) -> None:
+    one, other = pulse(1.0), pulse(8.0)
+    drone.find(one)
+    passing(drone, 6)
+    (Path(drone.info.directory) / "flight.sqlite").unlink()
+    passing(drone, WITHIN_S)
+    texts = [told.text for told in drone.heard("status_text")]
+    assert texts == [
+        "Recorder: the flight's database was removed or replaced, and is written again"
+    ]
+    drone.find(other)
+    drone.end()
+    assert set(drone.stored()) == {one, other}

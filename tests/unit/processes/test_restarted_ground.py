@@ -52,9 +52,7 @@ def listen(bay: Any, directory: Path, tags: tuple[Tag, ...]) -> list[Any]:
     return events
 
 
-def test_a_restarted_station_listens_when_its_own_tags_are_searched(
-    bay: Any, tmp_path: Path
-) -> None:
+def test_a_restarted_station_listens_to_its_own_search(bay: Any, tmp_path: Path) -> None:
     bay.refusals["start_tags"] = f"detecting {searched_text(TAGS)}: send stop first"
     events = listen(bay, tmp_path / "ground", TAGS)
     assert {"event": "already detecting", "tags": [2, 4, 6]} in events
@@ -62,9 +60,7 @@ def test_a_restarted_station_listens_when_its_own_tags_are_searched(
     assert "stop_detection" in [command.name for command in bay.commands]
 
 
-def test_a_station_with_other_tags_says_which_are_searched_and_stops_nobody(
-    bay: Any, tmp_path: Path
-) -> None:
+def test_a_station_with_other_tags_stops_no_search(bay: Any, tmp_path: Path) -> None:
     bay.refusals["start_tags"] = f"detecting {searched_text(TAGS)}: send stop first"
     events = listen(bay, tmp_path / "ground", TAGS[:2])
     (others,) = [event for event in events if event["event"] == "others detected"]
@@ -90,9 +86,7 @@ def test_what_is_searched_fits_an_acknowledgement_however_many_tags() -> None:
     assert digest_in("detecting: send stop first") is None
 
 
-def test_no_order_is_sent_while_two_vehicles_answer_under_one_number(
-    bay: Any, tmp_path: Path
-) -> None:
+def test_no_order_is_sent_to_two_vehicles_of_one_number(bay: Any, tmp_path: Path) -> None:
     events: list[Any] = []
 
     async def main() -> None:

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 from flown import Flown
-from tests.unit.processes.test_motion_handler import Link, begin
+from tests.unit.processes.test_motion_handler import Link, begin, started
 
 from uavrt.core.messages import FlyThere, Manoeuvre, TakeMode, TakeOff, VehicleRequest
 from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
@@ -40,8 +40,7 @@ class SlowLink(Link):
 
 
 def flying() -> Link:
-    link = Link(flown=Flown("ardupilot"))
-    link.run(1.5)
+    link = started(Flown("ardupilot"))
     begin(link, 200.0)
     link.run(0.5)
     link.alive()

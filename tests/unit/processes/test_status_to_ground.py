@@ -8,6 +8,7 @@ from until import until_async as until
 
 from uavrt.core.commands import SystemState
 from uavrt.core.messages import SearchReport, StatusText, SystemStatus
+from uavrt.drone.card import NEW_CARD
 from uavrt.ground.link.protocol import DetectorAlive, DroneHeartbeat
 from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.frame import Frame
@@ -17,9 +18,7 @@ TAGS = tuple(made.tag(number, 148.7e6 + 10_000.0 * number) for number in (2, 4))
 LONG = "Detector 1 gave up on tag 4: " + "its channel has been overloaded " * 5
 
 
-async def test_state_tags_searches_texts_and_the_computers_load_reach_the_ground(
-    bay: Bay,
-) -> None:
+async def test_state_tags_searches_texts_and_load_reach_the_ground(bay: Bay) -> None:
     loads: list[dialect.OnboardComputerStatus] = []
 
     def take(frame: Frame) -> None:
@@ -59,9 +58,7 @@ def report(tag_id: int, time_ns: int) -> SearchReport:
     return made.search_report(tag_id, time_ns, frequency_hz=148.74e6, noise_psd=2.0**-40)
 
 
-async def test_a_state_that_has_changed_is_said_at_once_and_not_with_the_next_second(
-    bay: Bay,
-) -> None:
+async def test_a_changed_state_is_sent_at_once_and_not_a_second_later(bay: Bay) -> None:
     async with bay.running(), bay.ground_station() as (_, events):
         loop = asyncio.get_running_loop()
 
@@ -80,3 +77,32 @@ async def test_a_state_that_has_changed_is_said_at_once_and_not_with_the_next_se
             bay.deliver("system_status", made.system_status(now_ns, state=state, tags=TAGS))
             await until(lambda state=state: last() is state)  # type: ignore[misc]
             assert loop.time() - changed_s < 0.3
+
+
+REASON = "Airspy: no radio is plugged in. Plug the radio in, or try another cable or port"
+RADIO = StatusText(severity=4, text=f"receiver: radio absent (reason {REASON})")
+CARD = StatusText(
+    severity=3,
+    text=f"Memory card: the file system is read-only and records nothing more. {NEW_CARD}",
+)
+
+
+async def test_a_station_that_appears_after_faults_reads_them_repeatedly(bay: Bay) -> None:
+    fault = made.process_status("receiver", "radio absent", ok=False, reason=REASON)
+    bearable = made.process_status("recorder", "ready")
+
+    async with bay.running():
+        now_ns = bay.clock.now_ns()
+        both = made.system_status(now_ns, processes=(fault, bearable), faults=(CARD,))
+        bay.deliver("system_status", both)
+        async with bay.ground_station() as (_, events):
+
+            def times() -> int:
+                return min(
+                    sum(bool(event == text) for event in events) for text in (RADIO, CARD)
+                )
+
+            await until(times)
+            first_ns = bay.clock.now_ns()
+            await until(lambda: times() > 1)
+            assert 28e9 < bay.clock.now_ns() - first_ns < 36e9

@@ -4,12 +4,12 @@ from typing import Any
 
 import pytest
 from flown import Flown
-from tests.unit.processes.test_guide import Hub
+from some import some
+from tests.unit.processes.test_guide import Hub, ready
 from tests.unit.processes.test_motion_handler import Link
 from virtual_time import VirtualClock
 
 from uavrt.config.settings import GuidanceSettings
-from uavrt.core.messages import VehicleFence, VehicleReport
 from uavrt.drone.processes import guide
 from uavrt.guidance.vehicle_reports import now_of
 from uavrt.link.mavlink import dialect
@@ -22,16 +22,6 @@ from uavrt.simulation.vehicle.vehicle_telemetry import wind_message
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 BLOWS = (-3.0, 4.0)
 """North and east: out of the north-west, towards the south-east."""
-
-
-@BOTH
-def test_each_autopilot_tells_where_the_air_goes(flavour: Flavour) -> None:
-    flown = Flown(flavour, frame=Frame(wind_m_s=BLOWS))
-    message = wind_message(flown.vehicle, 1000)
-    told = wind_of(message)
-    assert told == pytest.approx((4.0, -3.0))
-    assert message.ID in WATCHED_HZ
-    assert message.ID in REQUESTABLE_IDS[flavour]
 
 
 def test_arducopters_wind_is_named_by_where_it_comes_from() -> None:
@@ -50,30 +40,21 @@ def test_a_wind_that_cannot_be_is_none(speed: float) -> None:
 
 @BOTH
 def test_the_motion_handler_reports_the_wind_until_it_is_old(flavour: Flavour) -> None:
-    flown = Flown(flavour, frame=Frame(wind_m_s=BLOWS))
-    link = Link(flown=flown)
+    link = Link(flown=Flown(flavour, frame=Frame(wind_m_s=BLOWS)))
+    message = wind_message(link.flown.vehicle, 1000)
+    assert message.ID in WATCHED_HZ
+    assert message.ID in REQUESTABLE_IDS[flavour]
     link.run(10.0)
-    report = [one for one in link.records if isinstance(one, VehicleReport)][-1]
-    now = now_of(report, 0.0)
-    assert now is not None
-    assert now.wind is not None
-    assert (now.wind.east_m_s, now.wind.north_m_s) == pytest.approx((4.0, -3.0))
+    wind = some(some(now_of(link.reports[-1], 0.0)).wind)
+    assert (wind.east_m_s, wind.north_m_s) == pytest.approx((4.0, -3.0))
     link.flown.wind_told = False
     link.run(32.0)
-    report = [one for one in link.records if isinstance(one, VehicleReport)][-1]
-    assert report.wind_m_s is None
+    assert link.reports[-1].wind_m_s is None
 
 
 def far(hub: Hub) -> str:
     place = hub.flown.place(480.0, 0.0)
     return hub.ask("goto", places=(place,), height_m=60.0).summary
-
-
-def ready(**guidance: Any) -> Hub:
-    hub = Hub(guidance=guidance)
-    hub.guide.receive("vehicle", hub.report())
-    hub.guide.receive("vehicle_fence", VehicleFence())
-    return hub
 
 
 def test_the_settings_reach_what_is_planned() -> None:

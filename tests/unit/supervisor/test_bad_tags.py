@@ -8,12 +8,13 @@ import made
 import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
+from operated import Operator
+from some import typed
 
-from uavrt.config.settings import DetectionSettings, RadioSettings, RecordingSettings, Settings
+from uavrt.config.settings import DetectionSettings
 from uavrt.config.tags.tag_files import faults_of_tags, read_tags, write_tags
 from uavrt.core.errors import TagFileError
-from uavrt.core.messages import Command, CommandReply
-from uavrt.drone.supervisor.mission.operator_commands import Mission
+from uavrt.core.messages import Command
 from uavrt.link.tunnel.drone_exchange import Answer, Exchange
 from uavrt.link.tunnel.generations.codec import decode
 from uavrt.link.tunnel.generations.g0 import FAILURE
@@ -35,47 +36,21 @@ BAD: list[tuple[dict[str, Any], str]] = [
 ]
 
 
-def mission_in(directory: Path, **detection: Any) -> Mission:
-    return made.mission(
-        Settings(
-            recording=RecordingSettings(directory=str(directory)),
-            radio=RadioSettings(center_frequency_hz=148.7e6),
-            detection=DetectionSettings(**detection),
-        ),
-        directory,
-    )
-
-
-def say(mission: Mission, number: int, name: Any, **details: Any) -> CommandReply:
-    return mission.command(
-        Command(name=name, request_id=number, source="mavlink 255/190", **details)
-    )
-
-
 @pytest.mark.parametrize(("change", "reason"), BAD)
-def test_a_bad_tag_by_air_is_refused_with_its_reason_in_the_acknowledgement(
+def test_a_bad_tag_is_refused_by_air_with_its_reason_and_in_files(
     change: dict[str, Any], reason: str, tmp_path: Path
 ) -> None:
-    exchange, mission = Exchange(), mission_in(tmp_path)
-    say(mission, 1000, "start_tags")
-    payload = tag_to_wire(replace(TAG, **change)).encode()
-    asked = exchange.receive(payload, (255, 190))
-    assert isinstance(asked, Command)
-    answer = exchange.reply(mission.command(asked))
-    assert isinstance(answer, Answer)
-    acknowledgement = decode(answer.payload)
-    assert isinstance(acknowledgement, AckG1)
+    exchange, operator = Exchange(), Operator(tmp_path)
+    operator.say("start_tags", "mavlink 255/190")
+    tag = replace(TAG, **change)
+    asked = typed(Command, exchange.receive(tag_to_wire(tag).encode(), (255, 190)))
+    answer = typed(Answer, exchange.reply(operator.mission.command(asked)))
+    acknowledgement = typed(AckG1, decode(answer.payload))
     assert acknowledgement.result == FAILURE
     assert acknowledgement.message.startswith("tag 2: ")
     assert reason[:90] in acknowledgement.message
-    assert not mission.upload.tags
-
-
-@pytest.mark.parametrize(("change", "reason"), BAD)
-def test_the_files_refuse_the_same_tag(
-    change: dict[str, Any], reason: str, tmp_path: Path
-) -> None:
-    tag = replace(TAG, **change)
+    assert not operator.mission.upload.tags
+    # The files refuse the same tag.
     assert reason in faults_of_tags([tag])[0]
     write_tags(tmp_path / "tags.toml", (tag,))
     with pytest.raises(TagFileError):
@@ -83,30 +58,26 @@ def test_the_files_refuse_the_same_tag(
 
 
 def test_no_more_tags_are_taken_than_the_computer_carries(tmp_path: Path) -> None:
-    mission = mission_in(tmp_path, maximum_tags=3)
-    say(mission, 1, "start_tags")
+    operator = Operator(tmp_path, detection=DetectionSettings(maximum_tags=3))
+    operator.say("start_tags")
     for number in (2, 4, 6):
-        assert say(mission, number, "add_tag", tag=replace(TAG, tag_id=number)).accepted
-    refused = say(mission, 8, "add_tag", tag=replace(TAG, tag_id=8))
+        assert operator.say("add_tag", tag=replace(TAG, tag_id=number)).accepted
+    refused = operator.say("add_tag", tag=replace(TAG, tag_id=8))
     assert (refused.accepted, refused.message) == (
         False,
         "the list has more than 3 tags: send fewer, or raise detection.maximum_tags",
     )
-    assert say(mission, 9, "add_tag", tag=replace(TAG, tag_id=6)).accepted, "a repetition"
-    assert len(mission.upload.tags) == 3
+    assert operator.say("add_tag", tag=replace(TAG, tag_id=6)).accepted, "a repetition"
+    assert len(operator.mission.upload.tags) == 3
 
 
-def test_a_setting_for_all_tags_that_makes_them_unsearchable_is_told_at_the_start(
+def test_a_setting_that_makes_all_tags_unsearchable_is_told_at_the_start(
     tmp_path: Path,
 ) -> None:
-    mission = mission_in(tmp_path, k=40)
-    say(mission, 1, "start_tags")
-    say(mission, 2, "add_tag", tag=TAG)
-    say(mission, 3, "end_tags")
-    reply = say(mission, 4, "start_detection")
-    assert not reply.accepted
-    assert "k 40 is too large" in reply.message
-    assert mission.flights.flight is None
+    operator = Operator(tmp_path, detection=DetectionSettings(k=40))
+    operator.send_tags(TAG)
+    assert "k 40 is too large" in operator.refusal("start_detection")
+    assert operator.flights == []
 
 
 @given(
@@ -148,23 +119,17 @@ def test_a_hundred_pulses_for_a_decision_are_searched(jitter_s: float) -> None:
 
 
 def test_a_start_with_fewer_tags_than_were_sent_is_refused(tmp_path: Path) -> None:
-    mission = mission_in(tmp_path)
-    say(mission, 1, "start_tags")
-    for number in range(2):
-        good = replace(TAG, tag_id=2 + 2 * number)
-        assert say(mission, 10 + number, "add_tag", tag=good).accepted
-    assert not say(mission, 20, "add_tag", tag=replace(TAG, tag_id=6, k=400)).accepted
-    assert say(mission, 21, "end_tags").accepted
-    refused = say(mission, 22, "start_detection", tag_count=3)
-    assert not refused.accepted
-    assert refused.message == "only 2 of 3 tags arrived: send them all again"
-    assert mission.flights.flight is None
+    operator = Operator(tmp_path)
+    operator.send_tags(TAG, replace(TAG, tag_id=4))
+    refused = operator.refusal("start_detection", tag_count=3)
+    assert refused == "only 2 of 3 tags arrived: send them all again"
+    assert operator.flights == []
     # As many or more: some may have come by another wire.
-    assert say(mission, 23, "start_detection", tag_count=1).accepted
+    assert operator.say("start_detection", tag_count=1).accepted
 
 
 def test_codes_that_nobody_can_tell_apart_are_refused_with_the_list(tmp_path: Path) -> None:
-    mission = mission_in(tmp_path)
+    operator = Operator(tmp_path)
     code = replace(
         TAG,
         tag_id=30,
@@ -175,12 +140,8 @@ def test_codes_that_nobody_can_tell_apart_are_refused_with_the_list(tmp_path: Pa
         k=10,
         gaps_s=(0.022, 0.0488, 0.0366),
     )
-    say(mission, 1, "start_tags")
-    overlapping = say(mission, 2, "add_tag", tag=replace(code, gaps_s=(0.004, 0.0488)))
-    assert not overlapping.accepted
-    assert "overlap" in overlapping.message
-    for number, tag_id in enumerate((30, 31), start=3):
-        assert say(mission, number, "add_tag", tag=replace(code, tag_id=tag_id)).accepted
-    ended = say(mission, 5, "end_tags")
-    assert not ended.accepted
-    assert "tags 30 and 31 have the same code" in ended.message
+    operator.say("start_tags")
+    assert "overlap" in operator.refusal("add_tag", tag=replace(code, gaps_s=(0.004, 0.0488)))
+    for tag_id in (30, 31):
+        assert operator.say("add_tag", tag=replace(code, tag_id=tag_id)).accepted
+    assert "tags 30 and 31 have the same code" in operator.refusal("end_tags")

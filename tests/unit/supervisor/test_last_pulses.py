@@ -25,9 +25,7 @@ def posed_within(last: LastPulses, limit_s: float) -> bool:
 
 
 @given(st.lists(st.sampled_from([FOUND, "recorded", "health", "poses"]), max_size=50))
-def test_a_flight_may_be_closed_exactly_when_every_pulse_has_its_pose(
-    passed: list[str],
-) -> None:
+def test_a_flight_may_be_closed_when_every_pulse_has_its_pose(passed: list[str]) -> None:
     pulses = passed.count(FOUND)
     assert posed_within(after(passed), 0.0) == (pulses == 0)
     if pulses:

@@ -4,15 +4,16 @@ import os
 from collections import deque
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import made
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from operated import Operator
 from some import some
 from virtual_time import VirtualClock
 
-from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
 from uavrt.core.clock import Clock
 from uavrt.core.commands import SystemState
 from uavrt.core.errors import ConfigError
@@ -29,36 +30,26 @@ TAG = made.tag()
 
 
 def new_mission(directory: Path) -> Mission:
-    """A mission as a freshly started supervisor has it."""
-    return made.mission(
-        Settings(
-            recording=RecordingSettings(directory=str(directory)),
-            radio=RadioSettings(center_frequency_hz=148.7e6),
-        ),
-        directory,
-    )
+    return Operator(directory).mission
 
 
-def upload(mission: Mission, *names: str) -> None:
-    for number, name in enumerate(names):
-        reply = mission.command(
-            Command(
-                name=name,  # type: ignore[arg-type]
-                request_id=number,
-                tag=TAG if name == "add_tag" else None,
-                gain=17 if name == "start_detection" else None,
-            )
-        )
+def commanded(directory: Path, *names: str) -> Mission:
+    """A mission that was given these commands."""
+    operator = Operator(directory)
+    for name in names:
+        details: dict[str, Any] = {"add_tag": {"tag": TAG}, "start_detection": {"gain": 17}}
+        reply = operator.say(name, **details.get(name, {}))
         assert reply.accepted, reply.message
+    return operator.mission
 
 
 START = ("start_tags", "add_tag", "end_tags", "start_detection")
 
 
 def test_a_flight_goes_on_with_its_tags_gain_clock_and_directory(tmp_path: Path) -> None:
-    before = new_mission(tmp_path)
+    before = commanded(tmp_path, *START[:3])
     before.flights.clock = Clock(before.flights.clock.offset_ns - 12_345_678_901)
-    upload(before, *START)
+    before.command(Command(name="start_detection", request_id=1, gain=17))
     after = new_mission(tmp_path)
     assert after.resume()
     assert after.state is SystemState.DETECTING
@@ -82,7 +73,7 @@ def test_a_flight_goes_on_with_its_tags_gain_clock_and_directory(tmp_path: Path)
 def test_what_was_acknowledged_is_there_again(
     tmp_path: Path, commands: tuple[str, ...], state: SystemState
 ) -> None:
-    upload(new_mission(tmp_path), *commands)
+    commanded(tmp_path, *commands)
     after = new_mission(tmp_path)
     after.resume()
     assert after.state is state
@@ -90,8 +81,7 @@ def test_what_was_acknowledged_is_there_again(
 
 
 def test_after_an_end_in_good_order_everything_begins_afresh(tmp_path: Path) -> None:
-    before = new_mission(tmp_path)
-    upload(before, *START)
+    before = commanded(tmp_path, *START)
     before.delete_saved_state()
     after = new_mission(tmp_path)
     assert not after.resume()
@@ -102,8 +92,7 @@ def test_after_an_end_in_good_order_everything_begins_afresh(tmp_path: Path) -> 
 def test_each_flight_has_the_wall_clocks_time_at_its_start_and_keeps_it(
     tmp_path: Path, clock_of_test: VirtualClock
 ) -> None:
-    mission = new_mission(tmp_path)
-    upload(mission, *START[:3])
+    mission = commanded(tmp_path, *START[:3])
     clock_of_test.wall_offset_s += 3600  # by GPS, after uavrt had started
     first = mission.flights.begin(None)
     assert first.start_time_ns == clock_of_test.time_ns()
@@ -118,8 +107,7 @@ def test_each_flight_has_the_wall_clocks_time_at_its_start_and_keeps_it(
 def test_the_last_flights_outlive_the_supervisor_while_their_pulses_may_be_missing(
     tmp_path: Path, clock_of_test: VirtualClock
 ) -> None:
-    mission = new_mission(tmp_path)
-    upload(mission, *START[:3])
+    mission = commanded(tmp_path, *START[:3])
     flown = []
     for _ in range(5):
         clock_of_test.now_s += 2.0
@@ -155,9 +143,7 @@ def test_every_correction_of_the_wall_clock_is_noted_once(corrections_s: list[fl
     assert watch.check(0) is None
 
 
-def test_a_wrong_time_is_told_once_more_to_a_ground_station_that_comes_later(
-    clock_of_test: VirtualClock,
-) -> None:
+def test_a_wrong_time_is_told_once_more_to_a_later_station(clock_of_test: VirtualClock) -> None:
     clock_of_test.wall_offset_s = 0.0
     watch = WallClockWatch()
     assert str(watch.flight_started(100.0)).startswith("Drone's clock: ")
@@ -173,18 +159,17 @@ def reboot(directory: Path) -> None:
 
 def rebooted(directory: Path, clock: VirtualClock, off_s: float) -> tuple[FlightInfo, Mission]:
     """A flight cut off by the battery, and the mission of the next boot."""
-    before = new_mission(directory)
-    upload(before, *START)
-    assert before.flights.flight is not None
-    database = Path(before.flights.flight.directory) / "flight.sqlite"
+    before = commanded(directory, *START)
+    flight = some(before.flights.flight)
+    database = Path(flight.directory) / "flight.sqlite"
     database.write_bytes(b"")
     os.utime(database, ns=(clock.time_ns(), clock.time_ns()))
     reboot(directory)
     clock.wall_offset_s += off_s
-    return before.flights.flight, new_mission(directory)
+    return flight, new_mission(directory)
 
 
-def test_after_a_brown_out_a_new_flight_begins_on_a_new_clock(
+def test_after_a_brown_out_flight_and_clock_are_new(
     tmp_path: Path, clock_of_test: VirtualClock
 ) -> None:
     flight, after = rebooted(tmp_path, clock_of_test, 40.0)
@@ -196,9 +181,7 @@ def test_after_a_brown_out_a_new_flight_begins_on_a_new_clock(
     assert after.flights.last == deque([flight.directory])  # it may have more for the ground
 
 
-def test_last_weeks_flight_does_not_start_the_radio(
-    tmp_path: Path, clock_of_test: VirtualClock
-) -> None:
+def test_last_weeks_flight_starts_no_radio(tmp_path: Path, clock_of_test: VirtualClock) -> None:
     _, after = rebooted(tmp_path, clock_of_test, 7 * 86_400.0)
     assert not after.resume()
     assert after.state is SystemState.HAS_TAGS
@@ -206,8 +189,7 @@ def test_last_weeks_flight_does_not_start_the_radio(
 
 
 def test_a_flight_whose_directory_is_gone_goes_on_in_a_new_one(tmp_path: Path) -> None:
-    before = new_mission(tmp_path)
-    upload(before, *START)
+    before = commanded(tmp_path, *START)
     Path(some(before.flights.flight).directory).rmdir()
     after = new_mission(tmp_path)
     assert after.resume()

@@ -1,6 +1,9 @@
 import importlib
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
+from process_tables import processes_markdown, topics_markdown
 
 from uavrt.config.settings import (
     BearingSettings,
@@ -27,28 +30,12 @@ PUBLISHED_BY_SUPERVISOR = {
     "system_status",
     "status_text",
 }
-
-
-def test_every_topic_of_the_table_of_processes_exists() -> None:
-    for row in PROCESSES:
-        assert set(row.consumes) | set(row.produces) <= set(TOPICS)
-
-
-def test_every_consumed_topic_is_produced() -> None:
-    produced = {topic for row in PROCESSES for topic in row.produces}
-    for row in PROCESSES:
-        assert set(row.consumes) <= produced | PUBLISHED_BY_SUPERVISOR
-
-
-def test_every_produced_topic_is_consumed() -> None:
-    for row in PROCESSES:
-        for topic in row.produces:
-            assert topic in SUPERVISOR_TOPICS or consumers_of(topic)
-
-
-def test_every_row_names_a_module_with_a_main() -> None:
-    for row in PROCESSES:
-        assert callable(importlib.import_module(row.module).main)
+EVERYTHING = Settings(
+    ros2=Ros2Settings(enabled=True),
+    bearings=BearingSettings(on_drone=True),
+    integration=IntegrationSettings(on_drone=True),
+    guidance=GuidanceSettings(enabled=True),
+)
 
 
 def test_producers_stand_after_their_consumers() -> None:
@@ -66,30 +53,21 @@ def test_only_the_sample_chain_depends_on_the_state() -> None:
 
 
 def test_the_gateway_and_the_guide_run_only_where_they_are_asked_for() -> None:
-    asked = Settings(
-        ros2=Ros2Settings(enabled=True),
-        bearings=BearingSettings(on_drone=True),
-        integration=IntegrationSettings(on_drone=True),
-        guidance=GuidanceSettings(enabled=True),
-    )
-    assert set(rows_for(asked)) == set(PROCESSES)
+    assert set(rows_for(EVERYTHING)) == set(PROCESSES)
     left_out = {row.name for row in set(PROCESSES) - set(rows_for(Settings()))}
     assert left_out == {"ros2", "estimator", "integrator", "guide"}
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_in_every_shape_all_produced_records_are_consumed_and_samples_have_a_road(
-    shape: Shape,
-) -> None:
-    settings = Settings(
-        detection=DetectionSettings(shape=shape), guidance=GuidanceSettings(enabled=True)
-    )
-    rows = rows_for(settings)
+def test_in_every_shape_records_and_samples_have_both_ends(shape: Shape) -> None:
+    rows = rows_for(replace(EVERYTHING, detection=DetectionSettings(shape=shape)))
     names = [row.name for row in rows]
     produced = {topic for row in rows for topic in row.produces}
     assert {"pulse", "search_report", "pulse_pose", "poses", "command"} <= produced
     for row in rows:
         assert callable(importlib.import_module(row.module).main)
+        assert {*row.consumes, *row.produces} <= {*TOPICS}
+        assert {*row.consumes} <= produced | PUBLISHED_BY_SUPERVISOR
         for topic in row.produces:
             assert topic in SUPERVISOR_TOPICS or consumers_of(topic, rows)
         if row.samples_to is not None:
@@ -99,3 +77,13 @@ def test_in_every_shape_all_produced_records_are_consumed_and_samples_have_a_roa
 
 def test_the_shape_that_flies_is_the_table() -> None:
     assert SHAPES[DetectionSettings().shape] is PROCESSES
+
+
+PAGE = Path(__file__).parents[3] / "docs/explanation/supervision.md"
+
+
+@pytest.mark.parametrize("make", [processes_markdown, topics_markdown])
+def test_the_manual_shows_the_table_as_it_is(make: object) -> None:
+    assert callable(make)
+    text = PAGE.read_text(encoding="utf-8")
+    assert make() in text, "put in the output of python tests/drivers/process_tables.py"

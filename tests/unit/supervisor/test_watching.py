@@ -1,24 +1,32 @@
 """Restart policy, budgets and the disk guard."""
 
+import asyncio
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from operated import Operator
 
 from uavrt.config.settings import RecordingSettings
+from uavrt.core.clock import monotonic_s
 from uavrt.core.units import s_from_ns
 from uavrt.detection.track.pulse_reporting import _REPORT_EVERY_NS
 from uavrt.drone.ipc.topics import TOPICS
 from uavrt.drone.supervisor.mission.storage.disk_guard import DiskGuard
 from uavrt.drone.supervisor.pace import PaceWatch
+from uavrt.drone.supervisor.start.launcher import Launcher
 from uavrt.drone.supervisor.start.restarts import FLIGHT_RESTARTS, RestartPolicy, Restarts
+from uavrt.drone.supervisor.tree.instance import Instance
 from uavrt.drone.supervisor.tree.process_budgets import (
     CPU_ALLOWANCE,
     REPEAT_S,
     WINDOW_S,
     BudgetWatch,
 )
+from uavrt.drone.supervisor.tree.process_tree import ProcessTree
+from uavrt.drone.supervisor.tree.table import PROCESSES
 from uavrt.flight.flight_layout import FlightLayout
 from uavrt.flight.flight_order import FLIGHT_ORDER, flights_in_order, note_flight
 
@@ -77,6 +85,11 @@ def test_a_growing_process_is_reported() -> None:
     assert "uses 101 MB (budget 100 MB)" in watched(0.0, 5, memory_mb=101.0)[0]
 
 
+REMOVES = RecordingSettings(
+    minimum_free_mb=1e12, remove_oldest_flights=True, keep_newest_flights=1
+)
+
+
 def flights(directory: Path, *names: str) -> list[Path]:
     made = [directory / f"flight_log_{name}" for name in names]
     for path in made:
@@ -97,9 +110,7 @@ def test_without_leave_nothing_is_removed_and_the_operator_hears_once(tmp_path: 
 
 
 @pytest.mark.parametrize("looked", [False, True])
-def test_a_disk_that_cannot_be_measured_has_no_free_space_to_tell(
-    tmp_path: Path, looked: bool
-) -> None:
+def test_a_disk_that_cannot_be_measured_tells_nothing(tmp_path: Path, looked: bool) -> None:
     guard = DiskGuard(tmp_path / "absent", RecordingSettings())
     if looked:
         assert guard.check() == []
@@ -112,12 +123,7 @@ def test_the_oldest_go_first_and_the_present_flight_stays(
     one, two, three = flights(tmp_path, "2026-01-01", "2026-01-02", "2026-01-03")
     other = tmp_path / "photographs"
     other.mkdir()
-    guard = DiskGuard(
-        tmp_path,
-        RecordingSettings(
-            minimum_free_mb=100.0, remove_oldest_flights=True, keep_newest_flights=1
-        ),
-    )
+    guard = DiskGuard(tmp_path, replace(REMOVES, minimum_free_mb=100.0))
     # Each flight here "weighs" 40 MB of a disk of 200.
     monkeypatch.setattr(
         guard, "_measure", lambda: 200.0 - 40.0 * len(list(tmp_path.glob("flight_log_*")))
@@ -141,10 +147,7 @@ def test_kept_channels_of_old_flights_go_before_any_flight(
         channels = FlightLayout(flight).channels_directory
         channels.mkdir(parents=True)
         (channels / "channel_1_Hz_0001.sigmf-data").write_bytes(b"1234")
-    settings = RecordingSettings(
-        minimum_free_mb=100.0, remove_oldest_flights=True, keep_newest_flights=1
-    )
-    guard = DiskGuard(tmp_path, settings)
+    guard = DiskGuard(tmp_path, replace(REMOVES, minimum_free_mb=100.0))
     guard.flying(present)
 
     def free_mb() -> float:
@@ -164,18 +167,13 @@ def test_kept_channels_of_old_flights_go_before_any_flight(
 
 def test_the_only_flight_is_never_removed(tmp_path: Path) -> None:
     (only,) = flights(tmp_path, "2026-01-01")
-    settings = RecordingSettings(
-        minimum_free_mb=1e12, remove_oldest_flights=True, keep_newest_flights=1
-    )
-    guard = DiskGuard(tmp_path, settings)
+    guard = DiskGuard(tmp_path, REMOVES)
     guard.flying(only)
     assert "Detection goes on" in guard.check()[0][1]
     assert only.exists()
 
 
-def test_a_flight_that_a_full_disk_could_not_note_is_noted_once_there_is_room(
-    tmp_path: Path,
-) -> None:
+def test_a_flight_that_a_full_disk_could_not_note_is_noted_later(tmp_path: Path) -> None:
     """Else it would be taken for one from before the notes began, and be the first to go."""
     before, last = flights(tmp_path, "2026-01-01", "1970-01-01")
     note_flight(before)
@@ -200,10 +198,7 @@ def test_a_link_to_elsewhere_is_not_followed(tmp_path: Path) -> None:
     directory = tmp_path / "flights"
     directory.mkdir()
     (directory / "flight_log_2020").symlink_to(elsewhere)
-    settings = RecordingSettings(
-        minimum_free_mb=1e12, remove_oldest_flights=True, keep_newest_flights=1
-    )
-    DiskGuard(directory, settings).check()
+    DiskGuard(directory, REMOVES).check()
     assert (elsewhere / "thesis.tex").exists()
 
 
@@ -249,3 +244,25 @@ def test_a_new_process_is_judged_by_its_own_records() -> None:
     watch.started(1)
     assert watch.check(180.0) is None
     assert not watch.slow
+
+
+def test_what_was_degraded_in_one_flight_is_not_in_the_next(tmp_path: Path) -> None:
+    receiver = next(row for row in PROCESSES if row.name == "receiver")
+    process_tree = ProcessTree(
+        (receiver,),
+        Operator(tmp_path).mission,
+        launcher=Launcher(),
+        workers=1,
+        notify=lambda _severity, _text: None,
+        on_line=lambda _instance, _line: None,
+        on_output=lambda _instance, _line: None,
+        wake=lambda: None,
+    )
+    instance: Instance = process_tree.instance_of(receiver)
+    for _ in range(10):
+        instance.restarts.started(monotonic_s())
+        instance.restarts.ended(monotonic_s(), "ended (exit 1)")
+    assert instance.status().status == "degraded: ended (exit 1)"
+    asyncio.run(process_tree.stop_flight())
+    assert instance.status().status == "stopped"
+    assert instance.restarts.not_before_s == 0.0, "the next flight does not wait for it"

@@ -7,6 +7,7 @@ import made
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from some import some, typed
 
 from uavrt.core.commands import CommandId
 from uavrt.core.errors import LinkError, TunnelError
@@ -36,8 +37,7 @@ TAG = made.tag(
 def accept(exchange: Exchange, result: object) -> tuple[Command, bytes]:
     assert isinstance(result, Command)
     reply = made.reply(result)
-    answer = exchange.reply(reply)
-    assert answer is not None
+    answer = some(exchange.reply(reply))
     return result, answer.payload
 
 
@@ -58,8 +58,7 @@ def test_a_list_goes_to_the_drone_and_is_the_same_there() -> None:
     accept(exchange, exchange.receive(begin, GROUND))
     command, ack = accept(exchange, exchange.receive(coded, GROUND, coded_tag=True))
     assert (command.name, command.tag) == ("add_tag", TAG)
-    answer = decode(ack)
-    assert isinstance(answer, AckG1)
+    answer = typed(AckG1, decode(ack))
     assert answer.acked_command == CommandId.TAG
     accept(exchange, exchange.receive(end, GROUND))
     assert tag_list_digest([TAG]) == tag_list_digest([CodedTag.decode(coded).tag])
@@ -71,14 +70,12 @@ def test_a_numbered_upload_is_complete_with_its_coded_tags() -> None:
     exchange, writing = Exchange("G2", experimental=True), CommandEncoder("G2")
     begin, coded, end = writing.upload([TAG])
     accept(exchange, exchange.receive(begin, GROUND))
-    early = exchange.receive(end, GROUND)
-    assert isinstance(early, Answer)
+    early = typed(Answer, exchange.receive(end, GROUND))
     assert b"missing 0" in early.payload
     accept(exchange, exchange.receive(coded, GROUND, coded_tag=True))
     again = exchange.receive(coded, GROUND, coded_tag=True)
     assert isinstance(again, Answer), "the answer is replayed, the tag not added again"
-    opened = decode(end, "G2")
-    assert isinstance(opened, UploadG2)
+    opened = typed(UploadG2, decode(end, "G2"))
     fresh = replace(opened, request_id=opened.request_id ^ 1 << 20)
     accept(exchange, exchange.receive(fresh.encode(), GROUND))
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from some import typed
 
 from uavrt.core.commands import COMMAND_OF_NUMBER, COMMANDS, CommandField, CommandId, Generation
 from uavrt.core.errors import FormatError
@@ -42,8 +43,7 @@ def saved_with_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_numbers_of_a_row_reach_the_drone(generation: Generation) -> None:
     exchange = Exchange(generation, experimental=True)
     payload = CommandEncoder(generation).command("save_logs", VALUES)
-    command = exchange.receive(payload, (254, 190))
-    assert isinstance(command, Command)
+    command = typed(Command, exchange.receive(payload, (254, 190)))
     assert (command.name, command.values) == ("save_logs", VALUES)
     numbers = payload[8:] if generation == "G2" else payload[4:]
     assert numbers == struct.pack("<I4xd" if generation == "G2" else "<Id", 3, 12.25)
@@ -51,10 +51,8 @@ def test_the_numbers_of_a_row_reach_the_drone(generation: Generation) -> None:
 
 def test_a_number_outside_its_range_is_refused_with_the_range() -> None:
     payload = CommandEncoder("G1").command("save_logs", VALUES | {"limit_mb": 200.0})
-    answer = Exchange().receive(payload, (254, 190))
-    assert isinstance(answer, Answer)
-    ack = codec.decode(answer.payload)
-    assert isinstance(ack, AckG1)
+    answer = typed(Answer, Exchange().receive(payload, (254, 190)))
+    ack = typed(AckG1, codec.decode(answer.payload))
     assert ack.message == "limit_mb 200 is not supported: choose 0.5 to 100 MB"
 
 

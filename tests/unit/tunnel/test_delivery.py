@@ -14,9 +14,7 @@ def key(number: int) -> PulseKey:
 @given(
     st.lists(st.tuples(st.integers(0, 20), st.sampled_from(["pose", "recorded"])), max_size=60)
 )
-def test_every_pulse_goes_out_at_once_and_once_whatever_the_recorder_says(
-    events: list[tuple[int, str]],
-) -> None:
+def test_every_pulse_goes_out_at_once_and_once(events: list[tuple[int, str]]) -> None:
     delivery = PulseDelivery()
     sent: set[int] = set()
     for number, event in events:

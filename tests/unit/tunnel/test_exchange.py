@@ -4,7 +4,7 @@ import made
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from some import some
+from some import some, typed
 
 from uavrt.core.commands import CommandId, SystemState
 from uavrt.core.messages import Command, CommandReply, PulsePose
@@ -56,8 +56,7 @@ def test_the_ground_is_answered_in_its_own_generation(
 ) -> None:
     exchange = Exchange()
     wire = tag_to_wire(TAG, "G0" if generation == "G0" else "G1")
-    command = exchange.receive(wire.encode(), QGC)
-    assert isinstance(command, Command)
+    command = typed(Command, exchange.receive(wire.encode(), QGC))
     assert command.tag == TAG
     answer = some(exchange.reply(reply_to(command)))
     assert isinstance(decode(answer.payload), ack)
@@ -71,16 +70,13 @@ def test_start_carries_the_frequency_and_gain_chosen_on_the_ground_or_leaves_the
         (start, (148_700_000, 17)),
         (header(CommandId.START_DETECTION), (None, None)),
     ):
-        command = Exchange().receive(payload, QGC)
-        assert isinstance(command, Command)
+        command = typed(Command, Exchange().receive(payload, QGC))
         assert (command.center_frequency_hz, command.gain) == chosen
 
 
 def test_a_tag_of_the_wrong_length_is_refused_with_the_reason() -> None:
-    answer = Exchange().receive(tag_to_wire(TAG).encode()[:-4], QGC)
-    assert isinstance(answer, Answer)
-    ack = decode(answer.payload)
-    assert isinstance(ack, AckG1)
+    answer = typed(Answer, Exchange().receive(tag_to_wire(TAG).encode()[:-4], QGC))
+    ack = typed(AckG1, decode(answer.payload))
     assert ack.result == 0
     assert "84 bytes" in ack.message
 

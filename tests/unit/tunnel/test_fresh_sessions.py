@@ -122,7 +122,7 @@ def test_an_echo_counts_once_and_only_of_a_nonce_sent_a_moment_ago(clock: Virtua
     assert not late.ready
 
 
-def test_a_drone_of_an_older_version_is_named_before_anything_is_sealed_for_it(
+def test_a_drone_of_an_older_version_is_named_before_anything_is_sealed(
     clock: VirtualClock,
 ) -> None:
     station, old = Sealer(KEY, GROUND), SealKeeper(KEY)

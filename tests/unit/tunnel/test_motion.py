@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from some import typed
 
 from uavrt.core.errors import TunnelError, UsageError
 from uavrt.core.messages import KeepOut, MotionRequest
@@ -55,8 +56,7 @@ def test_what_is_asked_for_arrives_to_a_decimetre_and_fits_into_a_seal(
     )
     payload = encode_request(asked)
     assert len(payload) <= MAX_INSIDE
-    got = decode_motion(payload, ASKER)
-    assert isinstance(got, MotionRequest)
+    got = typed(MotionRequest, decode_motion(payload, ASKER))
     assert (got.action, got.height_m, got.clockwise) == (action, height, clockwise)
     assert len(got.places) == len(corners)
     for one, other in zip(got.places, corners, strict=True):
@@ -80,8 +80,7 @@ def test_people_and_buildings_arrive_with_an_order(values: dict[str, Any]) -> No
     asked = MotionRequest(request_id=7, requester=ASKER, keep_out=(BARN, PERSON), **values)
     payload = encode_request(asked)
     assert payload[0] == 2
-    got = decode_motion(payload, ASKER)
-    assert isinstance(got, MotionRequest)
+    got = typed(MotionRequest, decode_motion(payload, ASKER))
     assert len(got.places) == len(asked.places)
     assert [one.radius_m for one in got.keep_out] == [None, 40.0]
     for one, other in zip(got.keep_out, asked.keep_out, strict=True):
@@ -93,8 +92,7 @@ def test_a_circle_never_arrives_smaller() -> None:
     asked = MotionRequest(
         request_id=7, requester=ASKER, action="hold", keep_out=(replace(PERSON, radius_m=0.4),)
     )
-    got = decode_motion(encode_request(asked), ASKER)
-    assert isinstance(got, MotionRequest)
+    got = typed(MotionRequest, decode_motion(encode_request(asked), ASKER))
     assert got.keep_out[0].radius_m == 1.0
     with pytest.raises(UsageError, match="below 65536"):
         encode_request(replace(asked, keep_out=(replace(PERSON, radius_m=7e4),)))
@@ -173,9 +171,7 @@ def test_no_bytes_are_more_than_refused(payload: bytes) -> None:
 @pytest.mark.parametrize(
     "corners", [tuple((47.0, 8.0 + n / 1000) for n in range(21)), ((47.0, 8.0), (48.0, 8.0))]
 )
-def test_an_area_that_does_not_fit_is_refused_with_the_remedy(
-    corners: tuple[tuple[float, float], ...],
-) -> None:
+def test_an_area_that_does_not_fit_is_refused(corners: tuple[tuple[float, float], ...]) -> None:
     with pytest.raises(UsageError, match="Draw"):
         encode_request(
             MotionRequest(request_id=1, requester=ASKER, action="survey", places=corners)

@@ -46,14 +46,6 @@ def test_any_changed_bit_is_noticed(inside: bytes, data: st.DataObject) -> None:
         keeper().open(bytes(sealed), GROUND, DRONE)
 
 
-@given(st.binary(max_size=128))
-def test_random_bytes_are_refused_by_name(payload: bytes) -> None:
-    with pytest.raises(TunnelError):
-        keeper().open(payload, GROUND, DRONE)
-    with pytest.raises(TunnelError):
-        session_of(payload, KEY, DRONE)
-
-
 def test_the_bytes_of_a_seal_and_of_a_session_are_these() -> None:
     assert seal(b"stop", 0, KEY, GROUND, COUNT, SESSION).hex() == (
         "0200000000401e18240a0600ed447592e9b5d4b673746f70"

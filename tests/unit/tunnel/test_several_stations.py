@@ -8,7 +8,6 @@ import pytest
 from uavrt.core.messages import TunnelPayload
 from uavrt.link.tunnel.generations.wire import Ids
 from uavrt.link.tunnel.own_messages.private import payload_hash
-from uavrt.link.tunnel.pulses.receiving_stations import PLAIN
 from uavrt.link.tunnel.pulses.reliable import ReliableSender
 from uavrt.link.tunnel.pulses.underway import ItemKey
 
@@ -39,43 +38,6 @@ def taken(sender: ReliableSender[int], now_ns: int) -> list[TunnelPayload]:
     return found
 
 
-def hashes(*payloads: bytes | None) -> list[int]:
-    return [payload_hash(payload) for payload in payloads if payload is not None]
-
-
-def test_a_station_that_comes_while_the_inside_of_a_burst_is_under_way_gets_the_burst() -> None:
-    sender = make_sender()
-    sender.receipt(7, (), GROUND, 0)
-    sender.pulses.add((2, 1), 1)
-    taken(sender, SECOND)
-    sender.receipt(7, hashes(payload_of(1)), GROUND, SECOND)  # its inside is due now
-    sender.receipt(8, (), OTHER, SECOND)
-    (inside,) = taken(sender, SECOND)
-    assert inside.place == GROUND
-    assert sender.receipt(7, hashes(inside.payload), GROUND, 2 * SECOND) == [(2, 1)]
-    sender.stores.note_on_disk(7, on_disk=False)
-    assert sender.pulses.wanted() == 8
-    assert (2, 1) not in sender.pulses.keys(8), "so it is read from the disk"
-
-
-@pytest.mark.parametrize("already_forgotten", [False, True])
-def test_who_overhears_what_is_inside_a_burst_has_not_got_the_burst(
-    *, already_forgotten: bool
-) -> None:
-    sender = make_sender()
-    sender.receipt(7, (), GROUND, 0)
-    sender.pulses.add((2, 1), 1)
-    taken(sender, SECOND)
-    sender.receipt(7, hashes(payload_of(1)), GROUND, SECOND)
-    (inside,) = taken(sender, SECOND)
-    if already_forgotten:
-        sender.receipt(7, hashes(inside.payload), GROUND, SECOND)
-    assert sender.receipt(8, hashes(inside.payload), GROUND, SECOND) == []
-    sender.stores.note_on_disk(7, on_disk=False)
-    assert sender.pulses.wanted() == 8
-    assert (2, 1) not in sender.pulses.keys(8)
-
-
 def test_what_is_read_for_one_station_is_read_for_the_other_too() -> None:
     sender = make_sender()
     for store, place in ((7, GROUND), (8, OTHER)):
@@ -84,18 +46,6 @@ def test_what_is_read_for_one_station_is_read_for_the_other_too() -> None:
     sender.pulses.refill(7, [((2, 2), 2)], more=False)
     assert sender.pulses.keys(7) == {(2, 2)}
     assert sender.pulses.keys(8) == set()
-
-
-def test_what_is_recorded_while_the_disk_is_read_is_asked_for_again() -> None:
-    sender = make_sender()
-    for store in (PLAIN, 7):
-        if store == 7:
-            sender.receipt(7, (), GROUND, 0)
-        sender.stores.note_on_disk(store, on_disk=False)
-        assert sender.pulses.wanted() is None
-        sender.stores.mark_all_on_disk()
-        sender.pulses.refill(store, (), more=False)
-        assert sender.pulses.wanted() == store
 
 
 class Disk:

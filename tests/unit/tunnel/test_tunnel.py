@@ -3,6 +3,7 @@ import math
 
 import made
 import pytest
+from some import typed
 
 from uavrt.core.commands import CommandId, Generation, SystemState
 from uavrt.core.errors import TunnelError
@@ -48,9 +49,7 @@ def changed(**fields: float) -> TagG1:
         ),
     ],
 )
-def test_a_payload_of_another_length_is_refused_with_the_lengths(
-    payload: bytes, reason: str
-) -> None:
+def test_a_payload_of_another_length_is_refused(payload: bytes, reason: str) -> None:
     with pytest.raises(TunnelError, match=reason) as caught:
         decode(payload)
     assert caught.value.payload == payload
@@ -105,8 +104,7 @@ def test_a_start_with_a_margin_but_no_ratio_is_refused() -> None:
 def test_a_long_reason_is_cut_between_characters_and_still_ends_with_nul() -> None:
     payload = AckG1(acked_command=4, result=0, message="µ" * 100).encode()
     assert payload[127] == 0
-    ack = decode(payload)
-    assert isinstance(ack, AckG1)
+    ack = typed(AckG1, decode(payload))
     assert ack.message == "µ" * 57
 
 
@@ -120,8 +118,7 @@ def test_the_thesis_start_tells_its_generation_and_a_bare_upload_does_not() -> N
 
 
 def test_a_detector_heartbeat_is_a_pulse_at_frequency_zero() -> None:
-    wire = decode(detector_heartbeat(3, 1_700_000_000 * 10**9).encode())
-    assert isinstance(wire, PulseG1)
+    wire = typed(PulseG1, decode(detector_heartbeat(3, 1_700_000_000 * 10**9).encode()))
     assert (wire.tag_id, wire.frequency_hz) == (3, 0)
     assert pulse_from_wire(wire) is None
 
@@ -139,8 +136,7 @@ def test_the_usable_share_and_the_weakest_pulse_come_with_nothing_found(share: f
         made.search_report(3, 1_700_000_000 * 10**9), usable_share=share, weakest_enr_db=8.5
     )
     wire = search_report_to_wire(report)
-    received = decode(wire.encode())
-    assert isinstance(received, PulseG1)
+    received = typed(PulseG1, decode(wire.encode()))
     assert pulse_from_wire(received) == report
 
 
@@ -178,11 +174,8 @@ def test_an_unknown_pulse_status_is_refused() -> None:
 
 
 @pytest.mark.parametrize("time_s", [9.5e9, 1e10, -1.0, math.nan, math.inf])
-def test_a_pulse_whose_time_does_not_fit_64_bits_of_nanoseconds_is_refused(
-    time_s: float,
-) -> None:
-    good = pulse_to_wire(PulsePose(pulse=made.pulse(10**18), pose=None))
-    assert isinstance(good, PulseG1)
+def test_a_pulse_whose_time_does_not_fit_64_bits_is_refused(time_s: float) -> None:
+    good = typed(PulseG1, pulse_to_wire(PulsePose(pulse=made.pulse(10**18), pose=None)))
     assert pulse_from_wire(good) is not None
     for name in ("start_time_s", "predict_next_start_s"):
         with pytest.raises(TunnelError, match="invalid time"):
@@ -190,9 +183,7 @@ def test_a_pulse_whose_time_does_not_fit_64_bits_of_nanoseconds_is_refused(
 
 
 @pytest.mark.parametrize("number", [0, 10, 77, 2**32 - 1])
-def test_a_command_number_that_nobody_knows_has_a_name_and_no_decoder_fails_at_it(
-    number: int,
-) -> None:
+def test_an_unknown_command_number_has_a_name_and_fails_no_decoder(number: int) -> None:
     assert command_name(number) == f"command {number}"
     for size, kind in ((8, BareG2), (16, UploadG2)):
         payload = number.to_bytes(4, "little").ljust(size, b"\0")
@@ -215,8 +206,7 @@ def sent_of_rate(rate: int, half_s: float, generation: Generation) -> PulsePose:
     )
     message = pulse_to_wire(PulsePose(pulse=sent, pose=None), generation)
     assert isinstance(message, PulseG0 | PulseG1)
-    got = pulse_from_wire(message, TWO_RATES)
-    assert isinstance(got, PulsePose)
+    got = typed(PulsePose, pulse_from_wire(message, TWO_RATES))
     return got
 
 
@@ -239,8 +229,7 @@ def test_rates_closer_than_their_uncertainty_are_told_by_a_narrow_prediction(rat
         start_time_s=start_s,
         predict_next_start_s=start_s + close.pulse_intervals_s[rate - 1] - 0.010,
     )
-    got = pulse_from_wire(told, close)
-    assert isinstance(got, PulsePose)
+    got = typed(PulsePose, pulse_from_wire(told, close))
     assert got.pulse.rate == rate
 
 
@@ -251,8 +240,7 @@ def test_the_originals_second_detector_of_a_tag_is_its_second_rate() -> None:
     assert isinstance(wire, PulseG1)
     tags = {4: TWO_RATES}
     assert tag_of_number(5, tags) == TWO_RATES
-    got = pulse_from_wire(wire, tag_of_number(5, tags))
-    assert isinstance(got, PulsePose)
+    got = typed(PulsePose, pulse_from_wire(wire, tag_of_number(5, tags)))
     assert (got.pulse.tag_id, got.pulse.rate) == (4, 2)
 
 
@@ -267,17 +255,12 @@ def test_a_listed_number_after_a_tag_of_two_rates_is_itself() -> None:
     ("field", "value"),
     [("latitude_deg", 90.5), ("latitude_deg", -1.4e306), ("longitude_deg", 465_000_000.0)],
 )
-def test_a_pulse_is_kept_without_a_place_that_is_not_on_the_globe(
-    field: str, value: float
-) -> None:
+def test_a_pulse_is_kept_without_a_place_off_the_globe(field: str, value: float) -> None:
     """Stored with it, the pulse's line would be refused by every reader."""
-    wire = pulse_to_wire(PulsePose(pulse=made.pulse(10**18), pose=POSE))
-    assert isinstance(wire, PulseG1)
+    wire = typed(PulseG1, pulse_to_wire(PulsePose(pulse=made.pulse(10**18), pose=POSE)))
     astray = dataclasses.replace(wire, **{field: value})  # type: ignore[arg-type]
-    heard = pulse_from_wire(astray, None)
-    assert isinstance(heard, PulsePose)
+    heard = typed(PulsePose, pulse_from_wire(astray, None))
     assert heard.pose is None
     assert has_place(astray)
-    kept = pulse_from_wire(wire, None)
-    assert isinstance(kept, PulsePose)
+    kept = typed(PulsePose, pulse_from_wire(wire, None))
     assert kept.pose is not None

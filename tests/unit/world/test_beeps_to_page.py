@@ -28,9 +28,7 @@ def present(beep: Beep, world: World) -> Beep:
     return replace(beep, time_ns=world.clock.now_ns())
 
 
-async def test_all_that_beeps_reaches_the_page_and_both_flights_over_a_bad_link(
-    tmp_path: Path,
-) -> None:
+async def test_all_that_beeps_reaches_page_and_flights_over_a_bad_link(tmp_path: Path) -> None:
     world = World(tmp_path)
     page = AskedPage(tmp_path / "ground", world.ground_address)
     async with world.flying(), page.served():
@@ -77,9 +75,7 @@ async def test_what_was_not_measured_corrects_nothing(tmp_path: Path) -> None:
         assert listed.frequency_hz == THESIS_TAG.frequency_hz
 
 
-async def test_of_a_flood_the_page_keeps_tags_and_the_strongest_also_after_a_restart(
-    tmp_path: Path,
-) -> None:
+async def test_of_a_flood_the_page_keeps_tags_and_the_strongest(tmp_path: Path) -> None:
     world = World(tmp_path)
     page = AskedPage(tmp_path / "ground", world.ground_address)
     many = [

@@ -26,9 +26,7 @@ from uavrt.drone.ipc.process import ProcessFrame
 from world import World, until
 
 
-async def test_an_undo_before_the_drone_has_answered_is_refused_and_works_afterwards(
-    tmp_path: Path,
-) -> None:
+async def test_an_undo_is_refused_until_the_drone_has_answered(tmp_path: Path) -> None:
     async with flight_off_label(tmp_path) as (world, page):
         pressed = asyncio.create_task(press(page, CORRECT))
         await until(lambda: world.mission.upload.tags[2].frequency_hz == AWAY_HZ)
@@ -52,9 +50,7 @@ async def test_an_undo_before_the_drone_has_answered_is_refused_and_works_afterw
         assert "Tag 2: 148.710640 MHz, was 148.710000" in texts
 
 
-async def test_each_undo_goes_back_by_one_correction_until_the_first_list_is_back(
-    tmp_path: Path,
-) -> None:
+async def test_each_undo_goes_back_by_one_correction_to_the_first_list(tmp_path: Path) -> None:
     page = AskedPage(tmp_path / "ground", World(tmp_path).ground_address)
     places_hz = [HERE_HZ, AWAY_HZ, 148_710_900.0]
     async with page.served():
@@ -99,17 +95,13 @@ async def test_without_contact_or_with_two_vehicles_of_one_number_nothing_is_cor
         assert world.mission.upload.tags[2].frequency_hz == HERE_HZ
 
 
-async def test_a_list_that_another_station_has_sent_is_corrected_on_the_drone_too(
-    tmp_path: Path,
-) -> None:
+async def test_a_list_of_another_station_is_corrected_on_the_drone_too(tmp_path: Path) -> None:
     async with flight_off_label(tmp_path, sent_by_page=False) as (world, page):
         assert (await press(page, CORRECT)).status == 200
         assert listed_hz(page) == world.mission.upload.tags[2].frequency_hz == AWAY_HZ
 
 
-async def test_only_what_was_measured_before_a_correction_of_this_station_is_dropped(
-    tmp_path: Path,
-) -> None:
+async def test_what_was_measured_before_an_own_correction_is_dropped(tmp_path: Path) -> None:
     world = World(tmp_path)
     page = AskedPage(tmp_path / "ground", world.ground_address)
     of_other_station = off_label(world, frequency_hz=148_711_000.0, offsets_hz=(360.0,))

@@ -30,7 +30,7 @@ async def edit(page: AskedPage, **changed: Any) -> None:
     assert (await page.ask("PUT", "/api/tags", [row | changed])).status == 200
 
 
-async def test_what_is_edited_while_the_drone_answers_stays_and_is_undone_around(
+async def test_an_edit_while_the_drone_answers_stays_and_outlives_an_undo(
     tmp_path: Path,
 ) -> None:
     async with flight_off_label(tmp_path) as (world, page):
@@ -94,7 +94,7 @@ def test_a_list_that_cannot_be_written_keeps_no_correction_and_stays_as_it_was(
     assert GroundStore(tmp_path).corrections == []
 
 
-async def test_the_list_alone_is_corrected_once_the_drone_has_been_off_for_minutes(
+async def test_the_list_alone_is_corrected_after_minutes_without_a_drone(
     tmp_path: Path,
 ) -> None:
     async with flight_off_label(tmp_path) as (world, page):
@@ -123,7 +123,7 @@ async def test_the_list_alone_is_corrected_once_the_drone_has_been_off_for_minut
         assert (await page.state())["tags_sent"] is True
 
 
-async def test_a_station_restarted_after_days_waits_the_same_minutes_for_its_drone(
+async def test_a_station_restarted_after_days_waits_as_long_for_its_drone(
     tmp_path: Path,
 ) -> None:
     async with flight_off_label(tmp_path) as (_, page):
@@ -137,9 +137,7 @@ async def test_a_station_restarted_after_days_waits_the_same_minutes_for_its_dro
         assert listed(restarted).frequency_hz == AWAY_HZ
 
 
-async def test_what_was_measured_is_offered_after_a_flight_in_which_nothing_beeped(
-    tmp_path: Path,
-) -> None:
+async def test_what_was_measured_is_offered_after_a_silent_flight(tmp_path: Path) -> None:
     async with flight_off_label(tmp_path) as (_, page):
         page.session.vehicle.flight.end()
         page.session.vehicle.begin_flight()

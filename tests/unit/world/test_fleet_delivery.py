@@ -14,9 +14,7 @@ from world import THESIS_TAG, World, until
 VEHICLES, PULSES, PULSES_HZ, LOSS = 5, 64, 8.0, 0.2
 
 
-async def test_no_pulse_of_five_drones_is_missing_at_20_percent_loss_on_each_link(
-    tmp_path: Path,
-) -> None:
+async def test_no_pulse_of_five_drones_is_missing_at_20_percent_loss(tmp_path: Path) -> None:
     numbers, port = range(1, VEHICLES + 1), free_udp_port()
     drones = {
         number: World(tmp_path / str(number), ground_port=port, system_id=number, seed=number)

@@ -1,31 +1,14 @@
-"""The parts are joined: what a drone finds is at the ground, and an order is flown."""
+"""How a station takes up with a vehicle: its session, its number, and two of one number."""
 
-import asyncio
 from pathlib import Path
 
 import pytest
 from attacked import key_file
 
 from uavrt.core.commands import SystemState
-from uavrt.core.messages import PulsePose
+from uavrt.core.errors import CommandRefused
 from uavrt.link.tunnel.own_messages.seal import read_key
-from world import THESIS_TAG, World, until
-
-
-async def test_pulses_reach_the_ground_over_a_bad_radio(tmp_path: Path) -> None:
-    world = World(tmp_path)
-    async with world.flying(), world.station() as (link, events):
-        await link.upload_tags([THESIS_TAG])
-        await link.start_detection()
-        assert world.mission.state is SystemState.DETECTING
-        world.radio.loss = 0.2
-        for number in range(30):
-            world.find_pulse(number)
-            await asyncio.sleep(0.2)
-        await until(lambda: len([e for e in events if isinstance(e, PulsePose)]) >= 30)
-        world.radio.loss = 0.0
-        await link.stop_detection()
-        await until(lambda: world.mission.state is SystemState.HAS_TAGS)
+from world import THESIS_TAG, World
 
 
 @pytest.mark.parametrize("silent_s", [0.0, 5.0], ids=["at once", "after the drone"])
@@ -40,3 +23,17 @@ async def test_the_session_is_announced_under_the_autopilot_s_number_alone(
         assert world.clock.now_ns() - start_ns >= silent_s * 1e9
         await link.upload_tags([THESIS_TAG])
         assert link.protocol.counters["bad_payloads"] == 0
+
+
+async def test_an_upload_shared_out_among_two_vehicles_is_named(tmp_path: Path) -> None:
+    world = World(tmp_path)
+    async with world.flying(), world.station() as (link, _):
+
+        def other_vehicle_took_it(count: int, _total: int) -> None:
+            if count == 1:  # the start went to a vehicle of the same number
+                world.mission.state = SystemState.IDLE
+
+        with pytest.raises(CommandRefused, match=r"two vehicles use number 1.*MAV_SYS"):
+            await link.upload_tags([THESIS_TAG], other_vehicle_took_it)
+        await link.upload_tags([THESIS_TAG])
+        assert world.mission.state is SystemState.HAS_TAGS

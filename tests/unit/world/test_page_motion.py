@@ -72,9 +72,7 @@ async def test_a_refusal_is_shown_in_the_drones_words(tmp_path: Path) -> None:
         assert "fence" in answer.json["error"]
 
 
-async def test_only_the_page_that_commands_asks_and_every_page_takes_back(
-    tmp_path: Path,
-) -> None:
+async def test_only_the_page_that_commands_asks_and_each_takes_back(tmp_path: Path) -> None:
     async with flown(tmp_path) as (world, page):
         for name in ("first", "second"):
             page.session.commander.page_connected(name)

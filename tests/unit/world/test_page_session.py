@@ -42,9 +42,7 @@ def pulses(count: int) -> Callable[[dict[str, Any]], bool]:
     return lambda state: bool(state["flight"]["pulses"] == count)
 
 
-async def test_a_drone_is_found_and_its_state_shown(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_drones_state_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         "uavrt.drone.processes.connection_parts.ground_status.cpu_temperature_c", lambda: 51.5
     )
@@ -158,9 +156,7 @@ async def test_another_start_is_another_flight(tmp_path: Path) -> None:
             await asyncio.sleep(2.0)
 
 
-async def test_a_flight_whose_end_the_station_did_not_hear_is_not_gone_on_with(
-    tmp_path: Path,
-) -> None:
+async def test_a_flight_that_ended_unheard_does_not_go_on(tmp_path: Path) -> None:
     """The station was away when the drone stopped; the next start is another flight."""
     world = World(tmp_path)
     async with world.flying():
@@ -196,19 +192,7 @@ async def test_what_the_drone_says_is_kept_as_it_is(tmp_path: Path) -> None:
         assert (line["severity"], line["source"]) == (4, "drone")
 
 
-async def test_an_unacknowledged_command_fails_with_the_reason(tmp_path: Path) -> None:
-    async with flown(tmp_path) as (world, page):
-        world.detect()
-        await page.until(lambda state: state["drone"]["state"] == "detecting")
-        world.radio_cut()
-        answer = await page.ask("POST", "/api/commands/stop", {})
-        assert answer.status == 409
-        assert "did not answer" in answer.json["message"]
-
-
-async def test_a_second_drone_on_the_link_is_named_and_never_taken_unasked(
-    tmp_path: Path,
-) -> None:
+async def test_a_second_drone_is_named_and_never_taken_unasked(tmp_path: Path) -> None:
     async with flown(tmp_path) as (world, page):
         world.detect()
         await page.until(lambda state: not state["flight"]["ended"])
@@ -243,3 +227,23 @@ async def test_a_second_drone_on_the_link_is_named_and_never_taken_unasked(
                 )
             )
             assert state["drone"]["system_id"] == 2
+
+
+async def test_a_killed_connection_ends_no_flight_on_the_ground(tmp_path: Path) -> None:
+    world = World(tmp_path)
+    page = AskedPage(tmp_path / "ground", world.ground_address)
+    async with world.flying(), page.served():
+        await page.until(lambda state: state["drone"]["state"] == "idle")
+        world.detect()
+        await page.until(lambda state: state["drone"]["state"] == "detecting")
+        for _ in range(3):
+            world.kill("connection")
+            await asyncio.sleep(4.3)
+            state = await page.until(lambda one: one["drone"]["state"] == "detecting")
+            assert state["flight"]["ended"] is False
+        states = [one["text"] for one in (await page.ask("GET", "/api/log")).json]
+        assert [one for one in states if one.startswith("the drone is")] == [
+            "the drone is idle",
+            "the drone is detecting",
+        ]
+        assert len((await page.ask("GET", "/api/flights")).json) == 1

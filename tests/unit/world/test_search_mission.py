@@ -15,7 +15,7 @@ from uavrt.ground.link.motions.motion_requests import confirm, motion_request, r
 from uavrt.guidance.control.authority import ControlStage
 from world import World, until
 
-SEARCH_S = 60.0 * count(5, 10)
+SEARCH_S = 60.0 * count(4, 10)
 CPU_S = 60.0
 """Ten minutes take 21 s on a machine that is shared with nine others."""
 GUIDANCE = {"battery_wh": 120.0, "speed_m_s": 8.0, "keep_away_m": 0.0}

@@ -43,9 +43,7 @@ async def search(page: AskedPage, base: str, world: World, height_m: float) -> N
 
 
 @pytest.mark.slow
-async def test_drones_that_search_learn_of_each_other_and_get_their_ways_in_turn(
-    tmp_path: Path,
-) -> None:
+async def test_drones_that_search_get_their_ways_in_turn(tmp_path: Path) -> None:
     port = free_udp_port()
     one, two = (hovering(tmp_path, number, port) for number in (1, 2))
 
