@@ -1,6 +1,6 @@
 """A tag that moves is followed; one that rests keeps its place."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -191,13 +191,7 @@ def test_a_survey_of_a_wrong_height_is_not_taken_for_a_walk() -> None:
     for told_m in (20.0, 80.0):
         for _ in range(2):
             track, _ = flown_over(rng, 0.0)
-            wrong = PowerTrack(
-                latitude_deg=track.latitude_deg,
-                longitude_deg=track.longitude_deg,
-                height_m=np.full(len(track.snr_db), told_m),
-                snr_db=track.snr_db,
-                time_s=track.time_s,
-            )
+            wrong = replace(track, height_m=np.full(len(track.snr_db), told_m))
             assert estimate_position(None, wrong, follow=True).track == ()
 
 
