@@ -163,7 +163,7 @@ def test_a_walker_is_told_and_followed_in_a_survey_by_strength() -> None:
     rng = np.random.default_rng(45)
     within: list[bool] = []
     half: list[bool] = []
-    for number in seeds(4, 5):
+    for number in seeds(3, 5):
         track, tag = flown_over(rng, (0.5, 1.0)[number % 2])
         found = estimate_position(None, track, follow=True)
         assert [one.name for one in found.cautions] == ["walk"]

@@ -339,7 +339,7 @@ def test_damaged_bytes_never_end_in_another_error(tmp_path: Path) -> None:
     assert 0 < read < 300
 
 
-def a_tiff(content: bytes = struct.pack("<4h", 1, 2, 3, 4), **changed: object) -> bytes:
+def a_tiff(content: bytes = struct.pack("<4h", 1, 2, 3, 4), /, **changed: object) -> bytes:
     """Write a TIFF of 2 x 2 heights, with these tags (kind and values, or none) instead."""
     kinds = {3: "H", 4: "I", 12: "d"}
     tags: dict[int, Any] = {
