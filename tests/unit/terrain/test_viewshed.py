@@ -42,7 +42,9 @@ def hills(side: int, cell_m: float, seed: int, *, relief_m: float = 60.0) -> Gro
     return land(relief_m * height, cell_m)
 
 
-def view(ground: GroundGrid, place: tuple[float, float], antenna_m: float) -> _Floats:
+def view(
+    ground: GroundGrid, place: tuple[float, float], antenna_m: float
+) -> NDArray[np.float32]:
     """Losses of a tag in each square."""
     return terrain_loss_map(
         ground,
@@ -144,7 +146,7 @@ def test_the_view_is_within_half_a_decibel_of_brute_force(
 
 def compared(
     ground: GroundGrid, seed: int, place: tuple[float, float], antenna_m: float
-) -> _Floats:
+) -> NDArray[np.float32]:
     loss = view(ground, place, antenna_m)
     cells = np.random.default_rng(seed).integers(0, loss.size, 1500)
     apart = np.abs(loss.ravel()[cells] - brute_force(ground, place, antenna_m, cells))
