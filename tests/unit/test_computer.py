@@ -61,16 +61,12 @@ def test_the_service_starts_at_boot_with_readiness_and_watchdog(tmp_path: Path) 
     )
 
 
-def test_installing_twice_changes_nothing(tmp_path: Path) -> None:
+def test_installing_twice_changes_nothing_but_what_the_plan_does(tmp_path: Path) -> None:
     install(PLAN, tmp_path)
     first = files_below(tmp_path)
     said = install(PLAN, tmp_path)
     assert files_below(tmp_path) == first
     assert not [line for line in said if line.startswith("wrote")]
-
-
-def test_a_changed_plan_replaces_the_unit(tmp_path: Path) -> None:
-    install(PLAN, tmp_path)
     install(replace(PLAN, user="drone"), tmp_path)
     assert "User=drone" in (tmp_path / UNIT_PATH).read_text()
 

@@ -8,8 +8,6 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-import pytest
-
 from uavrt.cli.app import make_app
 from uavrt.config.loader import load_settings
 from uavrt.config.settings import Settings
@@ -117,8 +115,7 @@ def test_the_readme_shows_the_commands_of_a_flight() -> None:
     assert {"demo", "detect", "run", "ground"} <= shown
 
 
-@pytest.mark.parametrize("document", DOCUMENTS, ids=name_of)
-def test_every_make_target_in_the_documents_exists(document: Path) -> None:
+def test_every_make_target_in_the_documents_exists() -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = set(re.findall(r"^([\w-]+):", makefile, re.MULTILINE))
     named = [
@@ -141,23 +138,19 @@ def blocks(language: str, starting_with: str) -> list[tuple[str, str]]:
     ]
 
 
-def test_every_settings_file_in_the_documents_is_read_without_fault(tmp_path: Path) -> None:
+def test_every_settings_and_tag_file_in_the_documents_is_read_without_fault(
+    tmp_path: Path,
+) -> None:
     tables = "|".join(field.name for field in dataclasses.fields(Settings))
-    shown = blocks("toml", rf"\[({tables})\]")
-    assert shown
-    for _, body in shown:
-        path = tmp_path / "uavrt.toml"
-        path.write_text(body, encoding="utf-8")
-        load_settings(path)
-
-
-def test_every_tag_file_in_the_documents_is_read_without_fault(tmp_path: Path) -> None:
-    shown = blocks("text", "# id, freq_hz")
-    assert shown
-    for _, body in shown:
-        path = tmp_path / "TagInfo.txt"
-        path.write_text(body, encoding="utf-8")
-        assert read_tags(path)
+    for name, shown, read in (
+        ("uavrt.toml", blocks("toml", rf"\[({tables})\]"), load_settings),
+        ("TagInfo.txt", blocks("text", "# id, freq_hz"), read_tags),
+    ):
+        assert shown
+        for _, body in shown:
+            path = tmp_path / name
+            path.write_text(body, encoding="utf-8")
+            assert read(path)
 
 
 def test_the_map_of_the_code_is_as_its_script_writes_it_and_names_files_that_exist() -> None:

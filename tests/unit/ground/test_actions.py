@@ -35,26 +35,17 @@ def enabled(**changes: object) -> set[str]:
 
 
 def test_a_button_is_off_exactly_when_it_says_why() -> None:
-    for link, present, state, tags, sent, busy, flight in product(
-        (True, False),
-        (True, False),
-        (None, *SystemState),
-        (0, 2),
-        (True, False),
-        (None, BUSY),
-        (True, False),
-    ):
-        states = action_states(
-            situation(
-                link_open=link,
-                drone_present=present,
-                state=state,
-                tags=tags,
-                tags_sent=sent,
-                busy=busy,
-                flight_open=flight,
-            )
-        )
+    values: dict[str, tuple[object, ...]] = {
+        "link_open": (True, False),
+        "drone_present": (True, False),
+        "state": (None, *SystemState),
+        "tags": (0, 2),
+        "tags_sent": (True, False),
+        "busy": (None, BUSY),
+        "flight_open": (True, False),
+    }
+    for case in product(*values.values()):
+        states = action_states(situation(**dict(zip(values, case, strict=True))))
         assert set(states) == set(ACTIONS)
         for one in states.values():
             assert one["enabled"] is (one["reason"] is None)

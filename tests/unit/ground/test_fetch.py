@@ -115,23 +115,18 @@ def test_what_is_here_already_is_not_fetched_again(root: Path, tmp_path: Path) -
     assert asyncio.run(twice()) < 100
 
 
-def test_an_interrupted_fetch_goes_on_where_it_ended(root: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("of_it", "most_bytes"), [(True, 11_500), (False, 50_000)])
+def test_an_interrupted_fetch_goes_on_where_it_ended_but_not_with_a_part_of_another_file(
+    root: Path, tmp_path: Path, of_it: bool, most_bytes: int
+) -> None:
     pair = Pair(root)
     place = tmp_path / "flight.sqlite"
     part = place.with_name(place.name + PART_SUFFIX)
-    part.write_bytes(CONTENT[:20_000])
+    part.write_bytes(CONTENT[:20_000] if of_it else b"x" * 20_000)
     asyncio.run(fetch_file(pair.client, ENTRY, place))
     assert place.read_bytes() == CONTENT
-    assert pair.sent_bytes < 11_500
+    assert pair.sent_bytes < most_bytes
     assert not part.exists()
-
-
-def test_a_part_of_another_file_is_noticed_and_fetched_anew(root: Path, tmp_path: Path) -> None:
-    pair = Pair(root)
-    place = tmp_path / "flight.sqlite"
-    place.with_name(place.name + PART_SUFFIX).write_bytes(b"x" * 20_000)
-    asyncio.run(fetch_file(pair.client, ENTRY, place))
-    assert place.read_bytes() == CONTENT
 
 
 def test_a_file_that_is_not_there_is_named(root: Path, tmp_path: Path) -> None:
@@ -353,68 +348,72 @@ def test_a_log_that_has_grown_takes_the_place_of_what_was_here(
     assert place.read_text() == "one\ntwo\n"
 
 
-@pytest.mark.parametrize("case", ["grown", "shorter", "other start", "damaged"])
-def test_a_database_is_replaced_by_a_later_state_of_the_same_flight_alone(
-    root: Path, tmp_path: Path, case: str
-) -> None:
-    def make(directory: Path, pulses: range, start_ns: int = 10**18) -> Path:
-        info = made.flight_info(directory, start_time_ns=start_ns)
-        made.flight(info, pulses=[made.pulse(10**18 + n * 10**9) for n in pulses])
-        return directory / "flight.sqlite"
+def database(directory: Path, pulses: range, start_ns: int = 10**18) -> Path:
+    info = made.flight_info(directory, start_time_ns=start_ns)
+    made.flight(info, pulses=[made.pulse(10**18 + n * 10**9) for n in pulses])
+    return directory / "flight.sqlite"
 
-    shutil.rmtree(root / "flight_log_1")
-    new = {
-        "grown": lambda: make(root / "flight_log_1", range(9)),
-        "shorter": lambda: make(root / "flight_log_1", range(1, 9)),
-        "other start": lambda: make(root / "flight_log_1", range(9), 10**18 + 1),
-        "damaged": lambda: make(root / "flight_log_1", range(9)),
-    }[case]()
-    if case == "damaged":
-        new.write_bytes(new.read_bytes()[:100] + b"\xff" * 3000)
-    place = make(tmp_path / "here", range(5))
-    before = place.read_bytes()
-    assert fetched(root, place, "flight.sqlite")
-    assert (place.read_bytes() == new.read_bytes()) == (case == "grown")
-    assert (place.read_bytes() == before) == (case != "grown")
+
+def description(directory: Path, *starts_s: float, rate_hz: float = 3750.0) -> Path:
+    """That of samples with gaps: else samples were added here without the gaps before them."""
+    file = SampleFile(
+        directory / "band",
+        sample_rate_hz=rate_hz,
+        center_frequency_hz=148.7e6,
+        description="a flight",
+    )
+    for number, start_s in enumerate(starts_s):
+        samples = np.full(100, 0.5, np.complex64)
+        file.append(samples, number * 50_000, START_NS + round(start_s * 1e9))
+    file.close()
+    return file.metadata_path
+
+
+def database_here(directory: Path) -> Path:
+    return database(directory, range(5))
+
+
+def description_here(directory: Path) -> Path:
+    return description(directory, 0.0, 13.3)
 
 
 @pytest.mark.parametrize(
-    "case", ["grown", "corrected", "another flight", "other rate", "damaged"]
+    ("here", "there", "later"),
+    [
+        (database_here, lambda drone: database(drone, range(9)), True),
+        (database_here, lambda drone: database(drone, range(1, 9)), False),
+        (database_here, lambda drone: database(drone, range(9), 10**18 + 1), False),
+        (database_here, lambda drone: damaged(database(drone, range(9)), 100), False),
+        (description_here, lambda drone: description(drone, 0.0, 13.3, 30.0), True),
+        (description_here, lambda drone: description(drone, 0.02, 13.3), True),
+        (description_here, lambda drone: description(drone, 60.0, 73.3, 90.0), False),
+        (
+            description_here,
+            lambda drone: description(drone, 0.0, 13.3, 30.0, rate_hz=7500.0),
+            False,
+        ),
+        (description_here, lambda drone: damaged(description(drone, 0.0, 13.3, 30.0)), False),
+    ],
 )
-def test_a_recordings_description_is_replaced_by_a_later_state_of_the_same_alone(
-    root: Path, tmp_path: Path, case: str
+def test_a_file_is_replaced_by_a_later_state_of_the_same_alone(
+    root: Path,
+    tmp_path: Path,
+    here: Callable[[Path], Path],
+    there: Callable[[Path], Path],
+    later: bool,
 ) -> None:
-    """Else samples are added here, and the gaps before them stay untold."""
-
-    def make(directory: Path, starts_s: list[float], *, rate_hz: float = 3750.0) -> Path:
-        file = SampleFile(
-            directory / "band",
-            sample_rate_hz=rate_hz,
-            center_frequency_hz=148.7e6,
-            description="a flight",
-        )
-        for number, start_s in enumerate(starts_s):
-            samples = np.full(100, 0.5, np.complex64)
-            file.append(samples, number * 50_000, START_NS + round(start_s * 1e9))
-        file.close()
-        return file.metadata_path
-
-    drone = root / "flight_log_1"
-    new = {
-        "grown": lambda: make(drone, [0.0, 13.3, 30.0]),
-        "corrected": lambda: make(drone, [0.02, 13.3]),
-        "another flight": lambda: make(drone, [60.0, 73.3, 90.0]),
-        "other rate": lambda: make(drone, [0.0, 13.3, 30.0], rate_hz=7500.0),
-        "damaged": lambda: make(drone, [0.0, 13.3, 30.0]),
-    }[case]()
-    if case == "damaged":
-        new.write_bytes(new.read_bytes()[:-40])
-    place = make(tmp_path / "here", [0.0, 13.3])
+    shutil.rmtree(root / "flight_log_1")
+    place, new = here(tmp_path / "here"), there(root / "flight_log_1")
     before = place.read_bytes()
     assert fetched(root, place, new.name)
-    later = case in ("grown", "corrected")
     assert place.read_bytes() == (new.read_bytes() if later else before)
     assert place.with_name(f"{place.name}.other-1").exists() != later
+
+
+def damaged(path: Path, kept: int = -40) -> Path:
+    """Cut a file off, and put other bytes in place of the rest."""
+    path.write_bytes(path.read_bytes()[:kept] + b"\xff" * 3000)
+    return path
 
 
 def test_directories_without_end_are_left_out_and_counted() -> None:

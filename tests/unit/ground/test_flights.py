@@ -38,6 +38,7 @@ from uavrt.ground.web.work.exports import EXPORTS, export
 from uavrt.localization.antenna import PATTERNS
 from uavrt.localization.estimates.flight_estimates import EstimationOptions
 from uavrt.localization.estimates.live_bearings import LiveBearings
+from uavrt.localization.results import Position
 from uavrt.localization.terrain.elevation_files import open_elevation
 
 pytestmark = pytest.mark.slow
@@ -101,24 +102,45 @@ def keeper_fixture(tmp_path: Path) -> Iterator[FlightKeeper]:
     keeper.close()
 
 
-@pytest.fixture(name="flown")
-def flown_fixture(keeper: FlightKeeper, tmp_path: Path) -> tuple[FlightLibrary, str]:
+@pytest.fixture(name="flown", scope="module")
+def flown_fixture(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FlightKeeper]:
+    """A keeper of two turns and a mark, to which tests add nothing."""
+    keeper = FlightKeeper(tmp_path_factory.mktemp("flown"), Clock.start())
+    keeper.begin([TAG])
     fly(keeper)
+    keeper.add_note(mark_note(46.501, 8.001, "nest & eggs"), START_NS)
+    yield keeper
+    keeper.close()
+
+
+@pytest.fixture(scope="module")
+def columns(flown: FlightKeeper) -> Columns:
+    return flown.columns()
+
+
+@pytest.fixture(scope="module")
+def found(columns: Columns) -> Estimates:
+    return estimates(columns)
+
+
+def stored(keeper: FlightKeeper) -> tuple[FlightLibrary, str]:
+    """What a keeper has on its disk, and its flight's name there."""
     keeper.queue.commit()
-    return FlightLibrary(tmp_path), some(keeper.flight_id)
+    return FlightLibrary(keeper._directory), some(keeper.flight_id)
 
 
-def estimates(columns: Columns) -> Estimates:
-    return Estimator().estimate(columns, AntennaChoice())
+def estimates(columns: Columns, *given: Any, offset_deg: float = 0.0, **more: Any) -> Estimates:
+    antenna = AntennaChoice(offset_deg=offset_deg)
+    return Estimator().estimate(columns, antenna, *given, **more)
 
 
 def test_what_is_on_the_disk_is_what_the_estimates_see(
-    keeper: FlightKeeper, flown: tuple[FlightLibrary, str]
+    flown: FlightKeeper, columns: Columns
 ) -> None:
-    library, flight_id = flown
-    stored, kept = library.columns(flight_id), keeper.columns()
-    np.testing.assert_array_equal(stored.pulses, kept.pulses)
-    np.testing.assert_array_equal(stored.poses, kept.poses)
+    library, flight_id = stored(flown)
+    on_disk = library.columns(flight_id)
+    np.testing.assert_array_equal(on_disk.pulses, columns.pulses)
+    np.testing.assert_array_equal(on_disk.poses, columns.poses)
     assert library.summary(flight_id).pulses == len(
         read_flight(library.path(flight_id)).pulse_poses
     )
@@ -126,9 +148,10 @@ def test_what_is_on_the_disk_is_what_the_estimates_see(
 
 
 def test_a_restart_goes_on_with_the_flight_and_takes_no_pulse_twice(
-    flown: tuple[FlightLibrary, str], keeper: FlightKeeper, tmp_path: Path
+    keeper: FlightKeeper, tmp_path: Path
 ) -> None:
-    library, flight_id = flown
+    fly(keeper, until_s=20.0)
+    library, flight_id = stored(keeper)
     keeper.close()
     again = FlightKeeper(tmp_path, Clock.start())
     assert again.resume(flight_id)
@@ -142,9 +165,7 @@ def test_a_restart_goes_on_with_the_flight_and_takes_no_pulse_twice(
     assert library.summary(flight_id).pulses == before + 1
 
 
-def test_the_tag_is_found_where_it_is(flown: tuple[FlightLibrary, str]) -> None:
-    library, flight_id = flown
-    found = estimates(library.columns(flight_id))
+def test_the_tag_is_found_where_it_is(found: Estimates) -> None:
     assert [one["turn"] for one in found.bearings] == [0, 1]
     for one, station in zip(found.bearings, (0.0, 200.0), strict=True):
         true = math.degrees(math.atan2(TAG_EAST_M - station, TAG_NORTH_M)) % 360.0
@@ -177,13 +198,11 @@ def live_bearings_of(flight: Flight) -> list[LiveBearing]:
     return [said[key] for key in sorted(said, key=lambda key: key[1])]
 
 
-def test_the_drone_says_the_same_of_a_flight_as_the_report(
-    keeper: FlightKeeper, tmp_path: Path
-) -> None:
+def test_the_drone_says_the_same_of_a_flight_as_the_report(keeper: FlightKeeper) -> None:
     """Four turns that teach the antenna, with pulses that were missed."""
     fly(keeper, stations=(0.0, 200.0, 400.0, 600.0), least_snr_db=13.0)
-    keeper.queue.commit()
-    place = FlightLibrary(tmp_path).path(some(keeper.flight_id))
+    library, flight_id = stored(keeper)
+    place = library.path(flight_id)
     survey, drone = read_survey(place), live_bearings_of(read_flight(place))
     assert len(survey.bearings) == len(drone) == 4
     for tag_bearing, live in zip(survey.bearings, drone, strict=True):
@@ -218,71 +237,59 @@ def survey_lines(keeper: FlightKeeper) -> None:
             seconds += 1.2
 
 
+def on_page(keeper: FlightKeeper, antenna: AntennaChoice) -> dict[str, Any]:
+    """The one position that the page shows."""
+    library, flight_id = stored(keeper)
+    columns, tags = library.columns(flight_id), library.summary(flight_id).tags
+    (shown,) = Estimator().estimate(columns, antenna, (), tags).positions
+    return shown
+
+
+def elsewhere(keeper: FlightKeeper, how: EstimationOptions) -> tuple[Position, Position]:
+    """That of the command line and that of the report."""
+    library, flight_id = stored(keeper)
+    (told,) = read_positions(library.path(flight_id), how=how)
+    (reported,) = read_survey(library.path(flight_id), how).positions
+    return some(told.position), some(reported.position)
+
+
 @pytest.mark.parametrize("pattern", ["monopole", "RA-23K"])
 def test_page_report_and_command_line_tell_the_same_over_hills(
     keeper: FlightKeeper, tmp_path: Path, pattern: str
 ) -> None:
-    if pattern == "monopole":
-        survey_lines(keeper)
-    else:
-        fly(keeper)
-    keeper.queue.commit()
-    library, flight_id = FlightLibrary(tmp_path), some(keeper.flight_id)
-    place, tags = library.path(flight_id), library.summary(flight_id).tags
+    (survey_lines if pattern == "monopole" else fly)(keeper)
     north_west = math.floor(PLANE.latitude_deg), math.floor(PLANE.longitude_deg)
     tile = tmp_path / f"N{north_west[0]:02d}E{north_west[1]:03d}.hgt"
     slope = np.broadcast_to(np.linspace(0.0, 9000.0, 1201), (1201, 1201))
     tile.write_bytes(slope.astype(">i2").tobytes())
-
-    antenna = AntennaChoice(pattern=pattern, dem=str(tile))
-    page = Estimator().estimate(library.columns(flight_id), antenna, (), tags)
-    (told,) = read_positions(
-        place, how=EstimationOptions(antenna=pattern, elevation=open_elevation(tile))
-    )
-    (reported,) = read_survey(
-        place, EstimationOptions(antenna=pattern, elevation=open_elevation(tile))
-    ).positions
-    (shown,) = page.positions
-    for other in (told.position, reported.position):
-        assert other is not None
+    how = EstimationOptions(antenna=pattern, elevation=open_elevation(tile))
+    shown = on_page(keeper, AntennaChoice(pattern=pattern, dem=str(tile)))
+    for other in elsewhere(keeper, how):
         assert shown["latitude_deg"] == pytest.approx(other.latitude_deg, abs=1e-7)
         assert shown["radius95_m"] == pytest.approx(other.radius95_m, abs=0.1)
     if pattern == "monopole":  # a single bearing has no other level to be compared with
-        (level,) = read_positions(place, how=EstimationOptions(antenna=pattern))
-        assert shown["radius95_m"] != pytest.approx(some(level.position).radius95_m, abs=0.1)
+        level = on_page(keeper, AntennaChoice(pattern=pattern))
+        assert shown["radius95_m"] != pytest.approx(level["radius95_m"], abs=0.1)
 
 
 @pytest.mark.parametrize("pattern", ["monopole", "RA-23K"])
 def test_page_report_and_command_line_trust_headings_and_heights_alike(
-    keeper: FlightKeeper, tmp_path: Path, pattern: str
+    keeper: FlightKeeper, pattern: str
 ) -> None:
     if pattern == "monopole":
         survey_lines(keeper)
     else:
         fly(keeper, stations=(0.0, 200.0, 400.0, 600.0), least_snr_db=13.0)
-    keeper.queue.commit()
-    library, flight_id = FlightLibrary(tmp_path), some(keeper.flight_id)
-    place, tags = library.path(flight_id), library.summary(flight_id).tags
-    columns, estimator = library.columns(flight_id), Estimator()
     settings = GroundSettings(antenna=pattern)
-    (usual,) = estimator.estimate(columns, settings.antenna_choice, (), tags).positions
-
-    settings = settings.changed({"heading_error_deg": "0", "height_error_m": "20,5"})
-    (shown,) = estimator.estimate(columns, settings.antenna_choice, (), tags).positions
-    (told,) = read_positions(
-        place,
-        how=EstimationOptions(antenna=pattern, heading_sigma_deg=0.0, height_sigma_m=20.5),
-    )
-    (reported,) = read_survey(
-        place, EstimationOptions(antenna=pattern, heading_sigma_deg=0.0, height_sigma_m=20.5)
-    ).positions
-    for other in (told.position, reported.position):
-        assert other is not None
+    told = settings.changed({"heading_error_deg": "0", "height_error_m": "20,5"})
+    how = EstimationOptions(antenna=pattern, heading_sigma_deg=0.0, height_sigma_m=20.5)
+    shown = on_page(keeper, told.antenna_choice)
+    for other in elsewhere(keeper, how):
         assert shown["latitude_deg"] == pytest.approx(other.latitude_deg, abs=1e-9)
         assert shown["radius95_m"] == pytest.approx(other.radius95_m, abs=0.01)
         assert shown["remarks"] == list(other.remarks)
     if pattern != "monopole":
-        assert shown["radius95_m"] != usual["radius95_m"]
+        assert shown["radius95_m"] != on_page(keeper, settings.antenna_choice)["radius95_m"]
     with pytest.raises(UsageError, match="heading_error_deg"):
         settings.changed({"heading_error_deg": "-1"})
 
@@ -302,30 +309,17 @@ def test_a_turn_that_goes_on_gives_a_wide_interval_that_narrows(keeper: FlightKe
     assert widths[2] < widths[0]
 
 
-def test_poses_out_of_order_spoil_nothing(flown: tuple[FlightLibrary, str]) -> None:
-    library, flight_id = flown
-    columns = library.columns(flight_id)
+def test_poses_out_of_order_spoil_nothing(columns: Columns, found: Estimates) -> None:
     mixed = np.random.default_rng(3).permutation(columns.poses.shape[1])
     shuffled = replace(columns, poses=columns.poses[:, mixed])
-    assert estimates(shuffled).bearings == estimates(columns).bearings
-
-
-def test_an_offset_of_the_antenna_turns_the_bearing(flown: tuple[FlightLibrary, str]) -> None:
-    library, flight_id = flown
-    columns = library.columns(flight_id)
-    straight = estimates(columns).bearings[0]["bearing_deg"]
-    turned = Estimator().estimate(columns, AntennaChoice(offset_deg=90.0)).bearings[0]
-    assert (turned["bearing_deg"] - straight) % 360.0 == pytest.approx(90.0, abs=0.5)
+    assert estimates(shuffled).bearings == found.bearings
 
 
 @pytest.mark.parametrize("name", EXPORTS)
 def test_every_export_is_well_formed_and_holds_the_flight(
-    flown: tuple[FlightLibrary, str], keeper: FlightKeeper, name: str
+    flown: FlightKeeper, columns: Columns, name: str
 ) -> None:
-    library, flight_id = flown
-    keeper.add_note(mark_note(46.501, 8.001, "nest & eggs"), START_NS)
-    keeper.queue.commit()
-    columns = library.columns(flight_id)
+    library, flight_id = stored(flown)
     place = library.path(flight_id)
     content = export(name, place, AntennaChoice())
     ends = {iso_utc(one.end_time_ns) for one in read_survey(place).bearings}
@@ -365,22 +359,20 @@ def test_every_export_is_well_formed_and_holds_the_flight(
         assert b"<b>" not in content
 
 
-def test_an_offset_of_the_antenna_turns_the_bearings_of_exports_too(
-    flown: tuple[FlightLibrary, str],
+def test_an_offset_of_the_antenna_turns_the_bearings_on_the_page_and_in_exports(
+    flown: FlightKeeper, columns: Columns, found: Estimates
 ) -> None:
-    library, flight_id = flown
-
-    def first_bearing(choice: AntennaChoice) -> float:
-        collection = json.loads(export("geojson", library.path(flight_id), choice))
-        kinds = [feature["properties"] for feature in collection["features"]]
-        return float(next(one["bearing_deg"] for one in kinds if one["layer"] == "bearing"))
-
-    turned = first_bearing(AntennaChoice(offset_deg=90.0)) - first_bearing(AntennaChoice())
-    assert turned % 360.0 == pytest.approx(90.0, abs=0.5)
+    library, flight_id = stored(flown)
+    exported = export("geojson", library.path(flight_id), AntennaChoice(offset_deg=90.0))
+    kinds = [feature["properties"] for feature in json.loads(exported)["features"]]
+    in_file = next(one for one in kinds if one["layer"] == "bearing")
+    for turned in (estimates(columns, offset_deg=90.0).bearings[0], in_file):
+        by_deg = turned["bearing_deg"] - found.bearings[0]["bearing_deg"]
+        assert by_deg % 360.0 == pytest.approx(90.0, abs=0.5)
 
 
 def test_what_is_in_doubt_of_a_pulse_is_in_the_records_the_columns_and_the_table(
-    keeper: FlightKeeper, tmp_path: Path
+    keeper: FlightKeeper,
 ) -> None:
     plain = pulse_at(pose_at(1.0, 0.0, 0.0), 20.0)
     other = pulse_at(pose_at(2.0, 0.0, 0.0), 20.0)
@@ -388,8 +380,7 @@ def test_what_is_in_doubt_of_a_pulse_is_in_the_records_the_columns_and_the_table
     pulse = replace(other.pulse, also_possible_tag_ids=(4, 6), ghost_of_tag_id=8, clipped=True)
     keeper.add_pulse(plain)
     keeper.add_pulse(replace(other, pulse=pulse))
-    keeper.queue.commit()
-    library, name = FlightLibrary(tmp_path), some(keeper.flight_id)
+    library, name = stored(keeper)
     certain, doubtful = library.records(name, 0, 10)
     assert [certain[key] for key in doubts] == [[], None, False]
     assert [doubtful[key] for key in doubts] == [[4, 6], 8, True]
@@ -448,19 +439,17 @@ def test_map_files_are_listed_and_their_tiles_turned_over(tmp_path: Path) -> Non
 
 
 def test_a_turn_flown_while_the_radio_was_silent_gives_its_bearing_afterwards(
-    flown: tuple[FlightLibrary, str],
+    columns: Columns, found: Estimates
 ) -> None:
     """The vehicle's poses of that time never come; the pulses, each with its pose, do."""
-    library, flight_id = flown
-    columns = library.columns(flight_id)
-    _, second = estimates(columns).bearings
+    _, second = found.bearings
     silent = (columns.poses[0] > second["start_time_ns"] - 5e9) & (
         columns.poses[0] < second["end_time_ns"] + 5e9
     )
     lost = Columns(pulses=columns.pulses, poses=columns.poses[:, ~silent])
-    _, found = estimates(lost).bearings
-    assert found["bearing_deg"] == pytest.approx(second["bearing_deg"], abs=2.0)
-    assert found["pulses"] >= 0.8 * second["pulses"]
+    _, afterwards = estimates(lost).bearings
+    assert afterwards["bearing_deg"] == pytest.approx(second["bearing_deg"], abs=2.0)
+    assert afterwards["pulses"] >= 0.8 * second["pulses"]
 
 
 def test_a_drone_that_was_carried_after_its_landing_has_no_live_turn(
@@ -470,74 +459,63 @@ def test_a_drone_that_was_carried_after_its_landing_has_no_live_turn(
     keeper.add_state(START_NS, armed=True, landed=None)
     keeper.add_state(START_NS, armed=True, landed=None)
     fly(keeper)
-    both = Estimator().estimate(keeper.columns(), AntennaChoice())
-    assert len(both.bearings) == 2
+    first, _ = estimates(keeper.columns()).bearings
     keeper.add_state(START_NS + 75 * 10**9, armed=True, landed=True)
     keeper.add_state(START_NS + 80 * 10**9, armed=False, landed=True)
     (live,) = estimates(keeper.columns()).bearings
-    assert live["start_time_ns"] == both.bearings[0]["start_time_ns"]
-    keeper.queue.commit()
-    assert keeper.flight_id is not None
-    library = FlightLibrary(tmp_path)
-    assert estimates(library.columns(keeper.flight_id)).bearings == [live]
-    assert len(read_survey(tmp_path / keeper.flight_id).bearings) == 1
+    assert live["start_time_ns"] == first["start_time_ns"]
+    library, flight_id = stored(keeper)
+    assert estimates(library.columns(flight_id)).bearings == [live]
+    assert len(read_survey(library.path(flight_id)).bearings) == 1
     keeper.close()
     again = FlightKeeper(tmp_path, Clock.start())
-    assert again.resume(keeper.flight_id)
-    again.load(library.columns(keeper.flight_id))
+    assert again.resume(flight_id)
+    again.load(library.columns(flight_id))
     assert estimates(again.columns()).bearings == [live]
     again.close()
 
 
 def test_a_drones_own_bearing_of_a_turn_on_the_ground_is_not_taken(
-    flown: tuple[FlightLibrary, str],
+    columns: Columns, found: Estimates
 ) -> None:
     """It was sent before anything said that the vehicle had not taken off yet."""
-    library, flight_id = flown
-    columns = library.columns(flight_id)
-    drones = drones_bearing(estimates(columns).bearings[0])
+    drones = drones_bearing(found.bearings[0])
     nothing = Columns(pulses=columns.pulses[:, :0], poses=columns.poses)
-    assert len(Estimator().estimate(nothing, AntennaChoice(), [drones]).bearings) == 1
+    assert len(estimates(nothing, [drones]).bearings) == 1
     ground = replace(nothing, on_ground_ns=((START_NS, START_NS + 70 * 10**9),))
-    assert Estimator().estimate(ground, AntennaChoice(), [drones]).bearings == []
+    assert estimates(ground, [drones]).bearings == []
 
 
 def drones_bearing(ours: dict[str, Any]) -> LiveBearing:
     """A bearing from the drone that knows of one pulse more than ours of that turn."""
-    return LiveBearing(
-        tag_id=TAG.tag_id,
-        start_time_ns=ours["start_time_ns"],
-        end_time_ns=ours["end_time_ns"],
-        turned_deg=360.0,
-        latitude_deg=ours["latitude_deg"],
-        longitude_deg=ours["longitude_deg"],
+    turn = ("start_time_ns", "end_time_ns", "latitude_deg", "longitude_deg")
+    return made.live_bearing(
+        TAG.tag_id,
+        **{name: ours[name] for name in turn},
         bearing_deg=123.0,
         sigma_deg=2.0,
         interval90_deg=(119.7, 126.3),
         level_db=30.0,
         pulses=ours["pulses"] + 1,
-        accepted=True,
-        ambiguous=False,
-        multipath_suspected=False,
     )
 
 
 def test_what_two_vehicles_heard_of_a_tag_goes_into_one_position(tmp_path: Path) -> None:
     """Each turned at one place only: alone neither knows how far away the tag is."""
-    found = []
+    each = []
     for number, station in enumerate((0.0, 200.0)):
         keeper = FlightKeeper(tmp_path / str(number), Clock.start())
         keeper.begin([TAG])
         fly(keeper, stations=(station,))
-        found.append(estimates(keeper.columns()))
+        each.append(estimates(keeper.columns()))
         columns = keeper.columns()
         keeper.close()
-    alone, last = found
-    both = Estimator().estimate(columns, AntennaChoice(), companions=[alone])
+    alone, last = each
+    both = estimates(columns, companions=[alone])
     (together,) = both.positions
     assert together["stations"] == 2
     assert together["radius95_m"] < 0.5 * min(
-        one["radius95_m"] for each in found for one in each.positions
+        one["radius95_m"] for found in each for one in found.positions
     )
     east, north = PLANE.to_local(together["latitude_deg"], together["longitude_deg"])
     assert math.hypot(east - TAG_EAST_M, north - TAG_NORTH_M) <= together["radius95_m"]
@@ -545,35 +523,24 @@ def test_what_two_vehicles_heard_of_a_tag_goes_into_one_position(tmp_path: Path)
     assert both.outline == last.outline != alone.outline
     other_hz = {TAG.tag_id: TAG.frequency_hz + 50e3}
     elsewhere = replace(alone, found=replace(alone.found, frequencies_hz=other_hz))
-    apart = Estimator().estimate(columns, AntennaChoice(), companions=[elsewhere])
+    apart = estimates(columns, companions=[elsewhere])
     assert apart.positions == last.positions  # the same number there is another animal's
     unheard = replace(columns, pulses=columns.pulses[:, :0])
-    (by_the_other,) = (
-        Estimator()
-        .estimate(unheard, AntennaChoice(), companions=[alone], listed=[TAG])
-        .positions
-    )
+    (by_the_other,) = estimates(unheard, companions=[alone], listed=[TAG]).positions
     assert by_the_other["stations"] == 1
     other = replace(TAG, frequency_hz=TAG.frequency_hz + 50e3)
-    assert (
-        Estimator()
-        .estimate(unheard, AntennaChoice(), companions=[alone], listed=[other])
-        .positions
-        == []
-    )
+    assert estimates(unheard, companions=[alone], listed=[other]).positions == []
 
 
 def test_a_bearing_of_the_drones_own_stands_where_it_knows_of_more_pulses(
-    flown: tuple[FlightLibrary, str],
+    columns: Columns, found: Estimates
 ) -> None:
     """A link that lost four of five pulses; the drone's message of the first turn came."""
-    library, flight_id = flown
-    columns = library.columns(flight_id)
     few = Columns(pulses=columns.pulses[:, ::5], poses=columns.poses)
-    ours = Estimator().estimate(few, AntennaChoice())
+    ours = estimates(few)
     first = ours.bearings[0]
     drones = drones_bearing(first)
-    merged = Estimator().estimate(few, AntennaChoice(), [drones])
+    merged = estimates(few, [drones])
     assert [one["from_drone"] for one in merged.bearings] == [True, False]
     assert merged.bearings[0]["bearing_deg"] == 123.0
     assert merged.bearings[0]["turn"] == first["turn"]
@@ -581,19 +548,15 @@ def test_a_bearing_of_the_drones_own_stands_where_it_knows_of_more_pulses(
     assert merged.positions[0]["stations"] == 2
     assert merged.positions != ours.positions
     # With all pulses here, the drone's message tells nothing new.
-    every = Estimator().estimate(columns, AntennaChoice(), [drones])
-    assert every.bearings == estimates(columns).bearings
+    assert estimates(columns, [drones]).bearings == found.bearings
     # A tag of which no pulse has come at all still has a bearing.
-    other = Estimator().estimate(few, AntennaChoice(), [replace(drones, tag_id=77)])
+    other = estimates(few, [replace(drones, tag_id=77)])
     assert sorted(one["tag_id"] for one in other.bearings) == [TAG.tag_id, TAG.tag_id, 77]
 
 
-def test_home_and_marks_come_back_from_the_flights_notes(
-    keeper: FlightKeeper, tmp_path: Path
-) -> None:
-    assert keeper.flight_id is not None
-    library = FlightLibrary(tmp_path)
-    assert library.places(keeper.flight_id) == Places(home=None, marks=())
+def test_home_and_marks_come_back_from_the_flights_notes(keeper: FlightKeeper) -> None:
+    library, flight_id = stored(keeper)
+    assert library.places(flight_id) == Places(home=None, marks=())
     for note in (
         home_note(-35.17824, -111.656587),
         mark_note(46.5, 8.0),
@@ -602,7 +565,7 @@ def test_home_and_marks_come_back_from_the_flights_notes(
     ):
         keeper.add_note(note, START_NS)
     keeper.queue.commit()
-    found = library.places(keeper.flight_id)
+    found = library.places(flight_id)
     assert found.home == (-35.17824, -111.656587)
     assert [(one.latitude_deg, one.longitude_deg, one.text) for one in found.marks] == [
         (46.5, 8.0, ""),

@@ -4,10 +4,10 @@ import asyncio
 from types import SimpleNamespace
 from typing import Any
 
+import made
 import pytest
 
 from uavrt.core.errors import CommandRefused, LinkError
-from uavrt.core.messages import Tag
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.motions import page_motions as flying
 from uavrt.ground.link.motions.motion_requests import confirm
@@ -33,14 +33,24 @@ class Hands:
         return self.time_ns
 
 
-@pytest.mark.parametrize(("waited_ns", "sent"), [(SECOND_NS // 2, 1), (2 * SECOND_NS, 0)])
-async def test_what_waited_for_another_command_is_not_sent(
-    waited_ns: int, sent: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    hands = Hands()
+@pytest.fixture
+def hands() -> Hands:
+    return Hands()
+
+
+@pytest.fixture
+def link(hands: Hands, monkeypatch: pytest.MonkeyPatch) -> GroundLink:
+    """One that sends to a list."""
     link = GroundLink(hands.now_ns, ack_wait_s=0.01)
     monkeypatch.setattr(link.protocol, "tunnel_message", lambda payload, kind: payload)
     monkeypatch.setattr(link._links, "send", hands.sent.append)
+    return link
+
+
+@pytest.mark.parametrize(("waited_ns", "sent"), [(SECOND_NS // 2, 1), (2 * SECOND_NS, 0)])
+async def test_what_waited_for_another_command_is_not_sent(
+    waited_ns: int, sent: int, hands: Hands, link: GroundLink
+) -> None:
     payload = encode_confirmation(MotionConfirmation(request_id=3, order_id=5, nonce=7))
     async with link._exchange._busy:
         waiting = asyncio.create_task(link.motion(payload, 3))
@@ -52,12 +62,8 @@ async def test_what_waited_for_another_command_is_not_sent(
 
 
 async def test_an_unsent_confirmation_is_reported_although_the_stop_is_not_answered(
-    monkeypatch: pytest.MonkeyPatch,
+    hands: Hands, link: GroundLink
 ) -> None:
-    hands = Hands()
-    link = GroundLink(hands.now_ns, ack_wait_s=0.01)
-    monkeypatch.setattr(link.protocol, "tunnel_message", lambda payload, kind: payload)
-    monkeypatch.setattr(link._links, "send", hands.sent.append)
     offer = MotionState(
         kind="offer", standing="out", text="", request_id=3, order_id=5, nonce=7
     )
@@ -73,9 +79,8 @@ async def test_an_unsent_confirmation_is_reported_although_the_stop_is_not_answe
 
 @pytest.mark.parametrize("heard", [False, True])
 async def test_an_offer_runs_out_also_while_the_drone_is_not_heard(
-    heard: bool, monkeypatch: pytest.MonkeyPatch
+    heard: bool, hands: Hands, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    hands = Hands()
     vehicle: Any = SimpleNamespace(
         clock=hands,
         feed=SimpleNamespace(note=lambda *what: None, send_state=lambda: None),
@@ -108,16 +113,7 @@ async def test_an_offer_runs_out_also_while_the_drone_is_not_heard(
 
 
 def test_the_reason_of_a_search_names_the_animal() -> None:
-    otter, owl = (
-        Tag(
-            tag_id=number,
-            frequency_hz=150e6,
-            pulse_width_s=0.02,
-            pulse_intervals_s=(1.2,),
-            name=name,
-        )
-        for number, name in ((4, "otter"), (14, ""))
-    )
+    otter, owl = made.tag(4, name="otter"), made.tag(14, name="")
     reason = "fly 40 m NW: to learn more about tag 4"
     assert with_names(reason, [otter, owl]) == f"{reason} (otter)"
     assert with_names("tag 14 was found", [otter, owl]) == "tag 14 was found"

@@ -36,9 +36,7 @@ from uavrt.drone.card import Card
 from uavrt.drone.computer import bench
 from uavrt.drone.computer import computer_checks as checks
 from uavrt.flight.integrated import IntegratedPart, IntegratedVerdict, SilentAround
-from uavrt.ground import fetch, link, store, web
 from uavrt.ground.link import button_states as actions
-from uavrt.ground.store import tag_table
 
 SOURCES = sorted(set(PAGE.rglob("*.ts")) - {PAGE / "types.ts"})
 NOT_FOR_PEOPLE = {
@@ -199,67 +197,50 @@ def test_what_a_drones_own_page_says_of_card_and_clock_has_words(
     assert {text for text in shown if not has_words(text)} == set()
 
 
-FOR_TERMINALS = {"page_program", "server", "keys"}
-"""Modules whose errors end the program before there is a page."""
-IN_GROUND = [
-    one.name
-    for package in (web, link, fetch, store)
-    for one in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
-    if one.name.rpartition(".")[2] not in FOR_TERMINALS
-]
-ASKED_OF = [
-    *IN_GROUND,
-    *("uavrt.ground.estimate_loop", "uavrt.ground.fleet", "uavrt.drone.computer.first_setup"),
-    *("uavrt.analysis.covered.coverage_maps", "uavrt.analysis.covered.flight_coverage"),
-    *("uavrt.analysis.integrated.fold_pictures", "uavrt.analysis.inputs.map_files"),
-    *(
-        "uavrt.analysis.inputs.flight_facts",
-        "uavrt.analysis.season",
-        "uavrt.analysis.covered.silence",
-    ),
-    *(
-        "uavrt.analysis.inputs.flight_noise",
-        "uavrt.analysis.inputs.flown_with",
-        "uavrt.analysis.whole_flights.kept_samples",
-    ),
-    *(
-        "uavrt.analysis.archive.parquet.questions",
-        "uavrt.config.tags.tag_files",
-        "uavrt.config.text_files",
-    ),
-    *("uavrt.localization.antenna", "uavrt.localization.estimates.flight_estimates"),
-    *("uavrt.flight.reading.flight_reader", "uavrt.flight.integrated"),
-    *(
-        "uavrt.localization.terrain.elevation",
-        "uavrt.localization.terrain.elevation_files",
-        "uavrt.localization.terrain.geotiff_elevation",
-    ),
-    *(
-        "uavrt.localization.terrain.srtm",
-        "uavrt.localization.terrain.squares",
-        "uavrt.localization.terrain.viewshed",
-    ),
-    *("uavrt.guidance.files.area_text", "uavrt.guidance.files.path_text"),
-    *(
-        "uavrt.link.mavlink.links.address",
-        "uavrt.link.mavlink.links.stream_links",
-        "uavrt.link.mavlink.links.udp",
-    ),
-    *(
-        "uavrt.radio.receivers.radio_program",
-        "uavrt.radio.receivers.radio_programs",
-        "uavrt.radio.receivers.soapy",
-    ),
-    *("uavrt.radio.receivers.program_messages", "uavrt.radio.checking"),
+WITHOUT_A_PAGE = {"page_program", "server", "keys", "found_bursts", "mission", "station"}
+"""Modules whose errors no page shows, as they end the program or belong to a command."""
+
+
+def modules_of(name: str) -> Iterator[str]:
+    """Name a module, or all modules of a package."""
+    module = import_module(name)
+    if not hasattr(module, "__path__"):
+        yield name
+        return
+    for one in pkgutil.walk_packages(module.__path__, f"{name}."):
+        if one.name.rpartition(".")[2] not in WITHOUT_A_PAGE:
+            yield one.name
+
+
+ASKED_OF = (
+    "uavrt.analysis.archive.parquet.questions",
+    "uavrt.analysis.covered",
+    "uavrt.analysis.inputs",
+    "uavrt.analysis.integrated.fold_pictures",
+    "uavrt.analysis.season",
+    "uavrt.analysis.whole_flights.kept_samples",
+    "uavrt.config.tags.tag_files",
+    "uavrt.config.text_files",
+    "uavrt.drone.computer.first_setup",
+    "uavrt.flight.integrated",
+    "uavrt.flight.reading.flight_reader",
+    "uavrt.ground",
+    "uavrt.guidance.files",
+    "uavrt.link.mavlink.links",
+    "uavrt.localization.antenna",
+    "uavrt.localization.estimates.flight_estimates",
+    "uavrt.localization.terrain",
+    "uavrt.radio.checking",
+    "uavrt.radio.receivers",
     "uavrt.radio.udp_address",
-]
+)
 RAISED = {
     *(name for name, one in vars(errors).items() if isinstance(one, type)),
     *("StepFault", "SettingFault"),
 }
 
 
-@pytest.mark.parametrize("name", ASKED_OF)
+@pytest.mark.parametrize("name", [one for name in ASKED_OF for one in modules_of(name)])
 def test_errors_that_a_page_is_answered_with_have_words(name: str) -> None:
     module = import_module(name)
     texts = set()
@@ -268,78 +249,6 @@ def test_errors_that_a_page_is_answered_with_have_words(name: str) -> None:
             said = [*node.args[:1], *(one.value for one in node.keywords)]
             texts |= {text for one in said for text in texts_of(one, module) if " " in text}
     assert {text for text in texts if any(parts(text)) and not has_words(text)} == set()
-
-
-GOOD = {
-    "id": 2,
-    "frequency_mhz": 148.7,
-    "interval_ms": 1200,
-    "pulse_width_ms": 20,
-    "interval_uncertainty_ms": 20,
-    "interval_jitter_ms": 20,
-    "k": 3,
-}
-CODED = {
-    "id": 4,
-    "kind": "coded",
-    "frequency_mhz": 149.1,
-    "interval_ms": 4000,
-    "gaps_ms": "26.2 52.4 39.3",
-}
-
-
-@pytest.mark.parametrize(
-    "changed",
-    [
-        {"frequency_mhz": ""},
-        {"frequency_mhz": "soon"},
-        {"frequency_mhz": 148_700_000},
-        {"frequency_mhz": 148_700},
-        {"frequency_mhz": 1.5},
-        {"interval_ms": 0},
-        {"interval_ms": 1.2},
-        {"interval_ms": 0.5, "pulse_width_ms": 20},
-        {"interval_ms": 15, "pulse_width_ms": 20},
-        {"interval_ms": 200, "pulse_width_ms": 400},
-        {"second_interval_ms": 1200},
-        {"pulse_width_ms": 0.02},
-        {"pulse_width_ms": 4000},
-        {"pulse_width_ms": 590},
-        {"interval_uncertainty_ms": -1},
-        {"interval_uncertainty_ms": 700},
-        {"interval_uncertainty_ms": 500, "k": 90},
-        {"interval_uncertainty_ms": 590, "pulse_width_ms": 400},
-        {"id": 0},
-        {"id": 1.5},
-        {"k": 0},
-        {"false_alarm_percent": 0.01},
-        {"false_alarm_percent": 80},
-        {"name": "x" * 200},
-        {"kind": "singing"},
-        {"kind": "beeping", "gaps_ms": "20 30"},
-        {**CODED, "gaps_ms": "a b"},
-        {**CODED, "gaps_ms": ""},
-        {**CODED, "gaps_ms": "0.0262 0.0524"},
-        {**CODED, "gaps_ms": "26200 52400"},
-        {**CODED, "gaps_ms": "26.2 52400"},
-        {**CODED, "gaps_ms": "26.2 2"},
-        {**CODED, "gaps_ms": " ".join(["30"] * 40)},
-        {**CODED, "interval_ms": 100},
-        {**CODED, "second_interval_ms": 300},
-    ],
-    ids=str,
-)
-def test_what_is_wrong_with_a_tag_has_words(changed: dict[str, object]) -> None:
-    _, faults = tag_table.tags_from_rows([changed if "kind" in changed else GOOD | changed])
-    assert faults
-    assert {one.text for one in faults if not has_words(one.text)} == set()
-
-
-def test_what_is_wrong_between_tags_has_words() -> None:
-    for rows in ([GOOD, GOOD], [CODED, CODED | {"id": 6}]):
-        _, faults = tag_table.tags_from_rows(rows)
-        assert faults
-        assert {one.text for one in faults if not has_words(one.text)} == set()
 
 
 REMARKS = {

@@ -1,4 +1,4 @@
-"""Outlines from GeoJSON, KML and QGroundControl's plans, and texts that hold none."""
+"""Outlines and ways from GeoJSON, KML and QGroundControl's plans, and texts with neither."""
 
 import contextlib
 import json
@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from uavrt.core.earth.geodesy import distance_m
 from uavrt.core.errors import FormatError
 from uavrt.guidance.files.area_text import area_in, circle, keep_out_in
+from uavrt.guidance.files.path_text import path_in
 
 CORNERS = [(46.5, 8.0), (46.5, 8.002), (46.501, 8.002), (46.501, 8.0)]
 RING = [[east, north] for north, east in [*CORNERS, CORNERS[0]]]
@@ -282,3 +283,62 @@ def test_broken_corners_are_refused(text: str) -> None:
         area_in(text, "broken")
     with pytest.raises(FormatError, match="no usable keep-out areas"):
         keep_out_in(text, "broken", every=True)
+
+
+WAY = ((46.5, 8.0), (46.51, 8.002), (46.52, 8.0))
+LINE = [[east, north] for north, east in WAY]
+
+
+def waypoint(north: float, east: float, command: int = 16) -> dict[str, object]:
+    params = [0, 0, 0, None, north, east, 60]
+    return {"type": "SimpleItem", "command": command, "params": params}
+
+
+WAY_KML = (
+    '<?xml version="1.0"?><kml xmlns="http://www.opengis.net/kml/2.2"><Placemark><LineString>'
+    f"<coordinates>{' '.join(f'{e},{n},0' for n, e in WAY)}</coordinates>"
+    "</LineString></Placemark></kml>"
+)
+TRANSECTS = {"TransectStyleComplexItem": {"VisualTransectPoints": [list(one) for one in WAY]}}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        json.dumps({"type": "LineString", "coordinates": LINE}),
+        json.dumps(
+            {"type": "Feature", "geometry": {"type": "LineString", "coordinates": LINE}}
+        ),
+        WAY_KML,
+        plan([waypoint(*one) for one in WAY]),
+        plan([waypoint(0, 0, 22), *(waypoint(*one) for one in WAY), waypoint(0, 0, 20)]),
+        plan([TRANSECTS]),
+    ],
+)
+def test_a_way_is_read_from_each_program(text: str) -> None:
+    assert path_in(text, "a file") == WAY
+
+
+def test_an_area_alone_is_no_way() -> None:
+    ring = [*LINE, LINE[0]]
+    assert path_in(json.dumps({"type": "Polygon", "coordinates": [ring]}), "a file") == ()
+
+
+@given(st.text(max_size=200))
+def test_no_text_ends_in_another_error(text: str) -> None:
+    with contextlib.suppress(FormatError):
+        assert path_in(text, "a file") != WAY
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", ""),
+        ("{}", "an object has no 'type'"),
+        ("[1]", "neither GeoJSON nor a plan"),
+        (plan([waypoint(99.0, 8.0), waypoint(1, 1)]), ""),
+    ],
+)
+def test_what_holds_no_way_is_named_with_the_reason(text: str, reason: str) -> None:
+    with pytest.raises(FormatError, match=rf"a file contains no usable path.*{reason}"):
+        path_in(text, "a file")

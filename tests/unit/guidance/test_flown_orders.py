@@ -11,7 +11,6 @@ from some import some
 from uavrt.core.errors import CommandRefused, PlanError
 from uavrt.core.messages import TurnInPlace
 from uavrt.guidance.control.authority import ControlStage
-from uavrt.guidance.control.yaw import YawWatch
 from uavrt.guidance.height_frames import target_amsl_m
 from uavrt.guidance.operator_orders import Limits
 from uavrt.guidance.plans import Go
@@ -331,19 +330,6 @@ def test_without_the_size_of_the_battery_no_way_is_flown() -> None:
     flown = prepared(limits=Limits())
     with pytest.raises(PlanError, match="battery capacity"):
         flown.order("goto", places=(flown.place(50, 0),), height_m=40.0)
-
-
-@pytest.mark.parametrize(
-    ("course_deg", "ours"), [(178.0, True), (-176.0, True), (120.0, False)]
-)
-def test_to_look_straight_back_it_may_turn_either_way(course_deg: float, ours: bool) -> None:
-    way = -math.copysign(1.0, course_deg)
-    watch = YawWatch(start_s=0.0, yaw_deg=0.0, tolerance_deg=25.0)
-    faults = set()
-    for step in range(1, 80):
-        turned = min(5.0 * step, 360.0 - abs(course_deg))
-        faults.add(watch.fault(0.1 * step, way * turned, course_deg, 100.0))
-    assert (faults == {None}) is ours
 
 
 @BOTH

@@ -45,18 +45,15 @@ def flying(
 
 @BOTH
 @pytest.mark.parametrize(
-    ("start", "goal", "reason"),
-    [
-        ((0.0, 0.0), (100.0, 0.0), "need 6[0-9] m above home"),  # on it
-        ((0.0, 0.0), (250.0, 0.0), "need 6[0-9] m above home"),  # over it
-        ((220.0, 180.0), (220.0, 0.0), "need 6[0-9] m above home"),  # home over it
-    ],
+    ("start", "goal"),
+    [((0.0, 0.0), (100.0, 0.0)), ((0.0, 0.0), (250.0, 0.0)), ((220.0, 180.0), (220.0, 0.0))],
+    ids=["on it", "over it", "home over it"],
 )
 def test_a_way_too_near_to_a_hill_is_refused_with_the_height_it_needs(
-    flavour: Flavour, start: tuple[float, float], goal: tuple[float, float], reason: str
+    flavour: Flavour, start: tuple[float, float], goal: tuple[float, float]
 ) -> None:
     flown = flying(flavour, start)
-    with pytest.raises(PlanError, match=reason):
+    with pytest.raises(PlanError, match=r"need 6[0-9] m above home"):
         flown.order("goto", places=(flown.place(*goal),), height_m=45.0)
     assert flown.authority.standing is ControlStage.OUT
 

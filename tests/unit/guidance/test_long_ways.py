@@ -37,18 +37,6 @@ def test_a_leg_of_a_kilometre_is_flown_to_its_end(
     assert flown.time_s > 100.0 + 200.0
 
 
-@BOTH
-def test_a_survey_of_long_lines_is_flown_to_its_end(flavour: Flavour) -> None:
-    flown = far_flown(flavour)
-    corners = ((-200.0, -500.0), (-200.0, 500.0), (0.0, 500.0), (0.0, -500.0))
-    execution = flown.order(
-        "survey", places=tuple(flown.place(*one) for one in corners), spacing_m=100.0
-    )
-    flown.run(1200.0, until=lambda: execution.ended is not None)
-    assert execution.ended == "done"
-    assert len(flown.commands) == 4
-
-
 def slow_far_away(flavour: Flavour) -> Flown:
     """On its way, and as slow as against a wind."""
     flown = far_flown(flavour)

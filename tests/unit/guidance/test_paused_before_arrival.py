@@ -1,9 +1,11 @@
 """ArduCopter's pause shows in no message, also just before the drone would have arrived."""
 
 import math
+from typing import Any
 
 import pytest
 from flown import Flown
+from some import some
 
 from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
 from uavrt.guidance.control.authority import ControlStage
@@ -13,9 +15,16 @@ from uavrt.simulation.vehicle.airframe import Frame
 STANDS_M_S = 0.1
 
 
+def surveying(**made: Any) -> Flown:
+    flown = Flown("ardupilot", **made)
+    flown.run(1.5)
+    corners = ((60.0, 0.0), (60.0, 60.0), (0.0, 60.0))
+    flown.order("survey", places=tuple(flown.place(*one) for one in corners), spacing_m=20.0)
+    return flown
+
+
 def left_m(flown: Flown) -> float:
-    target = flown.vehicle.target
-    assert target is not None
+    target = some(flown.vehicle.target)
     north, east = flown.vehicle.body.place_m
     return math.hypot(target.north_m - north, target.east_m - east)
 
@@ -25,10 +34,7 @@ def test_a_pause_metres_before_a_corner_ends_the_order_and_no_command_follows(
     near_m: float,
 ) -> None:
     """It may stand nearer than the 3 m at which orders go on."""
-    flown = Flown("ardupilot")
-    flown.run(1.5)
-    corners = ((60.0, 0.0), (60.0, 60.0), (0.0, 60.0))
-    flown.order("survey", places=tuple(flown.place(*one) for one in corners), spacing_m=20.0)
+    flown = surveying()
     flown.run(40.0, until=lambda: bool(flown.commands) and left_m(flown) < near_m)
     assert flown.authority.standing is ControlStage.IN_COMMAND
     flown.pause_by_193()
@@ -55,10 +61,7 @@ def test_a_drone_that_holds_in_wind_is_not_taken_for_paused(wind_m_s: float) -> 
 
 @pytest.mark.parametrize("gain_hz", [0.3, 0.5])
 def test_a_slow_last_approach_is_flown_to_its_end(gain_hz: float) -> None:
-    flown = Flown("ardupilot", frame=Frame(position_gain_hz=gain_hz))
-    flown.run(1.5)
-    corners = ((60.0, 0.0), (60.0, 60.0), (0.0, 60.0))
-    flown.order("survey", places=tuple(flown.place(*one) for one in corners), spacing_m=20.0)
+    flown = surveying(frame=Frame(position_gain_hz=gain_hz))
     flown.run(300.0, until=lambda: flown.authority.standing is ControlStage.OUT)
     assert flown.authority.reason == "done"
     assert flown.refused < 10
@@ -66,10 +69,7 @@ def test_a_slow_last_approach_is_flown_to_its_end(gain_hz: float) -> None:
 
 def approaching(limits: Limits | None = None) -> Flown:
     """On a slow last approach: within 3 m of the first corner, and not at rest."""
-    flown = Flown("ardupilot", frame=Frame(position_gain_hz=0.3), limits=limits)
-    flown.run(1.5)
-    corners = ((60.0, 0.0), (60.0, 60.0), (0.0, 60.0))
-    flown.order("survey", places=tuple(flown.place(*one) for one in corners), spacing_m=20.0)
+    flown = surveying(frame=Frame(position_gain_hz=0.3), limits=limits)
     flown.run(60.0, until=lambda: bool(flown.commands) and left_m(flown) < 2.5)
     assert left_m(flown) > 1.5
     return flown

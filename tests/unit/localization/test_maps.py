@@ -1,5 +1,7 @@
 """What maps are drawn from: outlines of regions, and the strongest signal by its name."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -118,12 +120,7 @@ def test_the_signal_surface_has_a_hollow_over_the_tag() -> None:
 
 def test_maps_of_nothing_are_refused() -> None:
     track = lines_over((0.0, 0.0))
-    silent = PowerTrack(
-        latitude_deg=track.latitude_deg,
-        longitude_deg=track.longitude_deg,
-        height_m=track.height_m,
-        snr_db=np.full(len(track.snr_db), np.nan),
-    )
+    silent = replace(track, snr_db=np.full(len(track.snr_db), np.nan))
     for draw in (strongest_signal, signal_surface):
         with pytest.raises(UsageError, match="Fly nearer"):
             draw(silent)

@@ -1,6 +1,6 @@
 """A tag that moves is followed; one that rests keeps its place."""
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,37 +14,20 @@ from uavrt.localization.position.bearings.stations import Stations
 from uavrt.localization.position.estimate_position import estimate_position
 from uavrt.localization.position.levels.power_evidence import PowerTrack
 from uavrt.localization.results import Position
+from uavrt_experiments.localization.moving_bars import Followed, Walk, steady
 from uavrt_experiments.localization.position_bars import survey
 
 PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
 SIDE_M = 300.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Walker:
-    """Goes straight on from where it is at 0 s."""
-
-    east_m: float
-    north_m: float
-    east_m_s: float
-    north_m_s: float
-
-    def at(self, time_s: float) -> tuple[float, float]:
-        return self.east_m + self.east_m_s * time_s, self.north_m + self.north_m_s * time_s
-
-
-def a_walker(rng: np.random.Generator, speed_m_s: float) -> Walker:
-    towards = rng.uniform(0.0, 2.0 * np.pi)
-    return Walker(
-        east_m=float(rng.normal(0.0, 50.0)),
-        north_m=float(rng.normal(0.0, 50.0)),
-        east_m_s=speed_m_s * float(np.sin(towards)),
-        north_m_s=speed_m_s * float(np.cos(towards)),
-    )
+def a_walker(rng: np.random.Generator, speed_m_s: float) -> Walk:
+    """An animal that goes straight on, from near the middle."""
+    return steady(rng, 2000.0, speed_m_s=speed_m_s).moved(*rng.normal(0.0, 50.0, 2))
 
 
 def turns_around(
-    rng: np.random.Generator, tag: Walker, stations: int = 6, *, timed: bool = True
+    rng: np.random.Generator, tag: Walk, stations: int = 6, *, timed: bool = True
 ) -> Stations:
     """Turns of a minute on a ring around the tag; bearings of 3°, a common error of 1.5°."""
     angle = rng.uniform(0.0, 2.0 * np.pi) + np.arange(stations) * 2.0 * np.pi / stations
@@ -52,8 +35,8 @@ def turns_around(
     east, north = radius * np.sin(angle), radius * np.cos(angle)
     hops_s = np.hypot(np.diff(east), np.diff(north)) / 8.0
     time_s = np.concatenate([[0.0], np.cumsum(hops_s + 60.0)])
-    places = np.array([tag.at(when) for when in time_s])
-    truth = np.degrees(np.arctan2(places[:, 0] - east, places[:, 1] - north))
+    x, y = tag.at(time_s)
+    truth = np.degrees(np.arctan2(x - east, y - north))
     bearing = truth + rng.normal(0.0, 1.5) + rng.normal(0.0, 3.0, stations)
     latitude, longitude = PLANE.to_geodetic(east, north)
     return Stations(
@@ -68,46 +51,36 @@ def turns_around(
 
 def flown_over(
     rng: np.random.Generator, speed_m_s: float, correlation: float = 0.0
-) -> tuple[PowerTrack, Walker]:
+) -> tuple[PowerTrack, Walk]:
     """Lines over a square with the tag in it, seven minutes."""
     place = rng.uniform(0.2 * SIDE_M, 0.8 * SIDE_M, 2)
     towards = rng.uniform(0.0, 2.0 * np.pi)
     velocity = (speed_m_s * float(np.sin(towards)), speed_m_s * float(np.cos(towards)))
     track = survey(rng, SIDE_M, 50.0, 3.0, correlation, (place[0], place[1]), velocity)
-    half_s = 0.5 * float(some(track.time_s)[-1])
-    tag = Walker(
-        east_m=float(place[0]) - velocity[0] * half_s,
-        north_m=float(place[1]) - velocity[1] * half_s,
-        east_m_s=velocity[0],
-        north_m_s=velocity[1],
-    )
-    return track, tag
+    span_s = np.array([0.0, some(track.time_s)[-1]])
+    east, north = place[:, None] + np.outer(velocity, span_s - span_s.mean())
+    return track, Walk(time_s=span_s, east_m=east, north_m=north)
 
 
-def miss_m(found: Position, place: tuple[float, float]) -> float:
+def miss_m(found: Position, tag: Walk, time_s: float = 0.0) -> float:
     east, north = PLANE.to_local(found.latitude_deg, found.longitude_deg)
-    return float(np.hypot(east - place[0], north - place[1]))
+    x, y = tag.at(time_s)
+    return float(np.hypot(east - x, north - y))
 
 
-def held(found: Position, tag: Walker, origin_ns: int = 0, *, percent: int = 95) -> list[bool]:
-    """Whether the circle of 50 or 95 % held the tag, at each time of its way."""
-    within = []
-    for one in found.track:
-        east, north = PLANE.to_local(one.latitude_deg, one.longitude_deg)
-        x, y = tag.at((one.time_ns - origin_ns) * 1e-9)
-        radius_m = one.radius50_m if percent == 50 else one.radius95_m
-        within.append(float(np.hypot(east - x, north - y)) <= radius_m)
-    return within
+def share_held(found: Position, tag: Walk, origin_ns: int = 0, *, percent: int = 95) -> float:
+    """Of the circles along its way, those of 50 or 95 % that held the tag."""
+    return Followed(walk=tag, found=found, origin_ns=origin_ns).share_held(percent)
 
 
 def test_a_walker_is_followed_from_turn_to_turn() -> None:
     rng = np.random.default_rng(77)
-    within: list[bool] = []
+    within = []
     for number in range(14):
         tag = a_walker(rng, (0.5, 1.0)[number % 2])
         given = turns_around(rng, tag)
         found = estimate_position(given, method="track")
-        within += held(found, tag, given.origin_ns)
+        within.append(share_held(found, tag, given.origin_ns))
         assert found.track[0].time_ns == given.origin_ns
         assert found.track[-1].time_ns == given.origin_ns + round(some(given.time_s)[-1] * 1e9)
         assert all(one.radius50_m < one.radius95_m < 700.0 for one in found.track)
@@ -117,17 +90,15 @@ def test_a_walker_is_followed_from_turn_to_turn() -> None:
 def test_bearings_that_contradict_a_resting_tag_give_its_way_unasked() -> None:
     """Of 36 walkers .97 of the circles held, in single flights down to .17."""
     rng = np.random.default_rng(42)
-    followed = 0
-    within: list[bool] = []
+    within = []
     for _ in range(8):
         tag = a_walker(rng, 1.0)
         given = turns_around(rng, tag)
         found = estimate_position(given, follow=True)
         if any(one.name == "walk" for one in found.cautions):
-            followed += 1
             assert len(found.track) >= len(given.bearing_deg)
-            within += held(found, tag, given.origin_ns)
-    assert followed >= 6
+            within.append(share_held(found, tag, given.origin_ns))
+    assert len(within) >= 6
     assert np.mean(within) > 0.85
 
 
@@ -154,25 +125,23 @@ def test_asked_for_the_way_of_a_tag_that_rests_the_place_stays_as_good() -> None
         given = turns_around(rng, tag)
         for method, found in errors.items():
             position = estimate_position(given, method=method)
-            found.append(miss_m(position, tag.at(0.0)))
+            found.append(miss_m(position, tag))
             assert bool(position.track) == (method == "track")
     assert np.median(errors["track"]) <= 1.05 * np.median(errors["bayes"])
 
 
 def test_a_walker_is_told_and_followed_in_a_survey_by_strength() -> None:
     rng = np.random.default_rng(45)
-    within: list[bool] = []
-    half: list[bool] = []
-    for number in seeds(4, 5):
+    within, half = [], []
+    for number in seeds(3, 5):
         track, tag = flown_over(rng, (0.5, 1.0)[number % 2])
         found = estimate_position(None, track, follow=True)
         assert [one.name for one in found.cautions] == ["walk"]
         assert found.method == "track"
-        assert miss_m(found, tag.at(float(some(track.time_s)[-1]))) <= 1.5 * some(
-            found.radius95_m
-        )
-        within += held(found, tag)
-        half += held(found, tag, percent=50)
+        end_s = float(some(track.time_s)[-1])
+        assert miss_m(found, tag, end_s) <= 1.5 * some(found.radius95_m)
+        within.append(share_held(found, tag))
+        half.append(share_held(found, tag, percent=50))
     # The circles of one flight hold or miss together: .17 in the worst of 36.
     assert np.mean(within) >= 0.8
     assert 0.2 <= np.mean(half) <= 0.85
@@ -191,13 +160,7 @@ def test_a_survey_of_a_wrong_height_is_not_taken_for_a_walk() -> None:
     for told_m in (20.0, 80.0):
         for _ in range(2):
             track, _ = flown_over(rng, 0.0)
-            wrong = PowerTrack(
-                latitude_deg=track.latitude_deg,
-                longitude_deg=track.longitude_deg,
-                height_m=np.full(len(track.snr_db), told_m),
-                snr_db=track.snr_db,
-                time_s=track.time_s,
-            )
+            wrong = replace(track, height_m=np.full(len(track.snr_db), told_m))
             assert estimate_position(None, wrong, follow=True).track == ()
 
 

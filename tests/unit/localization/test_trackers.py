@@ -1,6 +1,7 @@
 """A tag is found while flying, by what is heard and by what is not."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -162,58 +163,48 @@ def test_bearings_and_a_directional_antenna_find_it_sooner() -> None:
     assert found.radius95_m < 130.0
 
 
-def test_circles_hold_tags_in_shadowing_that_lasts_for_tens_of_metres() -> None:
-    """Taken as independent errors of the pulses, circles of 95 % held 77 % of these tags."""
-    held = []
-    for seed in range(60):
-        east_m, north_m = np.random.default_rng((7, seed)).uniform(100.0, 500.0, 2)
+def trials(count: int, group: int, **how: Any) -> tuple[list[float], float]:
+    """Find tags at random places; errors [m], and the share that the circles of 95 % hold."""
+    held, errors = [], []
+    for seed in range(count):
+        east_m, north_m = np.random.default_rng((group, seed)).uniform(100.0, 500.0, 2)
         prior = TagPrior(area=AREA, fading_db=3.0)
         tracker = ParticleTracker(prior, np.random.default_rng(seed), particles=2000)
+        given = {name: of(seed) if callable(of) else of for name, of in how.items()}
         path = still(float(east_m), float(north_m), 150)
-        error = listen_along(tracker, path, seed=seed, shadowing_db=2.5, exponent=2.2)
-        held.append(error < tracker.estimate().radius95_m)
-    assert np.mean(held) > 0.88
+        errors.append(listen_along(tracker, path, seed=seed, **given))
+        held.append(errors[-1] < tracker.estimate().radius95_m)
+    return errors, float(np.mean(held))
+
+
+def test_circles_hold_tags_in_shadowing_that_lasts_for_tens_of_metres() -> None:
+    """Taken as independent errors of the pulses, circles of 95 % held 80 % of these tags."""
+    _, held = trials(40, 7, shadowing_db=2.5, exponent=2.2)
+    assert held > 0.88
 
 
 def test_circles_hold_tags_whose_signal_the_ground_reflects() -> None:
     """Median error 8 m at 1 to 2 m above the ground; without a model of the reflection 15 m."""
-    held, errors = [], []
-    for seed in range(40):
-        east_m, north_m = np.random.default_rng((8, seed)).uniform(100.0, 500.0, 2)
-        prior = TagPrior(area=AREA, fading_db=3.0)
-        tracker = ParticleTracker(prior, np.random.default_rng(seed), particles=2000)
-        path = still(float(east_m), float(north_m), 150)
-        height_m = 1.0 + seed % 3 / 2.0
-        errors.append(listen_along(tracker, path, seed=seed, tag_height_m=height_m))
-        held.append(errors[-1] < tracker.estimate().radius95_m)
-    assert np.mean(held) > 0.88
+    errors, held = trials(30, 8, tag_height_m=lambda seed: 1.0 + seed % 3 / 2.0)
+    assert held > 0.88
     assert np.median(errors) < 11.0
 
 
-def test_the_same_seed_gives_the_same_track() -> None:
-    ends = []
-    for _ in range(2):
-        tracker = ParticleTracker(TagPrior(area=AREA), np.random.default_rng(9), particles=500)
-        listen_along(tracker, still(300.0, 300.0, 60))
-        ends.append(tracker.estimate())
-    assert ends[0] == ends[1]
-
-
 def test_an_animal_that_travels_is_followed_closer_than_by_a_random_walk() -> None:
-    """1.1 m/s to the north-east past a drone that flies to and fro: 110 m off against 320 m."""
+    """1.1 m/s to the north-east past a drone that flies to and fro: 84 m off against 290 m."""
     errors: dict[float, list[float]] = {0.0: [], 1.0: []}
     speeds = []
     for travelling, found in errors.items():
-        for seed in range(15):
+        for seed in range(8):
             prior = TagPrior(area=AREA, fading_db=3.0, travelling_m_s=travelling)
             tracker = ParticleTracker(prior, np.random.default_rng(seed), particles=3000)
             found.append(follow(tracker, np.random.default_rng(100 + seed)))
             end = tracker.estimate()
             speeds.append(float(np.hypot(end.east_m_s, end.north_m_s)))
     assert np.mean(errors[1.0]) < 0.5 * np.mean(errors[0.0])
-    assert np.mean(errors[1.0]) < 130.0  # 111 with a standard error of 7
-    assert max(speeds[:15]) == 0.0
-    assert np.median(speeds[15:]) > 0.3
+    assert np.mean(errors[1.0]) < 130.0  # 84 with a standard error of 6
+    assert max(speeds[:8]) == 0.0
+    assert np.median(speeds[8:]) > 0.3
 
 
 def follow(tracker: ParticleTracker, rng: np.random.Generator) -> float:

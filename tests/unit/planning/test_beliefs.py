@@ -33,16 +33,24 @@ def flown_past(
         level = level_db - 25.0 * np.log10(slant / 100.0)
         level += float(PATTERNS["RA-23K"].gain_db(off)) + rng.normal(0.0, 3.0)
         level += bias_db if second > 120 else 0.0
-        belief.advance_to(float(second))
-        belief.listen(
-            Listening(
-                east_m=float(east),
-                north_m=float(north),
-                height_m=40.0,
-                snr_db=float(level) if there and level >= 10.0 else None,
-                yaw_deg=float(yaw),
-            )
+        heard = float(level) if there and level >= 10.0 else None
+        listened(belief, second, (float(east), float(north)), heard, float(yaw))
+
+
+def listened(
+    belief: TagBelief,
+    second: float,
+    drone: tuple[float, float],
+    level_db: float | None,
+    yaw_deg: float = 0.0,
+) -> None:
+    belief.advance_to(float(second))
+    east_m, north_m = drone
+    belief.listen(
+        Listening(
+            east_m=east_m, north_m=north_m, height_m=40.0, snr_db=level_db, yaw_deg=yaw_deg
         )
+    )
 
 
 def test_a_tag_that_is_heard_exists_and_a_silent_one_hardly() -> None:
@@ -60,16 +68,9 @@ def test_false_pulses_that_barely_pass_the_threshold_make_no_tag() -> None:
     prior = replace(PRIOR, chance_share=0.02, motion=(0.0, 1.0, 0.0), walking_m_per_root_s=2.0)
     belief = TagBelief(1, prior, np.random.default_rng(1), particles=1000, existence=0.5)
     for second in range(500):
-        belief.advance_to(float(second))
-        belief.listen(
-            Listening(
-                east_m=250.0 + 200.0 * np.sin(second / 40.0),
-                north_m=250.0 + 200.0 * np.cos(second / 23.0),
-                height_m=40.0,
-                snr_db=10.0 if second % 150 == 100 else None,
-                yaw_deg=float(3 * second % 360),
-            )
-        )
+        place = 250.0 + 200.0 * np.sin(second / 40.0), 250.0 + 200.0 * np.cos(second / 23.0)
+        heard = 10.0 if second % 150 == 100 else None
+        listened(belief, second, place, heard, float(3 * second % 360))
     assert belief.existence_probability < 0.3
 
 
@@ -115,17 +116,6 @@ def test_tags_without_a_number_of_their_own_are_refused() -> None:
         Beliefs(one, one)
     with pytest.raises(ConfigError, match="probability"):
         TagBelief(1, PRIOR, np.random.default_rng(1), particles=100, existence=1.0)
-
-
-def listened(
-    belief: TagBelief, second: float, drone: tuple[float, float], level_db: float | None
-) -> None:
-    belief.advance_to(second)
-    belief.listen(
-        Listening(
-            east_m=drone[0], north_m=drone[1], height_m=40.0, snr_db=level_db, yaw_deg=0.0
-        )
-    )
 
 
 def test_hearing_the_strongest_pulses_alone_is_no_fault_of_the_model() -> None:

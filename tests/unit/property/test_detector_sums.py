@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavrt.detection.search.grid import make_grid, sliding_maximum
+from uavrt.detection.search.grid import make_grid
 from uavrt.detection.search.hypotheses import interval_grid, jitter_reach
 from uavrt.detection.search.long_groups import LongSearch
 from uavrt.detection.search.noise import _truncated
@@ -44,15 +44,6 @@ def test_a_cells_power_is_the_squared_transform_of_its_window(
         window = band[column * hop : column * hop + grid.length].astype(np.complex128)
         slow = np.abs(scale * window @ turns) ** 2
         assert np.allclose(power[column], slow, rtol=2e-5, atol=2e-5 * slow.mean())
-
-
-@given(reach=st.integers(1, 9), columns=st.integers(20, 60), seed=SEEDS)
-def test_the_sliding_maximum_is_the_same_in_either_order_of_memory(
-    reach: int, columns: int, seed: int
-) -> None:
-    power = np.random.default_rng(seed).random((columns, 5), dtype=np.float32)
-    side_by_side = np.ascontiguousarray(power.T).T
-    assert np.array_equal(sliding_maximum(power, reach), sliding_maximum(side_by_side, reach))
 
 
 @settings(max_examples=6)

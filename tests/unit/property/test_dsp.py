@@ -7,7 +7,7 @@ from original_tuner import original_center
 from uavrt.core.errors import TunerError
 from uavrt.core.messages import ChannelBlock, IQBlock
 from uavrt.dsp.channelizer import Channelizer
-from uavrt.dsp.decimator import Decimator
+from uavrt.dsp.decimator import Decimator, Mode
 from uavrt.dsp.frontend import FrontEnd
 from uavrt.dsp.tuner import compatible_cost, tune
 
@@ -17,7 +17,8 @@ CENTER_HZ = 150e6
 START_NS = 1_700_205_419_000_000_000
 
 cuts = st.lists(st.integers(0, 20_000), max_size=30)
-modes = st.sampled_from(["default", "compatible"])
+MODES: tuple[Mode, ...] = ("default", "compatible")
+modes = st.sampled_from(MODES)
 
 
 def noise(count: int, seed: int) -> Complex:
@@ -36,11 +37,9 @@ def block(samples: Complex, index: int, lost: int = 0) -> IQBlock:
 @settings(max_examples=25)
 @given(st.integers(2, 24), modes, cuts, st.integers(0, 9))
 def test_a_decimator_does_not_care_how_its_input_is_cut(
-    factor: int, mode: str, at: list[int], seed: int
+    factor: int, mode: Mode, at: list[int], seed: int
 ) -> None:
-    decimator = Decimator(
-        factor=factor, mode="compatible" if mode == "compatible" else "default"
-    )
+    decimator = Decimator(factor=factor, mode=mode)
     samples = noise(20_000, seed)
     whole = decimator.process(samples)
     decimator.reset()
@@ -57,13 +56,9 @@ def test_a_decimator_does_not_care_how_its_input_is_cut(
     st.integers(0, 9),
 )
 def test_a_channelizer_does_not_care_how_its_input_is_cut(
-    channels: int, mode: str, at: list[int], used: int, seed: int
+    channels: int, mode: Mode, at: list[int], used: int, seed: int
 ) -> None:
-    bank = Channelizer(
-        channels=channels,
-        mode="compatible" if mode == "compatible" else "default",
-        in_use=range(min(used, channels)),
-    )
+    bank = Channelizer(channels=channels, mode=mode, in_use=range(min(used, channels)))
     samples = noise(20_000, seed)
     whole = bank.process(samples)
     bank.reset()
@@ -74,13 +69,13 @@ def test_a_channelizer_does_not_care_how_its_input_is_cut(
 @settings(max_examples=25)
 @given(modes, st.integers(0, 10_000), st.lists(st.integers(1, 60_000), max_size=12))
 def test_a_front_end_gives_the_same_samples_and_times_however_it_is_fed(
-    mode: str, start: int, lengths: list[int]
+    mode: Mode, start: int, lengths: list[int]
 ) -> None:
     front_end = FrontEnd(
         sample_rate_hz=RATE_HZ,
         center_frequency_hz=CENTER_HZ,
         frequencies_hz=[CENTER_HZ - 20_000, CENTER_HZ + 71_000],
-        mode="compatible" if mode == "compatible" else "default",
+        mode=mode,
     )
     samples = noise(100_000, 5)
     whole = front_end.process(block(samples, start))

@@ -12,7 +12,7 @@ from campaigns import BEGUN, CROSSED, TAKEOVERS, WELL, ended, fault_of, takeover
 
 from uavrt.simulation.vehicle.airframe import Flavour
 
-FLIGHTS = int(os.environ.get("UAVRT_FLIGHTS", "6"))
+FLIGHTS = int(os.environ.get("UAVRT_FLIGHTS", "4"))
 INSTANTS = int(os.environ.get("UAVRT_TAKEOVERS", "3"))
 SHARES = {"survey": 1.0, "search": 0.6, "takeoff": 1.0, "rotation": 0.5}
 """Flights of each kind; a search takes the longest."""

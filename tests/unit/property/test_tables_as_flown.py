@@ -23,7 +23,8 @@ from uavrt_experiments.search.flight import Outcome
 from uavrt_experiments.search.scenario import Contender, Scenario
 
 PROMISED = 30
-PAIRS = int(os.environ.get("UAVRT_PAIRS", "2"))
+PAIRS = int(os.environ.get("UAVRT_PAIRS", "1"))
+TABLES = ("T1", "T2", "T4", "T7")
 ERRORS_OF_ONE = 5
 """Factor on the pairs of a table with one animal: one error scatters more than means of ten."""
 OURS = Contender(planner="mi_rate", stop="ours")
@@ -73,7 +74,7 @@ def flown_pair(scenario: Scenario, seed: int) -> tuple[Outcome, Outcome]:
     return alone, linked
 
 
-@pytest.mark.parametrize("name", ["T1", "T2", "T4", "T7"])
+@pytest.mark.parametrize("name", TABLES)
 @pytest.mark.timeout(36_000)
 def test_a_table_is_flown_behind_the_link_in_its_time_and_with_its_error(name: str) -> None:
     scenario, count = SCENARIOS[name], PAIRS
@@ -82,6 +83,8 @@ def test_a_table_is_flown_behind_the_link_in_its_time_and_with_its_error(name: s
     elif scenario.tags == 1:
         count *= ERRORS_OF_ONE
     first = 700_000 if name == "T7" else 1_300_000  # as in the published tables
+    if PAIRS < PROMISED:  # odd seeds fly ArduCopter
+        first += TABLES.index(name) % 2
     pairs = [flown_pair(scenario, first + number) for number in range(count)]
     assert all(one.complete for pair in pairs for one in pair)
     times = ratio([b.time_s for _, b in pairs], [a.time_s for a, _ in pairs])

@@ -6,6 +6,7 @@ import tempfile
 from pathlib import Path
 
 import made
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -78,17 +79,13 @@ def tags(draw: st.DrawFn, *, toml: bool) -> Tag:
     )
 
 
-@given(st.lists(tags(toml=True), min_size=1, max_size=5, unique_by=lambda tag: tag.tag_id))
-def test_tags_survive_a_round_trip_through_toml(written: list[Tag]) -> None:
-    check_round_trip("tags.toml", written)
-
-
-@given(st.lists(tags(toml=False), min_size=1, max_size=5, unique_by=lambda tag: tag.tag_id))
-def test_tags_survive_a_round_trip_through_tag_info(written: list[Tag]) -> None:
-    check_round_trip("TagInfo.txt", written)
-
-
-def check_round_trip(name: str, written: list[Tag]) -> None:
+@pytest.mark.parametrize("name", ["tags.toml", "TagInfo.txt"])
+@given(st.data())
+def test_tags_survive_a_round_trip_through_a_file(name: str, data: st.DataObject) -> None:
+    each = tags(toml=name == "tags.toml")
+    written = data.draw(
+        st.lists(each, min_size=1, max_size=5, unique_by=lambda tag: tag.tag_id)
+    )
     with tempfile.TemporaryDirectory() as directory:
         path = Path(directory) / name
         write_tags(path, written)

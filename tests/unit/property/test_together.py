@@ -3,7 +3,6 @@
 ``UAVRT_TOGETHER=100`` flies more than a build does.
 """
 
-import itertools
 import os
 from dataclasses import dataclass
 
@@ -102,20 +101,6 @@ def test_they_find_all_also_without_one_that_falls_silent(flights: list[Flight])
 @pytest.mark.timeout(7200)
 def test_who_hears_nobody_flies_no_new_way(flights: list[Flight]) -> None:
     assert max(one.silent_moved_m for one in flights) < 2.0, flights
-
-
-def test_two_find_all_sooner_than_one() -> None:
-    """The first turns in place included."""
-    times = dict.fromkeys((1, 2), 0.0)
-    for count, seed in itertools.product(times, (1, 2, 3, 4)):
-        animals = [Animal(150.0, -60.0), Animal(-90.0, 120.0), Animal(-130.0, -140.0)]
-        starts = [(0.0, 30.0 * number) for number in range(count)]
-        search = Together("px4", animals, starts, seed=seed)
-        search.begin()
-        search.run(600.0, until=lambda one=search: one.over)  # type: ignore[misc]
-        assert search.over
-        times[count] += search.time_s
-    assert times[2] < 0.9 * times[1], times
 
 
 def test_a_takeover_of_one_ends_its_search_alone_and_at_once() -> None:

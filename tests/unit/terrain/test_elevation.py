@@ -5,6 +5,7 @@ import struct
 import zipfile
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -88,10 +89,8 @@ def test_a_zipped_tile_that_cannot_be_unpacked_is_named(tmp_path: Path, damage: 
 
 
 def test_no_border_shows_between_tiles(tmp_path: Path) -> None:
-    write_tile(tmp_path, 47, 8)
-    write_tile(tmp_path, 47, 9)
-    write_tile(tmp_path, 46, 8)
-    write_tile(tmp_path, 46, 9)
+    for south, west in ((47, 8), (47, 9), (46, 8), (46, 9)):
+        write_tile(tmp_path, south, west)
     elevation = open_elevation(tmp_path)
     longitude = np.linspace(8.99, 9.01, 101)
     latitude = np.linspace(46.99, 47.01, 101)
@@ -99,13 +98,21 @@ def test_no_border_shows_between_tiles(tmp_path: Path) -> None:
     assert found == pytest.approx(slope(latitude[:, None], longitude[None, :]), abs=0.51)
 
 
-def test_a_void_is_unknown_and_its_neighbours_are_not_dragged_down(tmp_path: Path) -> None:
-    heights = write_tile(tmp_path, 47, 8)
-    heights[600, 600] = -32768
-    (tmp_path / "N47E008.hgt").write_bytes(heights.tobytes())
+def write_void(folder: Path, reach: int) -> None:
+    """A tile whose middle, and so many points to each side, is unknown."""
+    heights = write_tile(folder, 47, 8)
+    heights[600 - reach : 601 + reach, 600 - reach : 601 + reach] = -32768
+    (folder / "N47E008.hgt").write_bytes(heights.tobytes())
+
+
+def test_a_void_is_unknown_and_no_sea_and_its_neighbours_are_not_dragged_down(
+    tmp_path: Path,
+) -> None:
+    write_void(tmp_path, 0)
     elevation = open_elevation(tmp_path)
     step = 1 / 1200
     assert np.isnan(elevation.heights_m([47.5], [8.5]))[0]
+    assert np.isnan(open_elevation(tmp_path, sea=True).heights_m([47.5], [8.5]))[0]
     beside = elevation.heights_m([47.5], [8.5 + 0.6 * step])[0]
     assert beside == pytest.approx(float(slope(np.array(47.5), np.array(8.5 + step))), abs=1.5)
 
@@ -116,13 +123,6 @@ def test_what_no_tile_covers_is_unknown_unless_it_is_told_to_be_sea(tmp_path: Pa
     at_sea = open_elevation(tmp_path, sea=True).heights_m([50.0, 47.5], [3.0, 8.5])
     assert at_sea[0] == 0.0
     assert at_sea[1] == pytest.approx(2200.0, abs=1.0)
-
-
-def test_a_void_is_not_taken_for_sea(tmp_path: Path) -> None:
-    heights = write_tile(tmp_path, 47, 8)
-    heights[600, 600] = -32768
-    (tmp_path / "N47E008.hgt").write_bytes(heights.tobytes())
-    assert np.isnan(open_elevation(tmp_path, sea=True).heights_m([47.5], [8.5]))[0]
 
 
 @pytest.mark.parametrize(
@@ -255,45 +255,27 @@ def test_tiles_within_a_file_are_put_together(tmp_path: Path) -> None:
     pixels = geographic(rows=70, columns=50).astype("<f4")
     padded = np.zeros((96, 64), "<f4")
     padded[:70, :50] = pixels
-    tiles = [
-        np.ascontiguousarray(padded[r : r + 32, c : c + 32]).tobytes()
-        for r in (0, 32, 64)
-        for c in (0, 32)
-    ]
-    (tmp_path / "a.tif").write_bytes(_tiled(tiles, 50, 70))
+    tiles = [padded[r : r + 32, c : c + 32].tobytes() for r in (0, 32, 64) for c in (0, 32)]
+    sizes = [len(tile) for tile in tiles]
+    content = a_tiff(
+        b"".join(tiles),
+        t256=(4, (50,)),
+        t257=(4, (70,)),
+        t258=(3, (32,)),
+        t273=None,
+        t278=None,
+        t279=None,
+        t322=(4, (32,)),
+        t323=(4, (32,)),
+        t324=(4, tuple(8 + sum(sizes[:number]) for number in range(6))),
+        t325=(4, tuple(sizes)),
+        t339=(3, (3,)),
+        t33550=(12, (0.01, 0.01, 0.0)),
+        t33922=(12, (0.0, 0.0, 0.0, 8.0, 48.0, 0.0)),
+    )
+    (tmp_path / "a.tif").write_bytes(content)
     found = open_elevation(tmp_path).heights_m([47.555, 47.505], [8.455, 8.105])
     assert found == pytest.approx([pixels[44, 45], pixels[49, 10]], abs=0.01)
-
-
-def _tiled(tiles: list[bytes], columns: int, rows: int) -> bytes:
-    entries: list[tuple[int, int, tuple[float, ...]]] = [
-        (256, 4, (columns,)),
-        (257, 4, (rows,)),
-        (258, 3, (32,)),
-        (259, 3, (1,)),
-        (322, 4, (32,)),
-        (323, 4, (32,)),
-        (324, 4, tuple(0 for _ in tiles)),
-        (325, 4, tuple(len(tile) for tile in tiles)),
-        (339, 3, (3,)),
-        (33550, 12, (0.01, 0.01, 0.0)),
-        (33922, 12, (0.0, 0.0, 0.0, 8.0, 48.0, 0.0)),
-        (34735, 3, GEOGRAPHIC),
-    ]
-    kinds = {3: "H", 4: "I", 12: "d"}
-    start = 8 + 2 + 12 * len(entries) + 4 + 4096
-    places = np.cumsum([start] + [len(tile) for tile in tiles])[:-1]
-    entries[6] = (324, 4, tuple(int(place) for place in places))
-    directory, values = b"", b""
-    for tag, kind, value in entries:
-        packed = struct.pack(f"<{len(value)}{kinds[kind]}", *value)
-        if len(packed) > 4:
-            at = 8 + 2 + 12 * len(entries) + 4 + len(values)
-            values += packed
-            packed = struct.pack("<I", at)
-        directory += struct.pack("<HHI", tag, kind, len(value)) + packed.ljust(4, b"\0")
-    head = struct.pack("<2sHIH", b"II", 42, 8, len(entries))
-    return head + directory + b"\0\0\0\0" + values.ljust(4096, b"\0") + b"".join(tiles)
 
 
 @pytest.mark.parametrize(
@@ -357,10 +339,10 @@ def test_damaged_bytes_never_end_in_another_error(tmp_path: Path) -> None:
     assert 0 < read < 300
 
 
-def a_tiff(**changed: object) -> bytes:
-    """Write a TIFF of 2 x 2 heights, with these tags (kind and values) instead."""
+def a_tiff(content: bytes = struct.pack("<4h", 1, 2, 3, 4), /, **changed: object) -> bytes:
+    """Write a TIFF of 2 x 2 heights, with these tags (kind and values, or none) instead."""
     kinds = {3: "H", 4: "I", 12: "d"}
-    tags: dict[int, tuple[int, tuple[float, ...]]] = {
+    tags: dict[int, Any] = {
         256: (4, (2,)),
         257: (4, (2,)),
         258: (3, (16,)),
@@ -373,9 +355,10 @@ def a_tiff(**changed: object) -> bytes:
         33922: (12, (0.0, 0.0, 0.0, 8.0, 47.0, 0.0)),
         34735: (3, (1, 1, 0, 2, 1024, 0, 1, 2, 2048, 0, 1, 4326)),
     }
-    tags |= {int(name[1:]): value for name, value in changed.items()}  # type: ignore[misc]
-    table, extra = b"", struct.pack("<4h", 1, 2, 3, 4)
-    for tag, (kind, values) in sorted(tags.items()):
+    tags |= {int(name[1:]): value for name, value in changed.items()}
+    tags = {tag: value for tag, value in sorted(tags.items()) if value is not None}
+    table, extra = b"", content
+    for tag, (kind, values) in tags.items():
         packed = struct.pack(f"<{len(values)}{kinds[kind]}", *values)
         if len(packed) > 4:
             extra, packed = extra + packed, struct.pack("<I", 8 + len(extra))
@@ -432,9 +415,7 @@ def test_squares_around_a_place_have_the_grounds_heights(tmp_path: Path) -> None
 
 
 def test_squares_over_a_void_are_told_from_the_others(tmp_path: Path) -> None:
-    heights = write_tile(tmp_path, 47, 8)
-    heights[598:603, 598:603] = -32768
-    (tmp_path / "N47E008.hgt").write_bytes(heights.tobytes())
+    write_void(tmp_path, 2)
     plane = TangentPlane(latitude_deg=47.5, longitude_deg=8.5)
     area = {"west_m": -1000.0, "east_m": 1000.0, "south_m": -1000.0, "north_m": 1000.0}
     grid = ground_grid(open_elevation(tmp_path), plane, cell_m=20.0, **area)
