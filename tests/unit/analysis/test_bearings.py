@@ -51,7 +51,7 @@ def flown(*, offset_deg: float = 0.0, threshold_db: float = 8.0) -> Flight:
     rng = np.random.default_rng(4)
     pulses = []
     for time in np.arange(0.4, WAY.end_s - 1, 1.25):
-        gain = PATTERNS["RA-23K"].gain_db(WAY.seen(time, TAG)[0] - offset_deg)
+        gain = float(PATTERNS["RA-23K"].gain_db(WAY.seen(time, TAG)[0] - offset_deg))
         snr_db = 24.0 + gain + rng.normal(0, 2.0)
         if snr_db >= threshold_db:
             pose = WAY.pose(time, offset_deg=offset_deg)

@@ -98,7 +98,7 @@ def test_two_surveys_of_two_frequencies_are_two_tags(tmp_path: Path) -> None:
     for one, own in zip(found, alone, strict=True):
         place = some(own.position)
         there = PLANE.to_local(place.latitude_deg, place.longitude_deg)
-        assert off_m(one, there) < 0.01
+        assert off_m(one, (float(there[0]), float(there[1]))) < 0.01
 
 
 def test_one_frequency_is_one_tag_whatever_number_each_log_gives_it(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from depth import share
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from some import some
+from tests.unit.analysis.conftest import WriteFlight
 from tests.unit.analysis.test_tags_of_several_logs import as_log
 from turned import Way
 
@@ -42,7 +43,6 @@ from uavrt.simulation.vehicle.telemetry import telemetry_message
 
 pytestmark = pytest.mark.slow
 
-WriteFlight = Callable[..., Path]
 WriteTrack = Callable[[list[Pose], Path], Path]
 BOOT_NS = 40_000_000_000
 """Time since boot at the first pose."""
@@ -473,7 +473,7 @@ def turned_thrice(offset_s: float) -> tuple[list[PulsePose], VehicleTrack]:
     )
 
 
-@pytest.mark.parametrize("offset_s", [0.25, -0.25])
+@pytest.mark.parametrize("offset_s", share([0.25, -0.25], 2))
 def test_a_pulse_at_the_track_s_edge_does_not_choose_the_offset(offset_s: float) -> None:
     """It was +0.70 ± 0.01 s for 0.25: there the odd first pulse was no longer covered."""
     found = estimate_offset(*turned_thrice(offset_s))
